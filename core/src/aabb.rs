@@ -1,0 +1,143 @@
+//! Axis-aligned bounding boxes.
+
+use bytemuck::{Pod, Zeroable};
+
+/// An axis-aligned box `[lo, hi]`, both ends included. Units are those of the mesh.
+///
+/// A box with `lo > hi` on an axis holds nothing; [`Aabb::EMPTY`] is the neutral element of
+/// [`Aabb::union`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Aabb {
+    /// Lower corner.
+    pub lo: [f32; 3],
+    /// Upper corner.
+    pub hi: [f32; 3],
+}
+
+impl Aabb {
+    /// The box that holds nothing: union with it changes no box. Finite, because WGSL may assume
+    /// that infinities do not occur.
+    pub const EMPTY: Aabb = Aabb { lo: [f32::MAX; 3], hi: [-f32::MAX; 3] };
+
+    /// The least box that holds every point.
+    pub fn of_points(points: &[[f32; 3]]) -> Aabb {
+        let mut bounds = Aabb::EMPTY;
+        for point in points {
+            for axis in 0..3 {
+                bounds.lo[axis] = min(bounds.lo[axis], point[axis]);
+                bounds.hi[axis] = max(bounds.hi[axis], point[axis]);
+            }
+        }
+        bounds
+    }
+
+    /// The least box that holds both.
+    #[must_use]
+    pub fn union(&self, other: &Aabb) -> Aabb {
+        let mut out = *self;
+        for axis in 0..3 {
+            out.lo[axis] = min(out.lo[axis], other.lo[axis]);
+            out.hi[axis] = max(out.hi[axis], other.hi[axis]);
+        }
+        out
+    }
+
+    /// The part common to both; empty when they do not meet.
+    #[must_use]
+    pub fn intersection(&self, other: &Aabb) -> Aabb {
+        let mut out = *self;
+        for axis in 0..3 {
+            out.lo[axis] = max(out.lo[axis], other.lo[axis]);
+            out.hi[axis] = min(out.hi[axis], other.hi[axis]);
+        }
+        out
+    }
+
+    /// True when the box holds no point.
+    pub fn is_empty(&self) -> bool {
+        (0..3).any(|axis| self.lo[axis] > self.hi[axis])
+    }
+
+    /// True when every point of `other` lies in this box; true for an empty `other`.
+    pub fn contains(&self, other: &Aabb) -> bool {
+        other.is_empty()
+            || (0..3).all(|axis| self.lo[axis] <= other.lo[axis] && other.hi[axis] <= self.hi[axis])
+    }
+
+    /// Half the extent on one axis: `hi / 2 - lo / 2`. Halving is exact above the subnormals, so
+    /// this is the rounded extent, halved, and it cannot overflow.
+    pub fn half_extent(&self, axis: usize) -> f32 {
+        self.hi[axis] * 0.5 - self.lo[axis] * 0.5
+    }
+
+    /// The axis of greatest extent; the lowest such axis on a tie.
+    pub fn longest_axis(&self) -> usize {
+        let half = [0, 1, 2].map(|axis| self.half_extent(axis));
+        let mut longest = 0;
+        for axis in 1..3 {
+            if half[axis] > half[longest] {
+                longest = axis;
+            }
+        }
+        longest
+    }
+
+    /// Length of the diagonal in `f64`, for rules that place cameras and state errors; 0 for an
+    /// empty box. Not used by anything that shapes a tree.
+    pub fn diagonal(&self) -> f64 {
+        if self.is_empty() {
+            return 0.0;
+        }
+        let squared: f64 = (0..3)
+            .map(|axis| f64::from(self.hi[axis]) - f64::from(self.lo[axis]))
+            .map(|extent| extent * extent)
+            .sum();
+        sqrt(squared)
+    }
+}
+
+/// The lesser value. Written out because `f32::min` may return either zero, while this keeps the
+/// first on equality, as `select` does in WGSL.
+#[inline]
+pub fn min(a: f32, b: f32) -> f32 {
+    if b < a { b } else { a }
+}
+
+/// The greater value; the first on equality.
+#[inline]
+pub fn max(a: f32, b: f32) -> f32 {
+    if b > a { b } else { a }
+}
+
+/// Square root by Newton's method, since `core` has none without `std`. Accurate to a few units in
+/// the last place for normal arguments; 0 for arguments that are not positive.
+fn sqrt(x: f64) -> f64 {
+    if x.is_nan() || x <= 0.0 || x.is_infinite() {
+        return if x > 0.0 { x } else { 0.0 };
+    }
+    // Halving the exponent gives a start within a factor of two.
+    let mut y = f64::from_bits((x.to_bits() >> 1) + (1023 << 51));
+    for _ in 0..6 {
+        y = 0.5 * (y + x / y);
+    }
+    y
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn diagonal_of_a_pythagorean_box() {
+        let bounds = Aabb { lo: [1.0, 2.0, 3.0], hi: [3.0, 5.0, 9.0] };
+        assert_eq!(bounds.diagonal(), 7.0);
+        assert_eq!(Aabb::EMPTY.diagonal(), 0.0);
+    }
+
+    #[test]
+    fn half_extent_survives_the_whole_range() {
+        let bounds = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
+        assert_eq!(bounds.half_extent(0), f32::MAX);
+    }
+}

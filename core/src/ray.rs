@@ -1,0 +1,115 @@
+//! Rays and hits: what goes into a query and what comes out.
+
+use bytemuck::{Pod, Zeroable};
+
+/// A ray: the points `origin + t * direction` with `t_min <= t <= t_max`, both ends included.
+///
+/// 32 bytes without padding, the form that crosses to a device. The direction may have any length
+/// other than zero; `t` is in units of that length. A ray with a non-finite origin or direction, a
+/// zero direction (components below 2^-126 count as zero) or a NaN limit hits nothing. `t_min` may
+/// be negative and `t_max` infinite.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Ray {
+    /// Where `t = 0`.
+    pub origin: [f32; 3],
+    /// Least accepted `t`.
+    pub t_min: f32,
+    /// Direction, of any length but zero.
+    pub direction: [f32; 3],
+    /// Greatest accepted `t`.
+    pub t_max: f32,
+}
+
+impl Ray {
+    /// The half-line from `origin`: `t` from 0 to infinity.
+    pub const fn new(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+    }
+
+    /// The same ray with other limits, both included.
+    #[must_use]
+    pub const fn with_limits(mut self, t_min: f32, t_max: f32) -> Ray {
+        self.t_min = t_min;
+        self.t_max = t_max;
+        self
+    }
+
+    /// The segment from `a` to `b`: `t` runs from 0 at `a` to 1 at `b`.
+    pub fn segment(a: [f32; 3], b: [f32; 3]) -> Ray {
+        Ray::new(a, [b[0] - a[0], b[1] - a[1], b[2] - a[2]]).with_limits(0.0, 1.0)
+    }
+}
+
+/// Where a ray meets a triangle, or [`Hit::MISS`]. 16 bytes, the form that crosses to a device.
+///
+/// The point is `(1 - u - v) * a + u * b + v * c` for the triangle's corners `a`, `b`, `c`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Hit {
+    /// Distance in units of the ray's direction; infinity for a miss.
+    pub t: f32,
+    /// Index of the triangle in the caller's mesh; `u32::MAX` for a miss.
+    pub triangle: u32,
+    /// Barycentric weight of the second corner, in `[0, 1]`.
+    pub u: f32,
+    /// Barycentric weight of the third corner, in `[0, 1]`.
+    pub v: f32,
+}
+
+impl Hit {
+    /// The record of a ray that meets nothing.
+    pub const MISS: Hit = Hit { t: f32::INFINITY, triangle: u32::MAX, u: 0.0, v: 0.0 };
+
+    /// True unless this is the record of a miss.
+    pub fn is_hit(&self) -> bool {
+        self.triangle != u32::MAX
+    }
+
+    /// `None` for a miss.
+    pub fn some(self) -> Option<Hit> {
+        self.is_hit().then_some(self)
+    }
+
+    /// True when this hit comes before `other`: lesser `t`, at equal `t` the lower triangle index.
+    /// The order every query minimises, which makes the answer independent of traversal order.
+    pub fn precedes(&self, other: &Hit) -> bool {
+        self.t < other.t || (self.t == other.t && self.triangle < other.triangle)
+    }
+}
+
+/// Which side of a triangle a query ignores. The front is the side from which the corners run
+/// counter-clockwise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Culling {
+    /// Both sides count.
+    #[default]
+    None,
+    /// Triangles seen from the back are ignored.
+    Back,
+    /// Triangles seen from the front are ignored.
+    Front,
+}
+
+/// Which ray/triangle test answers a query.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Accuracy {
+    /// Moeller and Trumbore 1997: a little faster, and rays aimed at edges and vertices may leak
+    /// through a closed mesh.
+    Fast,
+    /// Woop, Benthin and Wald 2013 with guarded arithmetic: no ray slips between two triangles
+    /// that share an edge or a vertex.
+    #[default]
+    Watertight,
+}
+
+/// What a query asks for besides the rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QueryOptions {
+    /// Which triangle test.
+    pub accuracy: Accuracy,
+    /// Which side to ignore.
+    pub culling: Culling,
+    /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
+    pub ignore: Option<u32>,
+}
