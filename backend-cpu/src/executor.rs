@@ -11,35 +11,40 @@ use splitplane_core::schedule::Executor;
 use crate::buffers::{Buffers, Memory};
 use crate::kernels::build_small::{BATCH, Subtrees};
 use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
+use crate::query::InstructionSet;
 
 /// The CPU executor: one build over one mesh. Work runs in the rayon pool of the calling thread.
 #[derive(Debug)]
 pub struct CpuExecutor<'a> {
     mesh: Mesh<'a>,
     config: BuildConfig,
+    set: InstructionSet,
     buffers: Buffers,
     memory: Memory,
 }
 
 impl<'a> CpuExecutor<'a> {
     /// An executor ready for [`splitplane_core::schedule::build`]. `buffers` may come from an
-    /// earlier build.
+    /// earlier build; `set` must come from [`InstructionSet::available`], or the portable one serves.
     ///
     /// # Errors
     /// More memory than `limit` allows.
     pub fn new(
         mesh: Mesh<'a>,
         config: BuildConfig,
+        set: InstructionSet,
         mut buffers: Buffers,
         limit: Option<u64>,
     ) -> Result<CpuExecutor<'a>, BuildError> {
+        let available = InstructionSet::available().contains(&set);
+        let set = if available { set } else { InstructionSet::Portable };
         buffers.counters = Counters::default();
         let triangles = mesh.len() as u32;
         buffers.counters[Counter::Triangles] = triangles;
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
-        Ok(CpuExecutor { mesh, config, buffers, memory })
+        Ok(CpuExecutor { mesh, config, set, buffers, memory })
     }
 
     /// The counters.
@@ -248,6 +253,7 @@ impl Executor<TreeBuilder> for CpuExecutor<'_> {
                 let before: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
                 k::build_small::run(
                     &self.config,
+                    self.set,
                     &b.small_roots[..small],
                     &b.small_references,
                     &mut b.small_sizes[..small],

@@ -22,7 +22,7 @@ const SIZE_SLACK: f32 = 1.907_348_6e-6; // 2^-19
 /// 101 diagonals.
 const SCENE_SLACK: f32 = 2.328_306_4e-10; // 2^-32
 /// A traversal may stop when the next entry lies beyond the best `t` by more than this part of it:
-/// twice the bound on the error of an interpolated `t` (see [`interpolation_suffices`]).
+/// twice the bound on the error of an interpolated `t` (see `disorder`).
 pub const STOP_SLACK: f32 = 3.051_757_8e-5; // 2^-15
 /// Edge functions below this are zero, which is inside: smaller ones could depend on whether a
 /// device keeps subnormal products.
@@ -401,11 +401,17 @@ fn sheared<A: Arithmetic>(
 ) -> Option<Candidate> {
     let [kx, ky, kz] = ray.axes;
     let [sx, sy, sz] = ray.shear;
-    let from =
-        triangle.map(|corner| [kx, ky, kz].map(|axis| A::difference(corner[axis], origin[axis])));
-    let flat = from.map(|p| {
-        [A::difference(p[0], A::product(sx, p[2])), A::difference(p[1], A::product(sy, p[2]))]
-    });
+    // Written out: closures over arrays of arrays are not always inlined, and this is hot.
+    let mut from = [[0.0; 3]; 3];
+    let mut flat = [[0.0; 2]; 3];
+    for corner in 0..3 {
+        let p = &triangle[corner];
+        let x = A::difference(p[kx], origin[kx]);
+        let y = A::difference(p[ky], origin[ky]);
+        let z = A::difference(p[kz], origin[kz]);
+        from[corner] = [x, y, z];
+        flat[corner] = [A::difference(x, A::product(sx, z)), A::difference(y, A::product(sy, z))];
+    }
     let [a, b, c] = flat;
     let u = edge::<A>(c[0], c[1], b[0], b[1]);
     let v = edge::<A>(a[0], a[1], c[0], c[1]);
@@ -439,7 +445,8 @@ fn finish<A: Arithmetic>(
         return None;
     }
     // The hit lies between the nearest and the farthest corner, whatever rounding says.
-    let depths = from.map(|p| A::product(sz, p[2]));
+    let depths =
+        [A::product(sz, from[0][2]), A::product(sz, from[1][2]), A::product(sz, from[2][2])];
     let nearest = min(min(depths[0], depths[1]), depths[2]);
     let farthest = max(max(depths[0], depths[1]), depths[2]);
     if farthest < t_min || nearest > t_max {
@@ -449,11 +456,17 @@ fn finish<A: Arithmetic>(
         A::sum(A::product(u, depths[0]), A::product(v, depths[1])),
         A::product(w, depths[2]),
     );
-    let t = if interpolation_suffices::<A>(from, flat, A::difference(farthest, nearest), sum) {
-        A::quotient(sum, det)
+    let interpolated = A::quotient(sum, det);
+    let disorder = disorder::<A>(from, flat, A::difference(farthest, nearest));
+    let t = if disorder <= A::product(8.0, sum.abs()) {
+        interpolated
     } else {
-        distance_to_plane::<A>(origin, &ray.direction, triangle)
-            .unwrap_or_else(|| A::quotient(sum, det))
+        // Most such triangles are the one that the ray starts on; they need no closer look.
+        let error = A::product(A::quotient(disorder, det.abs()), INTERPOLATION_ERROR);
+        if A::sum(interpolated, error) < t_min || A::difference(interpolated, error) > t_max {
+            return None;
+        }
+        distance_to_plane::<A>(origin, &ray.direction, triangle).unwrap_or(interpolated)
     };
     let t = min(max(t, nearest), farthest);
     if t < t_min || t > t_max {
@@ -462,23 +475,29 @@ fn finish<A: Arithmetic>(
     Some(Candidate { t, u: A::quotient(v, det), v: A::quotient(w, det) })
 }
 
-/// Whether `t` interpolated from the corners is accurate to 2^-16 of itself.
+/// The error of an interpolated `t` is at most this part of `disorder / |det|`: 24 roundings of
+/// 2^-24, and a third more for those of this estimate itself.
+const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
+
+/// How badly `t` interpolated from the corners may err, times the determinant and 2^24 / 24.
 ///
 /// Rounding moves each sheared corner by at most 4 roundings of its distance R, and so an edge
 /// function by 8 * 2^-24 * R * P, where P is the largest sheared coordinate; three such errors shift
 /// `t` by at most 24 * 2^-24 * R * P * spread / |det|, with spread the difference of the corners'
-/// depths. Where R * P * spread <= 8 |t det| that is below 2^-16 |t|. It fails for triangles seen at
-/// a grazing angle or from very near.
+/// depths. Where R * P * spread <= 8 |t det| that is below 2^-16 |t|, and interpolation suffices. It
+/// does not for triangles seen at a grazing angle or from very near.
 #[inline]
-fn interpolation_suffices<A: Arithmetic>(
-    from: &[[f32; 3]; 3],
-    flat: &[[f32; 2]; 3],
-    spread: f32,
-    sum: f32,
-) -> bool {
-    let reach = from.as_flattened().iter().fold(0.0, |m, x| max(m, x.abs()));
-    let width = flat.as_flattened().iter().fold(0.0, |m, x| max(m, x.abs()));
-    A::product(A::product(reach, width), spread) <= A::product(8.0, sum.abs())
+fn disorder<A: Arithmetic>(from: &[[f32; 3]; 3], flat: &[[f32; 2]; 3], spread: f32) -> f32 {
+    let (mut reach, mut width) = (0.0, 0.0);
+    for corner in 0..3 {
+        for axis in 0..3 {
+            reach = max(reach, from[corner][axis].abs());
+        }
+        for axis in 0..2 {
+            width = max(width, flat[corner][axis].abs());
+        }
+    }
+    A::product(A::product(reach, width), spread)
 }
 
 /// `t` of the triangle's plane, from differences without error and products of about 46 bits; `None`

@@ -10,12 +10,15 @@
 //! would exceed either becomes a leaf. A root of more than T references is one leaf.
 
 use rayon::prelude::*;
-use splitplane_core::aabb::Aabb;
-use splitplane_core::config::{BuildConfig, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
+use splitplane_core::aabb::{Aabb, max, min};
+use splitplane_core::config::{BuildConfig, MAX_DEPTH, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
 use splitplane_core::layout::{Extent, Reference, SmallRoot};
+use splitplane_core::mask::TriangleMask;
 use splitplane_core::node::{Axis, KdNode};
-use splitplane_core::sah::{Extents, leaf_cost, split_cost};
-use splitplane_core::split::{Rank, SplitPlane, goes_left, goes_right, strictly_inside};
+use splitplane_core::sah::Extents;
+use splitplane_core::split::{Rank, SplitPlane, goes_left, goes_right};
+
+use crate::query::InstructionSet;
 
 /// Roots of one task. Their subtrees share two vectors.
 pub const BATCH: usize = 32;
@@ -39,46 +42,93 @@ impl Subtrees {
 /// Runs the kernel. `subtrees` holds one element for each [`BATCH`] roots.
 pub fn run(
     config: &BuildConfig,
+    set: InstructionSet,
     roots: &[SmallRoot],
     references: &[Reference],
     sizes: &mut [Extent],
     subtrees: &mut [Subtrees],
 ) {
     roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).for_each(
-        |((roots, sizes), out)| {
-            out.nodes.clear();
-            out.references.clear();
-            let mut scratch = Root::new();
-            for (root, size) in roots.iter().zip(sizes) {
-                let mine = &references[root.first as usize..(root.first + root.count) as usize];
-                let before = (out.nodes.len(), out.references.len());
-                if root.count <= config.small_node_limit {
-                    scratch.load(mine);
-                    scratch.build(config, root, out);
-                } else {
-                    out.nodes.push(KdNode::leaf(0, root.count));
-                    out.references.extend(mine.iter().map(|reference| reference.triangle));
-                }
-                *size = Extent {
-                    nodes: (out.nodes.len() - before.0) as u32,
-                    references: (out.references.len() - before.1) as u32,
-                };
-            }
+        |((roots, sizes), out)| match set {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the caller detected the instruction set.
+            InstructionSet::Avx512 => unsafe { batch_16(config, roots, references, sizes, out) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            InstructionSet::Avx2 => unsafe { batch_8(config, roots, references, sizes, out) },
+            _ => batch(config, roots, references, sizes, out),
         },
     );
 }
 
-/// A small root in cache: bounds, and the masks of every candidate.
+/// [`batch`], compiled for AVX-512.
+///
+/// # Safety
+/// The processor must have it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
+unsafe fn batch_16(
+    config: &BuildConfig,
+    roots: &[SmallRoot],
+    references: &[Reference],
+    sizes: &mut [Extent],
+    out: &mut Subtrees,
+) {
+    batch(config, roots, references, sizes, out);
+}
+
+/// [`batch`], compiled for AVX2.
+///
+/// # Safety
+/// The processor must have it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+unsafe fn batch_8(
+    config: &BuildConfig,
+    roots: &[SmallRoot],
+    references: &[Reference],
+    sizes: &mut [Extent],
+    out: &mut Subtrees,
+) {
+    batch(config, roots, references, sizes, out);
+}
+
+/// Builds the subtrees of a batch.
+#[inline(always)]
+fn batch(
+    config: &BuildConfig,
+    roots: &[SmallRoot],
+    references: &[Reference],
+    sizes: &mut [Extent],
+    out: &mut Subtrees,
+) {
+    out.nodes.clear();
+    out.references.clear();
+    let costs = Costs::of(config);
+    let mut scratch = Root::new();
+    for (root, size) in roots.iter().zip(sizes) {
+        let mine = &references[root.first as usize..(root.first + root.count) as usize];
+        let before = (out.nodes.len(), out.references.len());
+        if root.count <= config.small_node_limit {
+            scratch.load(mine);
+            scratch.build(&costs, root, out);
+        } else {
+            out.nodes.push(KdNode::leaf(0, root.count));
+            out.references.extend(mine.iter().map(|reference| reference.triangle));
+        }
+        *size = Extent {
+            nodes: (out.nodes.len() - before.0) as u32,
+            references: (out.references.len() - before.1) as u32,
+        };
+    }
+}
+
+/// A small root in cache: the bounds of its references, by axis.
 struct Root {
     count: usize,
     triangles: [u32; 64],
-    /// Lower and upper bounds by axis.
     lo: [[f32; 64]; 3],
     hi: [[f32; 64]; 3],
-    /// Triangles left and right of the lower face of each triangle (0..64) and of its upper face
-    /// (64..128), by axis.
-    left: [[u64; 128]; 3],
-    right: [[u64; 128]; 3],
 }
 
 /// A node not yet decided.
@@ -91,16 +141,15 @@ struct Pending {
     parent: u32,
 }
 
+/// The bounds of one node's references on one axis, side by side, padded to whole blocks.
+struct Faces {
+    lo: [f32; 64],
+    hi: [f32; 64],
+}
+
 impl Root {
     fn new() -> Root {
-        Root {
-            count: 0,
-            triangles: [0; 64],
-            lo: [[0.0; 64]; 3],
-            hi: [[0.0; 64]; 3],
-            left: [[0; 128]; 3],
-            right: [[0; 128]; 3],
-        }
+        Root { count: 0, triangles: [0; 64], lo: [[0.0; 64]; 3], hi: [[0.0; 64]; 3] }
     }
 
     fn load(&mut self, references: &[Reference]) {
@@ -112,33 +161,17 @@ impl Root {
                 self.hi[axis][i] = reference.hi[axis];
             }
         }
-        // Small roots below W never look at a mask other than by its extremes, but the paper's
-        // preprocessing is cheap beside building.
-        let n = self.count;
-        for axis in 0..3 {
-            let (lo, hi) = (&self.lo[axis][..n], &self.hi[axis][..n]);
-            for candidate in 0..2 * n {
-                let face = if candidate < n { candidate } else { 64 + candidate - n };
-                let position = if candidate < n { lo[candidate] } else { hi[candidate - n] };
-                let (mut left, mut right) = (0, 0);
-                for j in 0..n {
-                    left |= u64::from(goes_left(lo[j], hi[j], position)) << j;
-                    right |= u64::from(goes_right(hi[j], position)) << j;
-                }
-                self.left[axis][face] = left;
-                self.right[axis][face] = right;
-            }
-        }
     }
 
-    fn build(&self, config: &BuildConfig, root: &SmallRoot, out: &mut Subtrees) {
+    #[inline(always)]
+    fn build(&self, costs: &Costs, root: &SmallRoot, out: &mut Subtrees) {
         let first_node = out.nodes.len();
         let first_reference = out.references.len();
-        let mask = if self.count == 64 { u64::MAX } else { (1 << self.count) - 1 };
+        let mask = TriangleMask::first(self.count as u32).bits();
         // Allocated so far, those pending included: what the caps of a root count.
         let (mut nodes, mut references) = (1, root.count);
         let mut stack = [Pending { mask, cell: root.cell(), depth: root.depth, parent: u32::MAX };
-            splitplane_core::config::MAX_DEPTH as usize + 2];
+            MAX_DEPTH as usize + 2];
         let mut top = 1;
         while top > 0 {
             top -= 1;
@@ -151,9 +184,10 @@ impl Root {
                 *parent = KdNode::from_words([split, tagged | (index as u32) << 2]);
             }
             let count = node.mask.count_ones();
-            let found =
-                if node.depth < config.max_depth { self.best_split(config, &node) } else { None };
-            if let Some((plane, left, right)) = found {
+            let plane =
+                if node.depth < costs.max_depth { self.best_split(costs, &node) } else { None };
+            if let Some(plane) = plane {
+                let (left, right) = self.sides(node.mask, plane);
                 let after = references + left.count_ones() + right.count_ones() - count;
                 if nodes + 2 <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES {
                     nodes += 2;
@@ -185,66 +219,241 @@ impl Root {
         }
     }
 
-    /// The split of least rank, with the masks of its sides, if it costs less than a leaf.
-    fn best_split(&self, config: &BuildConfig, node: &Pending) -> Option<(SplitPlane, u64, u64)> {
+    /// The masks of a plane: which triangles of a node go left, which right. The paper makes them
+    /// for every candidate beforehand; here only a chosen plane needs them.
+    #[inline(always)]
+    fn sides(&self, mask: u64, plane: SplitPlane) -> (u64, u64) {
+        let (lo, hi) = (&self.lo[plane.axis], &self.hi[plane.axis]);
+        let (mut left, mut right) = (0, 0);
+        for j in 0..self.count {
+            left |= u64::from(goes_left(lo[j], hi[j], plane.position)) << j;
+            right |= u64::from(goes_right(hi[j], plane.position)) << j;
+        }
+        (left & mask, right & mask)
+    }
+
+    /// The split of least rank, if it costs less than a leaf.
+    #[inline(always)]
+    fn best_split(&self, costs: &Costs, node: &Pending) -> Option<SplitPlane> {
         let count = node.mask.count_ones();
         if count == 0 {
             return None;
         }
         let extents = Extents::of(&node.cell)?;
         let area = Extents::half_area(extents.cells);
-        let leaf = leaf_cost(config, area, count);
-        if leaf <= config.traversal_cost * area {
+        let leaf = costs.intersection * costs.blocks(count) * area;
+        if leaf <= costs.traversal * area {
             return None;
         }
-        let mut best = Rank { cost: leaf, axis: 0, position: 0 };
-        let mut chosen = None;
-        let mut consider = |axis: usize, face: usize, position: f32| {
-            if !strictly_inside(&node.cell, axis, position) {
-                return;
-            }
-            let left = node.mask & self.left[axis][face];
-            let right = node.mask & self.right[axis][face];
-            let areas = extents.split_areas(axis, extents.offset(node.cell.lo[axis], position));
-            let cost = split_cost(config, areas, left.count_ones(), right.count_ones());
-            if cost > best.cost {
-                return;
-            }
-            let rank = Rank::new(cost, axis, position);
-            if rank < best {
-                best = rank;
-                chosen = Some((SplitPlane { axis, position }, left, right));
-            }
-        };
+        let mut best = Candidate { rank: Rank { cost: leaf, axis: 0, position: 0 }, plane: None };
+        let mut faces = Faces { lo: [0.0; 64], hi: [0.0; 64] };
         for axis in 0..3 {
-            if count <= config.block_width {
-                // With triangles on both sides a split costs no less than the leaf's one block: the
-                // parts' areas add up to more than the whole's. Only planes with nothing on one
-                // side can win, and the best of those touch the outermost bounds.
-                let (mut lowest, mut highest) = ((f32::MAX, 0), (-f32::MAX, 0));
-                let mut rest = node.mask;
-                while rest != 0 {
-                    let i = rest.trailing_zeros() as usize;
-                    rest &= rest - 1;
-                    if self.lo[axis][i] < lowest.0 {
-                        lowest = (self.lo[axis][i], i);
-                    }
-                    if self.hi[axis][i] > highest.0 {
-                        highest = (self.hi[axis][i], i);
-                    }
-                }
-                consider(axis, lowest.1, lowest.0);
-                consider(axis, 64 + highest.1, highest.0);
-                continue;
-            }
             let mut rest = node.mask;
+            let mut n = 0;
             while rest != 0 {
                 let i = rest.trailing_zeros() as usize;
                 rest &= rest - 1;
-                consider(axis, i, self.lo[axis][i]);
-                consider(axis, 64 + i, self.hi[axis][i]);
+                faces.lo[n] = self.lo[axis][i];
+                faces.hi[n] = self.hi[axis][i];
+                n += 1;
+            }
+            if count <= costs.block_width {
+                // With triangles on both sides a split costs no less than the leaf's one block: the
+                // parts' areas add up to more than the whole's. Only planes with nothing on one
+                // side can win, and the best of those touch the outermost bounds.
+                let lowest = faces.lo[..n].iter().fold(f32::MAX, |m, &x| min(m, x));
+                let highest = faces.hi[..n].iter().fold(-f32::MAX, |m, &x| max(m, x));
+                let mut ends = [lowest; BLOCK];
+                ends[1] = highest;
+                consider(costs, &node.cell, &extents, axis, &ends[..2], &faces, n, &mut best);
+            } else {
+                for start in (0..n).step_by(BLOCK) {
+                    let end = (start + BLOCK).min(n);
+                    for positions in [&faces.lo[start..end], &faces.hi[start..end]] {
+                        consider(
+                            costs, &node.cell, &extents, axis, positions, &faces, n, &mut best,
+                        );
+                    }
+                }
             }
         }
-        chosen
+        best.plane
+    }
+}
+
+/// Candidates evaluated together.
+const BLOCK: usize = 16;
+
+/// The least candidate so far.
+struct Candidate {
+    rank: Rank,
+    plane: Option<SplitPlane>,
+}
+
+/// What of the configuration costs depend on, with the division by W made a multiplication.
+struct Costs {
+    traversal: u32,
+    intersection: u32,
+    block_width: u32,
+    max_depth: u32,
+    /// 2^16 / W, rounded up past any fraction: exact for numerators below 1,024.
+    reciprocal: u32,
+}
+
+impl Costs {
+    fn of(config: &BuildConfig) -> Costs {
+        Costs {
+            traversal: config.traversal_cost,
+            intersection: config.intersection_cost,
+            block_width: config.block_width,
+            max_depth: config.max_depth,
+            reciprocal: (1 << 16) / config.block_width + 1,
+        }
+    }
+
+    /// `ceil(count / W)` for counts of at most 64.
+    #[inline(always)]
+    fn blocks(&self, count: u32) -> u32 {
+        ((count + self.block_width - 1) * self.reciprocal) >> 16
+    }
+}
+
+/// Evaluates up to [`BLOCK`] planes of one axis, all at once: loops without branches over arrays,
+/// which compilers turn into vector instructions.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
+fn consider(
+    costs: &Costs,
+    cell: &Aabb,
+    extents: &Extents,
+    axis: usize,
+    positions: &[f32],
+    faces: &Faces,
+    count: usize,
+    best: &mut Candidate,
+) {
+    let mut plane = [cell.lo[axis]; BLOCK];
+    plane[..positions.len()].copy_from_slice(positions);
+    let (mut left, mut right) = ([0u32; BLOCK], [0u32; BLOCK]);
+    for j in 0..count {
+        let (lo, hi) = (faces.lo[j], faces.hi[j]);
+        for k in 0..BLOCK {
+            left[k] += u32::from((lo < plane[k]) | (hi <= plane[k]));
+            right[k] += u32::from(hi > plane[k]);
+        }
+    }
+    let (low, high) = (cell.lo[axis], cell.hi[axis]);
+    let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
+    let (rim, cap) = (b + c, b * c);
+    let whole = extents.cells[axis];
+    let area = whole.max(1) * rim + cap;
+    let mut cost = [0u32; BLOCK];
+    for k in 0..BLOCK {
+        let inside = (low < plane[k]) & (plane[k] < high);
+        let offset = ((plane[k] * 0.5 - low * 0.5) * extents.scale) as i32 as u32;
+        let left_area = offset.max(1) * rim + cap;
+        let right_area = whole.wrapping_sub(offset).max(1) * rim + cap;
+        let sum = costs.blocks(left[k]) * left_area + costs.blocks(right[k]) * right_area;
+        let total = costs.traversal * area + costs.intersection * sum;
+        cost[k] = if inside { total } else { u32::MAX };
+    }
+    let least = cost.iter().fold(u32::MAX, |m, &x| m.min(x));
+    if least > best.rank.cost {
+        return;
+    }
+    for k in 0..positions.len() {
+        if cost[k] <= best.rank.cost {
+            let rank = Rank::new(cost[k], axis, plane[k]);
+            if rank < best.rank {
+                *best = Candidate { rank, plane: Some(SplitPlane { axis, position: plane[k] }) };
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use splitplane_core::sah::{leaf_cost, split_cost};
+    use splitplane_core::split::strictly_inside;
+
+    /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
+    /// counts from masks.
+    fn by_masks(config: &BuildConfig, root: &Root, node: &Pending) -> Option<SplitPlane> {
+        let extents = Extents::of(&node.cell)?;
+        let area = Extents::half_area(extents.cells);
+        let count = node.mask.count_ones();
+        let mut best = Rank { cost: leaf_cost(config, area, count), axis: 0, position: 0 };
+        let mut found = None;
+        for axis in 0..3 {
+            for triangle in TriangleMask::from_bits(node.mask).iter() {
+                let i = triangle as usize;
+                for position in [root.lo[axis][i], root.hi[axis][i]] {
+                    if !strictly_inside(&node.cell, axis, position) {
+                        continue;
+                    }
+                    let plane = SplitPlane { axis, position };
+                    let (left, right) = root.sides(node.mask, plane);
+                    let offset = extents.offset(node.cell.lo[axis], position);
+                    let areas = extents.split_areas(axis, offset);
+                    let cost = split_cost(config, areas, left.count_ones(), right.count_ones());
+                    let rank = Rank::new(cost, axis, position);
+                    if rank < best {
+                        (best, found) = (rank, Some(plane));
+                    }
+                }
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn the_same_planes_as_by_masks() {
+        let mut state = 3u32;
+        let mut next = move || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            // A coarse grid, so that planes coincide and triangles are planar.
+            (state >> 24) as f32 / 16.0
+        };
+        let mut splits = 0;
+        for round in 0..400 {
+            let count = 1 + (round * 7) % 64;
+            let mut root = Root::new();
+            let references: Vec<Reference> = (0..count)
+                .map(|triangle| {
+                    let a = [next(), next(), next()];
+                    let b = [a[0] + next() / 8.0, a[1] + next() / 8.0, a[2]];
+                    Reference::new(&Aabb { lo: a, hi: b }, triangle)
+                })
+                .collect();
+            root.load(&references);
+            let cell = references.iter().fold(Aabb::EMPTY, |c, r| c.union(&r.bounds()));
+            for (traversal, intersection, width) in [(1, 4, 16), (3, 2, 1), (1, 1, 4), (1, 8, 7)] {
+                let config = BuildConfig {
+                    traversal_cost: traversal,
+                    intersection_cost: intersection,
+                    block_width: width,
+                    ..BuildConfig::default()
+                };
+                for mask in [u64::MAX, 0x5555_5555_5555_5555, 0x0f0f_00ff_0000_ffff] {
+                    let mask = mask & TriangleMask::first(count).bits();
+                    let node = Pending { mask, cell, depth: 0, parent: u32::MAX };
+                    let found = root.best_split(&Costs::of(&config), &node);
+                    assert_eq!(found, by_masks(&config, &root, &node));
+                    splits += usize::from(found.is_some());
+                }
+            }
+        }
+        assert!(splits > 500, "{splits}");
+    }
+
+    #[test]
+    fn division_by_w_is_exact() {
+        for block_width in 1..=64 {
+            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() });
+            for count in 0..=64 {
+                assert_eq!(costs.blocks(count), count.div_ceil(block_width));
+            }
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! the references of the children, clipped to their side, in order; bounds by chunk and child.
 
 use rayon::prelude::*;
-use splitplane_core::aabb::Aabb;
+use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::layout::{Chunk, ChunkBounds, Decision, Reference, Sides};
 use splitplane_core::triangle::{Side, Triangle, clip};
@@ -69,45 +69,53 @@ pub fn run(
                 unsafe { destination.part((first + offset) as usize, count) }
             };
             let (Sides { left, right }, to) = (decision.counts, decision.first);
-            let mut lefts = place(left, to.left, offsets.left, going(LEFT)).iter_mut();
-            let mut rights = place(right, to.right, offsets.right, going(RIGHT)).iter_mut();
-            let mut found = [Aabb::EMPTY; 2];
+            let lefts = place(left, to.left, offsets.left, going(LEFT));
+            let rights = place(right, to.right, offsets.right, going(RIGHT));
+            let (mut next_left, mut next_right) = (0, 0);
+            let mut found = [EMPTY; 2];
             for (reference, &side) in references.iter().zip(sides) {
-                let whole = reference.bounds();
-                if side == LEFT | RIGHT {
-                    let corners = &inputs.triangles[reference.triangle as usize];
-                    let part = |side| clip::<Strict>(corners, &whole, axis, position, side);
-                    let (a, b) = (part(Side::Left), part(Side::Right));
-                    found[0] = found[0].union(&a);
-                    found[1] = found[1].union(&b);
-                    if let (Some(l), Some(r)) = (lefts.next(), rights.next()) {
-                        *l = Reference::new(&a, reference.triangle);
-                        *r = Reference::new(&b, reference.triangle);
-                    }
-                    continue;
-                }
-                if side == 0 {
-                    continue;
-                }
-                // A reference whose part on the other side came out empty still has bounds that
-                // reach there.
-                let (out, index, side) = if side == LEFT {
-                    (&mut lefts, 0, Side::Left)
-                } else {
-                    (&mut rights, 1, Side::Right)
-                };
+                // A reference that goes to one side only may still have bounds that cross the plane:
+                // its part on the other side came out empty.
                 let crosses = reference.lo[axis] < position && position < reference.hi[axis];
-                let bounds = if crosses {
+                let part = |side| {
+                    if !crosses {
+                        return *reference;
+                    }
                     let corners = &inputs.triangles[reference.triangle as usize];
-                    clip::<Strict>(corners, &whole, axis, position, side)
-                } else {
-                    whole
+                    let bounds = clip::<Strict>(corners, &reference.bounds(), axis, position, side);
+                    Reference::new(&bounds, reference.triangle)
                 };
-                found[index] = found[index].union(&bounds);
-                if let Some(reference_out) = out.next() {
-                    *reference_out = Reference::new(&bounds, reference.triangle);
+                if side & LEFT != 0 {
+                    let part = part(Side::Left);
+                    enclose(&mut found[0], &part);
+                    lefts[next_left] = part;
+                    next_left += 1;
+                }
+                if side & RIGHT != 0 {
+                    let part = part(Side::Right);
+                    enclose(&mut found[1], &part);
+                    rights[next_right] = part;
+                    next_right += 1;
                 }
             }
+            let bounds_of = |found: &[[f32; 4]; 2]| Aabb {
+                lo: [found[0][0], found[0][1], found[0][2]],
+                hi: [found[1][0], found[1][1], found[1][2]],
+            };
+            let found = [bounds_of(&found[0]), bounds_of(&found[1])];
             *bounds = ChunkBounds { sides: found };
         });
+}
+
+/// [`Aabb::EMPTY`], with a fourth column.
+const EMPTY: [[f32; 4]; 2] = [[f32::MAX; 4], [-f32::MAX; 4]];
+
+/// Widens bounds of four columns, of which the last is noise: the shape of a vector register.
+#[inline(always)]
+fn enclose(bounds: &mut [[f32; 4]; 2], reference: &Reference) {
+    let words: &[[f32; 4]; 2] = bytemuck::cast_ref(reference);
+    for k in 0..4 {
+        bounds[0][k] = min(bounds[0][k], words[0][k]);
+        bounds[1][k] = max(bounds[1][k], words[1][k]);
+    }
 }

@@ -43,9 +43,11 @@ impl Block<'_> {
     /// The corners of a triangle.
     #[inline]
     pub fn corners(&self, index: usize) -> Triangle {
-        core::array::from_fn(|corner| {
-            core::array::from_fn(|axis| self.words[(corner * 3 + axis) * self.stride + index])
-        })
+        let mut corners = [[0.0; 3]; 3];
+        for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
+            *x = self.words[row * self.stride + index];
+        }
+        corners
     }
 
     /// The index of a triangle in the mesh.

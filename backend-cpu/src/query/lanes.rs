@@ -10,6 +10,7 @@ use core::cell::RefCell;
 
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
+use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -24,6 +25,12 @@ const GROUPS: usize = 3;
 pub const WORTHWHILE: usize = 2 * LANES;
 /// Lanes of all groups that must still step for stepping to go on.
 const ENOUGH: u32 = (GROUPS * LANES / 2) as u32;
+
+/// Entries of a lane's stack: a valid tree has at most MAX_DEPTH levels, and a lane pushes at most
+/// one entry a level.
+const STACK: usize = MAX_DEPTH as usize + 1;
+/// Place of the entries that nobody reads.
+const NOWHERE: i32 = (LANES * STACK) as i32;
 
 /// 16 numbers in one cache line.
 #[derive(Clone, Copy)]
@@ -40,11 +47,6 @@ struct Entry {
     padding: u32,
 }
 
-/// Entries about to be pushed, by word.
-struct Pushed {
-    rows: [Row<u32>; 3],
-}
-
 /// 16 rays under way.
 #[repr(C, align(64))]
 struct Group {
@@ -53,14 +55,19 @@ struct Group {
     slack: [Row<f32>; 3],
     enter: Row<f32>,
     exit: Row<f32>,
+    stop: Row<f32>,
     node: Row<u32>,
+    /// Entries on each lane's stack.
+    depth: Row<u32>,
     /// First block and number of triangles of the leaf a lane waits at.
     leaf_first: Row<u32>,
     leaf_count: Row<u32>,
     /// Lanes whose direction is negative on each axis.
     backwards: [__mmask16; 3],
-    /// Lanes that step.
+    /// Lanes that stand at a node.
     stepping: __mmask16,
+    /// Lanes that must go back to their stack.
+    popping: __mmask16,
     /// Lanes that wait at a leaf with triangles.
     waiting: __mmask16,
     /// Lanes whose ray is answered or that never had one.
@@ -69,9 +76,8 @@ struct Group {
     ray: [PreparedRay; LANES],
     /// Place of each lane's ray in the batch; `usize::MAX` for none.
     index: [usize; LANES],
-    /// Entries on each lane's stack.
-    depth: [usize; LANES],
-    stack: [[Entry; MAX_DEPTH as usize + 1]; LANES],
+    /// The stacks, lane after lane, and four entries that nobody reads.
+    stack: [Entry; LANES * STACK + 4],
 }
 
 impl Group {
@@ -97,18 +103,20 @@ impl Group {
             slack: [Row([0.0; LANES]); 3],
             enter: Row([0.0; LANES]),
             exit: Row([0.0; LANES]),
+            stop: Row([0.0; LANES]),
             node: Row([0; LANES]),
+            depth: Row([0; LANES]),
             leaf_first: Row([0; LANES]),
             leaf_count: Row([0; LANES]),
             backwards: [0; 3],
             stepping: 0,
+            popping: 0,
             waiting: 0,
             idle: u16::MAX,
             best: [Best::NONE; LANES],
             ray: [ray; LANES],
             index: [usize::MAX; LANES],
-            depth: [0; LANES],
-            stack: [[nothing; MAX_DEPTH as usize + 1]; LANES],
+            stack: [nothing; LANES * STACK + 4],
         }
     }
 }
@@ -161,7 +169,7 @@ unsafe fn run(
                 group.test_leaves(blocks, options, query);
                 group.refill(source, options, query, answer);
             }
-            alive |= group.stepping | group.waiting;
+            alive |= group.stepping | group.popping | group.waiting;
         }
         if alive == 0 {
             return;
@@ -172,7 +180,7 @@ unsafe fn run(
             for group in groups.iter_mut() {
                 // SAFETY: as above; the nodes are a valid tree's.
                 unsafe { group.step(&blocks.nodes) };
-                stepping += group.stepping.count_ones();
+                stepping += (group.stepping | group.popping).count_ones();
             }
             if stepping < enough {
                 break;
@@ -257,6 +265,62 @@ fn take_lane(mask: &mut __mmask16) -> usize {
     lane
 }
 
+/// Eight nodes. Plain loads, put together: on some processors gathers are several times slower.
+///
+/// # Safety
+/// AVX-512; indices `first..first + 8` must name nodes.
+#[target_feature(enable = "avx512f,avx512dq")]
+#[inline]
+unsafe fn load_8(nodes: &[KdNode], indices: &[u32; LANES], first: usize) -> __m512i {
+    let base = nodes.as_ptr().cast::<i64>();
+    // SAFETY: by contract; a node is 8 bytes.
+    let pair = |i: usize| unsafe {
+        let low = _mm_loadl_epi64(base.add(indices[first + i] as usize).cast());
+        let high = base.add(indices[first + i + 1] as usize);
+        _mm_castps_si128(_mm_loadh_pi_from(_mm_castsi128_ps(low), high))
+    };
+    let (a, b, c, d) = (pair(0), pair(2), pair(4), pair(6));
+    let ab = _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(a), b);
+    let cd = _mm256_inserti128_si256::<1>(_mm256_castsi128_si256(c), d);
+    _mm512_inserti64x4::<1>(_mm512_castsi256_si512(ab), cd)
+}
+
+/// `low` with its upper half read from memory.
+///
+/// # Safety
+/// `high` must be readable.
+#[inline(always)]
+unsafe fn _mm_loadh_pi_from(low: __m128, high: *const i64) -> __m128 {
+    // SAFETY: by contract; SSE2 is part of x86-64.
+    unsafe { _mm_castpd_ps(_mm_loadh_pd(_mm_castps_pd(low), high.cast())) }
+}
+
+/// The four lowest lanes of a mask.
+#[inline(always)]
+fn lowest_4(mask: __mmask16) -> __mmask16 {
+    let mut rest = mask;
+    for _ in 0..4 {
+        rest &= rest.wrapping_sub(1);
+    }
+    mask & !rest
+}
+
+/// The first slot of each lane's stack.
+#[target_feature(enable = "avx512f,avx512dq")]
+#[inline]
+fn slot_of_lane() -> __m512i {
+    const S: i32 = STACK as i32;
+    let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    _mm512_mullo_epi32(lanes, _mm512_set1_epi32(S))
+}
+
+/// The four lowest words.
+#[target_feature(enable = "avx512f,avx512dq")]
+#[inline]
+fn four(words: __m512i) -> __m128i {
+    _mm512_castsi512_si128(words)
+}
+
 #[inline(always)]
 fn load(row: &Row<f32>) -> __m512 {
     // SAFETY: a row is 64 aligned bytes; only code that has AVX-512 calls this.
@@ -288,23 +352,14 @@ impl Group {
     /// AVX-512; `nodes` must be those of a valid tree.
     #[target_feature(enable = "avx512f,avx512dq")]
     #[inline]
-    unsafe fn step(&mut self, nodes: &[splitplane_core::node::KdNode]) {
+    unsafe fn step(&mut self, nodes: &[KdNode]) {
         let active = self.stepping;
-        if active == 0 {
-            return;
-        }
-        let base = nodes.as_ptr().cast::<u8>();
-        let node = load_words(&self.node);
         let zero = _mm512_setzero_si512();
-        // Two gathers of whole nodes are half the loads of two of single words. Lanes that do not
-        // step stand at the root or where they last were, so no mask is needed.
-        // SAFETY: every lane stands at a node of the tree; a node is 8 bytes.
-        let (low, high) = unsafe {
-            (
-                _mm512_i32gather_epi64::<8>(_mm512_castsi512_si256(node), base.cast()),
-                _mm512_i32gather_epi64::<8>(_mm512_extracti64x4_epi64::<1>(node), base.cast()),
-            )
-        };
+        let node = load_words(&self.node);
+        // SAFETY: every lane stands at a node of the tree, those that do not step too: at the root
+        // or where they last were.
+        let (low, high) =
+            unsafe { (load_8(nodes, &self.node.0, 0), load_8(nodes, &self.node.0, 8)) };
         let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
         let odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
         let word = _mm512_permutex2var_epi32(low, even, high);
@@ -338,72 +393,132 @@ impl Group {
         let only_near = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(interior, least, exit) & !only_far;
         let both = interior & !only_far & !only_near;
 
+        let depth = load_words(&self.depth);
         if both != 0 {
-            let mut pushed = Pushed { rows: [Row([0; LANES]); 3] };
-            store_words(&mut pushed.rows[0], far);
-            let far_enter = _mm512_max_ps(least, enter);
-            store_words(&mut pushed.rows[1], _mm512_castps_si512(far_enter));
-            store_words(&mut pushed.rows[2], _mm512_castps_si512(exit));
+            let far_enter = _mm512_castps_si512(_mm512_max_ps(least, enter));
+            let slot = _mm512_add_epi32(slot_of_lane(), depth);
             let mut rest = both;
             while rest != 0 {
-                let lane = take_lane(&mut rest);
-                let depth = self.depth[lane];
-                // A valid tree has at most MAX_DEPTH levels, and a lane at most one entry a level.
-                let Some(entry) = self.stack[lane].get_mut(depth) else { continue };
-                *entry = Entry {
-                    node: pushed.rows[0].0[lane],
-                    enter: f32::from_bits(pushed.rows[1].0[lane]),
-                    exit: f32::from_bits(pushed.rows[2].0[lane]),
-                    padding: 0,
-                };
-                self.depth[lane] = depth + 1;
+                // SAFETY: the instruction set; slots are within the stack, since depth counts the
+                // entries of a lane.
+                unsafe {
+                    self.push_4(rest, slot, far, far_enter, _mm512_castps_si512(exit));
+                }
+                rest &= !lowest_4(rest);
             }
-            store(&mut self.exit, _mm512_mask_min_ps(exit, both, exit, greatest));
         }
+        let mut exit = _mm512_mask_min_ps(exit, both, exit, greatest);
+        let mut depth = _mm512_mask_add_epi32(depth, both, depth, _mm512_set1_epi32(1));
         let next = _mm512_mask_blend_epi32(only_far, near, far);
-        store_words(&mut self.node, _mm512_mask_blend_epi32(interior, node, next));
+        let mut node = _mm512_mask_blend_epi32(interior, node, next);
+        let mut enter = enter;
 
-        if leaf != 0 {
-            let empty = _mm512_mask_cmpeq_epi32_mask(leaf, index, zero);
-            let full = leaf & !empty;
-            // SAFETY: rows are 64 aligned bytes.
-            unsafe {
-                _mm512_mask_store_epi32(self.leaf_first.0.as_mut_ptr().cast(), full, word);
-                _mm512_mask_store_epi32(self.leaf_count.0.as_mut_ptr().cast(), full, index);
-            }
-            self.waiting |= full;
-            self.stepping &= !full;
-            let mut rest = empty;
-            while rest != 0 {
-                self.pop(take_lane(&mut rest));
-            }
+        let empty = _mm512_mask_cmpeq_epi32_mask(leaf, index, zero);
+        let full = leaf & !empty;
+        // SAFETY: rows are 64 aligned bytes.
+        unsafe {
+            _mm512_mask_store_epi32(self.leaf_first.0.as_mut_ptr().cast(), full, word);
+            _mm512_mask_store_epi32(self.leaf_count.0.as_mut_ptr().cast(), full, index);
+        }
+        self.waiting |= full;
+        let mut stepping = active & !leaf;
+
+        // Four lanes at most go back to their stacks; others wait for the next step.
+        let popping = self.popping | empty;
+        let done = _mm512_mask_cmpeq_epi32_mask(popping, depth, zero);
+        self.idle |= done;
+        let popping = popping & !done;
+        let four = lowest_4(popping);
+        depth = _mm512_mask_sub_epi32(depth, four, depth, _mm512_set1_epi32(1));
+        let slot = _mm512_add_epi32(slot_of_lane(), depth);
+        // SAFETY: as above.
+        let [popped_node, popped_enter, popped_exit] = unsafe { self.peek_4(four, slot) };
+        node = _mm512_mask_expand_epi32(node, four, popped_node);
+        let popped_enter = _mm512_castsi512_ps(popped_enter);
+        enter = _mm512_mask_expand_ps(enter, four, popped_enter);
+        exit = _mm512_mask_expand_ps(exit, four, _mm512_castsi512_ps(popped_exit));
+        let found = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(four, enter, load(&self.stop));
+        stepping |= found;
+        self.popping = popping & !found;
+        self.stepping = stepping;
+        store_words(&mut self.depth, depth);
+        store_words(&mut self.node, node);
+        store(&mut self.enter, enter);
+        store(&mut self.exit, exit);
+    }
+
+    /// Writes the entries of the four lowest lanes of a mask to their slots.
+    ///
+    /// # Safety
+    /// AVX-512; the slots of the mask's lanes must be within the stack.
+    #[target_feature(enable = "avx512f,avx512dq")]
+    #[inline]
+    unsafe fn push_4(
+        &mut self,
+        lanes: __mmask16,
+        slot: __m512i,
+        node: __m512i,
+        enter: __m512i,
+        exit: __m512i,
+    ) {
+        let slots = four(_mm512_mask_compress_epi32(_mm512_set1_epi32(NOWHERE), lanes, slot));
+        let node = four(_mm512_maskz_compress_epi32(lanes, node));
+        let enter = four(_mm512_maskz_compress_epi32(lanes, enter));
+        let exit = four(_mm512_maskz_compress_epi32(lanes, exit));
+        let (node_enter, exit_zero) =
+            (_mm_unpacklo_epi32(node, enter), _mm_unpacklo_epi32(exit, _mm_setzero_si128()));
+        let (node_enter_2, exit_zero_2) =
+            (_mm_unpackhi_epi32(node, enter), _mm_unpackhi_epi32(exit, _mm_setzero_si128()));
+        let stack = self.stack.as_mut_ptr();
+        // SAFETY: slots are within the stack by contract; a lane that is not in the mask gives
+        // NOWHERE, which is too.
+        unsafe {
+            let at = |slot: i32| stack.add(slot as usize).cast::<__m128i>();
+            _mm_store_si128(
+                at(_mm_extract_epi32::<0>(slots)),
+                _mm_unpacklo_epi64(node_enter, exit_zero),
+            );
+            _mm_store_si128(
+                at(_mm_extract_epi32::<1>(slots)),
+                _mm_unpackhi_epi64(node_enter, exit_zero),
+            );
+            _mm_store_si128(
+                at(_mm_extract_epi32::<2>(slots)),
+                _mm_unpacklo_epi64(node_enter_2, exit_zero_2),
+            );
+            _mm_store_si128(
+                at(_mm_extract_epi32::<3>(slots)),
+                _mm_unpackhi_epi64(node_enter_2, exit_zero_2),
+            );
         }
     }
 
-    /// Takes a lane to its next stack entry that may still hold a nearer hit; without any, its ray
-    /// is answered.
-    #[inline(always)]
-    fn pop(&mut self, lane: usize) {
-        let bit = 1 << lane;
-        let mut depth = self.depth[lane];
-        let stop = self.best[lane].stop;
-        loop {
-            if depth == 0 {
-                self.stepping &= !bit;
-                self.idle |= bit;
-                break;
-            }
-            depth -= 1;
-            let entry = self.stack[lane][depth];
-            if entry.enter <= stop {
-                self.node.0[lane] = entry.node;
-                self.enter.0[lane] = entry.enter;
-                self.exit.0[lane] = entry.exit;
-                self.stepping |= bit;
-                break;
-            }
-        }
-        self.depth[lane] = depth;
+    /// The entries at the slots of up to four lanes: node, enter, exit, lowest lane first.
+    ///
+    /// # Safety
+    /// As for [`Group::push_4`].
+    #[target_feature(enable = "avx512f,avx512dq")]
+    #[inline]
+    unsafe fn peek_4(&self, lanes: __mmask16, slot: __m512i) -> [__m512i; 3] {
+        let slots = four(_mm512_mask_compress_epi32(_mm512_set1_epi32(NOWHERE), lanes, slot));
+        let stack = self.stack.as_ptr();
+        // SAFETY: as in `push_4`.
+        let [a, b, c, d] = unsafe {
+            let at = |slot: i32| _mm_load_si128(stack.add(slot as usize).cast::<__m128i>());
+            [
+                at(_mm_extract_epi32::<0>(slots)),
+                at(_mm_extract_epi32::<1>(slots)),
+                at(_mm_extract_epi32::<2>(slots)),
+                at(_mm_extract_epi32::<3>(slots)),
+            ]
+        };
+        let (ab, cd) = (_mm_unpacklo_epi32(a, b), _mm_unpacklo_epi32(c, d));
+        let (ab_high, cd_high) = (_mm_unpackhi_epi32(a, b), _mm_unpackhi_epi32(c, d));
+        [
+            _mm512_castsi128_si512(_mm_unpacklo_epi64(ab, cd)),
+            _mm512_castsi128_si512(_mm_unpackhi_epi64(ab, cd)),
+            _mm512_castsi128_si512(_mm_unpacklo_epi64(ab_high, cd_high)),
+        ]
     }
 
     /// Tests the leaves that lanes wait at, and sends the lanes on.
@@ -424,10 +539,11 @@ impl Group {
             // SAFETY: the instruction set, by contract; wide rays get no lane.
             if unsafe { test_leaf(InstructionSet::Avx512, ray, leaf, options, query, best) } {
                 // Answered: nothing left to visit.
-                self.depth[lane] = 0;
+                self.depth.0[lane] = 0;
             }
-            self.pop(lane);
+            self.stop.0[lane] = best.stop;
         }
+        self.popping |= self.waiting;
         self.waiting = 0;
     }
 
@@ -466,7 +582,8 @@ impl Group {
             self.enter.0[lane] = ready.enter[from];
             self.exit.0[lane] = ready.exit[from];
             self.node.0[lane] = 0;
-            self.depth[lane] = 0;
+            self.depth.0[lane] = 0;
+            self.stop.0[lane] = f32::INFINITY;
             self.best[lane] = Best::NONE;
             self.ray[lane] = ready.ray(from);
             self.index[lane] = index;
