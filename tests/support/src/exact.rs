@@ -38,31 +38,7 @@ impl Backend for ExactBackend {
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         options.config.validate()?;
-        let triangles: Vec<_> = (0..mesh.len())
-            .map(|index| mesh.triangle(index).map(|corner| corner.map(snap)))
-            .collect();
-        let mut summary =
-            BuildSummary { triangles: triangles.len() as u32, ..BuildSummary::default() };
-        let (mut references, mut bounds) = (Vec::new(), Aabb::EMPTY);
-        for (index, corners) in triangles.iter().enumerate() {
-            if is_dropped(corners) {
-                summary.dropped += 1;
-                continue;
-            }
-            references.push(index as u32);
-            bounds = bounds.union(&Aabb::of_points(corners));
-            let given = mesh.triangle(index).map(|corner| corner.map(f32::to_bits));
-            if given != corners.map(|corner| corner.map(f32::to_bits)) {
-                summary.snapped += 1;
-            }
-        }
-        let tree = KdTree {
-            nodes: vec![KdNode::leaf(0, references.len() as u32)],
-            references,
-            bounds,
-            triangles: triangles.len() as u32,
-            config: options.config,
-        };
+        let (tree, summary, triangles) = one_leaf(mesh, options);
         Ok(Box::new(ExactAccelerator { tree, summary, oracle: Oracle::new(mesh), triangles }))
     }
 
@@ -78,6 +54,39 @@ impl Backend for ExactBackend {
         }
         Ok(built)
     }
+}
+
+type Triangles = Vec<[[f32; 3]; 3]>;
+
+/// A tree of one leaf, its summary, and the snapped triangles.
+pub(crate) fn one_leaf(
+    mesh: &Mesh<'_>,
+    options: &BuildOptions,
+) -> (KdTree, BuildSummary, Triangles) {
+    let triangles: Triangles =
+        (0..mesh.len()).map(|index| mesh.triangle(index).map(|corner| corner.map(snap))).collect();
+    let mut summary = BuildSummary { triangles: triangles.len() as u32, ..BuildSummary::default() };
+    let (mut references, mut bounds) = (Vec::new(), Aabb::EMPTY);
+    for (index, corners) in triangles.iter().enumerate() {
+        if is_dropped(corners) {
+            summary.dropped += 1;
+            continue;
+        }
+        references.push(index as u32);
+        bounds = bounds.union(&Aabb::of_points(corners));
+        let given = mesh.triangle(index).map(|corner| corner.map(f32::to_bits));
+        if given != corners.map(|corner| corner.map(f32::to_bits)) {
+            summary.snapped += 1;
+        }
+    }
+    let tree = KdTree {
+        nodes: vec![KdNode::leaf(0, references.len() as u32)],
+        references,
+        bounds,
+        triangles: triangles.len() as u32,
+        config: options.config,
+    };
+    (tree, summary, triangles)
 }
 
 /// The documented rule: a non-finite coordinate, or two equal corners.
@@ -151,7 +160,7 @@ impl Accelerator for ExactAccelerator {
     }
 }
 
-fn same_length(rays: usize, results: usize) -> Result<(), QueryError> {
+pub(crate) fn same_length(rays: usize, results: usize) -> Result<(), QueryError> {
     if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
 }
 

@@ -1,6 +1,7 @@
 //! Backends that are wrong on purpose. Every check of the test suite is run on a fault it must
 //! catch: a check that cannot fail proves nothing.
 
+use crate::exact::{one_leaf, same_length};
 use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
 };
@@ -222,5 +223,116 @@ impl Accelerator for FaultyAccelerator {
     fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
         let disagrees = self.fault == Fault::AnyHitDisagrees && chosen(ray);
         self.alter(ray, options).is_some() || disagrees
+    }
+}
+
+/// Brute force with the test of Moeller and Trumbore 1997 in plain `f32`: right in the middle of
+/// triangles, leaky at edges. What a careless backend looks like.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LeakyBackend;
+
+struct LeakyAccelerator {
+    tree: KdTree,
+    summary: BuildSummary,
+    triangles: Vec<[[f32; 3]; 3]>,
+}
+
+impl Backend for LeakyBackend {
+    fn describe(&self) -> BackendInfo {
+        BackendInfo {
+            name: "leaky".into(),
+            adapter: None,
+            threads: Some(1),
+            detail: "wrong on purpose".into(),
+        }
+    }
+
+    fn build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        options.config.validate()?;
+        let (tree, summary, triangles) = one_leaf(mesh, options);
+        Ok(Box::new(LeakyAccelerator { tree, summary, triangles }))
+    }
+
+    fn load(
+        &self,
+        mesh: &Mesh<'_>,
+        _: KdTree,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.build(mesh, options)
+    }
+}
+
+impl Accelerator for LeakyAccelerator {
+    fn tree(&self) -> &KdTree {
+        &self.tree
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        &self.summary
+    }
+
+    fn query_bytes(&self) -> u64 {
+        size_of_val(self.triangles.as_slice()) as u64
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        same_length(rays.len(), hits.len())?;
+        for (ray, hit) in rays.iter().zip(hits) {
+            *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
+        }
+        Ok(())
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        same_length(rays.len(), occluded.len())?;
+        for (ray, answer) in rays.iter().zip(occluded) {
+            *answer = self.any_hit(ray, options);
+        }
+        Ok(())
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+        let sub = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|i| a[i] - b[i]);
+        let cross = |a: [f32; 3], b: [f32; 3]| {
+            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        };
+        let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let mut best = Hit::MISS;
+        for (index, [a, b, c]) in self.triangles.iter().enumerate() {
+            let (e, f) = (sub(*b, *a), sub(*c, *a));
+            let p = cross(ray.direction, f);
+            let determinant = dot(e, p);
+            if determinant == 0.0 || options.ignore == Some(index as u32) {
+                continue;
+            }
+            let s = sub(ray.origin, *a);
+            let q = cross(s, e);
+            let (u, v) = (dot(s, p) / determinant, dot(ray.direction, q) / determinant);
+            let hit = Hit { t: dot(f, q) / determinant, triangle: index as u32, u, v };
+            let inside = u >= 0.0 && v >= 0.0 && u + v <= 1.0;
+            if inside && hit.t >= ray.t_min && hit.t <= ray.t_max && hit.precedes(&best) {
+                best = hit;
+            }
+        }
+        best.some()
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+        self.closest_hit(ray, options).is_some()
     }
 }
