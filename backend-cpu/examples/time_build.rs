@@ -1,11 +1,19 @@
+use splitplane_core::{
+    backend::BuildOptions, mesh::Mesh, stats::TreeStats, validate::validate_mesh,
+};
 use std::time::Instant;
-use splitplane_core::{mesh::Mesh, stats::TreeStats, validate::validate_mesh, backend::BuildOptions};
 fn main() {
     let threads: usize = std::env::args().nth(2).map_or(2, |s| s.parse().unwrap());
     let dir = std::env::args().nth(1).unwrap();
     let read = |n: &str| std::fs::read(format!("{dir}/{n}")).unwrap();
-    let verts: Vec<[f32;3]> = {let b = read("verts.f32"); bytemuck::allocation::pod_collect_to_vec(&b)};
-    let index: Vec<[u32;3]> = {let b = read("index.u32"); bytemuck::allocation::pod_collect_to_vec(&b)};
+    let verts: Vec<[f32; 3]> = {
+        let b = read("verts.f32");
+        bytemuck::allocation::pod_collect_to_vec(&b)
+    };
+    let index: Vec<[u32; 3]> = {
+        let b = read("index.u32");
+        bytemuck::allocation::pod_collect_to_vec(&b)
+    };
     let mesh = Mesh::indexed(&verts, &index).unwrap();
     let b = splitplane_cpu::CpuBackend::new();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

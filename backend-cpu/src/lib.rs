@@ -4,7 +4,9 @@ pub mod backend;
 pub mod buffers;
 pub mod executor;
 pub mod kernels;
+pub mod query;
 mod scatter;
 
 pub use backend::CpuBackend;
 pub use executor::CpuExecutor;
+pub use query::{CpuAccelerator, InstructionSet};

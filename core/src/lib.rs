@@ -14,6 +14,7 @@ pub mod digest;
 #[cfg(feature = "alloc")]
 pub mod dump;
 pub mod file;
+pub mod intersect;
 pub mod kernel;
 pub mod layout;
 pub mod mask;
@@ -24,6 +25,7 @@ pub mod sah;
 pub mod schedule;
 pub mod split;
 pub mod stats;
+pub mod traverse;
 pub mod tree;
 pub mod triangle;
 pub mod validate;

@@ -1,7 +1,7 @@
 //! A backend that is right and slow: a tree of one leaf, rays answered by the exact oracle. Tests
 //! are run on it to see that they pass where nothing is wrong.
 
-use crate::oracle::{Oracle, ValidRay, snap};
+use crate::oracle::{Oracle, snap};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
@@ -135,7 +135,6 @@ impl Accelerator for ExactAccelerator {
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
-        let valid = ValidRay::new(ray)?;
         let mut best: Option<Hit> = None;
         for crossing in self.oracle.crossings(ray, options) {
             // The order and the limits are those of the rounded distance, which the hit reports.
@@ -150,8 +149,8 @@ impl Accelerator for ExactAccelerator {
             }
         }
         let mut hit = best?;
-        let corners = &self.triangles[hit.triangle as usize];
-        [hit.u, hit.v] = weights(&valid, corners);
+        let [u, v] = self.oracle.weights_of(ray, hit.triangle)?.map(|x| x as f32);
+        (hit.u, hit.v) = (u, v.min(1.0 - u));
         Some(hit)
     }
 
@@ -162,19 +161,4 @@ impl Accelerator for ExactAccelerator {
 
 pub(crate) fn same_length(rays: usize, results: usize) -> Result<(), QueryError> {
     if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
-}
-
-/// Barycentric weights of the second and third corner, from `f64` triple products.
-fn weights(ray: &ValidRay, corners: &[[f32; 3]; 3]) -> [f32; 2] {
-    let [a, b, c] = corners.map(|corner| [0, 1, 2].map(|i| f64::from(corner[i]) - ray.origin[i]));
-    let triple = |p: [f64; 3], q: [f64; 3]| {
-        let d = ray.direction;
-        d[0] * (p[1] * q[2] - p[2] * q[1])
-            + d[1] * (p[2] * q[0] - p[0] * q[2])
-            + d[2] * (p[0] * q[1] - p[1] * q[0])
-    };
-    let (first, second, third) = (triple(c, b), triple(a, c), triple(b, a));
-    let sum = first + second + third;
-    let u = (second / sum).clamp(0.0, 1.0) as f32;
-    [u, ((third / sum).clamp(0.0, 1.0) as f32).min(1.0 - u)]
 }

@@ -239,6 +239,19 @@ impl Oracle {
         self.crossing_of(ray, triangle).map(|crossing| crossing.t)
     }
 
+    /// Barycentric weights of the second and third corner where the line through the ray meets the
+    /// triangle, rounded from exact quotients.
+    pub fn weights_of(&self, ray: &Ray, triangle: u32) -> Option<[f64; 2]> {
+        self.crossing_of(ray, triangle)?;
+        let valid = ValidRay::new(ray)?;
+        let corners = &self.unique[self.place[triangle as usize] as usize].corners;
+        let [a, b, c] = corners.each_ref().map(|corner| exact_offset(corner, &valid.origin));
+        let direction = valid.direction.map(Expansion::from);
+        let parts = [(&c, &b), (&a, &c), (&b, &a)].map(|(p, q)| exact_triple(&direction, p, q));
+        let sum = parts[0].plus(&parts[1]).plus(&parts[2]).estimate();
+        Some([parts[1].estimate() / sum, parts[2].estimate() / sum])
+    }
+
     fn crossing_of(&self, ray: &Ray, triangle: u32) -> Option<Crossing> {
         let valid = ValidRay::new(ray)?;
         let slot = *self.place.get(triangle as usize)?;
