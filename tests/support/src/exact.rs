@@ -68,16 +68,16 @@ pub(crate) fn one_leaf(
     let mut summary = BuildSummary { triangles: triangles.len() as u32, ..BuildSummary::default() };
     let (mut references, mut bounds) = (Vec::new(), Aabb::EMPTY);
     for (index, corners) in triangles.iter().enumerate() {
+        let given = mesh.triangle(index).map(|corner| corner.map(f32::to_bits));
+        let changed = given != corners.map(|corner| corner.map(f32::to_bits));
+        let finite = corners.as_flattened().iter().all(|x| x.is_finite());
+        summary.snapped += u32::from(finite && changed);
         if is_dropped(corners) {
             summary.dropped += 1;
             continue;
         }
         references.push(index as u32);
         bounds = bounds.union(&Aabb::of_points(corners));
-        let given = mesh.triangle(index).map(|corner| corner.map(f32::to_bits));
-        if given != corners.map(|corner| corner.map(f32::to_bits)) {
-            summary.snapped += 1;
-        }
     }
     let tree = KdTree {
         nodes: vec![KdNode::leaf(0, references.len() as u32)],

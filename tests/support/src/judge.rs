@@ -27,12 +27,13 @@
 
 use crate::oracle::{Crossing, Oracle, ValidRay, snap};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use std::collections::{HashMap, HashSet};
 
 /// The factor of `e M` in every bound, about twice what the derivation needs.
 pub const PLACE: f64 = 24.0;
 const UNIT: f64 = f32::EPSILON as f64 / 2.0;
+const GREATEST: f64 = f32::MAX as f64;
 /// Below the least normal number anything may become 0.
 const TINY: f64 = 4.0 * f32::MIN_POSITIVE as f64;
 
@@ -136,7 +137,7 @@ impl<'a> Judge<'a> {
             let seen =
                 self.see(&valid, crossing.triangle).ok_or("the oracle met a bad triangle")?;
             let slack = seen.t_error + ours.1;
-            if crossing.t + slack >= ours.0 {
+            if crossing.t.min(GREATEST) + slack >= ours.0 {
                 continue;
             }
             let (t_min, t_max) = (f64::from(ray.t_min), f64::from(ray.t_max));
@@ -159,7 +160,7 @@ impl<'a> Judge<'a> {
         Ok(match (best, hit) {
             (None, None) => Verdict::Same,
             (Some(best), Some(hit))
-                if (best.t - f64::from(hit.t)).abs() <= {
+                if (best.t.min(GREATEST) - f64::from(hit.t)).abs() <= {
                     ours.1 + self.see(&valid, best.triangle).map_or(0.0, |seen| seen.t_error)
                 } =>
             {
@@ -211,17 +212,16 @@ impl<'a> Judge<'a> {
         }
         let length = valid.direction.iter().map(|x| x * x).sum::<f64>().sqrt();
         let (low, high) = match self.oracle.t_of(ray, hit.triangle) {
-            Some(exact) => (exact, exact),
+            // What no float holds may be reported as the greatest one.
+            Some(exact) => [exact.clamp(-GREATEST, GREATEST); 2].into(),
             None => {
                 // Beside the triangle, or along its plane: the plane's distance says little.
                 let span = [seen.near / length, seen.far / length];
-                match seen.plane_depth() {
-                    Some(depth) => {
-                        let t = (depth / length).clamp(span[0], span[1]);
-                        (t, t)
-                    }
-                    None => (span[0], span[1]),
-                }
+                let span = match seen.plane_depth() {
+                    Some(depth) => [(depth / length).clamp(span[0], span[1]); 2],
+                    None => span,
+                };
+                span.map(|t| t.clamp(-GREATEST, GREATEST)).into()
             }
         };
         if t < low - seen.t_error || t > high + seen.t_error {
@@ -231,13 +231,7 @@ impl<'a> Judge<'a> {
             ));
         }
         let clear = seen.signed_area().abs() > 2.0 * seen.place * seen.longest;
-        let front = seen.signed_area() > 0.0;
-        let culled = match options.culling {
-            splitplane_core::ray::Culling::None => false,
-            splitplane_core::ray::Culling::Back => !front,
-            splitplane_core::ray::Culling::Front => front,
-        };
-        if culled && clear {
+        if seen.is_culled(options) && clear {
             return Err("the hit is on a side that is culled".into());
         }
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
@@ -278,6 +272,10 @@ impl<'a> Judge<'a> {
                         continue;
                     }
                     let Some(neighbour) = self.see(ray, other) else { continue };
+                    // What is culled takes over nothing: the edge is an outline of what is left.
+                    if neighbour.is_culled(options) {
+                        continue;
+                    }
                     let Some(theirs) = self.corners(other) else { continue };
                     let Some(apex) = (0..3).find(|&i| {
                         let bits = theirs[i].map(f32::to_bits);
@@ -298,7 +296,6 @@ impl<'a> Judge<'a> {
                 }
             }
         }
-        // Culling removes neighbours as it removes triangles; an outline of what is left.
         false
     }
 
@@ -342,6 +339,14 @@ impl Seen {
         let [a, b, c] = self.flat;
         // `first`, `second` and the ray are right-handed with the ray pointing away from the eye.
         -((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+    }
+
+    fn is_culled(&self, options: &QueryOptions) -> bool {
+        match options.culling {
+            Culling::None => false,
+            Culling::Back => self.signed_area() <= 0.0,
+            Culling::Front => self.signed_area() >= 0.0,
+        }
     }
 
     /// How far the ray's line passes from the triangle, seen along the ray.
