@@ -28,15 +28,18 @@ pub const STOP_SLACK: f32 = 3.051_757_8e-5; // 2^-15
 /// device keeps subnormal products.
 pub const EDGE_LEAST: f32 = 3.155_443_6e-30; // 2^-98
 /// Slopes below this are zero, so that slope times distance is never subnormal in range.
-const SLOPE_LEAST: f32 = 9.094_947e-13; // 2^-40
+pub const SLOPE_LEAST: f32 = 9.094_947e-13; // 2^-40
 /// Direction components are taken to be at least this large when dividing by them.
-const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80
-/// In range: no coordinate other than zero below this, ...
+pub const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80
+/// In range: no coordinate other than zero below this.
 const COORDINATE_LEAST: f32 = 2.168_404_3e-19; // 2^-62
-/// ... none above this, ...
-const COORDINATE_MOST: f32 = 2.748_779e11; // 2^38
-/// ... and no triangle smaller than this.
+/// In range: no coordinate above this. Origins too.
+pub const COORDINATE_MOST: f32 = 2.748_779e11; // 2^38
+/// In range: no triangle smaller than this.
 const EXTENT_LEAST: f32 = 9.094_947e-13; // 2^-40
+/// Origin coordinates below this are zero, in scenes that are in range: 2^-60 is below what
+/// distinguishes their coordinates.
+pub const ORIGIN_LEAST: f32 = 8.673_617e-19; // 2^-60
 /// Origins further than this many scene extents away are first moved along the ray.
 const FAR: f32 = 100.0;
 
@@ -100,6 +103,8 @@ pub struct SceneScale {
     pub bounds: Aabb,
     /// Absolute slack of plane positions.
     pub slack: f32,
+    /// Origins within are not far: no closer look is needed.
+    pub near: Aabb,
     /// True when exponents leave the range in which the plain test neither overflows nor meets
     /// subnormals; then every test is scaled first.
     pub wide: bool,
@@ -109,8 +114,16 @@ impl SceneScale {
     /// The scale of a scene with these bounds and limits.
     pub fn new(bounds: Aabb, limits: &Limits) -> SceneScale {
         let extent = longest_extent(&bounds);
+        // Half of what counts as far, and clamped: a first guess that need not be exact.
+        let reach = min(extent, f32::MAX / FAR) * (0.5 * FAR);
+        let mut near = bounds;
+        for axis in 0..3 {
+            near.lo[axis] = (bounds.lo[axis] - reach).max(-f32::MAX);
+            near.hi[axis] = (bounds.hi[axis] + reach).min(f32::MAX);
+        }
         SceneScale {
             bounds,
+            near,
             // Each product is below its factor, and the sum of two such cannot overflow.
             slack: limits.longest * SIZE_SLACK + extent * SCENE_SLACK,
             wide: limits.greatest > COORDINATE_MOST
@@ -159,9 +172,14 @@ pub struct PreparedRay {
 }
 
 /// `x * 2^exponent`, clamped to finite values, subnormal results flushed.
+#[inline]
 fn scale(x: f32, exponent: i32) -> f32 {
-    let half = exponent / 2;
-    let scaled = x * power_of_two(half) * power_of_two(exponent - half);
+    let scaled = if exponent.abs() <= 126 {
+        x * power_of_two(exponent)
+    } else {
+        let half = exponent / 2;
+        x * power_of_two(half) * power_of_two(exponent - half)
+    };
     snap(scaled.clamp(-f32::MAX, f32::MAX))
 }
 
@@ -169,24 +187,32 @@ impl PreparedRay {
     /// Makes a ray ready; `None` when it can hit nothing whatever the scene holds: a component that
     /// is not finite, a zero direction, a NaN limit, or no `t` between the limits.
     pub fn new<A: Arithmetic>(ray: &Ray, scene: &SceneScale) -> Option<PreparedRay> {
-        let finite = ray.origin.iter().chain(&ray.direction).all(|x| x.is_finite());
-        // False for NaN limits too.
-        if !finite || ray.t_min.is_nan() || ray.t_max.is_nan() || ray.t_min > ray.t_max {
+        // One comparison each, without branches; false for NaN and infinities.
+        let mut finite = true;
+        for axis in 0..3 {
+            finite &= ray.origin[axis].abs() <= f32::MAX;
+            finite &= ray.direction[axis].abs() <= f32::MAX;
+        }
+        // False for NaN limits.
+        let some_t = ray.t_min <= ray.t_max;
+        if !(finite & some_t) {
             return None;
         }
-        let given = ray.direction.map(snap);
-        let largest = given.iter().fold(0.0, |m, x| max(m, x.abs()));
+        let given = [snap(ray.direction[0]), snap(ray.direction[1]), snap(ray.direction[2])];
+        let largest = max(max(given[0].abs(), given[1].abs()), given[2].abs());
         if largest == 0.0 || scene.bounds.is_empty() {
             return None;
         }
         let power = exponent(largest);
-        let direction = given.map(|x| scale(x, -power));
+        let direction = [scale(given[0], -power), scale(given[1], -power), scale(given[2], -power)];
         let mut t_min = scale(ray.t_min, power);
         let mut t_max = scale(ray.t_max, power);
-        let mut origin = ray.origin.map(snap);
+        let mut origin = [snap(ray.origin[0]), snap(ray.origin[1]), snap(ray.origin[2])];
 
         let mut offset = 0.0;
-        if let Some(shift) = shift_of_far_origin::<A>(&origin, &direction, &scene.bounds)? {
+        let near = (0..3).all(|k| scene.near.lo[k] <= origin[k] && origin[k] <= scene.near.hi[k]);
+        if !near && let Some(shift) = shift_of_far_origin::<A>(&origin, &direction, &scene.bounds)?
+        {
             offset = shift;
             for axis in 0..3 {
                 // Without error but for the last rounding: the shift is long.
@@ -201,8 +227,9 @@ impl PreparedRay {
         }
         let mut wide = scene.wide;
         if !wide {
-            // 2^-60 is below what distinguishes coordinates in range.
-            origin = origin.map(|x| if x.abs() < 8.673_617e-19 { 0.0 } else { x });
+            for x in &mut origin {
+                *x = if x.abs() < ORIGIN_LEAST { 0.0 } else { *x };
+            }
             wide = origin.iter().any(|x| x.abs() > COORDINATE_MOST);
         }
 

@@ -1,9 +1,8 @@
 //! The built tree, ready for rays.
 
 use rayon::prelude::*;
-use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
-use splitplane_core::intersect::{Limits, PreparedRay, SceneScale};
+use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::KdTree;
@@ -13,10 +12,11 @@ use super::blocks::Blocks;
 #[cfg(target_arch = "x86_64")]
 use super::lanes;
 use super::leaf::InstructionSet;
+use super::prepare::prepare_one;
 use super::single;
 
 /// Rays of one task: what one thread takes at a time.
-const TASK: usize = 2048;
+const TASK: usize = 4096;
 
 /// A tree over a mesh on the CPU.
 #[derive(Debug)]
@@ -100,14 +100,9 @@ impl CpuAccelerator {
     }
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
-        let Some(prepared) = PreparedRay::new::<Strict>(ray, &self.scene) else {
-            return Hit::MISS;
-        };
-        let Some(interval) = prepared.enter::<Strict>(&self.scene.bounds) else {
-            return Hit::MISS;
-        };
+        let Some((ray, interval)) = prepare_one(ray, &self.scene) else { return Hit::MISS };
         // SAFETY: `set` was detected on this processor.
-        unsafe { single::trace(self.set, &self.blocks, &prepared, interval, options, query) }
+        unsafe { single::trace(self.set, &self.blocks, &ray, interval, options, query) }
     }
 
     /// Traces a batch by the best path there is; `answer` takes ray number and hit.

@@ -6,8 +6,8 @@
 //! one. Groups take turns, so that one's gathers are under way while another computes.
 
 use core::arch::x86_64::*;
+use core::cell::RefCell;
 
-use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -15,10 +15,9 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
 use super::leaf::InstructionSet;
+use super::prepare::{LANES, PreparedRays, prepare_one};
 use super::single::{self, Best, test_leaf};
 
-/// Rays of a group.
-const LANES: usize = 16;
 /// Groups in flight.
 const GROUPS: usize = 3;
 /// Batches below this are traced one ray after the other: filling the lanes costs more.
@@ -31,6 +30,21 @@ const ENOUGH: u32 = (GROUPS * LANES / 2) as u32;
 #[repr(C, align(64))]
 struct Row<T>([T; LANES]);
 
+/// What a lane comes back to: a far child and the inner interval in which the ray may be in it.
+#[derive(Clone, Copy)]
+#[repr(C, align(16))]
+struct Entry {
+    node: u32,
+    enter: f32,
+    exit: f32,
+    padding: u32,
+}
+
+/// Entries about to be pushed, by word.
+struct Pushed {
+    rows: [Row<u32>; 3],
+}
+
 /// 16 rays under way.
 #[repr(C, align(64))]
 struct Group {
@@ -39,10 +53,7 @@ struct Group {
     slack: [Row<f32>; 3],
     enter: Row<f32>,
     exit: Row<f32>,
-    stop: Row<f32>,
     node: Row<u32>,
-    /// Entries on each lane's stack.
-    depth: Row<u32>,
     /// First block and number of triangles of the leaf a lane waits at.
     leaf_first: Row<u32>,
     leaf_count: Row<u32>,
@@ -58,9 +69,54 @@ struct Group {
     ray: [PreparedRay; LANES],
     /// Place of each lane's ray in the batch; `usize::MAX` for none.
     index: [usize; LANES],
-    stack_node: [Row<u32>; MAX_DEPTH as usize + 1],
-    stack_enter: [Row<f32>; MAX_DEPTH as usize + 1],
-    stack_exit: [Row<f32>; MAX_DEPTH as usize + 1],
+    /// Entries on each lane's stack.
+    depth: [usize; LANES],
+    stack: [[Entry; MAX_DEPTH as usize + 1]; LANES],
+}
+
+impl Group {
+    /// A group without rays.
+    fn new() -> Group {
+        let ray = PreparedRay {
+            origin: [0.0; 3],
+            direction: [1.0; 3],
+            reciprocal: [1.0; 3],
+            slack: [0.0; 3],
+            axes: [0, 1, 2],
+            shear: [0.0; 3],
+            t_min: 0.0,
+            t_max: 0.0,
+            offset: 0.0,
+            exponent: 0,
+            wide: false,
+        };
+        let nothing = Entry { node: 0, enter: 0.0, exit: 0.0, padding: 0 };
+        Group {
+            origin: [Row([0.0; LANES]); 3],
+            reciprocal: [Row([1.0; LANES]); 3],
+            slack: [Row([0.0; LANES]); 3],
+            enter: Row([0.0; LANES]),
+            exit: Row([0.0; LANES]),
+            node: Row([0; LANES]),
+            leaf_first: Row([0; LANES]),
+            leaf_count: Row([0; LANES]),
+            backwards: [0; 3],
+            stepping: 0,
+            waiting: 0,
+            idle: u16::MAX,
+            best: [Best::NONE; LANES],
+            ray: [ray; LANES],
+            index: [usize::MAX; LANES],
+            depth: [0; LANES],
+            stack: [[nothing; MAX_DEPTH as usize + 1]; LANES],
+        }
+    }
+}
+
+thread_local! {
+    /// Kept between batches: all lanes are idle at the end of one.
+    static GROUPS_IN_FLIGHT: RefCell<Box<[Group; GROUPS]>> =
+        RefCell::new(Box::new(core::array::from_fn(|_| Group::new())));
 }
 
 /// Traces rays in any order; `answer` takes a ray's place and its hit.
@@ -76,59 +132,44 @@ pub unsafe fn trace(
     query: Query,
     answer: &mut impl FnMut(usize, Hit),
 ) {
-    let mut source = Source { scene, blocks, rays, next: 0 };
-    let blank = PreparedRay {
-        origin: [0.0; 3],
-        direction: [1.0; 3],
-        reciprocal: [1.0; 3],
-        slack: [0.0; 3],
-        axes: [0, 1, 2],
-        shear: [0.0; 3],
-        t_min: 0.0,
-        t_max: 0.0,
-        offset: 0.0,
-        exponent: 0,
-        wide: false,
-    };
-    let mut groups: [Group; GROUPS] = core::array::from_fn(|_| Group {
-        origin: [Row([0.0; LANES]); 3],
-        reciprocal: [Row([1.0; LANES]); 3],
-        slack: [Row([0.0; LANES]); 3],
-        enter: Row([0.0; LANES]),
-        exit: Row([0.0; LANES]),
-        stop: Row([0.0; LANES]),
-        node: Row([0; LANES]),
-        depth: Row([0; LANES]),
-        leaf_first: Row([0; LANES]),
-        leaf_count: Row([0; LANES]),
-        backwards: [0; 3],
-        stepping: 0,
-        waiting: 0,
-        idle: u16::MAX,
-        best: [Best::NONE; LANES],
-        ray: [blank; LANES],
-        index: [usize::MAX; LANES],
-        stack_node: [Row([0; LANES]); MAX_DEPTH as usize + 1],
-        stack_enter: [Row([0.0; LANES]); MAX_DEPTH as usize + 1],
-        stack_exit: [Row([0.0; LANES]); MAX_DEPTH as usize + 1],
+    let ready = PreparedRays::new();
+    let mut source = Source { scene, blocks, rays, next: 0, ready, left: 0 };
+    GROUPS_IN_FLIGHT.with_borrow_mut(|groups| {
+        // SAFETY: the instruction set, by contract.
+        unsafe { run(groups, &mut source, options, query, answer) };
     });
+}
+
+/// Runs the groups until every ray of the source is answered.
+///
+/// # Safety
+/// The processor must have [`InstructionSet::Avx512`].
+#[target_feature(enable = "avx512f,avx512dq")]
+unsafe fn run(
+    groups: &mut [Group; GROUPS],
+    source: &mut Source<'_>,
+    options: &QueryOptions,
+    query: Query,
+    answer: &mut impl FnMut(usize, Hit),
+) {
+    let blocks = source.blocks;
     loop {
         let mut alive = 0;
-        for group in &mut groups {
+        for group in groups.iter_mut() {
             // SAFETY: the instruction set, by contract.
             unsafe {
                 group.test_leaves(blocks, options, query);
-                group.refill(&mut source, options, query, answer);
+                group.refill(source, options, query, answer);
             }
             alive |= group.stepping | group.waiting;
         }
         if alive == 0 {
             return;
         }
-        let enough = if source.next < rays.len() { ENOUGH } else { 1 };
+        let enough = if source.is_empty() { 1 } else { ENOUGH };
         loop {
             let mut stepping = 0;
-            for group in &mut groups {
+            for group in groups.iter_mut() {
                 // SAFETY: as above; the nodes are a valid tree's.
                 unsafe { group.step(&blocks.nodes) };
                 stepping += group.stepping.count_ones();
@@ -140,45 +181,71 @@ pub unsafe fn trace(
     }
 }
 
-/// Where lanes get their rays.
+/// Where lanes get their rays: made ready 16 at a time.
 struct Source<'a> {
     scene: &'a SceneScale,
     blocks: &'a Blocks,
     rays: &'a [Ray],
+    /// The first ray not yet made ready.
     next: usize,
+    ready: PreparedRays,
+    /// Rays of `ready` not yet handed out.
+    left: u32,
 }
 
 impl Source<'_> {
-    /// The next ray that needs a lane. Those that miss the bounds, and those whose exponents call
-    /// for the scaled test, are answered on the way.
-    fn next(
+    /// True when every ray has been handed out.
+    fn is_empty(&self) -> bool {
+        self.left == 0 && self.next >= self.rays.len()
+    }
+
+    /// The next ray that needs a lane, as its place among those made ready together and in the
+    /// batch. Rays that miss the bounds, and those left to the scalar code, are answered on the way.
+    ///
+    /// # Safety
+    /// The processor must have [`InstructionSet::Avx512`].
+    #[target_feature(enable = "avx512f,avx512dq")]
+    unsafe fn next(
         &mut self,
         options: &QueryOptions,
         query: Query,
         answer: &mut impl FnMut(usize, Hit),
-    ) -> Option<(usize, PreparedRay, (f32, f32))> {
-        while let Some(ray) = self.rays.get(self.next) {
-            let index = self.next;
-            self.next += 1;
-            let prepared = PreparedRay::new::<Strict>(ray, self.scene);
-            let interval =
-                prepared.as_ref().and_then(|ray| ray.enter::<Strict>(&self.scene.bounds));
-            match (prepared, interval) {
-                (Some(prepared), Some(interval)) if !prepared.wide => {
-                    return Some((index, prepared, interval));
+    ) -> Option<(usize, usize)> {
+        loop {
+            while self.left == 0 {
+                if self.next >= self.rays.len() {
+                    return None;
                 }
-                (Some(prepared), Some(interval)) => {
-                    let set = InstructionSet::Portable;
-                    // SAFETY: every processor has the portable set.
-                    let hit = unsafe {
-                        single::trace(set, self.blocks, &prepared, interval, options, query)
-                    };
-                    answer(index, hit);
+                let start = self.next;
+                let chunk = &self.rays[start..(start + LANES).min(self.rays.len())];
+                self.ready.fill(chunk, self.scene);
+                self.next += chunk.len();
+                for lane in 0..chunk.len() {
+                    let ready = &self.ready;
+                    if ready.special[lane] != 0 {
+                        let hit = self.trace_one(&chunk[lane], options, query);
+                        answer(start + lane, hit);
+                    } else if ready.alive[lane] != 0 && ready.enter[lane] <= ready.exit[lane] {
+                        self.left |= 1 << lane;
+                    } else {
+                        answer(start + lane, Hit::MISS);
+                    }
                 }
-                _ => answer(index, Hit::MISS),
             }
+            let lane = self.left.trailing_zeros() as usize;
+            self.left &= self.left - 1;
+            return Some((lane, (self.next - 1) / LANES * LANES + lane));
         }
-        None
+    }
+
+    #[cold]
+    fn trace_one(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+        let Some((ray, interval)) = prepare_one(ray, self.scene) else { return Hit::MISS };
+        // SAFETY: every processor has the portable set.
+        unsafe {
+            let set = InstructionSet::Portable;
+            single::trace(set, self.blocks, &ray, interval, options, query)
+        }
     }
 }
 
@@ -229,13 +296,19 @@ impl Group {
         let base = nodes.as_ptr().cast::<u8>();
         let node = load_words(&self.node);
         let zero = _mm512_setzero_si512();
-        // SAFETY: lanes that step stand at nodes of the tree; a node is 8 bytes.
-        let (word, tagged) = unsafe {
+        // Two gathers of whole nodes are half the loads of two of single words. Lanes that do not
+        // step stand at the root or where they last were, so no mask is needed.
+        // SAFETY: every lane stands at a node of the tree; a node is 8 bytes.
+        let (low, high) = unsafe {
             (
-                _mm512_mask_i32gather_epi32::<8>(zero, active, node, base.cast()),
-                _mm512_mask_i32gather_epi32::<8>(zero, active, node, base.add(4).cast()),
+                _mm512_i32gather_epi64::<8>(_mm512_castsi512_si256(node), base.cast()),
+                _mm512_i32gather_epi64::<8>(_mm512_extracti64x4_epi64::<1>(node), base.cast()),
             )
         };
+        let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+        let odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+        let word = _mm512_permutex2var_epi32(low, even, high);
+        let tagged = _mm512_permutex2var_epi32(low, odd, high);
         let axis = _mm512_and_si512(tagged, _mm512_set1_epi32(3));
         let leaf = _mm512_mask_cmpeq_epi32_mask(active, axis, _mm512_set1_epi32(3));
         let is_y = _mm512_cmpeq_epi32_mask(axis, _mm512_set1_epi32(1));
@@ -266,35 +339,25 @@ impl Group {
         let both = interior & !only_far & !only_near;
 
         if both != 0 {
-            let depth = load_words(&self.depth);
-            let lanes = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-            let slot = _mm512_add_epi32(_mm512_slli_epi32::<4>(depth), lanes);
-            // SAFETY: a lane's stack holds at most one entry a level, and a valid tree has at most
-            // MAX_DEPTH levels.
-            unsafe {
-                _mm512_mask_i32scatter_epi32::<4>(
-                    self.stack_node.as_mut_ptr().cast(),
-                    both,
-                    slot,
-                    far,
-                );
-                _mm512_mask_i32scatter_ps::<4>(
-                    self.stack_enter.as_mut_ptr().cast(),
-                    both,
-                    slot,
-                    _mm512_max_ps(least, enter),
-                );
-                _mm512_mask_i32scatter_ps::<4>(
-                    self.stack_exit.as_mut_ptr().cast(),
-                    both,
-                    slot,
-                    exit,
-                );
+            let mut pushed = Pushed { rows: [Row([0; LANES]); 3] };
+            store_words(&mut pushed.rows[0], far);
+            let far_enter = _mm512_max_ps(least, enter);
+            store_words(&mut pushed.rows[1], _mm512_castps_si512(far_enter));
+            store_words(&mut pushed.rows[2], _mm512_castps_si512(exit));
+            let mut rest = both;
+            while rest != 0 {
+                let lane = take_lane(&mut rest);
+                let depth = self.depth[lane];
+                // A valid tree has at most MAX_DEPTH levels, and a lane at most one entry a level.
+                let Some(entry) = self.stack[lane].get_mut(depth) else { continue };
+                *entry = Entry {
+                    node: pushed.rows[0].0[lane],
+                    enter: f32::from_bits(pushed.rows[1].0[lane]),
+                    exit: f32::from_bits(pushed.rows[2].0[lane]),
+                    padding: 0,
+                };
+                self.depth[lane] = depth + 1;
             }
-            store_words(
-                &mut self.depth,
-                _mm512_mask_add_epi32(depth, both, depth, _mm512_set1_epi32(1)),
-            );
             store(&mut self.exit, _mm512_mask_min_ps(exit, both, exit, greatest));
         }
         let next = _mm512_mask_blend_epi32(only_far, near, far);
@@ -310,67 +373,37 @@ impl Group {
             }
             self.waiting |= full;
             self.stepping &= !full;
-            if empty != 0 {
-                // SAFETY: the instruction set, by contract.
-                unsafe { self.pop(empty) };
+            let mut rest = empty;
+            while rest != 0 {
+                self.pop(take_lane(&mut rest));
             }
         }
     }
 
-    /// Takes these lanes to their next stack entries that may still hold a nearer hit; lanes
-    /// without any are answered.
-    ///
-    /// # Safety
-    /// AVX-512.
-    #[target_feature(enable = "avx512f,avx512dq")]
-    #[inline]
-    unsafe fn pop(&mut self, lanes: __mmask16) {
-        let mut seeking = lanes;
-        let one = _mm512_set1_epi32(1);
-        let numbers = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
-        let stop = load(&self.stop);
-        let mut depth = load_words(&self.depth);
-        let (mut node, mut enter, mut exit) =
-            (load_words(&self.node), load(&self.enter), load(&self.exit));
+    /// Takes a lane to its next stack entry that may still hold a nearer hit; without any, its ray
+    /// is answered.
+    #[inline(always)]
+    fn pop(&mut self, lane: usize) {
+        let bit = 1 << lane;
+        let mut depth = self.depth[lane];
+        let stop = self.best[lane].stop;
         loop {
-            let done = _mm512_mask_cmpeq_epi32_mask(seeking, depth, _mm512_setzero_si512());
-            self.stepping &= !done;
-            self.idle |= done;
-            seeking &= !done;
-            if seeking == 0 {
+            if depth == 0 {
+                self.stepping &= !bit;
+                self.idle |= bit;
                 break;
             }
-            depth = _mm512_mask_sub_epi32(depth, seeking, depth, one);
-            let slot = _mm512_add_epi32(_mm512_slli_epi32::<4>(depth), numbers);
-            // SAFETY: depth counts entries that `step` wrote.
-            unsafe {
-                enter = _mm512_mask_i32gather_ps::<4>(
-                    enter,
-                    seeking,
-                    slot,
-                    self.stack_enter.as_ptr().cast(),
-                );
-                let found = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(seeking, enter, stop);
-                node = _mm512_mask_i32gather_epi32::<4>(
-                    node,
-                    found,
-                    slot,
-                    self.stack_node.as_ptr().cast(),
-                );
-                exit = _mm512_mask_i32gather_ps::<4>(
-                    exit,
-                    found,
-                    slot,
-                    self.stack_exit.as_ptr().cast(),
-                );
-                self.stepping |= found;
-                seeking &= !found;
+            depth -= 1;
+            let entry = self.stack[lane][depth];
+            if entry.enter <= stop {
+                self.node.0[lane] = entry.node;
+                self.enter.0[lane] = entry.enter;
+                self.exit.0[lane] = entry.exit;
+                self.stepping |= bit;
+                break;
             }
         }
-        store_words(&mut self.depth, depth);
-        store_words(&mut self.node, node);
-        store(&mut self.enter, enter);
-        store(&mut self.exit, exit);
+        self.depth[lane] = depth;
     }
 
     /// Tests the leaves that lanes wait at, and sends the lanes on.
@@ -391,12 +424,10 @@ impl Group {
             // SAFETY: the instruction set, by contract; wide rays get no lane.
             if unsafe { test_leaf(InstructionSet::Avx512, ray, leaf, options, query, best) } {
                 // Answered: nothing left to visit.
-                self.depth.0[lane] = 0;
+                self.depth[lane] = 0;
             }
-            self.stop.0[lane] = best.stop;
+            self.pop(lane);
         }
-        // SAFETY: as above.
-        unsafe { self.pop(self.waiting) };
         self.waiting = 0;
     }
 
@@ -419,24 +450,25 @@ impl Group {
                 answer(self.index[lane], self.best[lane].hit);
                 self.index[lane] = usize::MAX;
             }
-            let Some((index, ray, (enter, exit))) = source.next(options, query, answer) else {
+            // SAFETY: the instruction set, by contract.
+            let Some((from, index)) = (unsafe { source.next(options, query, answer) }) else {
                 continue;
             };
+            let ready = &source.ready;
             let bit = 1 << lane;
             for axis in 0..3 {
-                self.origin[axis].0[lane] = ray.origin[axis];
-                self.reciprocal[axis].0[lane] = ray.reciprocal[axis];
-                self.slack[axis].0[lane] = ray.slack[axis];
+                self.origin[axis].0[lane] = ready.origin[axis][from];
+                self.reciprocal[axis].0[lane] = ready.reciprocal[axis][from];
+                self.slack[axis].0[lane] = ready.slack[axis][from];
                 self.backwards[axis] &= !bit;
-                self.backwards[axis] |= if ray.direction[axis] < 0.0 { bit } else { 0 };
+                self.backwards[axis] |= if ready.direction[axis][from] < 0.0 { bit } else { 0 };
             }
-            self.enter.0[lane] = enter;
-            self.exit.0[lane] = exit;
-            self.stop.0[lane] = f32::INFINITY;
+            self.enter.0[lane] = ready.enter[from];
+            self.exit.0[lane] = ready.exit[from];
             self.node.0[lane] = 0;
-            self.depth.0[lane] = 0;
+            self.depth[lane] = 0;
             self.best[lane] = Best::NONE;
-            self.ray[lane] = ray;
+            self.ray[lane] = ready.ray(from);
             self.index[lane] = index;
             self.idle &= !bit;
             self.stepping |= bit;

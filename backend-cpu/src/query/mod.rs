@@ -9,6 +9,7 @@ mod blocks;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod leaf;
+mod prepare;
 mod single;
 
 pub use accelerator::CpuAccelerator;

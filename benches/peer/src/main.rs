@@ -11,7 +11,6 @@
 use std::path::Path;
 use std::time::Instant;
 
-use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
@@ -20,8 +19,6 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 
 const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
-/// Rays handed over in one call.
-const CHUNK: usize = 2048;
 /// Repeats stop once this much time has gone into one figure.
 const ENOUGH_SECONDS: f64 = 4.0;
 
@@ -158,18 +155,14 @@ fn closest(
     rays: &[Ray],
     hits: &mut [Hit],
 ) {
-    pool.install(|| {
-        rays.par_chunks(CHUNK).zip(hits.par_chunks_mut(CHUNK)).for_each(|(rays, hits)| {
-            if plan.single {
-                for (ray, hit) in rays.iter().zip(hits) {
-                    *hit = accelerator.closest_hit(ray, &plan.options).unwrap_or(Hit::MISS);
-                }
-            } else {
-                let result = accelerator.closest_hits(rays, hits, &plan.options);
-                debug_assert!(result.is_ok(), "rays and hits are of equal length");
-            }
-        });
+    let result = pool.install(|| {
+        if plan.single {
+            accelerator.closest_hits_singly(rays, hits, &plan.options)
+        } else {
+            accelerator.closest_hits(rays, hits, &plan.options)
+        }
     });
+    debug_assert!(result.is_ok(), "rays and hits are of equal length");
 }
 
 fn occluded(
@@ -179,18 +172,14 @@ fn occluded(
     rays: &[Ray],
     any: &mut [bool],
 ) {
-    pool.install(|| {
-        rays.par_chunks(CHUNK).zip(any.par_chunks_mut(CHUNK)).for_each(|(rays, any)| {
-            if plan.single {
-                for (ray, any) in rays.iter().zip(any) {
-                    *any = accelerator.any_hit(ray, &plan.options);
-                }
-            } else {
-                let result = accelerator.any_hits(rays, any, &plan.options);
-                debug_assert!(result.is_ok(), "rays and answers are of equal length");
-            }
-        });
+    let result = pool.install(|| {
+        if plan.single {
+            accelerator.any_hits_singly(rays, any, &plan.options)
+        } else {
+            accelerator.any_hits(rays, any, &plan.options)
+        }
     });
+    debug_assert!(result.is_ok(), "rays and answers are of equal length");
 }
 
 fn repeat(reps: usize, mut run: impl FnMut()) -> Vec<f64> {

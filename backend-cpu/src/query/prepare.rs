@@ -1,0 +1,259 @@
+//! Making 16 rays ready at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
+//!
+//! Loops without branches over arrays of 16, which compilers turn into vector instructions. The rare
+//! rays that need more (moved origins, extreme exponents) are left to the scalar code.
+
+use splitplane_core::arithmetic::{Strict, snap};
+use splitplane_core::intersect::{
+    COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
+    STOP_SLACK, SceneScale,
+};
+use splitplane_core::ray::Ray;
+
+/// Rays made ready together.
+pub(crate) const LANES: usize = 16;
+
+/// A number of each ray.
+pub(crate) type Lanes<T> = [T; LANES];
+
+/// 16 rays, made ready; see [`PreparedRay`] for the fields.
+#[repr(C, align(64))]
+pub(crate) struct PreparedRays {
+    pub origin: [Lanes<f32>; 3],
+    pub direction: [Lanes<f32>; 3],
+    pub reciprocal: [Lanes<f32>; 3],
+    pub slack: [Lanes<f32>; 3],
+    pub shear: [Lanes<f32>; 3],
+    pub t_min: Lanes<f32>,
+    pub t_max: Lanes<f32>,
+    pub enter: Lanes<f32>,
+    pub exit: Lanes<f32>,
+    pub exponent: Lanes<i32>,
+    /// Axis of the largest component.
+    pub largest: Lanes<u32>,
+    /// 1 for a ray that may hit something.
+    pub alive: Lanes<u32>,
+    /// 1 for a ray that the scalar code must make ready.
+    pub special: Lanes<u32>,
+}
+
+impl PreparedRays {
+    /// Room for 16 rays.
+    pub fn new() -> PreparedRays {
+        PreparedRays {
+            origin: [[0.0; LANES]; 3],
+            direction: [[0.0; LANES]; 3],
+            reciprocal: [[0.0; LANES]; 3],
+            slack: [[0.0; LANES]; 3],
+            shear: [[0.0; LANES]; 3],
+            t_min: [0.0; LANES],
+            t_max: [0.0; LANES],
+            enter: [0.0; LANES],
+            exit: [0.0; LANES],
+            exponent: [0; LANES],
+            largest: [0; LANES],
+            alive: [0; LANES],
+            special: [0; LANES],
+        }
+    }
+
+    /// One of the rays, as the triangle tests take it.
+    #[inline(always)]
+    pub fn ray(&self, lane: usize) -> PreparedRay {
+        let z = self.largest[lane] as usize;
+        let axes = if self.direction[z][lane] < 0.0 {
+            [[2, 1, 0], [0, 2, 1], [1, 0, 2]][z]
+        } else {
+            [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z]
+        };
+        PreparedRay {
+            origin: [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]],
+            direction: [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]],
+            reciprocal: [
+                self.reciprocal[0][lane],
+                self.reciprocal[1][lane],
+                self.reciprocal[2][lane],
+            ],
+            slack: [self.slack[0][lane], self.slack[1][lane], self.slack[2][lane]],
+            axes,
+            shear: [self.shear[0][lane], self.shear[1][lane], self.shear[2][lane]],
+            t_min: self.t_min[lane],
+            t_max: self.t_max[lane],
+            offset: 0.0,
+            exponent: self.exponent[lane],
+            wide: false,
+        }
+    }
+
+    /// Makes rays ready, at most [`LANES`] of them; lanes without a ray are not alive.
+    #[inline(always)]
+    pub fn fill(&mut self, rays: &[Ray], scene: &SceneScale) {
+        let nothing = Ray::new([0.0; 3], [0.0; 3]);
+        let mut given = [nothing; LANES];
+        let count = rays.len().min(LANES);
+        given[..count].copy_from_slice(&rays[..count]);
+        let mut alive = [1u32; LANES];
+        let mut special = [u32::from(scene.wide); LANES];
+        let mut largest = [0.0f32; LANES];
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let (o, d) = (given[i].origin[axis], given[i].direction[axis]);
+                alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
+                let o = snap(o);
+                let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
+                special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
+                self.origin[axis][i] = if o.abs() < ORIGIN_LEAST { 0.0 } else { o };
+                let d = snap(d);
+                self.direction[axis][i] = d;
+                largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
+            }
+        }
+        let mut to_unit = [0.0f32; LANES];
+        for i in 0..LANES {
+            let (t_min, t_max) = (given[i].t_min, given[i].t_max);
+            alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
+            let biased = (largest[i].to_bits() >> 23) & 0xff;
+            // Powers up to 2^126 either way serve in one step.
+            special[i] |= u32::from(biased < 1) | u32::from(biased > 253);
+            let biased = biased.clamp(1, 253);
+            self.exponent[i] = biased as i32 - 127;
+            to_unit[i] = f32::from_bits((254 - biased) << 23);
+            let back = f32::from_bits(biased << 23);
+            self.t_min[i] = snap((t_min * back).clamp(-f32::MAX, f32::MAX));
+            self.t_max[i] = snap((t_max * back).clamp(-f32::MAX, f32::MAX));
+            self.enter[i] = self.t_min[i] - self.t_min[i].abs() * STOP_SLACK;
+            self.exit[i] = self.t_max[i] + self.t_max[i].abs() * STOP_SLACK;
+        }
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let d = snap((self.direction[axis][i] * to_unit[i]).clamp(-f32::MAX, f32::MAX));
+                self.direction[axis][i] = d;
+                let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
+                let r = 1.0 / if d.abs() < DIRECTION_LEAST { least } else { d };
+                self.reciprocal[axis][i] = r;
+                let slack = scene.slack * r.abs();
+                let slack = if slack > f32::MAX { f32::MAX } else { slack };
+                self.slack[axis][i] = slack;
+                let o = self.origin[axis][i];
+                let (low, high) =
+                    ((scene.bounds.lo[axis] - o) * r, (scene.bounds.hi[axis] - o) * r);
+                let (near, far) = if d < 0.0 { (high, low) } else { (low, high) };
+                let near = near - (near.abs() * PLANE_SLACK + slack);
+                let far = far + (far.abs() * PLANE_SLACK + slack);
+                self.enter[i] = if near > self.enter[i] { near } else { self.enter[i] };
+                self.exit[i] = if far < self.exit[i] { far } else { self.exit[i] };
+            }
+        }
+        let [dx, dy, dz] = &self.direction;
+        for i in 0..LANES {
+            let (x, y, z) = (dx[i], dy[i], dz[i]);
+            let from_x = y.abs() <= x.abs();
+            let greater = if from_x { x.abs() } else { y.abs() };
+            let is_z = z.abs() > greater;
+            let axis = if is_z { 2 } else { u32::from(!from_x) };
+            self.largest[i] = axis;
+            let main = if is_z {
+                z
+            } else if from_x {
+                x
+            } else {
+                y
+            };
+            // The two others in cyclic order, exchanged for a negative main component.
+            let first = if is_z {
+                x
+            } else if from_x {
+                y
+            } else {
+                z
+            };
+            let second = if is_z {
+                y
+            } else if from_x {
+                z
+            } else {
+                x
+            };
+            let (first, second) = if main < 0.0 { (second, first) } else { (first, second) };
+            let (sx, sy) = (first / main, second / main);
+            self.shear[0][i] = if sx.abs() < SLOPE_LEAST { 0.0 } else { sx };
+            self.shear[1][i] = if sy.abs() < SLOPE_LEAST { 0.0 } else { sy };
+            self.shear[2][i] = 1.0 / main;
+            self.alive[i] = alive[i];
+            self.special[i] = special[i] & alive[i];
+        }
+        if scene.bounds.is_empty() {
+            self.alive = [0; LANES];
+        }
+        for i in count..LANES {
+            self.alive[i] = 0;
+        }
+    }
+}
+
+/// The scalar way: for rays that [`PreparedRays::fill`] leaves alone.
+pub(crate) fn prepare_one(ray: &Ray, scene: &SceneScale) -> Option<(PreparedRay, (f32, f32))> {
+    let prepared = PreparedRay::new::<Strict>(ray, scene)?;
+    let interval = prepared.enter::<Strict>(&scene.bounds)?;
+    Some((prepared, interval))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use splitplane_core::aabb::Aabb;
+    use splitplane_core::intersect::Limits;
+
+    /// Every field that a hit depends on is that of the scalar code, bit for bit, for rays of all
+    /// kinds.
+    #[test]
+    fn lanes_equal_the_scalar_code() {
+        let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };
+        let limits = Limits { greatest: 4.0, least: 0.25, longest: 1.0, shortest: 0.1 };
+        let scene = SceneScale::new(bounds, &limits);
+        let mut state = 7u32;
+        let mut next = move || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            state >> 8
+        };
+        let odd = [0.0, -0.0, 1.0, -1.0, 1e-40, 1e-30, -1e-13, 1e30, f32::NAN, f32::INFINITY, 0.3];
+        let mut rays = Vec::new();
+        for round in 0..4096 {
+            let mut number = |spread: f32| {
+                if round % 4 == 0 {
+                    odd[next() as usize % odd.len()]
+                } else {
+                    (next() as f32 / 8_388_608.0 - 1.0) * spread
+                }
+            };
+            let origin = [number(5.0), number(5.0), number(5.0)];
+            let direction = [number(1.0), number(1.0), number(1.0)];
+            let (a, b) = (number(1.0), number(9.0));
+            rays.push(Ray::new(origin, direction).with_limits(a, b.abs()));
+        }
+        let mut lanes = PreparedRays::new();
+        let (mut compared, mut dead) = (0, 0);
+        for chunk in rays.chunks(LANES) {
+            lanes.fill(chunk, &scene);
+            for (lane, ray) in chunk.iter().enumerate() {
+                let expected = PreparedRay::new::<Strict>(ray, &scene);
+                if lanes.special[lane] != 0 {
+                    continue;
+                }
+                let Some(expected) = expected else {
+                    assert_eq!(lanes.alive[lane], 0, "{ray:?}");
+                    dead += 1;
+                    continue;
+                };
+                assert_eq!(lanes.alive[lane], 1, "{ray:?}");
+                let found = lanes.ray(lane);
+                assert_eq!(found, expected, "{ray:?}");
+                let interval = (lanes.enter[lane], lanes.exit[lane]);
+                let expected = expected.enter::<Strict>(&bounds);
+                assert_eq!((interval.0 <= interval.1).then_some(interval), expected);
+                compared += 1;
+            }
+        }
+        assert!(compared > 2000 && dead > 100, "{compared} {dead}");
+    }
+}
