@@ -55,6 +55,23 @@ impl Scene {
     }
 }
 
+/// Cosine and sine of an angle from 0 to a whole turn, by Taylor's series: the functions of the
+/// standard library differ between platforms in the last place, and snapshots hold digests of trees.
+fn cos_sin(angle: f64) -> (f64, f64) {
+    let x = angle - std::f64::consts::PI;
+    let (mut cos, mut sin, mut term) = (0.0, 0.0, 1.0);
+    for k in 0..40 {
+        match k % 4 {
+            0 => cos += term,
+            1 => sin += term,
+            2 => cos -= term,
+            _ => sin -= term,
+        }
+        term *= x / f64::from(k + 1);
+    }
+    (-cos, -sin)
+}
+
 /// Every awkward scene that a test should go through.
 pub fn awkward() -> Vec<Scene> {
     let mut all = vec![none(), one()];
@@ -126,8 +143,8 @@ pub fn identical(count: usize) -> Scene {
 pub fn fan(count: usize) -> Scene {
     let mut positions = vec![[0.0, 0.0, 0.25]];
     positions.extend((0..count).map(|i| {
-        let angle = std::f64::consts::TAU * i as f64 / count as f64;
-        [angle.cos() as f32, angle.sin() as f32, 0.0]
+        let (cos, sin) = cos_sin(std::f64::consts::TAU * i as f64 / count as f64);
+        [cos as f32, sin as f32, 0.0]
     }));
     let n = count as u32;
     let indices = (0..n).map(|i| [0, 1 + i, 1 + (i + 1) % n]).collect();
@@ -220,12 +237,12 @@ pub fn sphere(rings: usize, centre: [f64; 3], radius: f64) -> Scene {
     let around = 2 * rings;
     let mut positions = Vec::new();
     let at = |i: usize, j: usize| {
-        let polar = std::f64::consts::PI * i as f64 / rings as f64;
-        let angle = std::f64::consts::TAU * j as f64 / around as f64;
+        let (height, width) = cos_sin(std::f64::consts::PI * i as f64 / rings as f64);
+        let (x, z) = cos_sin(std::f64::consts::TAU * j as f64 / around as f64);
         [
-            (centre[0] + radius * polar.sin() * angle.cos()) as f32,
-            (centre[1] + radius * polar.cos()) as f32,
-            (centre[2] + radius * polar.sin() * angle.sin()) as f32,
+            (centre[0] + radius * width * x) as f32,
+            (centre[1] + radius * height) as f32,
+            (centre[2] + radius * width * z) as f32,
         ]
     };
     positions.push(at(0, 0));
@@ -296,9 +313,9 @@ fn seam_point(p: [f64; 3], oblique: bool) -> [f32; 3] {
     if !oblique {
         return p.map(|x| x as f32);
     }
-    let (s, c) = (0.7f64.sin(), 0.7f64.cos());
+    let (c, s) = cos_sin(0.7);
     let q = [c * p[0] - s * p[1], s * p[0] + c * p[1], p[2]];
-    let (s, c) = (1.1f64.sin(), 1.1f64.cos());
+    let (c, s) = cos_sin(1.1);
     let r = [q[0], c * q[1] - s * q[2], s * q[1] + c * q[2]];
     [(r[0] + 3.3) as f32, (r[1] - 1.7) as f32, (r[2] + 0.9) as f32]
 }
