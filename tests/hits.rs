@@ -9,7 +9,7 @@ use proptest::test_runner::{RngSeed, TestRunner};
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryError};
 use splitplane_core::config::BuildConfig;
-use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::exact::ExactBackend;
@@ -395,11 +395,17 @@ fn culling_and_ignoring(backend: &dyn Backend, effort: Effort) {
 
 /// (g): the answer to a ray does not depend on its batch, its place, or the threads.
 fn batches_equal_single_rays(backend: &dyn Backend, effort: Effort) {
-    for scene in mixed_scenes() {
-        let accelerator = build(backend, &scene);
-        let options = QueryOptions::default();
+    let all_options = [
+        QueryOptions::default(),
+        QueryOptions { accuracy: Accuracy::Fast, ..Default::default() },
+        QueryOptions { culling: Culling::Back, ignore: Some(3), ..Default::default() },
+    ];
+    for (scene, options) in
+        mixed_scenes().iter().flat_map(|scene| all_options.map(|options| (scene, options)))
+    {
+        let accelerator = build(backend, scene);
         let mut random = Random::new(3);
-        let mut rays = mixed_rays(&scene, effort.rays(20, 300), 3);
+        let mut rays = mixed_rays(scene, effort.rays(20, 300), 3);
         rays.extend(aim::invalid(&rays[..40], 4));
         rays.extend(aim::odd(&rays[..200.min(rays.len())], 5));
         random.shuffle(&mut rays);
@@ -662,7 +668,9 @@ fn random_bits_never_panic(backend: &dyn Backend, effort: Effort) {
                 Ray::new(point(&mut random), point(&mut random)).with_limits(limits[0], limits[1])
             })
             .collect();
-        let hits = closest(&*accelerator, &rays, &QueryOptions::default());
+        let accuracy = random.pick(&[Accuracy::Watertight, Accuracy::Fast]);
+        let options = QueryOptions { accuracy, ..Default::default() };
+        let hits = closest(&*accelerator, &rays, &options);
         for (ray, hit) in rays.iter().zip(hits).filter(|(_, hit)| hit.is_hit()) {
             assert!((hit.triangle as usize) < count, "{ray:?} gives {hit:?}");
             assert!(hit.t >= ray.t_min && hit.t <= ray.t_max, "{ray:?} gives {hit:?}");
@@ -705,7 +713,9 @@ on_every_backend! {
 mod planted {
     use super::*;
 
-    fn must_fail(fault: Fault, check: fn(&dyn Backend, Effort)) {
+    type Check = fn(&dyn Backend, Effort);
+
+    fn must_fail(fault: Fault, check: Check) {
         let backend = FaultyBackend::new(ExactBackend, fault);
         let run = std::panic::AssertUnwindSafe(|| check(&backend, Effort::Small));
         assert!(std::panic::catch_unwind(run).is_err(), "{fault:?} goes unnoticed");
@@ -714,7 +724,7 @@ mod planted {
     /// The textbook test leaks at edges, and every check that looks there sees it.
     #[test]
     fn moeller_and_trumbore() {
-        let checks: [(&str, fn(&dyn Backend, Effort)); 3] = [
+        let checks: [(&str, Check); 3] = [
             ("watertight", closed_surfaces_are_watertight),
             ("seams", seams_are_watertight),
             ("oracle", agrees_with_the_oracle),

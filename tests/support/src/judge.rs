@@ -191,7 +191,7 @@ impl<'a> Judge<'a> {
         hit: &Hit,
     ) -> Result<(), String> {
         let t = f64::from(hit.t);
-        if !(hit.t >= ray.t_min && hit.t <= ray.t_max) || !hit.t.is_finite() {
+        if !(hit.t >= ray.t_min && hit.t <= ray.t_max && hit.t.is_finite()) {
             return Err(format!("t = {t} is not between the limits"));
         }
         if options.ignore == Some(hit.triangle) {
