@@ -420,12 +420,14 @@ fn batches_equal_single_rays(backend: &dyn Backend, effort: Effort) {
             let start = random.below(rays.len() - size + 1);
             let part = start..start + size;
             let hits = closest(&*accelerator, &rays[part.clone()], &options);
-            assert_eq!(
-                all_bits(&hits),
-                all_bits(&single[part.clone()]),
-                "{}: a batch of {size}",
-                scene.name
-            );
+            for ((ray, hit), single) in rays[part.clone()].iter().zip(&hits).zip(&single[start..]) {
+                assert_eq!(
+                    bits(hit),
+                    bits(single),
+                    "{}: {hit:?} in a batch of {size}, alone {single:?}, for {ray:?}, {options:?}",
+                    scene.name
+                );
+            }
             let occluded = any(&*accelerator, &rays[part.clone()], &options);
             assert_eq!(occluded, single_any[part], "{}: any hit, batch of {size}", scene.name);
         }
@@ -440,7 +442,7 @@ fn batches_equal_single_rays(backend: &dyn Backend, effort: Effort) {
                 assert_eq!(
                     bits(hit),
                     bits(&single[i]),
-                    "{}: in another place on {threads} threads: {:?}",
+                    "{}: in another place on {threads} threads: {:?}, {options:?}",
                     scene.name,
                     rays[i]
                 );
