@@ -1,0 +1,14 @@
+//! What splitplane's tests and benchmarks share: an exact oracle that owes nothing to the tracer,
+//! scenes that builders and traversals trip over, rays aimed where they leak, a judge that tells
+//! rounding from error, a slow backend that is right, and backends that are wrong on purpose.
+
+#![forbid(unsafe_code)]
+
+pub mod aim;
+pub mod exact;
+pub mod expansion;
+pub mod faulty;
+pub mod judge;
+pub mod oracle;
+pub mod random;
+pub mod scenes;
