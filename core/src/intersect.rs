@@ -24,6 +24,8 @@ const SCENE_SLACK: f32 = 2.328_306_4e-10; // 2^-32
 /// A traversal may stop when the next entry lies beyond the best `t` by more than this part of it:
 /// twice the bound on the error of an interpolated `t` (see `disorder`).
 pub const STOP_SLACK: f32 = 3.051_757_8e-5; // 2^-15
+/// What adding a moved ray's offset may round away, per unit of the offset: four roundings.
+const OFFSET_SLACK: f32 = 2.384_185_8e-7; // 2^-22
 /// Edge functions below this are zero, which is inside: smaller ones could depend on whether a
 /// device keeps subnormal products.
 pub const EDGE_LEAST: f32 = 3.155_443_6e-30; // 2^-98
@@ -159,10 +161,12 @@ pub struct PreparedRay {
     /// Slopes and scale: `direction[x] / direction[z]`, `direction[y] / direction[z]`,
     /// `1 / direction[z]`.
     pub shear: [f32; 3],
-    /// Inner limits, both included.
+    /// Inner limits; for a moved ray a little wide, since moving rounds them.
     pub t_min: f32,
     /// See `t_min`.
     pub t_max: f32,
+    /// The limits as given, both included: those that decide.
+    pub limits: [f32; 2],
     /// Inner `t` of the given origin, negated: given = (inner + offset) * 2^-exponent.
     pub offset: f32,
     /// Exponent of the direction's scale.
@@ -220,10 +224,14 @@ impl PreparedRay {
                 let (sum, rest) = A::two_sum(origin[axis], high);
                 origin[axis] = snap(A::sum(sum, A::sum(rest, low)));
             }
-            let moved = |t: f32| {
-                if t.abs() == f32::MAX { t } else { A::difference(t, shift) }
+            let moved = |t: f32, side: f32| {
+                if t.abs() == f32::MAX {
+                    return t;
+                }
+                let error = (t.abs() + shift.abs()) * OFFSET_SLACK;
+                (t - shift + side * error).clamp(-f32::MAX, f32::MAX)
             };
-            (t_min, t_max) = (moved(t_min), moved(t_max));
+            (t_min, t_max) = (moved(t_min, -1.0), moved(t_max, 1.0));
         }
         let mut wide = scene.wide;
         if !wide {
@@ -262,16 +270,25 @@ impl PreparedRay {
             shear,
             t_min,
             t_max,
+            limits: [ray.t_min, ray.t_max],
             offset,
             exponent: power,
             wide,
         })
     }
 
-    /// The caller's `t` for an inner one: finite.
+    /// The caller's `t` for an inner one, finite; `None` when it is not within the caller's limits.
     #[inline]
-    pub fn outer_t<A: Arithmetic>(&self, inner: f32) -> f32 {
-        scale(A::sum(inner, self.offset), -self.exponent)
+    pub fn outer_t<A: Arithmetic>(&self, inner: f32) -> Option<f32> {
+        let t = scale(A::sum(inner, self.offset), -self.exponent);
+        (self.limits[0] <= t && t <= self.limits[1]).then_some(t)
+    }
+
+    /// The inner `t` beyond which no cell can hold a hit that precedes one at `t`.
+    #[inline]
+    pub fn stop_after(&self, t: f32) -> f32 {
+        // The offset's rounding may make different inner `t` equal outside.
+        stop_after(t) + self.offset.abs() * OFFSET_SLACK
     }
 
     /// The least and greatest inner `t` at which the ray may be at a plane.
@@ -337,9 +354,9 @@ fn shift_of_far_origin<A: Arithmetic>(
     shift.is_finite().then_some(Some(shift))
 }
 
-/// The inner `t` beyond which no leaf entry can hold a hit that precedes one at `t`.
+/// `t`, and as much as interpolation may err.
 #[inline]
-pub fn stop_after(t: f32) -> f32 {
+fn stop_after(t: f32) -> f32 {
     t + t.abs() * STOP_SLACK
 }
 
@@ -435,6 +452,16 @@ fn finish<A: Arithmetic>(
     [t_min, t_max]: [f32; 2],
     culling: Culling,
 ) -> Option<Candidate> {
+    // Signs of edge functions are never wrong, but rounding may make them zero, and zero is inside.
+    // For a sliver met beside its end all three may be: the ray must also be within the bounds of
+    // the sheared corners. This loses nothing, since it is exact.
+    let [a, b, c] = flat;
+    for k in 0..2 {
+        let (least, most) = (min(min(a[k], b[k]), c[k]), max(max(a[k], b[k]), c[k]));
+        if least > 0.0 || most < 0.0 {
+            return None;
+        }
+    }
     let det = A::sum(A::sum(u, v), w);
     let culled = match culling {
         Culling::None => false,
@@ -583,7 +610,7 @@ mod tests {
         let hit = watertight::<Strict>(&prepared, triangle, culling)?;
         let hostile = PreparedRay::new::<Hostile>(ray, &scene(&[*triangle]))?;
         assert_eq!(watertight::<Hostile>(&hostile, triangle, culling), Some(hit));
-        Some(prepared.outer_t::<Strict>(hit.t))
+        prepared.outer_t::<Strict>(hit.t)
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use crate::arithmetic::{Arithmetic, Strict};
 use crate::config::MAX_DEPTH;
-use crate::intersect::{PreparedRay, SceneScale, moeller_trumbore, stop_after, watertight};
+use crate::intersect::{PreparedRay, SceneScale, moeller_trumbore, watertight};
 use crate::node::{KdNode, NodeKind};
 use crate::ray::{Accuracy, Hit, QueryOptions, Ray};
 use crate::tree::KdTreeView;
@@ -115,14 +115,14 @@ pub fn trace<A: Arithmetic>(
                         }
                     };
                     let Some(candidate) = candidate else { continue };
-                    let t = prepared.outer_t::<A>(candidate.t);
+                    let Some(t) = prepared.outer_t::<A>(candidate.t) else { continue };
                     let hit = Hit { t, triangle, u: candidate.u, v: candidate.v };
                     if query == Query::Any {
                         return hit;
                     }
                     if hit.precedes(&best) {
                         best = hit;
-                        stop = stop_after(candidate.t);
+                        stop = prepared.stop_after(candidate.t);
                     }
                 }
             }

@@ -350,9 +350,11 @@ fn consider(
     let mut cost = [0u32; BLOCK];
     for k in 0..BLOCK {
         let inside = (low < plane[k]) & (plane[k] < high);
+        // Planes outside give any offset; it must only not overflow what follows.
         let offset = ((plane[k] * 0.5 - low * 0.5) * extents.scale) as i32 as u32;
+        let offset = offset.min(whole);
         let left_area = offset.max(1) * rim + cap;
-        let right_area = whole.wrapping_sub(offset).max(1) * rim + cap;
+        let right_area = (whole - offset).max(1) * rim + cap;
         let sum = costs.blocks(left[k]) * left_area + costs.blocks(right[k]) * right_area;
         let total = costs.traversal * area + costs.intersection * sum;
         cost[k] = if inside { total } else { u32::MAX };

@@ -92,6 +92,7 @@ impl Group {
             shear: [0.0; 3],
             t_min: 0.0,
             t_max: 0.0,
+            limits: [0.0; 2],
             offset: 0.0,
             exponent: 0,
             wide: false,
@@ -377,8 +378,9 @@ impl Group {
         };
         let split = _mm512_castsi512_ps(word);
         let t = _mm512_mul_ps(_mm512_sub_ps(split, pick(&self.origin)), pick(&self.reciprocal));
-        let error =
-            _mm512_fmadd_ps(_mm512_abs_ps(t), _mm512_set1_ps(PLANE_SLACK), pick(&self.slack));
+        // Not fused: every path visits the same cells.
+        let part = _mm512_mul_ps(_mm512_abs_ps(t), _mm512_set1_ps(PLANE_SLACK));
+        let error = _mm512_add_ps(part, pick(&self.slack));
         let least = _mm512_sub_ps(t, error);
         let greatest = _mm512_add_ps(t, error);
 

@@ -26,6 +26,7 @@ pub(crate) struct PreparedRays {
     pub shear: [Lanes<f32>; 3],
     pub t_min: Lanes<f32>,
     pub t_max: Lanes<f32>,
+    pub limits: [Lanes<f32>; 2],
     pub enter: Lanes<f32>,
     pub exit: Lanes<f32>,
     pub exponent: Lanes<i32>,
@@ -48,6 +49,7 @@ impl PreparedRays {
             shear: [[0.0; LANES]; 3],
             t_min: [0.0; LANES],
             t_max: [0.0; LANES],
+            limits: [[0.0; LANES]; 2],
             enter: [0.0; LANES],
             exit: [0.0; LANES],
             exponent: [0; LANES],
@@ -79,6 +81,7 @@ impl PreparedRays {
             shear: [self.shear[0][lane], self.shear[1][lane], self.shear[2][lane]],
             t_min: self.t_min[lane],
             t_max: self.t_max[lane],
+            limits: [self.limits[0][lane], self.limits[1][lane]],
             offset: 0.0,
             exponent: self.exponent[lane],
             wide: false,
@@ -111,6 +114,7 @@ impl PreparedRays {
         let mut to_unit = [0.0f32; LANES];
         for i in 0..LANES {
             let (t_min, t_max) = (given[i].t_min, given[i].t_max);
+            (self.limits[0][i], self.limits[1][i]) = (t_min, t_max);
             alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
             let biased = (largest[i].to_bits() >> 23) & 0xff;
             // Powers up to 2^126 either way serve in one step.

@@ -2,7 +2,7 @@
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::intersect::{PreparedRay, stop_after};
+use splitplane_core::intersect::PreparedRay;
 use splitplane_core::node::NodeKind;
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::traverse::Query;
@@ -54,14 +54,14 @@ pub(crate) unsafe fn test_leaf<'a>(
                 continue;
             }
             let Some(found) = decide(ray, &block.corners(index), options) else { continue };
-            let t = ray.outer_t::<Strict>(found.t);
+            let Some(t) = ray.outer_t::<Strict>(found.t) else { continue };
             let hit = Hit { t, triangle, u: found.u, v: found.v };
             if query == Query::Any {
                 best.hit = hit;
                 return true;
             }
             if hit.precedes(&best.hit) {
-                *best = Best { hit, stop: stop_after(found.t) };
+                *best = Best { hit, stop: ray.stop_after(found.t) };
             }
         }
     }
