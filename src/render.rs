@@ -183,11 +183,11 @@ impl Painter<'_> {
         let albedo = material.map_or(Vec3::splat(0.6), |m| Vec3::from_array(m.diffuse));
         let normal = surface.normal.as_vec3();
         let height = 0.5 + 0.5 * normal.y;
-        let mut light = Vec3::new(0.20, 0.18, 0.17).lerp(Vec3::new(0.40, 0.46, 0.55), height);
-        light += Vec3::splat(0.35) * normal.dot(towards_eye).max(0.0);
+        let mut light = Vec3::new(0.12, 0.11, 0.10).lerp(Vec3::new(0.27, 0.31, 0.37), height);
+        light += Vec3::splat(0.22) * normal.dot(towards_eye).max(0.0);
         if lit {
             let towards_light = (self.light - surface.point).normalize_or_zero().as_vec3();
-            light += Vec3::new(1.75, 1.62, 1.42) * normal.dot(towards_light).max(0.0);
+            light += Vec3::new(1.30, 1.22, 1.08) * normal.dot(towards_light).max(0.0);
         }
         albedo * light
     }
@@ -241,8 +241,8 @@ fn edges(linear: &[Vec3], size: Size) -> Vec<usize> {
 
 /// The sky: pale at the horizon, bluer above.
 fn background(direction: Vec3) -> Vec3 {
-    let height = direction.normalize_or_zero().y.clamp(-0.2, 1.0) + 0.2;
-    Vec3::new(0.95, 0.93, 0.90).lerp(Vec3::new(0.24, 0.42, 0.72), (height * 0.83).sqrt())
+    let height = 0.5 + 0.5 * direction.normalize_or_zero().y;
+    Vec3::new(0.62, 0.63, 0.62).lerp(Vec3::new(0.10, 0.20, 0.40), height * height)
 }
 
 /// Linear light to 0..1.

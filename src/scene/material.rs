@@ -6,7 +6,7 @@ pub struct Material {
     /// Its name in the file, or a name of ours.
     pub name: String,
     /// Part of the light that is scattered back, linear red, green and blue, each 0 to 1; `Kd` of
-    /// an .mtl file.
+    /// an .mtl file, or half of `Ks` where `Kd` is black.
     pub diffuse: [f32; 3],
 }
 

@@ -6,7 +6,7 @@ use crate::scene::Scene;
 
 const SEED: u64 = 7;
 /// Places tried; those that meet a sphere placed before are left out.
-const TRIES: u64 = 420;
+const TRIES: u64 = 260;
 
 const COLOURS: [[f32; 3]; 8] = [
     [0.80, 0.19, 0.10],
@@ -42,7 +42,7 @@ pub(super) fn make() -> Scene {
         }
     }
     for (i, [x, z, radius]) in placed.into_iter().enumerate() {
-        let rings = if i < 3 { 40 } else { 6 + (radius * 22.0) as u32 };
+        let rings = if i < 3 { 36 } else { 6 + (radius * 14.0) as u32 };
         let colour = match i {
             0 => 0,
             1 => 4,

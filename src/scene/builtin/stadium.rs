@@ -30,12 +30,13 @@ pub(super) fn make() -> Scene {
         let (inner, outer) = (64.0 + 2.4 * f64::from(tier), 66.4 + 2.4 * f64::from(tier));
         let (low, high) = (1.5 * f64::from(tier), 1.5 * f64::from(tier + 1));
         let rows = [ring(&mut b, inner, low), ring(&mut b, inner, high), ring(&mut b, outer, high)];
-        b.band(stone, &rows[1], &rows[0]);
-        b.band(seats[tier as usize % 2], &rows[2], &rows[1]);
+        let colour = seats[usize::from(tier % 4 == 3)];
+        b.band(if tier == 0 { stone } else { colour }, &rows[1], &rows[0]);
+        b.band(colour, &rows[2], &rows[1]);
     }
     b.block(stone, stone, Block { lo: [-0.09, -0.05, -0.07], hi: [0.09, 0.10, 0.07] }, false);
     knot(&mut b, copper, [0.0, 0.262, 0.0], 0.044);
-    b.look([0.30, 0.34, 0.66], [0.0, 0.235, 0.0], 38.0, [-1.6, 2.2, 1.9]);
+    b.look([0.26, 0.36, 0.62], [0.0, 0.225, 0.0], 38.0, [-1.6, 2.2, 1.9]);
     b.finish()
 }
 
@@ -59,7 +60,7 @@ fn disc(b: &mut Builder, material: u32, radius: f64) {
 fn knot(b: &mut Builder, material: u32, centre: Point, scale: f64) {
     let on_curve = |turns: f64| -> Point {
         let (wave_sin, wave_cos) = sin_cos(3.0 * turns);
-        let (sin, cos) = sin_cos(2.0 * turns + 0.25);
+        let (sin, cos) = sin_cos(2.0 * turns + 0.75);
         let r = 2.0 + 1.1 * wave_cos;
         [r * cos, r * sin, 1.1 * wave_sin]
     };
@@ -70,7 +71,7 @@ fn knot(b: &mut Builder, material: u32, centre: Point, scale: f64) {
             let along = unit(sub(on_curve(turns + 1e-4), on_curve(turns - 1e-4)));
             // Away from the middle of the torus' tube, made perpendicular to the curve: a frame
             // that comes back to itself after a full round.
-            let (sin, cos) = sin_cos(2.0 * turns + 0.25);
+            let (sin, cos) = sin_cos(2.0 * turns + 0.75);
             let outwards = sub(here, [2.0 * cos, 2.0 * sin, 0.0]);
             let lean = dot(outwards, along);
             let normal = unit(std::array::from_fn(|k| outwards[k] - lean * along[k]));

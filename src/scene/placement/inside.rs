@@ -10,9 +10,11 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 const FOV: f32 = 62.0;
 /// Pixels of a preview.
 const PREVIEW: [u32; 2] = [24, 16];
-/// Places to try, in parts of the bounds.
-const ACROSS: [f64; 6] = [0.12, 0.27, 0.42, 0.58, 0.73, 0.88];
-const HEIGHTS: [f64; 2] = [0.3, 0.45];
+/// Places to try, in parts of the box that holds most triangles.
+const ACROSS: [f64; 6] = [0.04, 0.22, 0.40, 0.60, 0.78, 0.96];
+const HEIGHTS: [f64; 3] = [0.3, 0.5, 0.7];
+/// Part of the triangles on either side that this box leaves out.
+const OUTLIERS: f64 = 0.03;
 const DIRECTIONS: u32 = 12;
 
 /// `None` when no place inside sees anything.
@@ -23,11 +25,12 @@ pub(super) fn place(
     let bounds = scene.bounds();
     let lo = DVec3::from_array(bounds.lo.map(f64::from));
     let size = DVec3::from_array(bounds.hi.map(f64::from)) - lo;
+    let [near, far] = crowded(scene);
     let mut best: Option<(f64, Camera)> = None;
     for height in HEIGHTS {
         for x in ACROSS {
             for z in ACROSS {
-                let eye = lo + size * DVec3::new(x, height, z);
+                let eye = near + (far - near) * DVec3::new(x, height, z);
                 for (score, camera) in views(scene, accelerator, eye, bounds.diagonal())? {
                     if best.is_none_or(|(least, _)| score > least) {
                         best = Some((score, camera));
@@ -39,6 +42,26 @@ pub(super) fn place(
     let Some((_, camera)) = best else { return Ok(None) };
     let light = light(scene, accelerator, &camera, lo, size)?;
     Ok(Some(Placement { camera, light, view: View::Inside }))
+}
+
+/// The box that holds the middles of nearly all triangles: where there is something to see.
+fn crowded(scene: &Scene) -> [DVec3; 2] {
+    let finite = |corners: &[[f32; 3]; 3]| corners.as_flattened().iter().all(|x| x.is_finite());
+    let middles: Vec<DVec3> = scene
+        .triangles()
+        .filter(finite)
+        .map(|corners| corners.iter().map(|p| DVec3::from_array(p.map(f64::from))).sum::<DVec3>())
+        .map(|sum| sum / 3.0)
+        .collect();
+    let skip = (OUTLIERS * middles.len() as f64) as usize;
+    let (mut near, mut far) = (DVec3::ZERO, DVec3::ZERO);
+    for axis in 0..3 {
+        let mut along: Vec<f64> = middles.iter().map(|middle| middle[axis]).collect();
+        along.sort_unstable_by(f64::total_cmp);
+        near[axis] = along.get(skip).copied().unwrap_or(0.0);
+        far[axis] = along.iter().rev().nth(skip).copied().unwrap_or(0.0);
+    }
+    [near, far]
 }
 
 /// The directions from one place, all previews in one batch, with their scores.

@@ -12,31 +12,33 @@ const FOV: f64 = 35.0;
 const MARGIN: f64 = 1.08;
 
 pub(super) fn place(scene: &Scene, aspect: f64) -> Placement {
-    let bounds = framed_bounds(scene);
-    let lo = DVec3::from_array(bounds.lo.map(f64::from));
-    let hi = DVec3::from_array(bounds.hi.map(f64::from));
-    let centre = 0.5 * lo + 0.5 * hi;
     let towards = TOWARDS_EYE.normalize();
     let right = DVec3::Y.cross(towards).normalize();
     let up = towards.cross(right);
-    // The least distance from which all eight corners are in the picture.
+    let axes = [right, up, towards];
+    let mut points = framed_points(scene);
+    if points.is_empty() {
+        points.push(DVec3::ZERO);
+    }
+    // The middle of what the camera sees, in the camera's axes.
+    let project = |p: DVec3| DVec3::from_array(axes.map(|axis| p.dot(axis)));
+    let flat: Vec<DVec3> = points.into_iter().map(project).collect();
+    let lo = flat.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let hi = flat.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let middle = 0.5 * lo + 0.5 * hi;
+    // The least distance from which every point is in the picture.
     let tan = (0.5 * FOV.to_radians()).tan() / MARGIN;
-    let distance = (0..8)
-        .map(|i| {
-            let corner = DVec3::new(
-                if i & 1 == 0 { lo.x } else { hi.x },
-                if i & 2 == 0 { lo.y } else { hi.y },
-                if i & 4 == 0 { lo.z } else { hi.z },
-            ) - centre;
-            let side = corner.dot(right).abs() / (tan * aspect);
-            corner.dot(towards) + side.max(corner.dot(up).abs() / tan)
-        })
+    let distance = flat
+        .iter()
+        .map(|&point| (point - middle, (point - middle).abs()))
+        .map(|(point, size)| point.z + (size.x / (tan * aspect)).max(size.y / tan))
         .fold(0.0, f64::max);
     // A scene without extent still needs an eye that is not where it looks.
-    let least = centre.abs().max_element().max(1e-30) * 1e-5;
+    let least = middle.abs().max_element().max(1e-30) * 1e-5;
     let distance = distance.max(least);
+    let centre = right * middle.x + up * middle.y + towards * middle.z;
     let eye = centre + towards * distance;
-    let light = centre + (towards * 0.7 - right * 0.75 + up * 0.9) * 1.5 * distance;
+    let light = centre + (towards * 0.6 - right * 0.9 + up * 0.9) * 1.5 * distance;
     Placement {
         camera: camera(eye, centre),
         light: light.as_vec3().to_array(),
@@ -54,22 +56,21 @@ fn camera(eye: DVec3, centre: DVec3) -> Camera {
         .unwrap_or_else(|_| unreachable!("constants that make a camera"))
 }
 
-/// The bounds to put in the picture: those of all triangles, without the few that are as large as
+/// The corners to put in the picture: those of all triangles, without the few that are as large as
 /// the scene itself. A ground plane would else shrink what stands on it to a speck.
-fn framed_bounds(scene: &Scene) -> Aabb {
+fn framed_points(scene: &Scene) -> Vec<DVec3> {
     let all = scene.bounds();
-    if all.is_empty() {
-        return Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
-    }
     let limit = 0.3 * all.half_extent(all.longest_axis());
-    let (mut rest, mut kept, mut total) = (Aabb::EMPTY, 0usize, 0usize);
-    for corners in scene.triangles() {
-        let own = Aabb::of_points(&corners);
-        total += 1;
-        if all.contains(&own) && own.half_extent(own.longest_axis()) < limit {
-            rest = rest.union(&own);
-            kept += 1;
-        }
-    }
-    if kept * 10 >= total * 9 { rest } else { all }
+    let box_of = |corners: &[[f32; 3]; 3]| Aabb::of_points(corners);
+    // Triangles with a NaN or an infinity are in no bounds.
+    let whole = |corners: &[[f32; 3]; 3]| all.contains(&box_of(corners));
+    let small = |corners: &[[f32; 3]; 3]| {
+        let own = box_of(corners);
+        own.half_extent(own.longest_axis()) < limit
+    };
+    let total = scene.triangles().filter(whole).count();
+    let kept = scene.triangles().filter(whole).filter(small).count();
+    let leave_out = kept * 10 >= total * 9;
+    let chosen = scene.triangles().filter(whole).filter(|corners| !leave_out || small(corners));
+    chosen.flatten().map(|point| DVec3::from_array(point.map(f64::from))).collect()
 }
