@@ -239,10 +239,15 @@ fn edges(linear: &[Vec3], size: Size) -> Vec<usize> {
     (0..shown.len()).filter(|&pixel| marked[pixel]).collect()
 }
 
-/// The sky: pale at the horizon, bluer above.
+/// A backdrop: light at the horizon, blue above, a soft dark below.
 fn background(direction: Vec3) -> Vec3 {
-    let height = 0.5 + 0.5 * direction.normalize_or_zero().y;
-    Vec3::new(0.62, 0.63, 0.62).lerp(Vec3::new(0.10, 0.20, 0.40), height * height)
+    let height = direction.normalize_or_zero().y;
+    let horizon = Vec3::new(0.66, 0.66, 0.64);
+    if height > 0.0 {
+        horizon.lerp(Vec3::new(0.07, 0.18, 0.42), (1.6 * height).min(1.0))
+    } else {
+        horizon.lerp(Vec3::new(0.10, 0.12, 0.15), (-1.3 * height).min(1.0))
+    }
 }
 
 /// Linear light to 0..1.

@@ -18,8 +18,8 @@ impl Material {
 
     /// A material by name and linear colour. Parts outside 0 to 1 are clamped, NaN becomes 0.
     pub fn new(name: impl Into<String>, diffuse: [f32; 3]) -> Material {
-        // max first: it answers 0 for NaN, clamp would keep it.
-        Material { name: name.into(), diffuse: diffuse.map(|part| part.max(0.0).min(1.0)) }
+        let part = |part: f32| if part.is_nan() { 0.0 } else { part.clamp(0.0, 1.0) };
+        Material { name: name.into(), diffuse: diffuse.map(part) }
     }
 }
 

@@ -101,6 +101,12 @@ impl Reference {
         self.triangles[place].1
     }
 
+    /// Lower and upper corner of the box that holds all triangles; zeros without any.
+    pub(super) fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+        let bounds = self.root.as_ref().map(bounds_of);
+        bounds.map_or(([0.0; 3], [0.0; 3]), |bounds| (bounds.lo, bounds.hi))
+    }
+
     /// The hit of least (`t`, triangle), by the hierarchy.
     pub fn closest(&self, ray: &Ray64) -> Option<Hit64> {
         let test = Woop::new(ray);

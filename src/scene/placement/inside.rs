@@ -147,25 +147,28 @@ fn light(
     distances.sort_by(f64::total_cmp);
     let middle = distances[distances.len() / 2].min(size.length());
     let mut best = (-1.0, eye);
-    for height in [0.9, 0.8, 0.7, 0.6, 0.5] {
-        for (forward, left) in [(0.5, 0.25), (0.5, 0.0), (0.25, 0.2), (0.8, 0.0), (0.0, 0.0)] {
-            let mut light = eye + ahead * (forward * middle) - side * (left * middle);
-            light.y = lo.y + height * size.y;
-            let rays: Vec<Ray> =
-                seen.iter().map(|s| Ray::segment(s.start(), light.as_vec3().to_array())).collect();
-            let mut dark = vec![false; rays.len()];
-            accelerator.any_hits(&rays, &mut dark, &QueryOptions::default())?;
-            let lit = dark
-                .iter()
-                .zip(&seen)
-                .filter(|(dark, s)| !**dark && s.normal.dot(light - s.point) > 0.0);
-            let part = lit.count() as f64 / seen.len().max(1) as f64;
-            if part > best.0 {
-                best = (part, light);
-            }
-            if part > 0.6 {
-                return Ok(light.as_vec3().to_array());
-            }
+    let above = [0.9, 0.8, 0.7, 0.6, 0.5].into_iter().flat_map(|height| {
+        let spots = [(0.5, 0.25), (0.5, 0.0), (0.25, 0.2), (0.8, 0.0), (0.0, 0.0)];
+        spots.map(|(forward, left)| {
+            let spot = eye + ahead * (forward * middle) - side * (left * middle);
+            DVec3::new(spot.x, lo.y + height * size.y, spot.z)
+        })
+    });
+    // Over the left shoulder, for narrow places under high roofs.
+    let shoulder = eye - side * (0.12 * middle) + DVec3::Y * (0.2 * middle);
+    for light in above.chain([shoulder]) {
+        let target = light.as_vec3().to_array();
+        let rays: Vec<Ray> = seen.iter().map(|s| Ray::segment(s.start(), target)).collect();
+        let mut dark = vec![false; rays.len()];
+        accelerator.any_hits(&rays, &mut dark, &QueryOptions::default())?;
+        let faces = |s: &Surface| s.normal.dot(light - s.point) > 0.0;
+        let lit = dark.iter().zip(&seen).filter(|(dark, s)| !**dark && faces(s)).count();
+        let part = lit as f64 / seen.len().max(1) as f64;
+        if part > best.0 {
+            best = (part, light);
+        }
+        if part > 0.6 {
+            break;
         }
     }
     Ok(best.1.as_vec3().to_array())
