@@ -15,6 +15,13 @@ pub struct Aabb {
     pub hi: [f32; 3],
 }
 
+impl Default for Aabb {
+    /// [`Aabb::EMPTY`].
+    fn default() -> Aabb {
+        Aabb::EMPTY
+    }
+}
+
 impl Aabb {
     /// The box that holds nothing: union with it changes no box. Finite, because WGSL may assume
     /// that infinities do not occur.

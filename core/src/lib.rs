@@ -6,11 +6,26 @@
 extern crate alloc;
 
 pub mod aabb;
+pub mod arithmetic;
 #[cfg(feature = "alloc")]
 pub mod backend;
 pub mod config;
 pub mod digest;
+#[cfg(feature = "alloc")]
+pub mod dump;
+pub mod file;
+pub mod intersect;
+pub mod kernel;
+pub mod layout;
+pub mod mask;
 pub mod mesh;
 pub mod node;
 pub mod ray;
+pub mod sah;
+pub mod schedule;
+pub mod split;
+pub mod stats;
+pub mod traverse;
 pub mod tree;
+pub mod triangle;
+pub mod validate;

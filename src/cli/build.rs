@@ -25,7 +25,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     in_pool(common, || {
         let session = Session::open(&arguments.scene, common)?;
         if let Some(path) = &arguments.output {
-            save_tree(path, session.accelerator.tree())?;
+            save_tree(path, session.accelerator.as_ref(), &session.scene.mesh()?)?;
         }
         if common.json {
             return print_json(&session.report());

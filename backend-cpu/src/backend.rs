@@ -1,0 +1,159 @@
+//! The CPU as a [`Backend`].
+
+use std::sync::Mutex;
+
+use rayon::prelude::*;
+use splitplane_core::backend::{
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary,
+};
+use splitplane_core::kernel::Counter;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::schedule;
+use splitplane_core::tree::KdTree;
+use splitplane_core::triangle::{Prepared, Triangle, prepare};
+use splitplane_core::validate::validate_mesh;
+
+use crate::buffers::{Buffers, Memory};
+use crate::executor::CpuExecutor;
+use crate::query::{CpuAccelerator, InstructionSet};
+
+/// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
+/// between builds.
+#[derive(Debug)]
+pub struct CpuBackend {
+    scratch: Mutex<Option<Box<Buffers>>>,
+    set: InstructionSet,
+}
+
+impl Default for CpuBackend {
+    fn default() -> CpuBackend {
+        CpuBackend::with_instruction_set(InstructionSet::detect())
+    }
+}
+
+impl CpuBackend {
+    /// A backend that uses the best instruction set this processor has.
+    pub fn new() -> CpuBackend {
+        CpuBackend::default()
+    }
+
+    /// A backend that uses at most this instruction set; for tests and measurements. Answers do not
+    /// depend on it.
+    pub fn with_instruction_set(set: InstructionSet) -> CpuBackend {
+        let available = InstructionSet::available();
+        let set = if available.contains(&set) { set } else { InstructionSet::Portable };
+        CpuBackend { scratch: Mutex::new(None), set }
+    }
+
+    /// Builds the canonical tree alone, without what queries need.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn build_tree(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<(KdTree, BuildSummary), BuildError> {
+        self.with_built(mesh, options, |tree, summary, _| (tree, summary))
+    }
+
+    /// Builds, and also makes the query layout; the accelerator by its own type.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn build_accelerator(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<CpuAccelerator, BuildError> {
+        self.with_built(mesh, options, |tree, summary, triangles| {
+            CpuAccelerator::new(tree, summary, triangles, self.set)
+        })
+    }
+
+    /// Builds a tree and hands it over with its summary and the snapped corners.
+    fn with_built<T>(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        then: impl FnOnce(KdTree, BuildSummary, &[Triangle]) -> T,
+    ) -> Result<T, BuildError> {
+        options.config.validate()?;
+        // A poisoned lock means that another build panicked; its scratch is not needed.
+        let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
+        let mut executor = CpuExecutor::new(*mesh, options.config, *scratch, options.max_memory)?;
+        schedule::build(&mut executor)?;
+        let peak_bytes = executor.peak_bytes();
+        let buffers = executor.finish();
+        let counters = buffers.counters;
+        let nodes = counters[Counter::Nodes] as usize;
+        let references = counters[Counter::LeafReferences] as usize;
+        let tree = KdTree {
+            nodes: buffers.nodes[..nodes].to_vec(),
+            references: buffers.leaf_references[..references].to_vec(),
+            bounds: buffers.root_bounds,
+            triangles: counters[Counter::Triangles],
+            config: options.config,
+        };
+        let summary = BuildSummary {
+            triangles: counters[Counter::Triangles],
+            dropped: counters[Counter::Dropped],
+            snapped: counters[Counter::Snapped],
+            large_levels: counters[Counter::Levels],
+            small_roots: counters[Counter::SmallRoots],
+            peak_bytes,
+        };
+        let out = then(tree, summary, &buffers.triangles[..mesh.len()]);
+        if let Ok(mut kept) = self.scratch.lock() {
+            *kept = Some(Box::new(buffers));
+        }
+        Ok(out)
+    }
+}
+
+impl Backend for CpuBackend {
+    fn describe(&self) -> BackendInfo {
+        BackendInfo {
+            name: "cpu".into(),
+            adapter: None,
+            threads: Some(rayon::current_num_threads()),
+            detail: format!("instruction set {}", self.set.name()),
+        }
+    }
+
+    fn build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        Ok(Box::new(self.build_accelerator(mesh, options)?))
+    }
+
+    fn load(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let wrong = |reason: String| BuildError::WrongMesh { reason };
+        validate_mesh(&tree.view(), mesh).map_err(|violation| wrong(violation.to_string()))?;
+        let bytes = (mesh.len() * size_of::<Triangle>()) as u64;
+        let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
+        memory.take(bytes)?;
+        let prepared: Vec<_> =
+            (0..mesh.len()).into_par_iter().map(|i| prepare(&mesh.triangle(i))).collect();
+        let count = |test: fn(&Prepared) -> bool| {
+            prepared.iter().filter(|triangle| test(triangle)).count() as u32
+        };
+        let summary = BuildSummary {
+            triangles: mesh.len() as u32,
+            dropped: count(|triangle| !triangle.kept),
+            snapped: count(|triangle| triangle.snapped),
+            large_levels: 0,
+            small_roots: 0,
+            peak_bytes: memory.peak,
+        };
+        let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
+        Ok(Box::new(CpuAccelerator::new(tree, summary, &triangles, self.set)))
+    }
+}

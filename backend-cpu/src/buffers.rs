@@ -1,0 +1,124 @@
+//! The typed arena that kernels work on, kept between builds.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::BuildError;
+use splitplane_core::layout::{
+    Chunk, ChunkBounds, Counters, Decision, Extent, LargeNode, Reference, Sides, SmallRoot, TopNode,
+};
+use splitplane_core::node::KdNode;
+use splitplane_core::triangle::Triangle;
+
+use crate::kernels::build_small::Subtrees;
+
+/// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is
+/// in the counters.
+#[derive(Debug, Default)]
+pub struct Buffers {
+    pub(crate) triangles: Vec<Triangle>,
+    pub(crate) references: Vec<Reference>,
+    pub(crate) next_references: Vec<Reference>,
+    pub(crate) small_references: Vec<Reference>,
+    pub(crate) active_nodes: Vec<LargeNode>,
+    pub(crate) next_nodes: Vec<LargeNode>,
+    pub(crate) node_bounds: Vec<Aabb>,
+    pub(crate) chunks: Vec<Chunk>,
+    pub(crate) chunk_counts: Vec<Sides>,
+    pub(crate) chunk_bounds: Vec<ChunkBounds>,
+    pub(crate) reference_sides: Vec<u8>,
+    pub(crate) decisions: Vec<Decision>,
+    pub(crate) top_nodes: Vec<TopNode>,
+    pub(crate) level_starts: Vec<u32>,
+    pub(crate) small_roots: Vec<SmallRoot>,
+    pub(crate) small_sizes: Vec<Extent>,
+    pub(crate) top_sizes: Vec<Extent>,
+    pub(crate) top_addresses: Vec<Extent>,
+    pub(crate) nodes: Vec<KdNode>,
+    pub(crate) leaf_references: Vec<u32>,
+    pub(crate) counters: Counters,
+    pub(crate) root_bounds: Aabb,
+    /// Not part of the schedule: the subtrees that `build_small` measured, kept for `emit_small`.
+    pub(crate) subtrees: Vec<Subtrees>,
+}
+
+/// Counts bytes against a limit.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Memory {
+    /// Bytes held now.
+    pub held: u64,
+    /// Most bytes held so far.
+    pub peak: u64,
+    /// The limit, if any.
+    pub limit: Option<u64>,
+}
+
+impl Memory {
+    /// Accounts for `bytes` more.
+    ///
+    /// # Errors
+    /// More than the limit.
+    pub fn take(&mut self, bytes: u64) -> Result<(), BuildError> {
+        let needed = self.held + bytes;
+        if let Some(limit) = self.limit
+            && needed > limit
+        {
+            return Err(BuildError::OutOfMemory { needed, limit });
+        }
+        self.held = needed;
+        self.peak = self.peak.max(needed);
+        Ok(())
+    }
+
+    /// Makes a vector at least `length` long. What it held may be lost: callers write all they read.
+    ///
+    /// # Errors
+    /// More memory than the limit allows, or than there is.
+    pub fn grow<T: bytemuck::Zeroable + Clone>(
+        &mut self,
+        vector: &mut Vec<T>,
+        length: usize,
+    ) -> Result<(), BuildError> {
+        if vector.len() >= length {
+            return Ok(());
+        }
+        if vector.capacity() < length {
+            let size = size_of::<T>() as u64;
+            self.take((length - vector.capacity()) as u64 * size)?;
+            let needed = self.held;
+            vector
+                .try_reserve_exact(length - vector.len())
+                .map_err(|_| BuildError::OutOfMemory { needed, limit: needed })?;
+        }
+        vector.resize(length, T::zeroed());
+        Ok(())
+    }
+}
+
+impl Buffers {
+    /// Bytes of all vectors.
+    pub fn bytes(&self) -> u64 {
+        fn of<T>(vector: &Vec<T>) -> u64 {
+            (vector.capacity() * size_of::<T>()) as u64
+        }
+        of(&self.triangles)
+            + of(&self.references)
+            + of(&self.next_references)
+            + of(&self.small_references)
+            + of(&self.active_nodes)
+            + of(&self.next_nodes)
+            + of(&self.node_bounds)
+            + of(&self.chunks)
+            + of(&self.chunk_counts)
+            + of(&self.chunk_bounds)
+            + of(&self.reference_sides)
+            + of(&self.decisions)
+            + of(&self.top_nodes)
+            + of(&self.level_starts)
+            + of(&self.small_roots)
+            + of(&self.small_sizes)
+            + of(&self.top_sizes)
+            + of(&self.top_addresses)
+            + of(&self.nodes)
+            + of(&self.leaf_references)
+            + self.subtrees.iter().map(Subtrees::bytes).sum::<u64>()
+    }
+}

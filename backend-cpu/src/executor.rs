@@ -1,0 +1,323 @@
+//! Runs the tree builder's kernels on rayon's pool.
+
+use splitplane_core::backend::BuildError;
+use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
+use splitplane_core::layout::Counters;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::node::KdNode;
+use splitplane_core::schedule::Executor;
+
+use crate::buffers::{Buffers, Memory};
+use crate::kernels::build_small::{BATCH, Subtrees};
+use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
+
+/// The CPU executor: one build over one mesh. Work runs in the rayon pool of the calling thread.
+#[derive(Debug)]
+pub struct CpuExecutor<'a> {
+    mesh: Mesh<'a>,
+    config: BuildConfig,
+    buffers: Buffers,
+    memory: Memory,
+}
+
+impl<'a> CpuExecutor<'a> {
+    /// An executor ready for [`splitplane_core::schedule::build`]. `buffers` may come from an
+    /// earlier build.
+    ///
+    /// # Errors
+    /// More memory than `limit` allows.
+    pub fn new(
+        mesh: Mesh<'a>,
+        config: BuildConfig,
+        mut buffers: Buffers,
+        limit: Option<u64>,
+    ) -> Result<CpuExecutor<'a>, BuildError> {
+        buffers.counters = Counters::default();
+        let triangles = mesh.len() as u32;
+        buffers.counters[Counter::Triangles] = triangles;
+        buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
+        let mut memory = Memory { held: 0, peak: 0, limit };
+        memory.take(buffers.bytes())?;
+        Ok(CpuExecutor { mesh, config, buffers, memory })
+    }
+
+    /// The counters.
+    pub fn counters(&self) -> &Counters {
+        &self.buffers.counters
+    }
+
+    /// Most bytes held so far.
+    pub fn peak_bytes(&self) -> u64 {
+        self.memory.peak
+    }
+
+    /// The live bytes of a buffer, for comparing executors; `None` for buffers that stand for
+    /// several.
+    pub fn live(&self, buffer: Buffer) -> Option<&[u8]> {
+        let b = &self.buffers;
+        let length = buffer.live().map_or(0, |counter| b.counters[counter] as usize);
+        fn bytes<T: bytemuck::NoUninit>(vector: &[T], length: usize) -> Option<&[u8]> {
+            Some(bytemuck::cast_slice(vector.get(..length)?))
+        }
+        match buffer {
+            Buffer::Input | Buffer::ChunkState => None,
+            Buffer::Counters => Some(bytemuck::bytes_of(&b.counters)),
+            Buffer::Triangles => bytes(b.triangles.as_flattened().as_flattened(), length * 9),
+            Buffer::References => bytes(&b.references, length),
+            Buffer::NextReferences => bytes(&b.next_references, length),
+            Buffer::SmallReferences => bytes(&b.small_references, length),
+            Buffer::ActiveNodes => bytes(&b.active_nodes, length),
+            Buffer::NextNodes => bytes(&b.next_nodes, length),
+            Buffer::NodeBounds => bytes(&b.node_bounds, length),
+            Buffer::Chunks => bytes(&b.chunks, length),
+            Buffer::ChunkCounts => bytes(&b.chunk_counts, length),
+            Buffer::ChunkBounds => bytes(&b.chunk_bounds, length),
+            Buffer::ReferenceSides => bytes(&b.reference_sides, length),
+            Buffer::Decisions => bytes(&b.decisions, length),
+            Buffer::TopNodes => bytes(&b.top_nodes, length),
+            Buffer::LevelStarts => bytes(&b.level_starts, length),
+            Buffer::SmallRoots => bytes(&b.small_roots, length),
+            Buffer::SmallSizes => bytes(&b.small_sizes, length),
+            Buffer::TopSizes => bytes(&b.top_sizes, length),
+            Buffer::TopAddresses => bytes(&b.top_addresses, length),
+            Buffer::Nodes => bytes(&b.nodes, length),
+            Buffer::LeafReferences => bytes(&b.leaf_references, length),
+        }
+    }
+
+    /// Gives the buffers back, with the finished tree in them.
+    pub fn finish(self) -> Buffers {
+        self.buffers
+    }
+
+    fn count(&self, counter: Counter) -> usize {
+        self.buffers.counters[counter] as usize
+    }
+
+    /// Sums sizes in 64 bits before anything trusts the 32-bit ones.
+    fn check_size(&self) -> Result<(), BuildError> {
+        let b = &self.buffers;
+        let small = &b.small_sizes[..self.count(Counter::SmallRoots)];
+        let top = self.count(Counter::TopNodes) as u64;
+        let nodes = top + small.iter().map(|size| u64::from(size.nodes)).sum::<u64>();
+        let references = small.iter().map(|size| u64::from(size.references)).sum::<u64>();
+        if nodes > u64::from(KdNode::MAX_INDEX) || references > u64::from(u32::MAX) {
+            return Err(BuildError::TooLarge { nodes, references });
+        }
+        Ok(())
+    }
+}
+
+impl Executor<TreeBuilder> for CpuExecutor<'_> {
+    type Error = BuildError;
+
+    fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
+        use kernels as k;
+        let triangles = self.count(Counter::Triangles);
+        let input_chunks = self.count(Counter::InputChunks);
+        let active = self.count(Counter::ActiveNodes);
+        let references = self.count(Counter::ActiveReferences);
+        let chunks = self.count(Counter::Chunks);
+        let top = self.count(Counter::TopNodes);
+        let small = self.count(Counter::SmallRoots);
+        let b = &mut self.buffers;
+        let m = &mut self.memory;
+        match kernel {
+            Kernel::TriangleBounds => {
+                m.grow(&mut b.triangles, triangles)?;
+                m.grow(&mut b.chunk_counts, input_chunks)?;
+                m.grow(&mut b.chunk_bounds, input_chunks)?;
+                k::triangle_bounds::run(
+                    &self.mesh,
+                    &mut b.triangles[..triangles],
+                    &mut b.chunk_counts[..input_chunks],
+                    &mut b.chunk_bounds[..input_chunks],
+                );
+            }
+            Kernel::ScanTriangles => {
+                m.grow(&mut b.active_nodes, 1)?;
+                m.grow(&mut b.top_nodes, 1)?;
+                k::scan_triangles::run(
+                    &mut b.chunk_counts[..input_chunks],
+                    &b.chunk_bounds[..input_chunks],
+                    &mut b.active_nodes[0],
+                    &mut b.top_nodes[0],
+                    &mut b.counters,
+                );
+                b.root_bounds = b.active_nodes[0].cell();
+            }
+            Kernel::GatherReferences => {
+                m.grow(&mut b.references, references)?;
+                k::gather_references::run(
+                    &b.triangles[..triangles],
+                    &b.chunk_counts[..input_chunks],
+                    &mut b.references[..references],
+                );
+            }
+            Kernel::NodeBounds => {
+                m.grow(&mut b.node_bounds, active)?;
+                k::node_bounds::run(
+                    &b.active_nodes[..active],
+                    &b.chunk_bounds,
+                    &mut b.node_bounds[..active],
+                );
+            }
+            Kernel::SplitLarge => {
+                m.grow(&mut b.decisions, active)?;
+                k::split_large::run(
+                    &self.config,
+                    &b.active_nodes[..active],
+                    &b.node_bounds[..active],
+                    &b.references[..references],
+                    &mut b.decisions[..active],
+                );
+            }
+            Kernel::ChunkNodes => {
+                k::chunk_nodes::run(&mut b.active_nodes[..active], &mut b.counters);
+            }
+            Kernel::AssignChunks => {
+                m.grow(&mut b.chunks, chunks)?;
+                k::assign_chunks::run(&b.active_nodes[..active], &mut b.chunks[..chunks]);
+            }
+            Kernel::ClassifyReferences => {
+                m.grow(&mut b.reference_sides, references)?;
+                m.grow(&mut b.chunk_counts, chunks)?;
+                k::classify_references::run(
+                    &b.chunks[..chunks],
+                    &b.decisions[..active],
+                    &b.references[..references],
+                    &b.triangles[..triangles],
+                    &mut b.reference_sides[..references],
+                    &mut b.chunk_counts[..chunks],
+                );
+            }
+            Kernel::CountChildren => {
+                k::count_children::run(
+                    &b.active_nodes[..active],
+                    &mut b.chunk_counts[..chunks],
+                    &mut b.decisions[..active],
+                );
+            }
+            Kernel::AllocateChildren => {
+                let before = b.bytes();
+                let mut lists = Lists {
+                    next: &mut b.next_nodes,
+                    small: &mut b.small_roots,
+                    top: &mut b.top_nodes,
+                    level_starts: &mut b.level_starts,
+                };
+                k::allocate_children::run(
+                    &self.config,
+                    &b.active_nodes[..active],
+                    &mut b.decisions[..active],
+                    &mut lists,
+                    &mut b.counters,
+                );
+                m.take(b.bytes() - before)?;
+            }
+            Kernel::ScatterReferences => {
+                let next = b.counters[Counter::NextReferences] as usize;
+                let small = b.counters[Counter::SmallReferences] as usize;
+                m.grow(&mut b.next_references, next)?;
+                // The small references collect over all levels: room for more than this one.
+                if b.small_references.len() < small {
+                    m.grow(&mut b.small_references, small + small / 4)?;
+                }
+                m.grow(&mut b.chunk_bounds, chunks)?;
+                let inputs = Inputs {
+                    small_node_limit: self.config.small_node_limit,
+                    chunks: &b.chunks[..chunks],
+                    decisions: &b.decisions[..active],
+                    references: &b.references[..references],
+                    reference_sides: &b.reference_sides[..references],
+                    chunk_counts: &b.chunk_counts[..chunks],
+                    triangles: &b.triangles[..triangles],
+                };
+                k::scatter_references::run(
+                    &inputs,
+                    &mut b.next_references[..next],
+                    &mut b.small_references[..small],
+                    &mut b.chunk_bounds[..chunks],
+                );
+            }
+            Kernel::BuildSmall => {
+                m.grow(&mut b.small_sizes, small)?;
+                let batches = small.div_ceil(BATCH);
+                b.subtrees.resize_with(batches.max(b.subtrees.len()), Subtrees::default);
+                let before: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
+                k::build_small::run(
+                    &self.config,
+                    &b.small_roots[..small],
+                    &b.small_references,
+                    &mut b.small_sizes[..small],
+                    &mut b.subtrees[..batches],
+                );
+                let after: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
+                m.take(after - before)?;
+                self.check_size()?;
+            }
+            Kernel::SubtreeSizes => {
+                m.grow(&mut b.top_sizes, top)?;
+                k::subtree_sizes::run(
+                    &b.top_nodes[..top],
+                    &b.small_sizes[..small],
+                    &mut b.top_sizes[..top],
+                    &mut b.counters,
+                );
+            }
+            Kernel::PreorderAddresses => {
+                m.grow(&mut b.top_addresses, top)?;
+                k::preorder_addresses::run(
+                    &b.top_nodes[..top],
+                    &b.top_sizes[..top],
+                    &mut b.top_addresses[..top],
+                );
+            }
+            Kernel::EmitTop => {
+                let nodes = b.counters[Counter::Nodes] as usize;
+                m.grow(&mut b.nodes, nodes)?;
+                k::emit_top::run(
+                    &b.top_nodes[..top],
+                    &b.top_addresses[..top],
+                    &mut b.nodes[..nodes],
+                );
+            }
+            Kernel::EmitSmall => {
+                let nodes = b.counters[Counter::Nodes] as usize;
+                let leaf_references = b.counters[Counter::LeafReferences] as usize;
+                m.grow(&mut b.leaf_references, leaf_references)?;
+                k::emit_small::run(
+                    &b.small_roots[..small],
+                    &b.small_sizes[..small],
+                    &b.subtrees,
+                    &b.top_addresses[..top],
+                    &mut b.nodes[..nodes],
+                    &mut b.leaf_references[..leaf_references],
+                );
+            }
+        }
+        Ok(())
+    }
+
+    fn swap(&mut self, a: Buffer, b: Buffer) -> Result<(), BuildError> {
+        let buffers = &mut self.buffers;
+        let (one, other) = match (a, b) {
+            (Buffer::ActiveNodes, Buffer::NextNodes) => {
+                core::mem::swap(&mut buffers.active_nodes, &mut buffers.next_nodes);
+                (Counter::ActiveNodes, Counter::NextNodes)
+            }
+            (Buffer::References, Buffer::NextReferences) => {
+                core::mem::swap(&mut buffers.references, &mut buffers.next_references);
+                (Counter::ActiveReferences, Counter::NextReferences)
+            }
+            _ => return Err(BuildError::Device(format!("{a:?} and {b:?} cannot be exchanged"))),
+        };
+        buffers.counters.words.swap(one as usize, other as usize);
+        Ok(())
+    }
+
+    fn pending(&mut self, counter: Counter, _rounds: u32) -> Result<bool, BuildError> {
+        Ok(self.buffers.counters[counter] > 0)
+    }
+}

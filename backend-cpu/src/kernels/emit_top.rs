@@ -1,0 +1,22 @@
+//! `emit_top`: one invocation a top node.
+//!
+//! Reads: the top tree and its addresses. Writes: its interior nodes and empty leaves in preorder.
+
+use splitplane_core::layout::{Extent, TopNode};
+use splitplane_core::node::{Axis, KdNode};
+
+/// Runs the kernel. Serial: there is about one top node for 32 triangles.
+pub fn run(top: &[TopNode], addresses: &[Extent], nodes: &mut [KdNode]) {
+    for (node, address) in top.iter().zip(addresses) {
+        let out = address.nodes as usize;
+        match node.kind {
+            TopNode::SMALL_ROOT => {}
+            TopNode::EMPTY => nodes[out] = KdNode::leaf(address.references, 0),
+            axis => {
+                let right = addresses[node.right as usize].nodes;
+                let split = f32::from_bits(node.split);
+                nodes[out] = KdNode::interior(Axis::from_index(axis), split, right);
+            }
+        }
+    }
+}

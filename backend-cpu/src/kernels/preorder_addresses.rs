@@ -1,0 +1,24 @@
+//! `preorder_addresses`: one workgroup, level by level from the root.
+//!
+//! Reads: the top tree and the sizes of its subtrees. Writes: where each subtree starts in the
+//! output: a left subtree just behind its parent, a right one behind the left one.
+
+use splitplane_core::layout::{Extent, TopNode};
+
+/// Runs the kernel.
+pub fn run(top: &[TopNode], sizes: &[Extent], addresses: &mut [Extent]) {
+    addresses[0] = Extent::default();
+    for index in 0..top.len() {
+        let node = &top[index];
+        if node.kind < TopNode::SMALL_ROOT {
+            let here = addresses[index];
+            let left_size = sizes[node.left as usize];
+            let left = Extent { nodes: here.nodes + 1, references: here.references };
+            addresses[node.left as usize] = left;
+            addresses[node.right as usize] = Extent {
+                nodes: left.nodes + left_size.nodes,
+                references: left.references + left_size.references,
+            };
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! `split_large`: one workgroup an active node.
+//!
+//! Reads: cell and tight bounds of the node; its references where the median separates nothing.
+//! Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
+//! Ties: axes in order, then lower positions.
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::config::BuildConfig;
+use splitplane_core::layout::{Decision, LargeNode, Reference, Sides};
+use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep, spatial_median};
+
+use super::GRAIN;
+
+/// Runs the kernel.
+pub fn run(
+    config: &BuildConfig,
+    active: &[LargeNode],
+    node_bounds: &[Aabb],
+    references: &[Reference],
+    decisions: &mut [Decision],
+) {
+    active
+        .par_iter()
+        .zip(node_bounds)
+        .zip(decisions)
+        .with_min_len(GRAIN)
+        .for_each(|((node, tight), decision)| *decision = decide(config, node, tight, references));
+}
+
+fn decide(
+    config: &BuildConfig,
+    node: &LargeNode,
+    tight: &Aabb,
+    references: &[Reference],
+) -> Decision {
+    let mut decision = Decision {
+        cuts: [0.0; 6],
+        cut_count: 0,
+        cut_sides: 0,
+        axis: Decision::TRANSFER,
+        position: 0.0,
+        counts: Sides { left: node.count, right: 0 },
+        first: Sides::default(),
+        first_node: 0,
+        source_first: node.first,
+    };
+    let levels_left = config.max_depth - node.depth;
+    if node.count <= config.small_node_limit {
+        return decision;
+    }
+    let mut cell = node.cell();
+    for side in 0..6 {
+        if decision.cut_count == levels_left {
+            return decision;
+        }
+        if let Some(cut) = empty_cutoff::<Strict>(config, &cell, tight, side) {
+            if side % 2 == 0 {
+                cell.lo[cut.axis] = cut.position;
+            } else {
+                cell.hi[cut.axis] = cut.position;
+            }
+            decision.cuts[decision.cut_count as usize] = cut.position;
+            decision.cut_sides |= (side as u32) << (4 * decision.cut_count);
+            decision.cut_count += 1;
+        }
+    }
+    if decision.cut_count == levels_left {
+        return decision;
+    }
+    let plane = if node.inseparable == 0 {
+        spatial_median(&cell)
+    } else {
+        // That the median does not separate does not mean that no plane does.
+        let mine = &references[node.first as usize..(node.first + node.count) as usize];
+        sampled_sweep(&cell, mine)
+    };
+    if let Some(SplitPlane { axis, position }) = plane {
+        decision.axis = axis as u32;
+        decision.position = position;
+    }
+    decision
+}

@@ -1,0 +1,186 @@
+//! The built tree, ready for rays.
+
+use rayon::prelude::*;
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
+use splitplane_core::intersect::{Limits, PreparedRay, SceneScale};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+use splitplane_core::tree::KdTree;
+use splitplane_core::triangle::{Triangle, prepare};
+
+use super::blocks::Blocks;
+#[cfg(target_arch = "x86_64")]
+use super::lanes;
+use super::leaf::InstructionSet;
+use super::single;
+
+/// Rays of one task: what one thread takes at a time.
+const TASK: usize = 2048;
+
+/// A tree over a mesh on the CPU.
+#[derive(Debug)]
+pub struct CpuAccelerator {
+    tree: KdTree,
+    summary: BuildSummary,
+    scene: SceneScale,
+    blocks: Blocks,
+    set: InstructionSet,
+}
+
+impl CpuAccelerator {
+    /// Makes the query layout of a tree. `triangles` are the mesh's snapped corners.
+    pub fn new(
+        tree: KdTree,
+        summary: BuildSummary,
+        triangles: &[Triangle],
+        set: InstructionSet,
+    ) -> CpuAccelerator {
+        // Dropped triangles have no say.
+        let limits = triangles
+            .par_chunks(4096)
+            .map(|chunk| {
+                chunk
+                    .iter()
+                    .filter(|triangle| prepare(triangle).kept)
+                    .fold(Limits::NONE, |limits, t| limits.union(Limits::of(t)))
+            })
+            .reduce(|| Limits::NONE, Limits::union);
+        let scene = SceneScale::new(tree.bounds, &limits);
+        let blocks = Blocks::new(&tree.view(), triangles);
+        CpuAccelerator { tree, summary, scene, blocks, set }
+    }
+
+    /// The instruction set of the wide test.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.set
+    }
+
+    /// The scale that the reference traversal needs for the same answers.
+    pub fn scene_scale(&self) -> &SceneScale {
+        &self.scene
+    }
+
+    /// The hits of a batch with one ray after the other, for comparing with the batch path.
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length.
+    pub fn closest_hits_singly(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        check(rays.len(), hits.len())?;
+        rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
+            for (ray, hit) in rays.iter().zip(hits) {
+                *hit = self.trace(ray, options, Query::Closest);
+            }
+        });
+        Ok(())
+    }
+
+    /// Whether rays hit anything, one ray after the other.
+    ///
+    /// # Errors
+    /// `rays` and `occluded` of different length.
+    pub fn any_hits_singly(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        check(rays.len(), occluded.len())?;
+        rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
+            for (ray, occluded) in rays.iter().zip(occluded) {
+                *occluded = self.trace(ray, options, Query::Any).is_hit();
+            }
+        });
+        Ok(())
+    }
+
+    fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+        let Some(prepared) = PreparedRay::new::<Strict>(ray, &self.scene) else {
+            return Hit::MISS;
+        };
+        let Some(interval) = prepared.enter::<Strict>(&self.scene.bounds) else {
+            return Hit::MISS;
+        };
+        // SAFETY: `set` was detected on this processor.
+        unsafe { single::trace(self.set, &self.blocks, &prepared, interval, options, query) }
+    }
+
+    /// Traces a batch by the best path there is; `answer` takes ray number and hit.
+    fn trace_batch(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        query: Query,
+        mut answer: impl FnMut(usize, Hit),
+    ) {
+        #[cfg(target_arch = "x86_64")]
+        if self.set == InstructionSet::Avx512 && rays.len() >= lanes::WORTHWHILE {
+            let (blocks, scene) = (&self.blocks, &self.scene);
+            // SAFETY: `set` was detected on this processor.
+            unsafe { lanes::trace(blocks, scene, rays, options, query, &mut answer) };
+            return;
+        }
+        for (index, ray) in rays.iter().enumerate() {
+            answer(index, self.trace(ray, options, query));
+        }
+    }
+}
+
+fn check(rays: usize, results: usize) -> Result<(), QueryError> {
+    if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
+}
+
+impl Accelerator for CpuAccelerator {
+    fn tree(&self) -> &KdTree {
+        &self.tree
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        &self.summary
+    }
+
+    fn query_bytes(&self) -> u64 {
+        self.blocks.bytes()
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        check(rays.len(), hits.len())?;
+        rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
+            self.trace_batch(rays, options, Query::Closest, |index, hit| hits[index] = hit);
+        });
+        Ok(())
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        check(rays.len(), occluded.len())?;
+        rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
+            self.trace_batch(rays, options, Query::Any, |index, hit| {
+                occluded[index] = hit.is_hit()
+            });
+        });
+        Ok(())
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+        self.trace(ray, options, Query::Closest).some()
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+        self.trace(ray, options, Query::Any).is_hit()
+    }
+}

@@ -1,0 +1,286 @@
+//! The wide triangle test: which triangles of a block may hold a hit.
+
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::intersect::{
+    Candidate, EDGE_LEAST, PreparedRay, moeller_trumbore, watertight,
+};
+use splitplane_core::ray::{Accuracy, QueryOptions};
+use splitplane_core::triangle::Triangle;
+
+use super::blocks::Block;
+
+/// What the processor can do, found at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstructionSet {
+    /// Plain Rust.
+    Portable,
+    /// 8 triangles at once.
+    Avx2,
+    /// 16 triangles at once, and 16 rays at once.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `avx2`, `avx512`) lowers it, for
+    /// tests and measurements; it never raises it.
+    pub fn detect() -> InstructionSet {
+        let wanted = match std::env::var("SPLITPLANE_ISA").as_deref() {
+            Ok("portable") => InstructionSet::Portable,
+            Ok("avx2") => InstructionSet::Avx2,
+            _ => InstructionSet::Avx512,
+        };
+        InstructionSet::available()
+            .into_iter()
+            .rfind(|&set| set as u32 <= wanted as u32)
+            .unwrap_or(InstructionSet::Portable)
+    }
+
+    /// All that this processor has, worst first.
+    pub fn available() -> Vec<InstructionSet> {
+        #[allow(unused_mut, reason = "no other set on other processors")]
+        let mut sets = vec![InstructionSet::Portable];
+        #[cfg(all(target_arch = "x86_64", not(miri)))]
+        {
+            if is_x86_feature_detected!("avx2") {
+                sets.push(InstructionSet::Avx2);
+            }
+            if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") {
+                sets.push(InstructionSet::Avx512);
+            }
+        }
+        sets
+    }
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Portable => "portable",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
+    }
+}
+
+/// Decides one triangle by the reference test.
+#[inline]
+pub(crate) fn decide(
+    ray: &PreparedRay,
+    triangle: &Triangle,
+    options: &QueryOptions,
+) -> Option<Candidate> {
+    match options.accuracy {
+        Accuracy::Watertight => watertight::<Strict>(ray, triangle, options.culling),
+        Accuracy::Fast => moeller_trumbore::<Strict>(ray, triangle, options.culling),
+    }
+}
+
+/// Bits of the triangles of a block that the reference test may accept at an inner `t` of at most
+/// `limit`: those it accepts, and few others. The ray must not be wide.
+///
+/// # Safety
+/// The processor must have `set`.
+#[inline(always)]
+pub(crate) unsafe fn sift(
+    set: InstructionSet,
+    ray: &PreparedRay,
+    block: &Block<'_>,
+    limit: f32,
+    accuracy: Accuracy,
+) -> u32 {
+    match set {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the caller's contract; a block's words reach 16 behind the start of any row.
+        InstructionSet::Avx512 => match accuracy {
+            Accuracy::Watertight => unsafe { x86::watertight_16(ray, block, limit) },
+            Accuracy::Fast => unsafe { x86::fast_16(ray, block, limit) },
+        },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        InstructionSet::Avx2 => match accuracy {
+            Accuracy::Watertight => unsafe { x86::watertight_8(ray, block, limit) },
+            Accuracy::Fast => unsafe { x86::fast_8(ray, block, limit) },
+        },
+        _ => portable(ray, block, limit, accuracy),
+    }
+}
+
+/// All triangles for the fast test; for the watertight one those whose edges enclose the ray.
+fn portable(ray: &PreparedRay, block: &Block<'_>, limit: f32, accuracy: Accuracy) -> u32 {
+    if accuracy == Accuracy::Fast {
+        return (1 << block.count) - 1;
+    }
+    let [sx, sy, sz] = ray.shear;
+    let origin = ray.axes.map(|axis| ray.origin[axis]);
+    let mut bits = 0;
+    for i in 0..block.count {
+        let from: [[f32; 3]; 3] = core::array::from_fn(|corner| {
+            core::array::from_fn(|k| {
+                block.words[(corner * 3 + ray.axes[k]) * block.stride + i] - origin[k]
+            })
+        });
+        let [a, b, c] = from.map(|p| [p[0] - sx * p[2], p[1] - sy * p[2]]);
+        let u = c[0] * b[1] - c[1] * b[0];
+        let v = a[0] * c[1] - a[1] * c[0];
+        let w = b[0] * a[1] - b[1] * a[0];
+        let below = u <= -EDGE_LEAST || v <= -EDGE_LEAST || w <= -EDGE_LEAST;
+        let above = u >= EDGE_LEAST || v >= EDGE_LEAST || w >= EDGE_LEAST;
+        let depths = from.map(|p| sz * p[2]);
+        let nearest = depths[0].min(depths[1]).min(depths[2]);
+        let farthest = depths[0].max(depths[1]).max(depths[2]);
+        let hit = !(below && above) && farthest >= ray.t_min && nearest <= limit;
+        bits |= u32::from(hit) << i;
+    }
+    bits
+}
+
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    //! The same with vector instructions. Products and sums round separately, as the reference's
+    //! do: no fused operation may stand here.
+
+    use super::{Block, EDGE_LEAST, PreparedRay};
+    use core::arch::x86_64::*;
+
+    macro_rules! sieves {
+        ($watertight:ident, $fast:ident, $features:literal, $width:literal, $load:path, $set:path,
+         $add:path, $sub:path, $mul:path, $div:path, $min:path, $max:path, $le:expr, $and:expr,
+         $and_not_bits:expr, $bits:expr) => {
+            /// Triangles whose edges enclose the ray and whose corners reach into its limits.
+            ///
+            /// # Safety
+            /// The processor must have the instruction set, and a wide load from any row must stay
+            /// within the block's words.
+            #[target_feature(enable = $features)]
+            #[inline]
+            pub unsafe fn $watertight(ray: &PreparedRay, block: &Block<'_>, limit: f32) -> u32 {
+                let [kx, ky, kz] = ray.axes;
+                let (ox, oy, oz) =
+                    ($set(ray.origin[kx]), $set(ray.origin[ky]), $set(ray.origin[kz]));
+                let [sx, sy, sz] = ray.shear.map(|x| $set(x));
+                let mut all = 0;
+                let mut at = 0;
+                while at < block.count {
+                    let start = block.words.as_ptr();
+                    // SAFETY: rows and what follows them are within the words, by contract.
+                    let row = |corner: usize, axis: usize| unsafe {
+                        $load(start.add((corner * 3 + axis) * block.stride + at))
+                    };
+                    let (az, bz, cz) =
+                        ($sub(row(0, kz), oz), $sub(row(1, kz), oz), $sub(row(2, kz), oz));
+                    let ax = $sub($sub(row(0, kx), ox), $mul(sx, az));
+                    let ay = $sub($sub(row(0, ky), oy), $mul(sy, az));
+                    let bx = $sub($sub(row(1, kx), ox), $mul(sx, bz));
+                    let by = $sub($sub(row(1, ky), oy), $mul(sy, bz));
+                    let cx = $sub($sub(row(2, kx), ox), $mul(sx, cz));
+                    let cy = $sub($sub(row(2, ky), oy), $mul(sy, cz));
+                    let u = $sub($mul(cx, by), $mul(cy, bx));
+                    let v = $sub($mul(ax, cy), $mul(ay, cx));
+                    let w = $sub($mul(bx, ay), $mul(by, ax));
+                    let least = $min(u, $min(v, w));
+                    let most = $max(u, $max(v, w));
+                    let (da, db, dc) = ($mul(sz, az), $mul(sz, bz), $mul(sz, cz));
+                    let nearest = $min(da, $min(db, dc));
+                    let farthest = $max(da, $max(db, dc));
+                    let below = $le(least, $set(-EDGE_LEAST));
+                    let above = $le($set(EDGE_LEAST), most);
+                    let reached = $and($le($set(ray.t_min), farthest), $le(nearest, $set(limit)));
+                    let bits: u32 = $and_not_bits($and(below, above), reached);
+                    all |= bits << at;
+                    at += $width;
+                }
+                all & (((1u64 << block.count) - 1) as u32)
+            }
+
+            /// Triangles that the fast test accepts, whichever way they face.
+            ///
+            /// # Safety
+            /// As for the watertight one.
+            #[target_feature(enable = $features)]
+            #[inline]
+            pub unsafe fn $fast(ray: &PreparedRay, block: &Block<'_>, limit: f32) -> u32 {
+                let o = ray.origin.map(|x| $set(x));
+                let d = ray.direction.map(|x| $set(x));
+                let (zero, one) = ($set(0.0), $set(1.0));
+                let mut all = 0;
+                let mut at = 0;
+                while at < block.count {
+                    let start = block.words.as_ptr();
+                    // SAFETY: rows and what follows them are within the words, by contract.
+                    let row = |corner: usize, axis: usize| unsafe {
+                        $load(start.add((corner * 3 + axis) * block.stride + at))
+                    };
+                    let a = [row(0, 0), row(0, 1), row(0, 2)];
+                    let ab = [$sub(row(1, 0), a[0]), $sub(row(1, 1), a[1]), $sub(row(1, 2), a[2])];
+                    let ac = [$sub(row(2, 0), a[0]), $sub(row(2, 1), a[1]), $sub(row(2, 2), a[2])];
+                    let ao = [$sub(o[0], a[0]), $sub(o[1], a[1]), $sub(o[2], a[2])];
+                    macro_rules! cross {
+                        ($p:expr, $q:expr) => {
+                            [
+                                $sub($mul($p[1], $q[2]), $mul($p[2], $q[1])),
+                                $sub($mul($p[2], $q[0]), $mul($p[0], $q[2])),
+                                $sub($mul($p[0], $q[1]), $mul($p[1], $q[0])),
+                            ]
+                        };
+                    }
+                    macro_rules! dot {
+                        ($p:expr, $q:expr) => {
+                            $add($add($mul($p[0], $q[0]), $mul($p[1], $q[1])), $mul($p[2], $q[2]))
+                        };
+                    }
+                    let p = cross!(d, ac);
+                    // A zero determinant gives infinities and NaN, which compare false, or passes
+                    // and is sorted out by the reference test.
+                    let inverse = $div(one, dot!(ab, p));
+                    let u = $mul(dot!(ao, p), inverse);
+                    let q = cross!(ao, ab);
+                    let v = $mul(dot!(d, q), inverse);
+                    let t = $mul(dot!(ac, q), inverse);
+                    let inside = $and($le(zero, $min(u, v)), $le($add(u, v), one));
+                    let reached = $and($le($set(ray.t_min), t), $le(t, $set(limit)));
+                    let bits: u32 = $bits($and(inside, reached));
+                    all |= bits << at;
+                    at += $width;
+                }
+                all & (((1u64 << block.count) - 1) as u32)
+            }
+        };
+    }
+
+    sieves!(
+        watertight_16,
+        fast_16,
+        "avx512f,avx512dq",
+        16,
+        _mm512_loadu_ps,
+        _mm512_set1_ps,
+        _mm512_add_ps,
+        _mm512_sub_ps,
+        _mm512_mul_ps,
+        _mm512_div_ps,
+        _mm512_min_ps,
+        _mm512_max_ps,
+        |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
+        |a: u16, b: u16| a & b,
+        |a: u16, b: u16| u32::from(!a & b),
+        |a: u16| u32::from(a)
+    );
+
+    sieves!(
+        watertight_8,
+        fast_8,
+        "avx2",
+        8,
+        _mm256_loadu_ps,
+        _mm256_set1_ps,
+        _mm256_add_ps,
+        _mm256_sub_ps,
+        _mm256_mul_ps,
+        _mm256_div_ps,
+        _mm256_min_ps,
+        _mm256_max_ps,
+        |a, b| _mm256_cmp_ps::<_CMP_LE_OQ>(a, b),
+        |a, b| _mm256_and_ps(a, b),
+        |a, b| _mm256_movemask_ps(_mm256_andnot_ps(a, b)) as u32,
+        |a| _mm256_movemask_ps(a) as u32
+    );
+}

@@ -1,0 +1,16 @@
+//! Answering rays: the layouts that queries read, and the traversals over them.
+//!
+//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the wide tests only sort
+//! out triangles, by the same operations in the same order, and what they let through is decided by
+//! the reference test.
+
+mod accelerator;
+mod blocks;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
+mod leaf;
+mod single;
+
+pub use accelerator::CpuAccelerator;
+pub use blocks::{BLOCK, Blocks};
+pub use leaf::InstructionSet;

@@ -1,0 +1,458 @@
+//! The kernel set of the tree builder: names, buffers, bindings, grids. The ABI between the schedule
+//! and whoever runs it.
+
+use crate::layout::{
+    Chunk, ChunkBounds, Counters, Decision, Extent, LargeNode, Reference, Sides, SmallRoot, TopNode,
+};
+use crate::node::KdNode;
+
+/// A family of kernels that one schedule runs: the tree builder is one, a renderer another.
+pub trait KernelSet {
+    /// The kernels.
+    type Kernel: Copy + core::fmt::Debug + PartialEq;
+    /// The buffers they exchange.
+    type Buffer: Copy + core::fmt::Debug + PartialEq;
+    /// The numbers that end loops.
+    type Counter: Copy + core::fmt::Debug + PartialEq;
+}
+
+/// The tree builder (Zhou et al. 2008).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TreeBuilder {}
+
+impl KernelSet for TreeBuilder {
+    type Kernel = Kernel;
+    type Buffer = Buffer;
+    type Counter = Counter;
+}
+
+/// The kernels of the tree builder. Each is a file of the same name in every backend.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Kernel {
+    /// Snaps triangles, decides which are kept, bounds each 256 of them.
+    TriangleBounds,
+    /// Scans the numbers kept, bounds the scene, makes the root.
+    ScanTriangles,
+    /// Writes the references of the root.
+    GatherReferences,
+    /// Bounds every active node: segmented reduction over chunks.
+    NodeBounds,
+    /// Cuts empty space and chooses the split of every active node.
+    SplitLarge,
+    /// Scans the numbers of chunks of the active nodes.
+    ChunkNodes,
+    /// Names node and range of every chunk.
+    AssignChunks,
+    /// Finds the sides each reference goes to and counts them by chunk.
+    ClassifyReferences,
+    /// Scans the counts of each node's chunks.
+    CountChildren,
+    /// Gives children their places: next list, small list, top tree.
+    AllocateChildren,
+    /// Moves references to the children, clipped, and bounds them by chunk.
+    ScatterReferences,
+    /// Builds the subtree of every small root and measures it.
+    BuildSmall,
+    /// Sizes of the subtrees of the top tree, bottom up.
+    SubtreeSizes,
+    /// Preorder addresses of the top tree, top down.
+    PreorderAddresses,
+    /// Writes the nodes of the top tree.
+    EmitTop,
+    /// Writes the subtrees of the small roots.
+    EmitSmall,
+}
+
+impl Kernel {
+    /// All kernels, in the order of the schedule.
+    pub const ALL: [Kernel; 16] = [
+        Kernel::TriangleBounds,
+        Kernel::ScanTriangles,
+        Kernel::GatherReferences,
+        Kernel::NodeBounds,
+        Kernel::SplitLarge,
+        Kernel::ChunkNodes,
+        Kernel::AssignChunks,
+        Kernel::ClassifyReferences,
+        Kernel::CountChildren,
+        Kernel::AllocateChildren,
+        Kernel::ScatterReferences,
+        Kernel::BuildSmall,
+        Kernel::SubtreeSizes,
+        Kernel::PreorderAddresses,
+        Kernel::EmitTop,
+        Kernel::EmitSmall,
+    ];
+
+    /// The name of the kernel's file.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Kernel::TriangleBounds => "triangle_bounds",
+            Kernel::ScanTriangles => "scan_triangles",
+            Kernel::GatherReferences => "gather_references",
+            Kernel::NodeBounds => "node_bounds",
+            Kernel::SplitLarge => "split_large",
+            Kernel::ChunkNodes => "chunk_nodes",
+            Kernel::AssignChunks => "assign_chunks",
+            Kernel::ClassifyReferences => "classify_references",
+            Kernel::CountChildren => "count_children",
+            Kernel::AllocateChildren => "allocate_children",
+            Kernel::ScatterReferences => "scatter_references",
+            Kernel::BuildSmall => "build_small",
+            Kernel::SubtreeSizes => "subtree_sizes",
+            Kernel::PreorderAddresses => "preorder_addresses",
+            Kernel::EmitTop => "emit_top",
+            Kernel::EmitSmall => "emit_small",
+        }
+    }
+
+    /// What the kernel's workgroups stand for.
+    pub const fn grid(self) -> Grid {
+        match self {
+            Kernel::TriangleBounds | Kernel::GatherReferences => Grid::Each(Counter::InputChunks),
+            Kernel::NodeBounds | Kernel::SplitLarge | Kernel::CountChildren => {
+                Grid::Each(Counter::ActiveNodes)
+            }
+            Kernel::AssignChunks | Kernel::ClassifyReferences | Kernel::ScatterReferences => {
+                Grid::Each(Counter::Chunks)
+            }
+            Kernel::BuildSmall | Kernel::EmitSmall => Grid::Each(Counter::SmallRoots),
+            Kernel::EmitTop => Grid::Each(Counter::TopNodes),
+            Kernel::ScanTriangles
+            | Kernel::ChunkNodes
+            | Kernel::AllocateChildren
+            | Kernel::SubtreeSizes
+            | Kernel::PreorderAddresses => Grid::One,
+        }
+    }
+
+    /// The buffers the kernel binds besides [`Buffer::Counters`]; at most seven, so that with the
+    /// counters WebGPU's default of eight storage buffers suffices.
+    pub const fn bindings(self) -> &'static [Binding] {
+        use Access::{Read, ReadWrite, Write};
+        use Buffer as B;
+        const fn b(buffer: Buffer, access: Access) -> Binding {
+            Binding { buffer, access }
+        }
+        match self {
+            Kernel::TriangleBounds => {
+                const {
+                    &[
+                        b(B::Input, Read),
+                        b(B::Triangles, Write),
+                        b(B::ChunkCounts, Write),
+                        b(B::ChunkBounds, Write),
+                    ]
+                }
+            }
+            Kernel::ScanTriangles => {
+                const {
+                    &[
+                        b(B::ChunkCounts, ReadWrite),
+                        b(B::ChunkBounds, Read),
+                        b(B::ActiveNodes, Write),
+                        b(B::TopNodes, Write),
+                    ]
+                }
+            }
+            Kernel::GatherReferences => {
+                const { &[b(B::Triangles, Read), b(B::ChunkCounts, Read), b(B::References, Write)] }
+            }
+            Kernel::NodeBounds => {
+                const { &[b(B::ActiveNodes, Read), b(B::ChunkBounds, Read), b(B::NodeBounds, Write)] }
+            }
+            Kernel::SplitLarge => {
+                const {
+                    &[
+                        b(B::ActiveNodes, Read),
+                        b(B::NodeBounds, Read),
+                        b(B::References, Read),
+                        b(B::Decisions, Write),
+                    ]
+                }
+            }
+            Kernel::ChunkNodes => const { &[b(B::ActiveNodes, ReadWrite)] },
+            Kernel::AssignChunks => const { &[b(B::ActiveNodes, Read), b(B::Chunks, Write)] },
+            Kernel::ClassifyReferences => {
+                const {
+                    &[
+                        b(B::Chunks, Read),
+                        b(B::Decisions, Read),
+                        b(B::References, Read),
+                        b(B::Triangles, Read),
+                        b(B::ReferenceSides, Write),
+                        b(B::ChunkCounts, Write),
+                    ]
+                }
+            }
+            Kernel::CountChildren => {
+                const {
+                    &[
+                        b(B::ActiveNodes, Read),
+                        b(B::ChunkCounts, ReadWrite),
+                        b(B::Decisions, ReadWrite),
+                    ]
+                }
+            }
+            Kernel::AllocateChildren => {
+                const {
+                    &[
+                        b(B::ActiveNodes, Read),
+                        b(B::Decisions, ReadWrite),
+                        b(B::NextNodes, Write),
+                        b(B::SmallRoots, ReadWrite),
+                        b(B::TopNodes, ReadWrite),
+                        b(B::LevelStarts, ReadWrite),
+                    ]
+                }
+            }
+            Kernel::ScatterReferences => {
+                // Triangles are read for clipping.
+                const {
+                    &[
+                        b(B::Chunks, Read),
+                        b(B::Decisions, Read),
+                        b(B::References, Read),
+                        b(B::Triangles, Read),
+                        b(B::NextReferences, Write),
+                        b(B::SmallReferences, ReadWrite),
+                        b(B::ChunkState, ReadWrite),
+                    ]
+                }
+            }
+            Kernel::BuildSmall => {
+                const { &[b(B::SmallRoots, Read), b(B::SmallReferences, Read), b(B::SmallSizes, Write)] }
+            }
+            Kernel::SubtreeSizes => {
+                const {
+                    &[
+                        b(B::TopNodes, Read),
+                        b(B::LevelStarts, Read),
+                        b(B::SmallSizes, Read),
+                        b(B::TopSizes, Write),
+                    ]
+                }
+            }
+            Kernel::PreorderAddresses => {
+                const {
+                    &[
+                        b(B::TopNodes, Read),
+                        b(B::LevelStarts, Read),
+                        b(B::TopSizes, Read),
+                        b(B::TopAddresses, Write),
+                    ]
+                }
+            }
+            Kernel::EmitTop => {
+                const { &[b(B::TopNodes, Read), b(B::TopAddresses, Read), b(B::Nodes, ReadWrite)] }
+            }
+            Kernel::EmitSmall => {
+                const {
+                    &[
+                        b(B::SmallRoots, Read),
+                        b(B::SmallReferences, Read),
+                        b(B::TopAddresses, Read),
+                        b(B::Nodes, ReadWrite),
+                        b(B::LeafReferences, Write),
+                    ]
+                }
+            }
+        }
+    }
+}
+
+/// How many workgroups a dispatch means. Grids are fixed on devices; each workgroup loops until the
+/// counter is reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Grid {
+    /// One workgroup does it all.
+    One,
+    /// One workgroup for each thing counted.
+    Each(Counter),
+}
+
+/// What a kernel does with a buffer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Reads.
+    Read,
+    /// Writes every live element.
+    Write,
+    /// Reads, or writes some elements and keeps others.
+    ReadWrite,
+}
+
+/// A buffer and what a kernel does with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Binding {
+    /// The buffer.
+    pub buffer: Buffer,
+    /// The access.
+    pub access: Access,
+}
+
+/// The buffers that kernels exchange. Between dispatches every backend holds the same bytes in the
+/// live range of each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Buffer {
+    /// Positions and indices as the caller has them.
+    Input,
+    /// Snapped corners by triangle index: 9 `f32`.
+    Triangles,
+    /// References of the active nodes: [`Reference`].
+    References,
+    /// References of the next level.
+    NextReferences,
+    /// References of the small roots.
+    SmallReferences,
+    /// The active list: [`LargeNode`].
+    ActiveNodes,
+    /// The next list.
+    NextNodes,
+    /// Tight bounds of the active nodes: [`crate::aabb::Aabb`].
+    NodeBounds,
+    /// [`Chunk`].
+    Chunks,
+    /// [`Sides`]: counts, then offsets within the node.
+    ChunkCounts,
+    /// [`ChunkBounds`].
+    ChunkBounds,
+    /// Chunk counts and bounds under one binding.
+    ChunkState,
+    /// Two bits a reference in a byte: 1 left, 2 right.
+    ReferenceSides,
+    /// [`Decision`] of each active node.
+    Decisions,
+    /// The top tree: [`TopNode`].
+    TopNodes,
+    /// First top node emitted by each level.
+    LevelStarts,
+    /// The small list: [`SmallRoot`].
+    SmallRoots,
+    /// [`Extent`] of each small root's subtree.
+    SmallSizes,
+    /// [`Extent`] of each top node's subtree.
+    TopSizes,
+    /// [`Extent`]: where each top node's subtree starts.
+    TopAddresses,
+    /// The tree's nodes: [`KdNode`].
+    Nodes,
+    /// The tree's references.
+    LeafReferences,
+    /// [`Counters`].
+    Counters,
+}
+
+impl Buffer {
+    /// Bytes of one element.
+    pub const fn element_size(self) -> usize {
+        match self {
+            Buffer::Input | Buffer::LevelStarts | Buffer::LeafReferences => 4,
+            Buffer::Triangles => 36,
+            Buffer::References | Buffer::NextReferences | Buffer::SmallReferences => {
+                size_of::<Reference>()
+            }
+            Buffer::ActiveNodes | Buffer::NextNodes => size_of::<LargeNode>(),
+            Buffer::NodeBounds => 24,
+            Buffer::Chunks => size_of::<Chunk>(),
+            Buffer::ChunkCounts => size_of::<Sides>(),
+            Buffer::ChunkBounds => size_of::<ChunkBounds>(),
+            Buffer::ChunkState => size_of::<Sides>() + size_of::<ChunkBounds>(),
+            Buffer::ReferenceSides => 1,
+            Buffer::Decisions => size_of::<Decision>(),
+            Buffer::TopNodes => size_of::<TopNode>(),
+            Buffer::SmallRoots => size_of::<SmallRoot>(),
+            Buffer::SmallSizes | Buffer::TopSizes | Buffer::TopAddresses => size_of::<Extent>(),
+            Buffer::Nodes => size_of::<KdNode>(),
+            Buffer::Counters => size_of::<Counters>(),
+        }
+    }
+
+    /// The counter that holds the number of live elements; `None` for a fixed length.
+    pub const fn live(self) -> Option<Counter> {
+        Some(match self {
+            Buffer::Input | Buffer::Counters => return None,
+            Buffer::Triangles => Counter::Triangles,
+            Buffer::References | Buffer::ReferenceSides => Counter::ActiveReferences,
+            Buffer::NextReferences => Counter::NextReferences,
+            Buffer::SmallReferences => Counter::SmallReferences,
+            Buffer::ActiveNodes | Buffer::NodeBounds | Buffer::Decisions => Counter::ActiveNodes,
+            Buffer::NextNodes => Counter::NextNodes,
+            Buffer::Chunks | Buffer::ChunkCounts | Buffer::ChunkBounds | Buffer::ChunkState => {
+                Counter::Chunks
+            }
+            Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => Counter::TopNodes,
+            Buffer::LevelStarts => Counter::Levels,
+            Buffer::SmallRoots | Buffer::SmallSizes => Counter::SmallRoots,
+            Buffer::Nodes => Counter::Nodes,
+            Buffer::LeafReferences => Counter::LeafReferences,
+        })
+    }
+}
+
+/// What kernels count, and where in [`Counters::words`].
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Counter {
+    /// Triangles of the mesh.
+    Triangles = 0,
+    /// Chunks of 256 triangles of the mesh.
+    InputChunks,
+    /// Triangles dropped.
+    Dropped,
+    /// Triangles with a snapped coordinate.
+    Snapped,
+    /// Nodes of the active list.
+    ActiveNodes,
+    /// Nodes of the next list.
+    NextNodes,
+    /// References of the active nodes.
+    ActiveReferences,
+    /// References of the next nodes.
+    NextReferences,
+    /// Chunks of the active nodes.
+    Chunks,
+    /// Small roots so far.
+    SmallRoots,
+    /// References of the small roots.
+    SmallReferences,
+    /// Nodes of the top tree so far.
+    TopNodes,
+    /// Levels of the large-node stage so far.
+    Levels,
+    /// Nodes of the finished tree.
+    Nodes,
+    /// References of the finished tree.
+    LeafReferences,
+    /// Bits that say which capacity did not suffice.
+    Overflow,
+}
+
+impl core::ops::Index<Counter> for Counters {
+    type Output = u32;
+    fn index(&self, counter: Counter) -> &u32 {
+        &self.words[counter as usize]
+    }
+}
+
+impl core::ops::IndexMut<Counter> for Counters {
+    fn index_mut(&mut self, counter: Counter) -> &mut u32 {
+        &mut self.words[counter as usize]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bindings_fit_the_default_limits_and_name_no_buffer_twice() {
+        for kernel in Kernel::ALL {
+            let bindings = kernel.bindings();
+            assert!(bindings.len() <= 7, "{kernel:?}");
+            for (i, a) in bindings.iter().enumerate() {
+                assert!(bindings[..i].iter().all(|b| b.buffer != a.buffer), "{kernel:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,221 @@
+//! The records that kernels exchange: what crosses to a device. Scalar fields only, every size a
+//! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
+
+use crate::aabb::Aabb;
+use bytemuck::{Pod, Zeroable};
+
+/// A reference to a triangle from one node: the triangle's bounds, clipped to what lies in the
+/// node. 32 bytes, half a cache line: it is moved whole.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Reference {
+    /// Lower corner of the clipped bounds.
+    pub lo: [f32; 3],
+    /// Index of the triangle in the mesh.
+    pub triangle: u32,
+    /// Upper corner of the clipped bounds.
+    pub hi: [f32; 3],
+    /// Zero.
+    pub padding: u32,
+}
+
+impl Reference {
+    /// A reference with these bounds.
+    #[inline]
+    pub fn new(bounds: &Aabb, triangle: u32) -> Reference {
+        Reference { lo: bounds.lo, triangle, hi: bounds.hi, padding: 0 }
+    }
+
+    /// The clipped bounds.
+    #[inline]
+    pub fn bounds(&self) -> Aabb {
+        Aabb { lo: self.lo, hi: self.hi }
+    }
+}
+
+/// A node of the active list: more than T triangles, not yet split.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct LargeNode {
+    /// Lower corner of the cell.
+    pub lo: [f32; 3],
+    /// First reference in the active references.
+    pub first: u32,
+    /// Upper corner of the cell.
+    pub hi: [f32; 3],
+    /// Number of references.
+    pub count: u32,
+    /// Its place in the top tree.
+    pub node: u32,
+    /// Levels below the root.
+    pub depth: u32,
+    /// First of its parent's chunks: their bounds of this side give the node's bounds.
+    pub source: u32,
+    /// How many chunks its parent had.
+    pub source_chunks: u32,
+    /// 0 for a left child, 1 for a right one.
+    pub side: u32,
+    /// 1 when the plane that made this node separated nothing: both children got all references.
+    pub inseparable: u32,
+    /// First of its own chunks; written by `chunk_nodes`.
+    pub first_chunk: u32,
+    /// Zero.
+    pub padding: u32,
+}
+
+impl LargeNode {
+    /// The cell.
+    #[inline]
+    pub fn cell(&self) -> Aabb {
+        Aabb { lo: self.lo, hi: self.hi }
+    }
+}
+
+/// Up to 256 consecutive references of one active node.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct Chunk {
+    /// Index in the active list.
+    pub node: u32,
+    /// First reference.
+    pub first: u32,
+    /// Number of references, 1 to 256.
+    pub count: u32,
+    /// Zero.
+    pub padding: u32,
+}
+
+/// A number for each side of a plane.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Sides {
+    /// Left.
+    pub left: u32,
+    /// Right.
+    pub right: u32,
+}
+
+/// What is done with an active node: up to six cuts of empty space, then a split or a transfer.
+///
+/// `split_large` writes the planes, `count_children` the counts, `allocate_children` the rest.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Decision {
+    /// Positions of the empty-space cuts, in order.
+    pub cuts: [f32; 6],
+    /// How many there are.
+    pub cut_count: u32,
+    /// Their sides (0 to 5, see [`crate::split::empty_cutoff`]), 4 bits each, first lowest.
+    pub cut_sides: u32,
+    /// Axis of the split; [`Decision::TRANSFER`] when the node goes to the small list as it is.
+    pub axis: u32,
+    /// Position of the split.
+    pub position: f32,
+    /// References of each child; for a transfer, all on the left.
+    pub counts: Sides,
+    /// First reference of each child in the buffer its class goes to.
+    pub first: Sides,
+    /// First top node that this node emits.
+    pub first_node: u32,
+    /// The node's first reference, copied for `scatter_references`.
+    pub source_first: u32,
+}
+
+impl Decision {
+    /// No split: the node goes to the small list as it is, a small root or a leaf too large to
+    /// split.
+    pub const TRANSFER: u32 = 3;
+
+    /// Side of cut `index`.
+    #[inline]
+    pub fn cut_side(&self, index: u32) -> usize {
+        (self.cut_sides >> (4 * index) & 0xf) as usize
+    }
+}
+
+/// A node of the top tree: what the large-node stage makes.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct TopNode {
+    /// Axis 0 to 2 of an interior node, [`TopNode::SMALL_ROOT`] or [`TopNode::EMPTY`].
+    pub kind: u32,
+    /// Bits of the split position.
+    pub split: u32,
+    /// Interior: the left child. Small root: its place in the small list.
+    pub left: u32,
+    /// Interior: the right child.
+    pub right: u32,
+}
+
+impl TopNode {
+    /// The node is a root of the small-node stage.
+    pub const SMALL_ROOT: u32 = 3;
+    /// The node is an empty leaf.
+    pub const EMPTY: u32 = 4;
+}
+
+/// A root of the small-node stage, or a leaf that could not be split when it has more than T
+/// references.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SmallRoot {
+    /// Lower corner of the cell.
+    pub lo: [f32; 3],
+    /// First reference in the small references.
+    pub first: u32,
+    /// Upper corner of the cell.
+    pub hi: [f32; 3],
+    /// Number of references.
+    pub count: u32,
+    /// Its place in the top tree.
+    pub node: u32,
+    /// Levels below the root.
+    pub depth: u32,
+    /// Zero.
+    pub padding: [u32; 2],
+}
+
+impl SmallRoot {
+    /// The cell.
+    #[inline]
+    pub fn cell(&self) -> Aabb {
+        Aabb { lo: self.lo, hi: self.hi }
+    }
+}
+
+/// A number of nodes and of references: the size of a subtree, or its address in the output.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Extent {
+    /// Nodes.
+    pub nodes: u32,
+    /// References.
+    pub references: u32,
+}
+
+/// The bounds of a chunk's references by the child they went to.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct ChunkBounds {
+    /// Bounds of what went left, and of what went right.
+    pub sides: [Aabb; 2],
+}
+
+/// Everything kernels count. One buffer of words; see [`crate::kernel::Counter`] for the names.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Counters {
+    /// The words.
+    pub words: [u32; 16],
+}
+
+const _: () = {
+    assert!(size_of::<Reference>() == 32);
+    assert!(size_of::<LargeNode>() == 64);
+    assert!(size_of::<Chunk>() == 16);
+    assert!(size_of::<Decision>() == 64);
+    assert!(size_of::<TopNode>() == 16);
+    assert!(size_of::<SmallRoot>() == 48);
+    assert!(size_of::<ChunkBounds>() == 48);
+    assert!(size_of::<Counters>() == 64);
+};

@@ -1,0 +1,142 @@
+//! The build schedule, stated once: Zhou et al. 2008, Algorithm 1. Every backend runs this code over
+//! an executor of its own.
+
+use crate::kernel::{Buffer, Counter, Kernel, KernelSet, TreeBuilder};
+
+/// Runs the kernels of one set, in order. Generic over the set, so that one executor can run the
+/// tree builder and a renderer.
+pub trait Executor<K: KernelSet> {
+    /// What can go wrong while running.
+    type Error;
+
+    /// Runs a kernel over its grid. Later dispatches see all that it wrote.
+    ///
+    /// # Errors
+    /// Whatever the executor cannot do: memory, device.
+    fn dispatch(&mut self, kernel: K::Kernel) -> Result<(), Self::Error>;
+
+    /// Exchanges two buffers of the same type, and the counters of their live lengths.
+    ///
+    /// # Errors
+    /// As for [`Executor::dispatch`].
+    fn swap(&mut self, a: K::Buffer, b: K::Buffer) -> Result<(), Self::Error>;
+
+    /// Whether a loop must go on: whether `counter` is above zero after `rounds` rounds. An
+    /// executor whose counters are out of reach may answer `true` without looking as long as it
+    /// likes: kernels do nothing where there is nothing to do.
+    ///
+    /// # Errors
+    /// As for [`Executor::dispatch`].
+    fn pending(&mut self, counter: K::Counter, rounds: u32) -> Result<bool, Self::Error>;
+}
+
+/// Builds a tree: Algorithm 1 of the paper.
+///
+/// The executor must hold the input, and [`Counter::Triangles`] and [`Counter::InputChunks`] must be
+/// set, every other counter zero. Afterwards [`Buffer::Nodes`] and [`Buffer::LeafReferences`] hold
+/// the tree.
+///
+/// # Errors
+/// The executor's.
+pub fn build<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+    start(executor)?;
+    let mut level = 0;
+    while executor.pending(Counter::ActiveNodes, level)? {
+        process_large_nodes(executor)?;
+        level += 1;
+    }
+    process_small_nodes(executor)?;
+    preorder_traversal(executor)
+}
+
+/// Triangle bounds, scene bounds, the root.
+fn start<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+    executor.dispatch(Kernel::TriangleBounds)?;
+    executor.dispatch(Kernel::ScanTriangles)?;
+    executor.dispatch(Kernel::GatherReferences)
+}
+
+/// One level of the large-node stage: Algorithm 2 of the paper.
+fn process_large_nodes<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+    // Bounds by segmented reduction; empty-space cutoff and split.
+    executor.dispatch(Kernel::NodeBounds)?;
+    executor.dispatch(Kernel::SplitLarge)?;
+    // Group references into chunks.
+    executor.dispatch(Kernel::ChunkNodes)?;
+    executor.dispatch(Kernel::AssignChunks)?;
+    // Sort references into children, counting first: order comes from scans, never from atomics.
+    executor.dispatch(Kernel::ClassifyReferences)?;
+    executor.dispatch(Kernel::CountChildren)?;
+    executor.dispatch(Kernel::AllocateChildren)?;
+    executor.dispatch(Kernel::ScatterReferences)?;
+    // What was next is active.
+    executor.swap(Buffer::ActiveNodes, Buffer::NextNodes)?;
+    executor.swap(Buffer::References, Buffer::NextReferences)
+}
+
+/// The small-node stage: each small root's subtree, on 64-bit masks.
+fn process_small_nodes<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+    executor.dispatch(Kernel::BuildSmall)
+}
+
+/// One preorder array from all subtrees.
+fn preorder_traversal<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+    executor.dispatch(Kernel::SubtreeSizes)?;
+    executor.dispatch(Kernel::PreorderAddresses)?;
+    executor.dispatch(Kernel::EmitTop)?;
+    executor.dispatch(Kernel::EmitSmall)
+}
+
+/// Writes what a schedule does, a line a step, and passes it on. Its text is pinned by a snapshot.
+#[derive(Debug)]
+pub struct Trace<'a, E> {
+    inner: E,
+    out: &'a mut dyn TraceSink,
+}
+
+/// Where [`Trace`] writes its lines.
+pub trait TraceSink: core::fmt::Debug {
+    /// Takes one line.
+    fn line(&mut self, line: core::fmt::Arguments<'_>);
+}
+
+#[cfg(feature = "alloc")]
+impl TraceSink for alloc::string::String {
+    fn line(&mut self, line: core::fmt::Arguments<'_>) {
+        use core::fmt::Write;
+        // Writing to a string cannot fail.
+        let _ = writeln!(self, "{line}");
+    }
+}
+
+impl<'a, E> Trace<'a, E> {
+    /// A decorator over `inner` that writes to `out`.
+    pub fn new(inner: E, out: &'a mut dyn TraceSink) -> Trace<'a, E> {
+        Trace { inner, out }
+    }
+
+    /// The executor within.
+    pub fn into_inner(self) -> E {
+        self.inner
+    }
+}
+
+impl<K: KernelSet, E: Executor<K>> Executor<K> for Trace<'_, E> {
+    type Error = E::Error;
+
+    fn dispatch(&mut self, kernel: K::Kernel) -> Result<(), E::Error> {
+        self.out.line(format_args!("dispatch {kernel:?}"));
+        self.inner.dispatch(kernel)
+    }
+
+    fn swap(&mut self, a: K::Buffer, b: K::Buffer) -> Result<(), E::Error> {
+        self.out.line(format_args!("swap {a:?} {b:?}"));
+        self.inner.swap(a, b)
+    }
+
+    fn pending(&mut self, counter: K::Counter, rounds: u32) -> Result<bool, E::Error> {
+        let pending = self.inner.pending(counter, rounds)?;
+        self.out.line(format_args!("pending {counter:?} after {rounds}: {pending}"));
+        Ok(pending)
+    }
+}
