@@ -1,6 +1,6 @@
 //! How far an answer in f32 may be from the answer.
 
-use super::reference::Ray64;
+use super::reference::{Hit64, Ray64};
 use splitplane_core::ray::Hit;
 
 type Point = [f64; 3];
@@ -62,19 +62,47 @@ impl Bound {
     }
 }
 
-/// Rays parallel to the given one, on two rings around it.
-pub(super) fn rings(ray: &Ray64, distance: f64) -> [Ray64; 16] {
+/// The edges of a triangle that pass, as the ray sees them, within `distance` of a hit on it.
+pub(super) fn edges_within(
+    ray: &Ray64,
+    hit: &Hit64,
+    corners: [[f32; 3]; 3],
+    distance: f64,
+) -> Vec<[[f32; 3]; 2]> {
+    let unit = normalize(ray.direction);
+    let point: Point = std::array::from_fn(|k| ray.origin[k] + hit.t * ray.direction[k]);
+    let flat = |corner: [f32; 3]| {
+        let from_hit = sub(corner.map(f64::from), point);
+        let depth = dot(from_hit, unit);
+        std::array::from_fn::<f64, 3, _>(|k| from_hit[k] - depth * unit[k])
+    };
+    let edges = [[corners[0], corners[1]], [corners[1], corners[2]], [corners[2], corners[0]]];
+    let close = |[a, b]: &[[f32; 3]; 2]| {
+        let along = sub(flat(*b), flat(*a));
+        let area = cross(along, flat(*a));
+        dot(area, area) <= distance * distance * dot(along, along)
+    };
+    edges.into_iter().filter(close).collect()
+}
+
+/// Rays parallel to the given one, on rings around it: each a third of the one before, since cracks
+/// between triangles that share no vertex may be much narrower than the distance.
+pub(super) fn rings(ray: &Ray64, distance: f64) -> impl Iterator<Item = Ray64> {
+    const RINGS: u32 = 7;
+    const AROUND: u32 = 12;
+    let ray = *ray;
     let d = ray.direction;
     let least = (0..3).fold(0, |best, k| if d[k].abs() < d[best].abs() { k } else { best });
     let mut axis = [0.0; 3];
     axis[least] = 1.0;
     let p = normalize(cross(d, axis));
     let q = normalize(cross(d, p));
-    std::array::from_fn(|i| {
-        let (sin, cos) = (i as f64 / 8.0 * std::f64::consts::TAU + 0.2).sin_cos();
-        let radius = if i < 8 { distance } else { 0.35 * distance };
+    (0..RINGS * AROUND).map(move |i| {
+        let turns = f64::from(i) / f64::from(AROUND) + 0.37 * f64::from(i / AROUND);
+        let (sin, cos) = (turns * std::f64::consts::TAU).sin_cos();
+        let radius = distance / f64::from(3u32.pow(i / AROUND));
         let origin = std::array::from_fn(|k| ray.origin[k] + radius * (cos * p[k] + sin * q[k]));
-        Ray64 { origin, ..*ray }
+        Ray64 { origin, ..ray }
     })
 }
 
