@@ -53,7 +53,7 @@ cancelled; 70 a bug in splitplane.";
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {
     bug::install();
-    // Files are written under another name and renamed, so nothing half done stays behind.
+    // Files are written under another name and then renamed, so no file is ever half written.
     let cancel = || std::process::exit(failure::CANCELLED.into());
     if let Err(error) = ctrlc::set_handler(cancel) {
         eprintln!("splitplane: Ctrl-C ends the program without its exit code: {error}");
