@@ -111,7 +111,7 @@ fn a_triangle_that_does_not_exist_is_noticed() {
 fn a_closed_sphere_has_no_holes() {
     let whole = Scene::open("builtin:spheres").unwrap();
     let first = whole.material_of.iter().position(|&m| m != 0).unwrap();
-    let sphere: Vec<[u32; 3]> = whole.indices[first..first + 4 * 36 * 35].iter().copied().collect();
+    let sphere: Vec<[u32; 3]> = whole.indices[first..first + 4 * 36 * 35].to_vec();
     let mesh = Mesh::indexed(&whole.positions, &sphere).unwrap();
     let accelerator = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
     let options = QueryOptions::default();

@@ -72,11 +72,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 impl Arguments {
+    fn moves_camera(&self) -> bool {
+        let points = [self.camera_eye, self.camera_at, self.camera_up];
+        points.iter().any(Option::is_some) || self.fov.is_some()
+    }
+
     /// The placement with whatever the user gave instead.
     fn placement(&self, mut placement: Placement) -> Result<Placement, CameraError> {
         let old = placement.camera;
-        let given = self.camera_eye.is_some() || self.camera_at.is_some();
-        if given || self.camera_up.is_some() || self.fov.is_some() {
+        if self.moves_camera() {
             placement.camera = Camera::new(
                 self.camera_eye.unwrap_or(old.eye()),
                 self.camera_at.unwrap_or(old.look_at()),
@@ -113,10 +117,7 @@ impl Arguments {
              in all; {:.0} % of the picture is covered\n\
              written  {} ({width}x{height})\n",
             session.describe(),
-            match placement.view {
-                View::Given => "as given",
-                other => other.name(),
-            },
+            if self.moves_camera() { "as given" } else { placement.view.name() },
             pixels as f64 / primary_ms.max(1e-6) / 1e3,
             rendered.rays,
             100.0 * rendered.covered as f64 / pixels as f64,

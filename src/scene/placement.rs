@@ -44,14 +44,19 @@ impl View {
 }
 
 impl Placement {
+    /// Part of the rays from surfaces that gets away, below which a scene is an interior. Objects let
+    /// 0.3 to 0.4 go (half the rays start into the object), an open arena 0.08, rooms 0.02 and less.
+    pub const INTERIOR_ESCAPES: f64 = 0.045;
+
     /// A camera and a light for the scene.
     ///
     /// A scene that brings both keeps them. Else rays that leave sampled triangles in random
-    /// directions decide: where less than [`INTERIOR_ESCAPES`] of them get away, the scene is an
-    /// interior. Outside, the camera stands to the front right above, at the distance from which
-    /// the bounds just fit, ground planes left out of them. Inside, the best of some hundred places and
-    /// directions is taken: far sight, much detail, nothing right before the lens. The light is
-    /// above and to the left of the eye, inside at a place that reaches what the eye sees.
+    /// directions decide: where less than [`Placement::INTERIOR_ESCAPES`] of them get away, the
+    /// scene is an interior. Outside, the camera stands to the front right above, at the distance
+    /// from which everything just fits, ground planes left out. Inside, the best of some hundred
+    /// places and directions is taken: far sight, much detail, nothing right before the lens. The
+    /// light is above and to the left of the eye, inside at a place that reaches what the eye sees.
+    /// `aspect` is the picture's width over its height.
     ///
     /// # Errors
     /// The accelerator refuses the rays.
@@ -70,10 +75,6 @@ impl Placement {
         Ok(outside::place(scene, aspect))
     }
 }
-
-/// Part of the rays from surfaces that gets away, below which a scene is an interior. Objects let
-/// 0.3 to 0.4 go (half the rays start into the object), an open arena 0.08, rooms 0.02 and less.
-pub const INTERIOR_ESCAPES: f64 = 0.045;
 
 const SEED: u64 = 11;
 const PROBES: usize = 512;
@@ -95,7 +96,7 @@ fn is_interior(scene: &Scene, accelerator: &dyn Accelerator) -> Result<bool, Que
     let mut stopped = vec![false; rays.len()];
     accelerator.any_hits(&rays, &mut stopped, &QueryOptions::default())?;
     let escaped = stopped.iter().filter(|stopped| !**stopped).count();
-    Ok((escaped as f64) < INTERIOR_ESCAPES * rays.len() as f64)
+    Ok((escaped as f64) < Placement::INTERIOR_ESCAPES * rays.len() as f64)
 }
 
 /// A direction by number, evenly spread over the sphere.
