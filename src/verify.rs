@@ -4,12 +4,16 @@
 //! edges, and rays aimed at vertices. An f32 backend cannot always give the reference's answer: its
 //! coordinates relative to the ray's origin are rounded. The bound used here is
 //! `delta = 2^-20 m`, `m` being the greatest coordinate, relative to the origin, of the corners
-//! concerned: sixteen roundings to f32 of that distance, across the ray. An answer that differs is
-//! *explained* when some ray within `delta` of the given one has, in the reference, the answer that
-//! the backend gave, to within the distance that `delta` is worth along the ray on a surface of that
-//! slant. A hole between two triangles that share an edge is therefore never explained: around it,
-//! every ray hits. A hit lost within `delta` of an edge that only one triangle has is explained too:
-//! where two triangles merely touch there, no test promises to close the seam.
+//! concerned: sixteen roundings to f32 of that distance, across the ray. A hit whose `t` and weights
+//! do not mean the same point within that bound is never accepted. Else an answer that differs is
+//! *explained* when
+//! - it is nearer than the right one, and the ray passes within `delta` of it, or
+//! - it is farther or a miss, and some ray within `delta` meets nothing nearer either, or
+//! - the hit that was lost is within `delta` of an edge that only one triangle has: where triangles
+//!   merely touch, no test promises to close the seam.
+//!
+//! A hole between two triangles that share an edge is therefore never explained: around it, every
+//! ray hits.
 
 mod bound;
 mod rays;
@@ -181,11 +185,14 @@ impl Judge<'_> {
             let slack = if near.triangle == hit.triangle { 0.0 } else { own.along };
             (near.t - t).abs() <= bound.along + slack
         };
+        let nearer_than_anything = || {
+            bound.touches(&exact, &hit)
+                || self.around(&exact, bound.across, |near| {
+                    near.is_some_and(|near| agrees(&near, &self.bound(&exact, near.triangle)))
+                })
+        };
         let Some(truth) = truth else {
-            let explained = self.around(&exact, bound.across, |near| {
-                near.is_some_and(|near| agrees(&near, &self.bound(&exact, near.triangle)))
-            });
-            return Verdict::Phantom { explained };
+            return Verdict::Phantom { explained: nearer_than_anything() };
         };
         let other = self.bound(&exact, truth.triangle);
         if agrees(&truth, &other) {
@@ -194,11 +201,18 @@ impl Judge<'_> {
             }
             return Verdict::Mismatch { explained: true };
         }
-        let explained = self.around(&exact, bound.across.max(other.across), |near| {
-            near.is_some_and(|near| agrees(&near, &self.bound(&exact, near.triangle)))
-        });
-        let explained =
-            explained || (t > truth.t && self.at_open_edge(&exact, &truth, other.across));
+        if t < truth.t {
+            return Verdict::Mismatch { explained: nearer_than_anything() };
+        }
+        // The near ray need not meet the triangle that was hit: every triangle's test is rounded on
+        // its own.
+        let nothing_nearer = |near: Option<Hit64>| {
+            near.is_none_or(|near| {
+                near.t >= t - bound.along - self.bound(&exact, near.triangle).along
+            })
+        };
+        let explained = self.around(&exact, bound.across.max(other.across), nothing_nearer)
+            || self.at_open_edge(&exact, &truth, other.across);
         Verdict::Mismatch { explained }
     }
 

@@ -46,9 +46,8 @@ impl Bound {
             return false;
         }
         let t = f64::from(hit.t);
+        let on_triangle = self.point(hit);
         let [a, b, c] = self.corners;
-        let on_triangle: Point =
-            std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]));
         let on_ray: Point = std::array::from_fn(|k| ray.origin[k] + t * ray.direction[k]);
         let apart = sub(on_triangle, on_ray);
         // Seen from its edge, a triangle's weights say little about the place: an error across the
@@ -59,6 +58,20 @@ impl Bound {
         let weights = (self.across * side / self.facing.abs()).min(side.sqrt());
         let allowed = 4.0 * (self.across + self.along * self.length + weights);
         dot(apart, apart).sqrt() <= allowed
+    }
+
+    /// Whether the ray passes within the bound of the point that the hit's weights mean.
+    pub(super) fn touches(&self, ray: &Ray64, hit: &Hit) -> bool {
+        let from_origin = sub(self.point(hit), ray.origin);
+        let unit = ray.direction.map(|x| x / self.length);
+        let aside = cross(from_origin, unit);
+        dot(aside, aside).sqrt() <= self.across
+    }
+
+    fn point(&self, hit: &Hit) -> Point {
+        let (u, v) = (f64::from(hit.u), f64::from(hit.v));
+        let [a, b, c] = self.corners;
+        std::array::from_fn(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
     }
 }
 
