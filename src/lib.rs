@@ -1,1 +1,68 @@
-//! Facade.
+//! SAH kd-trees for ray tracing: built fast enough to rebuild them every frame, the same bytes on
+//! every backend and thread count, and no ray lost between two triangles.
+//!
+#![cfg_attr(feature = "cpu", doc = "```")]
+#![cfg_attr(not(feature = "cpu"), doc = "```ignore")]
+//! use splitplane::{Backend, BackendKind, BuildOptions, Mesh, QueryOptions, Ray};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let mesh = Mesh::indexed(&positions, &[[0, 1, 2]])?;
+//! let backend = BackendKind::Auto.open()?.backend;
+//! let tree = backend.build(&mesh, &BuildOptions::default())?;
+//! let ray = Ray::new([0.25, 0.25, 5.0], [0.0, 0.0, -1.0]);
+//! let hit = tree.closest_hit(&ray, &QueryOptions::default()).expect("it hits");
+//! assert_eq!((hit.t, hit.triangle), (5.0, 0));
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! # A tour
+//!
+//! - **Geometry** stays in your arrays: [`Mesh`] borrows positions and indices (or a soup of
+//!   triangles) and never reorders them, so [`Hit::triangle`] is an index of yours.
+//! - **Backends** are chosen at run time: [`BackendKind::open`] gives a `Box<dyn Backend>` and the
+//!   reason for the choice. [`Backend`] is a public trait; bring your own.
+//! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
+//!   is in [`BuildConfig`]; limits of memory are in [`BuildOptions`] and only ever end in errors.
+//! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
+//!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
+//! - **[`Accuracy`]** is a knob: watertight by default, a faster test that may leak by choice.
+//! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
+//!   [`Digest`]: equal input gives an equal digest on any machine.
+//!
+//! # Features
+//!
+//! `cpu` (default) is the rayon backend. `scene`, `obj`, `render` and `verify` are what the program
+//! is made of: scenes and cameras, Wavefront files, pictures, and checks against a reference. `cli`
+//! (default) is the program and needs all of them; an embedder writes
+//! `default-features = false, features = ["cpu"]` and compiles none of it.
+
+#![forbid(unsafe_code)]
+
+pub mod backend;
+#[cfg(any(feature = "scene", feature = "verify"))]
+mod random;
+#[cfg(feature = "render")]
+pub mod render;
+#[cfg(feature = "scene")]
+pub mod scene;
+#[cfg(feature = "scene")]
+mod surface;
+#[cfg(feature = "verify")]
+pub mod verify;
+
+pub use backend::{BackendKind, OpenError, Opened};
+pub use splitplane_core as core;
+pub use splitplane_core::aabb::Aabb;
+pub use splitplane_core::backend::{
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
+};
+pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
+pub use splitplane_core::digest::Digest;
+pub use splitplane_core::mesh::{Mesh, MeshError};
+pub use splitplane_core::node::{Axis, KdNode, NodeKind};
+pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
+pub use splitplane_core::tree::{KdTree, KdTreeView};
+#[cfg(feature = "cpu")]
+pub use splitplane_cpu::CpuBackend;

@@ -1,0 +1,55 @@
+//! What a user sees of a bug: one sentence instead of a backtrace.
+
+use super::failure::BUG;
+use std::panic;
+
+/// From now on a panic on any thread ends the program with code 70.
+pub(super) fn install() {
+    panic::set_hook(Box::new(|info| {
+        let place = info.location().map(|at| format!(" at {}:{}", at.file(), at.line()));
+        let payload = info.payload();
+        let what = payload.downcast_ref::<&str>().copied();
+        let what = what.or(payload.downcast_ref::<String>().map(String::as_str));
+        let what = what.unwrap_or("no message");
+        super::output::error(&format!(
+            "this is a bug in splitplane{}: {what}; please report this line with the command",
+            place.unwrap_or_default()
+        ));
+        std::process::exit(BUG.into());
+    }));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::Command;
+
+    const CHILD: &str = "SPLITPLANE_TEST_PANICS";
+
+    /// Runs itself in a process of its own, since the hook ends it.
+    #[test]
+    fn a_panic_is_one_sentence_and_code_70() {
+        if std::env::var_os(CHILD).is_some() {
+            install();
+            let _ = rayon_like_thread(|| panic!("a test\nof two lines")).join();
+            unreachable!("the hook ends the process");
+        }
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args([
+                "--exact",
+                "cli::bug::tests::a_panic_is_one_sentence_and_code_70",
+                "--nocapture",
+            ])
+            .env(CHILD, "1")
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(70));
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(error.lines().count(), 1, "{error}");
+        assert!(error.contains("please report") && !error.contains("backtrace"), "{error}");
+    }
+
+    fn rayon_like_thread(work: fn()) -> std::thread::JoinHandle<()> {
+        std::thread::spawn(work)
+    }
+}

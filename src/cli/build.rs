@@ -1,0 +1,42 @@
+//! `splitplane build`.
+
+use super::failure::Failure;
+use super::options::Common;
+use super::output;
+use super::session::{Session, in_pool, print_json};
+use super::tree::save_tree;
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Args, Debug)]
+pub(super) struct Arguments {
+    /// An .obj file or builtin:NAME[:SIZE]
+    #[arg(value_name = "SCENE")]
+    scene: String,
+    /// Write the tree to this file
+    #[arg(long, short, value_name = "TREE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    common: Common,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let common = &arguments.common;
+    in_pool(common, || {
+        let session = Session::open(&arguments.scene, common)?;
+        if let Some(path) = &arguments.output {
+            save_tree(path, session.accelerator.as_ref(), &session.scene.mesh()?)?;
+        }
+        if common.json {
+            return print_json(&session.report());
+        }
+        if common.quiet {
+            return Ok(());
+        }
+        let mut text = session.describe();
+        if let Some(path) = &arguments.output {
+            text.push_str(&format!("written  {}\n", path.display()));
+        }
+        output::data(&text)
+    })
+}

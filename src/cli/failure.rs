@@ -1,0 +1,117 @@
+//! Why a run ends before it is done: a sentence and an exit code.
+
+use splitplane::scene::SceneError;
+use splitplane::{BuildError, MeshError, OpenError, QueryError};
+use std::process::ExitCode;
+
+const FAILED_CHECK: u8 = 1;
+const USAGE: u8 = 2;
+const FILE: u8 = 3;
+const LIMIT: u8 = 4;
+const NO_GPU: u8 = 5;
+const DEVICE_LOST: u8 = 6;
+pub(super) const CANCELLED: u8 = 7;
+pub(super) const BUG: u8 = 70;
+
+/// A sentence that says what is wrong and what to do, and the code the program ends with.
+#[derive(Debug)]
+pub(super) struct Failure {
+    message: String,
+    code: u8,
+}
+
+impl Failure {
+    pub(super) fn failed_check(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: FAILED_CHECK }
+    }
+
+    pub(super) fn usage(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: USAGE }
+    }
+
+    pub(super) fn file(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: FILE }
+    }
+
+    /// Whoever reads our output went away: nothing is wrong, and there is nobody to tell.
+    pub(super) fn nobody_listens() -> Failure {
+        Failure { message: String::new(), code: 0 }
+    }
+
+    pub(super) fn report(&self) {
+        if !self.message.is_empty() {
+            super::output::error(&self.message);
+        }
+    }
+
+    pub(super) fn code(&self) -> ExitCode {
+        ExitCode::from(self.code)
+    }
+}
+
+impl From<SceneError> for Failure {
+    fn from(error: SceneError) -> Failure {
+        match &error {
+            SceneError::Builtin(_) => Failure::usage(error.to_string()),
+            _ => Failure::file(error.to_string()),
+        }
+    }
+}
+
+impl From<MeshError> for Failure {
+    fn from(error: MeshError) -> Failure {
+        let code = match error {
+            MeshError::TooManyTriangles { .. } => LIMIT,
+            MeshError::IndexOutOfRange { .. } => FILE,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<OpenError> for Failure {
+    fn from(error: OpenError) -> Failure {
+        let code = match error {
+            OpenError::NoGpuBackend => NO_GPU,
+            _ => USAGE,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<BuildError> for Failure {
+    fn from(error: BuildError) -> Failure {
+        let code = match error {
+            BuildError::Config(_) => USAGE,
+            BuildError::OutOfMemory { .. } | BuildError::TooLarge { .. } => LIMIT,
+            BuildError::WrongMesh { .. } => FILE,
+            BuildError::Device(_) => DEVICE_LOST,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<QueryError> for Failure {
+    fn from(error: QueryError) -> Failure {
+        let code = match error {
+            QueryError::LengthMismatch { .. } => BUG,
+            QueryError::Device(_) => DEVICE_LOST,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Codes that no run of this build can reach from outside.
+    #[test]
+    fn limits_and_lost_devices_have_their_codes() {
+        let too_large = BuildError::TooLarge { nodes: 1 << 31, references: 0 };
+        assert_eq!(Failure::from(too_large).code, LIMIT);
+        assert_eq!(Failure::from(MeshError::TooManyTriangles { triangles: 1 << 30 }).code, LIMIT);
+        assert_eq!(Failure::from(BuildError::Device("gone".into())).code, DEVICE_LOST);
+        assert_eq!(Failure::from(QueryError::Device("gone".into())).code, DEVICE_LOST);
+        assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
+    }
+}

@@ -1,0 +1,77 @@
+//! The command line: one file a verb.
+
+mod bug;
+mod build;
+mod failure;
+mod hit_file;
+mod npy;
+mod options;
+mod output;
+mod progress;
+mod query;
+mod ray_file;
+mod render;
+mod session;
+mod tree;
+mod verify;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
+///
+/// Without a verb, renders. SCENE is the path of an .obj file or builtin:NAME[:SIZE].
+#[derive(Parser)]
+#[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
+#[command(after_help = EXIT_CODES)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+    #[command(flatten)]
+    render: render::Arguments,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Render a picture of a scene (the default verb).
+    Render(render::Arguments),
+    /// Build a tree and report what it is like.
+    Build(build::Arguments),
+    /// Trace the rays of a file.
+    Query(query::Arguments),
+    /// Check a tree and its answers against a reference in f64.
+    Verify(verify::Arguments),
+}
+
+const EXIT_CODES: &str = "\
+Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:city[:TRIANGLES]
+
+Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
+of memory or size binds; 5 a GPU was asked for and there is none; 6 the device was lost; 7 \
+cancelled; 70 a bug in splitplane.";
+
+/// Runs the program and gives its exit code.
+pub(crate) fn main() -> ExitCode {
+    bug::install();
+    // Files are written under another name and then renamed, so no file is ever half written.
+    let cancel = || std::process::exit(failure::CANCELLED.into());
+    if let Err(error) = ctrlc::set_handler(cancel) {
+        eprintln!("splitplane: Ctrl-C ends the program without its exit code: {error}");
+    }
+    // Wrong usage ends here, with a message and exit code 2.
+    let cli = Cli::parse();
+    let done = match cli.verb {
+        None => render::run(&cli.render),
+        Some(Verb::Render(arguments)) => render::run(&arguments),
+        Some(Verb::Build(arguments)) => build::run(&arguments),
+        Some(Verb::Query(arguments)) => query::run(&arguments),
+        Some(Verb::Verify(arguments)) => verify::run(&arguments),
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            failure.code()
+        }
+    }
+}

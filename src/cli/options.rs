@@ -1,0 +1,129 @@
+//! Options that every verb takes, and values in the forms users write.
+
+use clap::{Args, ValueEnum};
+use splitplane::render::Size;
+use splitplane::{Accuracy, BackendKind, BuildConfig, BuildOptions, Preset, QueryOptions};
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Common options")]
+pub(super) struct Common {
+    /// What does the work; `wgpu` never falls back to the CPU
+    #[arg(long, value_name = "auto|cpu|wgpu", default_value = "auto")]
+    pub(super) backend: BackendKind,
+    /// How the tree is built
+    #[arg(long, value_enum, default_value_t = PresetName::Fast)]
+    preset: PresetName,
+    /// Which ray/triangle test; `fast` may lose rays aimed at edges
+    #[arg(long, value_enum, default_value_t = AccuracyName::Watertight)]
+    accuracy: AccuracyName,
+    /// Threads that share the work; all cores when left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub(super) threads: Option<u16>,
+    /// Most bytes a build may hold besides the mesh; k, M and G stand for powers of 1024
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    max_memory: Option<u64>,
+    /// Report as one JSON object
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Print nothing but errors and what --json asks for
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum PresetName {
+    /// The builder of Zhou et al. 2008
+    Fast,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum AccuracyName {
+    /// Moeller and Trumbore 1997
+    Fast,
+    /// Woop, Benthin and Wald 2013
+    Watertight,
+}
+
+impl Common {
+    pub(super) fn build_options(&self) -> BuildOptions {
+        let preset = match self.preset {
+            PresetName::Fast => Preset::Fast,
+        };
+        let config = BuildConfig { preset, ..BuildConfig::default() };
+        BuildOptions { config, max_memory: self.max_memory }
+    }
+
+    pub(super) fn query_options(&self) -> QueryOptions {
+        let accuracy = match self.accuracy {
+            AccuracyName::Fast => Accuracy::Fast,
+            AccuracyName::Watertight => Accuracy::Watertight,
+        };
+        QueryOptions { accuracy, ..QueryOptions::default() }
+    }
+
+    pub(super) fn accuracy_name(&self) -> &'static str {
+        match self.accuracy {
+            AccuracyName::Fast => "fast",
+            AccuracyName::Watertight => "watertight",
+        }
+    }
+}
+
+/// `4096`, `64k`, `512M`, `2G`.
+fn bytes(text: &str) -> Result<u64, String> {
+    let shift = match text.bytes().last() {
+        Some(b'k' | b'K') => 10,
+        Some(b'm' | b'M') => 20,
+        Some(b'g' | b'G') => 30,
+        _ => 0,
+    };
+    let digits = if shift > 0 { &text[..text.len() - 1] } else { text };
+    let number: u64 = digits
+        .parse()
+        .map_err(|_| "give a whole number of bytes, such as 500000000, 512M or 2G".to_owned())?;
+    number.checked_mul(1 << shift).ok_or_else(|| "this is more than 64 bits can count".to_owned())
+}
+
+/// `1280x720`.
+pub(super) fn size(text: &str) -> Result<Size, String> {
+    let sides =
+        text.split_once(['x', 'X']).and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let (width, height) =
+        sides.ok_or_else(|| "give width and height in pixels, such as 1280x720".to_owned())?;
+    Size::new(width, height).map_err(|error| error.to_string())
+}
+
+/// `x,y,z`.
+pub(super) fn point(text: &str) -> Result<[f32; 3], String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
+    let point = numbers.and_then(|numbers| <[f32; 3]>::try_from(numbers).ok());
+    let point = point.filter(|point| point.iter().all(|x| x.is_finite()));
+    point.ok_or_else(|| "give three finite numbers, such as 1,2.5,-3".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_with_and_without_suffix() {
+        assert_eq!(bytes("123"), Ok(123));
+        assert_eq!(bytes("2k"), Ok(2048));
+        assert_eq!(bytes("3G"), Ok(3 << 30));
+        for bad in ["", "k", "-1", "1.5M", "99999999999999999999", "99999999999G", "1µ"] {
+            assert!(bytes(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn sizes_and_points() {
+        assert_eq!(size("64x36").unwrap().width(), 64);
+        for bad in ["64", "x", "0x5", "-1x5", "99999x99999", "4x4x4"] {
+            assert!(size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(point("1, 2.5,-3"), Ok([1.0, 2.5, -3.0]));
+        for bad in ["1,2", "1,2,3,4", "a,b,c", "1,2,NaN", "1,2,1e39"] {
+            assert!(point(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,152 @@
+//! What every verb starts with: threads, a scene, a backend, and a tree over it.
+
+use super::failure::Failure;
+use super::options::Common;
+use super::tree::{TreeStats, tree_stats};
+use super::{output, progress};
+use serde::Serialize;
+use splitplane::scene::Scene;
+use splitplane::{Accelerator, BackendInfo};
+use std::time::Instant;
+
+/// A scene with its tree, built.
+pub(super) struct Session {
+    pub(super) scene: Scene,
+    pub(super) info: BackendInfo,
+    pub(super) accelerator: Box<dyn Accelerator>,
+    pub(super) build_ms: f64,
+    preset: &'static str,
+    reason: String,
+}
+
+/// Runs the work in a pool of as many threads as asked for.
+pub(super) fn in_pool<R: Send>(
+    common: &Common,
+    work: impl FnOnce() -> Result<R, Failure> + Send,
+) -> Result<R, Failure> {
+    let threads = common.threads.map_or(0, usize::from);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let refused = |error| Failure::usage(format!("cannot start the threads: {error}; try fewer"));
+    pool.map_err(refused)?.install(work)
+}
+
+impl Session {
+    /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
+    pub(super) fn open(spec: &str, common: &Common) -> Result<Session, Failure> {
+        // What is asked for and cannot be had is said before a large file is read.
+        let opened = common.backend.open()?;
+        let options = common.build_options();
+        options.config.validate().map_err(|error| Failure::usage(error.to_string()))?;
+        let spinner = progress::spinner(common.quiet, "reading the scene");
+        let scene = Scene::open(spec)?;
+        spinner.finish_and_clear();
+        if !common.quiet {
+            for sentence in scene.notes.sentences() {
+                output::note(&format!("note: {}: {sentence}", scene.name));
+            }
+        }
+        let info = opened.backend.describe();
+        if !common.quiet {
+            output::note(&format!("backend: {} ({})", info.name, opened.reason));
+        }
+        let spinner = progress::spinner(common.quiet, "building the tree");
+        let mesh = scene.mesh()?;
+        let start = Instant::now();
+        let accelerator = opened.backend.build(&mesh, &options)?;
+        let build_ms = milliseconds(start);
+        spinner.finish_and_clear();
+        let summary = accelerator.summary();
+        if !common.quiet && summary.dropped > 0 {
+            output::note(&format!(
+                "note: {}: {} triangles left out: a corner is not finite, or two are equal",
+                scene.name, summary.dropped
+            ));
+        }
+        let preset = options.config.preset.name();
+        Ok(Session { scene, info, accelerator, build_ms, preset, reason: opened.reason })
+    }
+
+    pub(super) fn report(&self) -> BuildReport {
+        let summary = self.accelerator.summary();
+        BuildReport {
+            scene: self.scene.name.clone(),
+            triangles: summary.triangles,
+            dropped: summary.dropped,
+            snapped: summary.snapped,
+            backend: self.info.name.clone(),
+            adapter: self.info.adapter.clone(),
+            preset: self.preset,
+            threads: self.info.threads,
+            build_ms: self.build_ms,
+            stats: tree_stats(self.accelerator.as_ref()),
+            bytes: self.accelerator.query_bytes(),
+            digest: self.accelerator.tree().digest().to_string(),
+        }
+    }
+
+    /// The build in a few readable lines.
+    pub(super) fn describe(&self) -> String {
+        let report = self.report();
+        let by = match (&report.adapter, report.threads) {
+            (Some(adapter), _) => adapter.clone(),
+            (None, Some(threads)) => counted(threads as u64, "thread"),
+            (None, None) => self.info.detail.clone(),
+        };
+        let stats = &report.stats;
+        format!(
+            "scene    {}: {} triangles, {} dropped\n\
+             backend  {} ({by}; {})\n\
+             tree     {} nodes, {} leaves ({} empty), {} references, depth {}, SAH cost {:.2}\n\
+             built    in {:.1} ms by preset {}, {} bytes, digest {}\n",
+            report.scene,
+            report.triangles,
+            report.dropped,
+            report.backend,
+            self.reason,
+            stats.nodes,
+            stats.leaves,
+            stats.empty_leaves,
+            stats.references,
+            stats.max_depth,
+            stats.sah_cost,
+            report.build_ms,
+            report.preset,
+            report.bytes,
+            report.digest
+        )
+    }
+}
+
+/// What `--json` says about a build.
+#[derive(Serialize)]
+pub(super) struct BuildReport {
+    scene: String,
+    triangles: u32,
+    dropped: u32,
+    snapped: u32,
+    backend: String,
+    adapter: Option<String>,
+    preset: &'static str,
+    threads: Option<usize>,
+    build_ms: f64,
+    #[serde(flatten)]
+    stats: TreeStats,
+    bytes: u64,
+    pub(super) digest: String,
+}
+
+pub(super) fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// `1 ray`, `2 rays`.
+pub(super) fn counted(count: u64, what: &str) -> String {
+    format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// One JSON object on a line of its own.
+pub(super) fn print_json(report: &impl Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(report)
+        .map_err(|error| Failure::file(format!("cannot write the report as JSON: {error}")))?;
+    output::data(&format!("{text}\n"))
+}

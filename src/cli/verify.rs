@@ -1,0 +1,82 @@
+//! `splitplane verify`.
+
+use super::failure::Failure;
+use super::options::Common;
+use super::session::{Session, in_pool, print_json};
+use super::tree::check_tree;
+use super::{output, progress};
+use clap::Args;
+use serde::Serialize;
+use splitplane::verify::{Aim, check};
+
+#[derive(Args, Debug)]
+pub(super) struct Arguments {
+    /// An .obj file or builtin:NAME[:SIZE]
+    #[arg(value_name = "SCENE")]
+    scene: String,
+    /// Rays of each kind: random, aimed at edges, aimed at vertices
+    #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
+    rays: u64,
+    #[command(flatten)]
+    common: Common,
+}
+
+#[derive(Serialize)]
+struct VerifyReport {
+    rays: u64,
+    mismatches: u64,
+    misses: u64,
+    phantoms: u64,
+    unexplained: u64,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let common = &arguments.common;
+    in_pool(common, || {
+        let session = Session::open(&arguments.scene, common)?;
+        let mesh = session.scene.mesh()?;
+        let accelerator = session.accelerator.as_ref();
+        let sound = check_tree(accelerator, &mesh);
+        let total = arguments.rays * Aim::ALL.len() as u64;
+        let bar = progress::bar(common.quiet, "checking", total);
+        let options = common.query_options();
+        let found = check(accelerator, &mesh, arguments.rays, &options, &|rays| bar.inc(rays))?;
+        bar.finish_and_clear();
+        if common.json {
+            print_json(&VerifyReport {
+                rays: found.rays,
+                mismatches: found.mismatches,
+                misses: found.misses,
+                phantoms: found.phantoms,
+                unexplained: found.unexplained,
+            })?;
+        } else if !common.quiet {
+            let soundness = match &sound {
+                Ok(()) => "is sound",
+                Err(problem) => problem,
+            };
+            output::data(&format!(
+                "{}checked  the tree {soundness}\n\
+                 checked  {} rays, accuracy {}: {} mismatches, {} misses, {} phantoms, {} of them \
+                 beyond the error bound; {} answers of the reference by brute force\n",
+                session.describe(),
+                found.rays,
+                common.accuracy_name(),
+                found.mismatches,
+                found.misses,
+                found.phantoms,
+                found.unexplained,
+                found.spot_checks
+            ))?;
+        }
+        sound
+            .map_err(|problem| Failure::failed_check(format!("the tree is damaged: {problem}")))?;
+        match &found.first {
+            None => Ok(()),
+            Some(first) => Err(Failure::failed_check(format!(
+                "{} answers are wrong; the first is {first}",
+                found.unexplained
+            ))),
+        }
+    })
+}

@@ -1,0 +1,135 @@
+//! Scenes: triangles with materials, a camera and a light, from files or made here.
+
+pub mod builtin;
+mod camera;
+mod material;
+#[cfg(feature = "obj")]
+pub mod obj;
+mod placement;
+
+pub use camera::{Camera, CameraError};
+pub use material::Material;
+pub use placement::{Placement, View};
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::mesh::{Mesh, MeshError};
+use std::path::Path;
+use thiserror::Error;
+
+/// Triangles with materials, and from where to look at them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// The file's name without its folder, or `builtin:NAME`.
+    pub name: String,
+    /// Vertex positions, in the order of the file.
+    pub positions: Vec<[f32; 3]>,
+    /// Corners of every triangle, as indices of `positions`, in the order of the file.
+    pub indices: Vec<[u32; 3]>,
+    /// For every triangle, the index of its material.
+    pub material_of: Vec<u32>,
+    /// The materials; never empty when there are triangles.
+    pub materials: Vec<Material>,
+    /// The view the scene was made for; files have none, see [`Placement::of`].
+    pub camera: Option<Camera>,
+    /// The point light that casts shadows; files have none, see [`Placement::of`].
+    pub light: Option<[f32; 3]>,
+    /// What was left out or looked odd while reading.
+    pub notes: Notes,
+}
+
+/// What a reader left out or found odd. Nothing is dropped without being counted here.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notes {
+    /// Points, lines and faces of fewer than three corners, which have no area to hit.
+    pub skipped_elements: u64,
+    /// Free-form curves and surfaces, which are not supported.
+    pub skipped_freeform: u64,
+    /// Vertices with a coordinate that is NaN or infinite; triangles that use one cannot be hit.
+    pub non_finite_vertices: u64,
+    /// Whatever else a reader should know, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Notes {
+    /// Everything as sentences; empty when there is nothing to say.
+    pub fn sentences(&self) -> Vec<String> {
+        let counted = [
+            (self.skipped_elements, "points, lines or faces of fewer than three corners skipped"),
+            (self.skipped_freeform, "lines of free-form curves or surfaces skipped"),
+            (self.non_finite_vertices, "vertices are not finite; their triangles cannot be hit"),
+        ];
+        let counts = counted.iter().filter(|(count, _)| *count > 0);
+        counts.map(|(count, what)| format!("{count} {what}")).chain(self.warnings.clone()).collect()
+    }
+}
+
+/// Why there is no scene.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// An OBJ file that cannot be read.
+    #[cfg(feature = "obj")]
+    #[error(transparent)]
+    Obj(#[from] obj::ObjError),
+    /// A built-in scene that does not exist, or a size it cannot have.
+    #[error(transparent)]
+    Builtin(#[from] builtin::BuiltinError),
+    /// A file that is not of a known format.
+    #[error(
+        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
+        names = builtin::names()
+    )]
+    UnknownFormat(String),
+}
+
+impl Scene {
+    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`.
+    ///
+    /// # Errors
+    /// There is no such scene, or its file is broken.
+    pub fn open(spec: &str) -> Result<Scene, SceneError> {
+        if let Some(name) = spec.strip_prefix("builtin:") {
+            return Ok(builtin::open(name)?);
+        }
+        let path = Path::new(spec);
+        #[cfg(feature = "obj")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
+            return Ok(obj::read(path)?);
+        }
+        Err(SceneError::UnknownFormat(path.display().to_string()))
+    }
+
+    /// The triangles, borrowed, as a tree is built over them.
+    ///
+    /// # Errors
+    /// The arrays were changed to something that is not a mesh, or hold too many triangles.
+    pub fn mesh(&self) -> Result<Mesh<'_>, MeshError> {
+        Mesh::indexed(&self.positions, &self.indices)
+    }
+
+    /// The least box that holds every triangle with finite corners; empty when there is none.
+    pub fn bounds(&self) -> Aabb {
+        self.triangles().fold(Aabb::EMPTY, |bounds, corners| {
+            if corners.as_flattened().iter().all(|x| x.is_finite()) {
+                bounds.union(&Aabb::of_points(&corners))
+            } else {
+                bounds
+            }
+        })
+    }
+
+    /// The corners of every triangle whose indices exist.
+    pub fn triangles(&self) -> impl Iterator<Item = [[f32; 3]; 3]> + '_ {
+        let position = |vertex: u32| self.positions.get(vertex as usize).copied();
+        self.indices.iter().filter_map(move |corners| {
+            let [a, b, c] = corners.map(position);
+            Some([a?, b?, c?])
+        })
+    }
+
+    /// The material of a triangle; clay where there is none.
+    pub fn material(&self, triangle: usize) -> Material {
+        let index = self.material_of.get(triangle);
+        index.and_then(|&m| self.materials.get(m as usize)).cloned().unwrap_or_else(Material::clay)
+    }
+}

@@ -1,0 +1,102 @@
+//! What can be wrong with an OBJ file.
+
+use std::fmt;
+use std::io;
+use std::path::PathBuf;
+use thiserror::Error;
+
+/// An OBJ file that cannot be read, where, and why.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub struct ObjError {
+    /// The file.
+    pub file: PathBuf,
+    /// The line, counted from 1; `None` when the file as a whole is meant.
+    pub line: Option<u64>,
+    /// What is wrong.
+    pub problem: ObjProblem,
+}
+
+impl fmt::Display for ObjError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "cannot read `{}`", self.file.display())?;
+        if let Some(line) = self.line {
+            write!(f, ", line {line}")?;
+        }
+        write!(f, ": {}", self.problem)
+    }
+}
+
+/// What is wrong with an OBJ file.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum ObjProblem {
+    /// Nothing has this path.
+    #[error("there is no such file; check the path")]
+    Missing,
+    /// The path is a folder.
+    #[error("it is a folder; name the .obj file in it")]
+    Folder,
+    /// The path is a pipe, a device or the like.
+    #[error("it is not a regular file; copy it to one")]
+    NotAFile,
+    /// The system refuses to read it.
+    #[error("the system says: {0}")]
+    Unreadable(String),
+    /// Bytes that are not text.
+    #[error("it is not UTF-8 text; save it as UTF-8, or check that it is an OBJ file at all")]
+    NotUtf8,
+    /// Nothing to hit.
+    #[error("it has no faces of three or more corners, so there is nothing for a ray to hit")]
+    NoTriangles,
+    /// A coordinate that is not a number.
+    #[error("`{0}` is not a number")]
+    BadNumber(String),
+    /// A vertex of fewer than three coordinates.
+    #[error("a vertex needs three coordinates, this one has {0}")]
+    FewCoordinates(usize),
+    /// A corner that is not an index.
+    #[error("`{0}` is not a face corner; it should look like 7, 7/1, 7//3 or 7/1/3")]
+    BadCorner(String),
+    /// Index 0.
+    #[error(
+        "a face names vertex 0, but OBJ counts from 1; the file may have been written counting from 0"
+    )]
+    ZeroIndex,
+    /// A vertex past the end.
+    #[error("a face names vertex {index}, but the file has {vertices}; it may be cut short")]
+    PastEnd {
+        /// The vertex, counted from 1.
+        index: u64,
+        /// How many vertices the file has.
+        vertices: u64,
+    },
+    /// A relative index before the first vertex.
+    #[error(
+        "a face names vertex {index}, counted back from here, but there are only {vertices} so far"
+    )]
+    PastStart {
+        /// The index as written.
+        index: i64,
+        /// How many vertices come before the line.
+        vertices: u64,
+    },
+    /// More vertices than 32-bit indices can name.
+    #[error("it has more vertices than the {} that 32-bit indices can name; split it", u32::MAX)]
+    TooManyVertices,
+    /// More triangles than one tree can hold.
+    #[error(
+        "it has more than the {} triangles that one tree can hold; split it",
+        splitplane_core::mesh::MAX_TRIANGLES
+    )]
+    TooManyTriangles,
+}
+
+impl ObjProblem {
+    pub(super) fn unreadable(error: &io::Error) -> ObjProblem {
+        match error.kind() {
+            io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => ObjProblem::Missing,
+            io::ErrorKind::IsADirectory => ObjProblem::Folder,
+            _ => ObjProblem::Unreadable(error.to_string()),
+        }
+    }
+}

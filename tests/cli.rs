@@ -1,0 +1,399 @@
+//! The program from outside: exit codes, reports, files.
+
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+use tempfile::TempDir;
+
+fn program(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
+    command.current_dir(folder).args(arguments).env_remove("RUST_BACKTRACE");
+    command
+}
+
+fn run(folder: &TempDir, arguments: &[&str]) -> Output {
+    program(folder.path(), arguments).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// Runs, expects success, and gives standard output.
+fn succeed(folder: &TempDir, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// Runs, expects this exit code, and gives the one line that says why.
+fn fail(folder: &TempDir, code: i32, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    let error = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
+    assert!(!error.contains("panicked") && !error.contains("RUST_BACKTRACE"), "{error}");
+    let lines: Vec<&str> = error.lines().filter(|line| line.starts_with("splitplane: ")).collect();
+    assert_eq!(lines.len(), 1, "{arguments:?}: {error}");
+    assert!(text(&output.stdout).is_empty() || code == 1);
+    lines[0].to_owned()
+}
+
+fn json(folder: &TempDir, arguments: &[&str]) -> Value {
+    let output = succeed(folder, arguments);
+    assert_eq!(output.lines().count(), 1, "{output}");
+    serde_json::from_str(&output).unwrap()
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn sorted<'a>(names: &[&'a str]) -> Vec<&'a str> {
+    let mut names = names.to_vec();
+    names.sort_unstable();
+    names
+}
+
+const BUILD_FIELDS: [&str; 17] = [
+    "scene",
+    "triangles",
+    "dropped",
+    "snapped",
+    "backend",
+    "adapter",
+    "preset",
+    "threads",
+    "build_ms",
+    "nodes",
+    "leaves",
+    "empty_leaves",
+    "references",
+    "max_depth",
+    "sah_cost",
+    "bytes",
+    "digest",
+];
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// Two triangles in the plane z = 0 that make a unit square, one with two equal corners, one with a
+/// NaN.
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv nan 0 0\nf 1 2 3 4\nf 1 1 2\nf 1 2 5\n";
+
+fn square() -> TempDir {
+    let folder = folder();
+    fs::write(folder.path().join("square.obj"), SQUARE).unwrap();
+    folder
+}
+
+/// Rays in the order of a file: straight down at x, y.
+fn rays(points: &[[f32; 2]]) -> Vec<[f32; 8]> {
+    points.iter().map(|&[x, y]| [x, y, 2.0, 0.0, 0.0, -1.0, 0.0, 9.0]).collect()
+}
+
+fn raw(rays: &[[f32; 8]]) -> Vec<u8> {
+    rays.iter().flatten().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+/// An .npy file of shape (n, 8), `kind` being `<f4` or `<f8`.
+fn npy(kind: &str, count: usize, numbers: &[u8]) -> Vec<u8> {
+    let mut head =
+        format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': ({count}, 8), }}");
+    while (10 + head.len() + 1) % 64 != 0 {
+        head.push(' ');
+    }
+    head.push('\n');
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((head.len() as u16).to_le_bytes());
+    bytes.extend(head.bytes());
+    bytes.extend(numbers);
+    bytes
+}
+
+#[test]
+fn help_says_what_there_is() {
+    let folder = folder();
+    // Defaults of the width of a terminal must not change the text.
+    let help = program(folder.path(), &["--help"]).env("COLUMNS", "100").output().unwrap();
+    assert_eq!(help.status.code(), Some(0));
+    insta::assert_snapshot!("help", text(&help.stdout));
+    for verb in ["render", "build", "query", "verify"] {
+        assert!(succeed(&folder, &[verb, "--help"]).contains("--threads"), "{verb}");
+    }
+    assert!(succeed(&folder, &["--version"]).starts_with("splitplane 0."));
+}
+
+#[test]
+fn without_arguments_there_is_a_picture_and_a_report() {
+    let folder = folder();
+    let report = succeed(&folder, &["--size", "48x27"]);
+    insta::with_settings!({filters => vec![
+        (r"in [0-9.]+ ms", "in [time]"),
+        (r"\([0-9.]+ million a second\)", "([speed])"),
+        (r"\d+ threads?", "[threads]"),
+        (r"digest [0-9a-f]{16}", "digest [digest]"),
+        (r"tree     .*", "tree     [tree]"),
+        (r"\d+ bytes", "[bytes]"),
+        (r"\d+ rays in all; \d+ %", "[rays] in all; [part]"),
+    ]}, { insta::assert_snapshot!("report", report); });
+    let picture = image::open(folder.path().join("splitplane-city.png")).unwrap().to_rgb8();
+    assert_eq!(picture.dimensions(), (48, 27));
+    let dark = picture.pixels().filter(|pixel| pixel.0.iter().all(|&part| part < 8)).count();
+    assert!(dark < 48 * 27 / 20, "{dark} pixels are black");
+    let files: Vec<_> = fs::read_dir(folder.path()).unwrap().collect();
+    assert_eq!(files.len(), 1, "{files:?}");
+}
+
+#[test]
+fn pictures_of_equal_hits_are_equal_and_cameras_move() {
+    let folder = folder();
+    let picture = |name: &str, more: &[&str]| {
+        let basic = ["render", "builtin:cornell", "--size", "40x40", "-q", "-o", name];
+        assert_eq!(succeed(&folder, &[&basic[..], more].concat()), "");
+        fs::read(folder.path().join(name)).unwrap()
+    };
+    let first = picture("a.png", &[]);
+    assert_eq!(first, picture("b.png", &["--threads", "1"]));
+    assert_ne!(first, picture("c.png", &["--camera-eye", "2.7,2.7,9", "--fov", "50"]));
+    assert_ne!(first, picture("d.png", &["--camera-at=-1,2,0", "--camera-up", "1,1,0"]));
+}
+
+#[test]
+fn render_reports_its_fields() {
+    let folder = folder();
+    let report = json(&folder, &["builtin:cornell", "--size", "20x10", "--json", "-o", "x.png"]);
+    let want = [&BUILD_FIELDS[..], &["width", "height", "primary_ms", "output"]].concat();
+    assert_eq!(keys(&report), sorted(&want));
+    assert_eq!((&report["width"], &report["height"]), (&20.into(), &10.into()));
+    assert_eq!(report["output"], "x.png");
+    assert!(report["primary_ms"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn build_reports_its_fields_and_writes_the_tree() {
+    let folder = square();
+    let report = json(&folder, &["build", "square.obj", "--json", "-o", "square.tree"]);
+    assert_eq!(keys(&report), sorted(&BUILD_FIELDS));
+    assert_eq!(report["scene"], "square.obj");
+    assert_eq!((&report["triangles"], &report["dropped"]), (&4.into(), &2.into()));
+    assert_eq!((&report["backend"], &report["adapter"]), (&"cpu".into(), &Value::Null));
+    assert_eq!(report["digest"].as_str().unwrap().len(), 16);
+    let bytes = fs::read(folder.path().join("square.tree")).unwrap();
+    let file = splitplane::core::file::TreeFile::parse(&bytes).unwrap();
+    assert_eq!(file.tree.digest().to_string(), report["digest"].as_str().unwrap());
+}
+
+#[test]
+fn the_tree_does_not_depend_on_threads() {
+    let folder = folder();
+    let build =
+        |threads| json(&folder, &["build", "builtin:city:20000", "--json", "--threads", threads]);
+    let (one, three) = (build("1"), build("3"));
+    assert_eq!((&one["threads"], &three["threads"]), (&1.into(), &3.into()));
+    assert_eq!(one["digest"], three["digest"]);
+}
+
+#[test]
+fn what_was_left_out_is_said_on_standard_error_only() {
+    let folder = square();
+    let output = run(&folder, &["build", "square.obj", "--json"]);
+    let notes = text(&output.stderr);
+    assert!(
+        notes.contains("1 vertices are not finite") && notes.contains("2 triangles left out"),
+        "{notes}"
+    );
+    assert!(notes.contains("no GPU backend is compiled in"), "{notes}");
+    let quiet = run(&folder, &["build", "square.obj", "--json", "--quiet"]);
+    assert_eq!(text(&quiet.stderr), "");
+    assert_eq!(text(&quiet.stdout).lines().count(), 1);
+}
+
+#[test]
+fn raw_rays_give_raw_hits() {
+    let folder = square();
+    let rays = rays(&[[0.5, 0.25], [0.25, 0.5], [3.0, 3.0]]);
+    fs::write(folder.path().join("in.bin"), raw(&rays)).unwrap();
+    let query = ["query", "square.obj", "--rays", "in.bin", "--json", "--repeat", "3"];
+    let report = json(&folder, &[&query[..], &["--hits", "out.bin"]].concat());
+    let want =
+        ["rays", "hits", "kind", "accuracy", "build_ms", "trace_ms", "mrays_per_s", "digest"];
+    assert_eq!(keys(&report), sorted(&want));
+    assert_eq!((&report["rays"], &report["hits"]), (&3.into(), &2.into()));
+    assert_eq!((&report["kind"], &report["accuracy"]), (&"closest".into(), &"watertight".into()));
+    let bytes = fs::read(folder.path().join("out.bin")).unwrap();
+    let records: Vec<[[u8; 4]; 4]> = bytes
+        .as_chunks::<16>()
+        .0
+        .iter()
+        .map(|r| std::array::from_fn(|i| r.as_chunks::<4>().0[i]))
+        .collect();
+    assert_eq!(records.len(), 3);
+    let t = records.iter().map(|r| f32::from_le_bytes(r[0])).collect::<Vec<_>>();
+    let triangle = records.iter().map(|r| u32::from_le_bytes(r[1])).collect::<Vec<_>>();
+    assert_eq!((t, triangle), (vec![2.0, 2.0, f32::INFINITY], vec![0, 1, u32::MAX]));
+    // The point (0.5, 0.25) is half of the first corner, a quarter of the second and the third.
+    let weights = [f32::from_le_bytes(records[0][2]), f32::from_le_bytes(records[0][3])];
+    assert!((weights[0] - 0.25).abs() < 1e-6 && (weights[1] - 0.25).abs() < 1e-6, "{weights:?}");
+}
+
+#[test]
+fn numpy_rays_of_both_widths_give_the_same_numpy_hits() {
+    let folder = square();
+    let rays = rays(&[[0.5, 0.25], [3.0, 3.0]]);
+    let wide: Vec<u8> = rays.iter().flatten().flat_map(|&x| f64::from(x).to_le_bytes()).collect();
+    fs::write(folder.path().join("raw.bin"), raw(&rays)).unwrap();
+    fs::write(folder.path().join("narrow.npy"), npy("<f4", 2, &raw(&rays))).unwrap();
+    fs::write(folder.path().join("wide.npy"), npy("<f8", 2, &wide)).unwrap();
+    let hits = |input: &str, kind: &str| {
+        let query =
+            ["query", "square.obj", "-q", "--rays", input, "--kind", kind, "--hits", "out.npy"];
+        succeed(&folder, &query);
+        fs::read(folder.path().join("out.npy")).unwrap()
+    };
+    let closest = hits("narrow.npy", "closest");
+    assert_eq!(closest, hits("wide.npy", "closest"));
+    assert_eq!(closest, hits("raw.bin", "closest"));
+    assert!(closest.starts_with(b"\x93NUMPY\x01\x00"));
+    let head = String::from_utf8_lossy(&closest[10..closest.len() - 32]).into_owned();
+    let kind = "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4')]";
+    assert!(head.contains(kind) && head.contains("(2,)"), "{head}");
+    let any = hits("narrow.npy", "any");
+    assert!(String::from_utf8_lossy(&any).contains("'|u1'"));
+    assert_eq!(any[any.len() - 2..], [1, 0]);
+}
+
+#[test]
+fn verify_passes_what_is_right_and_fails_what_leaks() {
+    let folder = folder();
+    let check = ["verify", "builtin:spheres", "--rays", "2000"];
+    let report = json(&folder, &[&check[..], &["--json"]].concat());
+    assert_eq!(keys(&report), sorted(&["rays", "mismatches", "misses", "phantoms", "unexplained"]));
+    assert_eq!((&report["rays"], &report["unexplained"]), (&6000.into(), &0.into()));
+    let why = fail(&folder, 1, &[&check[..], &["--accuracy", "fast"]].concat());
+    assert!(why.contains("answers are wrong"), "{why}");
+}
+
+#[test]
+fn wrong_usage_is_2() {
+    let folder = folder();
+    for arguments in [
+        &["--nonsense"][..],
+        &["build"],
+        &["query", "builtin:cornell"],
+        &["render", "builtin:cornell", "--size", "0x5"],
+        &["render", "builtin:cornell", "--size", "99999x99999"],
+        &["build", "builtin:cornell", "--threads", "0"],
+        &["build", "builtin:cornell", "--max-memory", "lots"],
+        &["build", "builtin:cornell", "--backend", "abacus"],
+        &["build", "builtin:cornell", "--preset", "slow"],
+        &["verify", "builtin:cornell", "--rays", "0"],
+    ] {
+        let output = run(&folder, arguments);
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
+        assert!(output.stdout.is_empty());
+    }
+    for arguments in [
+        &["build", "builtin:village"][..],
+        &["build", "builtin:city:5"],
+        &["render", "builtin:cornell", "-o", "x.jpg"],
+        &["render", "builtin:cornell", "--fov", "200"],
+        &["render", "builtin:cornell", "--camera-eye", "1,1,1", "--camera-at", "1,1,1"],
+    ] {
+        fail(&folder, 2, arguments);
+    }
+}
+
+#[test]
+fn bad_files_are_3() {
+    let folder = square();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    write("empty.obj", b"");
+    write("binary.obj", b"v 0 0 0\xff\xfe");
+    write("zero.obj", b"v 0 0 0\nf 0 0 0\n");
+    write("short.obj", b"v 0 0 0\nf 1 2 3\n");
+    write("past.obj", b"f -1 -2 -3\n");
+    write("huge.obj", b"v 0 0 0\nf 1 1 99999999999999999999999\n");
+    fs::create_dir(folder.path().join("folder.obj")).unwrap();
+    for (scene, words) in [
+        ("empty.obj", "no faces"),
+        ("binary.obj", "not UTF-8"),
+        ("zero.obj", "line 2: a face names vertex 0"),
+        ("short.obj", "line 2: a face names vertex 2, but the file has 1"),
+        ("past.obj", "line 1: a face names vertex -1"),
+        ("huge.obj", "line 2: `99999"),
+        ("folder.obj", "is a folder"),
+        ("missing.obj", "no such file"),
+        ("scene.txt", "neither a .obj file nor a built-in scene"),
+    ] {
+        let why = fail(&folder, 3, &["build", scene]);
+        assert!(why.contains(scene) && why.contains(words), "{why}");
+    }
+    write("odd.bin", &[0; 33]);
+    write("cut.npy", &npy("<f4", 2, &[0; 32]));
+    write("big-endian.npy", &npy(">f4", 1, &[0; 32]));
+    write("no.npy", b"hello");
+    for (rays, words) in [
+        ("odd.bin", "33 bytes, which is not a multiple of 32"),
+        ("cut.npy", "promises 64 bytes of numbers, but 32 follow"),
+        ("big-endian.npy", "`>f4`"),
+        ("no.npy", "does not start as an .npy file"),
+        ("missing.bin", "cannot read the rays"),
+    ] {
+        let why = fail(&folder, 3, &["query", "square.obj", "--rays", rays]);
+        assert!(why.contains(rays) && why.contains(words), "{why}");
+    }
+    let why = fail(&folder, 3, &["builtin:cornell", "--size", "8x8", "-o", "no/such/folder/x.png"]);
+    assert!(why.contains("cannot write"), "{why}");
+}
+
+#[test]
+fn a_limit_that_binds_is_4() {
+    let folder = folder();
+    let why = fail(&folder, 4, &["build", "builtin:city:20000", "--max-memory", "1k"]);
+    assert!(why.contains("more than the limit of 1024"), "{why}");
+}
+
+#[test]
+fn a_gpu_that_is_not_there_is_5_and_never_the_cpu() {
+    let folder = folder();
+    let why = fail(&folder, 5, &["render", "builtin:cornell", "--backend", "wgpu"]);
+    assert!(why.contains("no GPU backend"), "{why}");
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[cfg(unix)]
+#[test]
+fn ctrl_c_is_7_and_leaves_no_file() {
+    let folder = folder();
+    let arguments = ["render", "builtin:city:1000000", "--size", "4096x4096", "-o", "x.png"];
+    let mut child = program(folder.path(), &arguments)
+        .stderr(Stdio::piped())
+        .stdout(Stdio::null())
+        .spawn()
+        .unwrap();
+    // The first line on standard error comes after the handler is in place.
+    let mut line = String::new();
+    let mut errors = std::io::BufReader::new(child.stderr.take().unwrap());
+    std::io::BufRead::read_line(&mut errors, &mut line).unwrap();
+    let id = child.id().to_string();
+    assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    assert_eq!(child.wait().unwrap().code(), Some(7));
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_error() {
+    let folder = folder();
+    let mut child = program(folder.path(), &["build", "builtin:cornell", "--json"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    assert!(!text(&output.stderr).contains("splitplane: "), "{}", text(&output.stderr));
+}
