@@ -32,15 +32,6 @@ pub fn prepare(input: &Triangle) -> Prepared {
     Prepared { corners, kept: finite && a != b && b != c && c != a, snapped: finite && changed }
 }
 
-/// A side of a split plane.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// Coordinates up to the plane.
-    Left,
-    /// Coordinates from the plane up.
-    Right,
-}
-
 /// Beyond this magnitude, edge differences could overflow and clipping keeps the old bounds.
 const GREATEST_CLIPPED: f32 = 8.507_059e37; // 2^126
 /// Below this extent across the plane, `plane - corner` could be subnormal, which devices flush, and
@@ -52,51 +43,50 @@ const OUTWARD: f32 = 4.768_371_6e-7; // 2^-21
 /// What a flushed product may have lost.
 const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
 
-/// Bounds of the part of a triangle on one side of a plane, within the reference's old bounds (which
-/// may already be clipped by other planes): Zhou et al. 2008, Algorithm 2, "clip". Rounded outward,
-/// so they hold every point of the exact part. Empty when the triangle has no point there.
+/// Bounds of the parts of a triangle left and right of a plane, within the reference's old bounds
+/// (which may already be clipped by other planes): Zhou et al. 2008, Algorithm 2, "clip". Rounded
+/// outward, so they hold every point of the exact parts. A part without points comes out empty.
 ///
 /// The plane must lie strictly between the old bounds on its axis.
+#[inline]
 pub fn clip<A: Arithmetic>(
     corners: &Triangle,
     bounds: &Aabb,
     axis: usize,
     plane: f32,
-    side: Side,
-) -> Aabb {
-    let mut limit = *bounds;
-    match side {
-        Side::Left => limit.hi[axis] = plane,
-        Side::Right => limit.lo[axis] = plane,
+) -> [Aabb; 2] {
+    let mut limits = [*bounds, *bounds];
+    limits[0].hi[axis] = plane;
+    limits[1].lo[axis] = plane;
+    let mut reach = 0.0;
+    for x in corners.as_flattened() {
+        reach = max(reach, x.abs());
     }
-    let reach = corners.as_flattened().iter().fold(0.0, |m, x| max(m, x.abs()));
     if reach > GREATEST_CLIPPED {
-        return limit;
+        return limits;
     }
     let others = [(axis + 1) % 3, (axis + 2) % 3];
-    let mut part = Aabb::EMPTY;
+    let mut parts = [Aabb::EMPTY; 2];
     for i in 0..3 {
         let (p, q) = (&corners[i], &corners[(i + 1) % 3]);
-        let inside = match side {
-            Side::Left => p[axis] <= plane,
-            Side::Right => p[axis] >= plane,
-        };
-        if inside {
-            for other in others {
-                part.lo[other] = min(part.lo[other], p[other]);
-                part.hi[other] = max(part.hi[other], p[other]);
+        // A corner in the plane belongs to both sides.
+        for (part, inside) in parts.iter_mut().zip([p[axis] <= plane, p[axis] >= plane]) {
+            if inside {
+                for other in others {
+                    part.lo[other] = min(part.lo[other], p[other]);
+                    part.hi[other] = max(part.hi[other], p[other]);
+                }
             }
         }
         let crosses = (p[axis] < plane && plane < q[axis]) || (q[axis] < plane && plane < p[axis]);
         if !crosses {
             continue;
         }
-        // From the lower end on both sides of the plane and in both triangles of an edge, so that
-        // all compute the same point.
+        // From the lower end in both triangles of an edge, so that both compute the same point.
         let (low, high) = if p[axis] < q[axis] { (p, q) } else { (q, p) };
         let across = A::difference(high[axis], low[axis]);
         if across < LEAST_CLIPPED {
-            return limit;
+            return limits;
         }
         let ratio = A::quotient(A::difference(plane, low[axis]), across);
         for other in others {
@@ -104,15 +94,36 @@ pub fn clip<A: Arithmetic>(
             let point = A::sum(low[other], A::product(ratio, along));
             let reach = max(low[other].abs(), high[other].abs());
             let error = A::sum(A::product(reach, OUTWARD), OUTWARD_LEAST);
-            part.lo[other] = min(part.lo[other], A::difference(point, error));
-            part.hi[other] = max(part.hi[other], A::sum(point, error));
+            let (least, most) = (A::difference(point, error), A::sum(point, error));
+            for part in &mut parts {
+                part.lo[other] = min(part.lo[other], least);
+                part.hi[other] = max(part.hi[other], most);
+            }
         }
     }
-    for other in others {
-        limit.lo[other] = max(limit.lo[other], part.lo[other]);
-        limit.hi[other] = min(limit.hi[other], part.hi[other]);
+    for (limit, part) in limits.iter_mut().zip(&parts) {
+        for other in others {
+            limit.lo[other] = max(limit.lo[other], part.lo[other]);
+            limit.hi[other] = min(limit.hi[other], part.hi[other]);
+        }
     }
-    limit
+    limits
+}
+
+/// True when a corner within the bounds shows, without clipping, that the triangle has points on
+/// both sides of the plane: the common case, of triangles not clipped before.
+#[inline]
+pub fn corners_on_both_sides(corners: &Triangle, bounds: &Aabb, axis: usize, plane: f32) -> bool {
+    let (mut left, mut right) = (false, false);
+    for corner in corners {
+        let mut within = true;
+        for k in 0..3 {
+            within &= bounds.lo[k] <= corner[k] && corner[k] <= bounds.hi[k];
+        }
+        left |= within && corner[axis] <= plane;
+        right |= within && corner[axis] >= plane;
+    }
+    left && right
 }
 
 #[cfg(test)]
@@ -151,10 +162,10 @@ mod tests {
             let bounds = Aabb::of_points(&corners);
             for axis in 0..3 {
                 let plane = 0.5 * bounds.lo[axis] + 0.5 * bounds.hi[axis];
-                for side in [Side::Left, Side::Right] {
-                    let part = clip::<Strict>(&corners, &bounds, axis, plane, side);
-                    let hostile = clip::<Hostile>(&corners, &bounds, axis, plane, side);
-                    assert_eq!(part, hostile);
+                let parts = clip::<Strict>(&corners, &bounds, axis, plane);
+                assert_eq!(parts, clip::<Hostile>(&corners, &bounds, axis, plane));
+                assert!(corners_on_both_sides(&corners, &bounds, axis, plane));
+                for (side, part) in parts.iter().enumerate() {
                     for k in 0..=400 {
                         let (u, v) = (f64::from(k % 20) / 20.0, f64::from(k / 20) / 20.0);
                         if u + v > 1.0 {
@@ -164,9 +175,10 @@ mod tests {
                             let [a, b, c] = corners.map(|p| f64::from(p[i]));
                             a + u * (b - a) + v * (c - a)
                         });
-                        let here = match side {
-                            Side::Left => point[axis] <= f64::from(plane),
-                            Side::Right => point[axis] >= f64::from(plane),
+                        let here = if side == 0 {
+                            point[axis] <= f64::from(plane)
+                        } else {
+                            point[axis] >= f64::from(plane)
                         };
                         let slack = 1e-12;
                         assert!(
@@ -186,11 +198,12 @@ mod tests {
     fn a_triangle_that_only_touches_is_cut_to_the_touching_part() {
         let corners = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]];
         let bounds = Aabb::of_points(&corners);
-        let right = clip::<Strict>(&corners, &bounds, 0, 3.0, Side::Right);
+        let [_, right] = clip::<Strict>(&corners, &bounds, 0, 3.0);
         assert_eq!(right.lo[0], 3.0);
         assert!(right.hi[1] >= 1.0 && right.hi[1] < 1.0001);
         // Within old bounds that the part does not reach, nothing is left.
         let far = Aabb { lo: [0.0, 2.0, 0.0], hi: [4.0, 4.0, 0.0] };
-        assert!(clip::<Strict>(&corners, &far, 0, 3.0, Side::Right).is_empty());
+        assert!(clip::<Strict>(&corners, &far, 0, 3.0)[1].is_empty());
+        assert!(!corners_on_both_sides(&corners, &far, 0, 3.0));
     }
 }

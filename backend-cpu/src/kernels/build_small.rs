@@ -16,7 +16,7 @@ use splitplane_core::layout::{Extent, Reference, SmallRoot};
 use splitplane_core::mask::TriangleMask;
 use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::sah::Extents;
-use splitplane_core::split::{Rank, SplitPlane, goes_left, goes_right};
+use splitplane_core::split::{Rank, SplitPlane, goes_left, goes_right, strictly_inside};
 
 use crate::query::InstructionSet;
 
@@ -51,12 +51,12 @@ pub fn run(
     roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).for_each(
         |((roots, sizes), out)| match set {
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: the caller detected the instruction set.
+            // SAFETY: the executor holds only sets that the processor has.
             InstructionSet::Avx512 => unsafe { batch_16(config, roots, references, sizes, out) },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
             InstructionSet::Avx2 => unsafe { batch_8(config, roots, references, sizes, out) },
-            _ => batch(config, roots, references, sizes, out),
+            _ => batch::<Loops>(config, roots, references, sizes, out),
         },
     );
 }
@@ -74,7 +74,7 @@ unsafe fn batch_16(
     sizes: &mut [Extent],
     out: &mut Subtrees,
 ) {
-    batch(config, roots, references, sizes, out);
+    batch::<Avx512>(config, roots, references, sizes, out);
 }
 
 /// [`batch`], compiled for AVX2.
@@ -90,12 +90,12 @@ unsafe fn batch_8(
     sizes: &mut [Extent],
     out: &mut Subtrees,
 ) {
-    batch(config, roots, references, sizes, out);
+    batch::<Loops>(config, roots, references, sizes, out);
 }
 
 /// Builds the subtrees of a batch.
 #[inline(always)]
-fn batch(
+fn batch<C: CountSides>(
     config: &BuildConfig,
     roots: &[SmallRoot],
     references: &[Reference],
@@ -111,7 +111,7 @@ fn batch(
         let before = (out.nodes.len(), out.references.len());
         if root.count <= config.small_node_limit {
             scratch.load(mine);
-            scratch.build(&costs, root, out);
+            scratch.build::<C>(&costs, root, out);
         } else {
             out.nodes.push(KdNode::leaf(0, root.count));
             out.references.extend(mine.iter().map(|reference| reference.triangle));
@@ -164,7 +164,7 @@ impl Root {
     }
 
     #[inline(always)]
-    fn build(&self, costs: &Costs, root: &SmallRoot, out: &mut Subtrees) {
+    fn build<C: CountSides>(&self, costs: &Costs, root: &SmallRoot, out: &mut Subtrees) {
         let first_node = out.nodes.len();
         let first_reference = out.references.len();
         let mask = TriangleMask::first(self.count as u32).bits();
@@ -184,8 +184,11 @@ impl Root {
                 *parent = KdNode::from_words([split, tagged | (index as u32) << 2]);
             }
             let count = node.mask.count_ones();
-            let plane =
-                if node.depth < costs.max_depth { self.best_split(costs, &node) } else { None };
+            let plane = if node.depth < costs.max_depth {
+                self.best_split::<C>(costs, &node)
+            } else {
+                None
+            };
             if let Some(plane) = plane {
                 let (left, right) = self.sides(node.mask, plane);
                 let after = references + left.count_ones() + right.count_ones() - count;
@@ -234,7 +237,7 @@ impl Root {
 
     /// The split of least rank, if it costs less than a leaf.
     #[inline(always)]
-    fn best_split(&self, costs: &Costs, node: &Pending) -> Option<SplitPlane> {
+    fn best_split<C: CountSides>(&self, costs: &Costs, node: &Pending) -> Option<SplitPlane> {
         let count = node.mask.count_ones();
         if count == 0 {
             return None;
@@ -246,34 +249,25 @@ impl Root {
             return None;
         }
         let mut best = Candidate { rank: Rank { cost: leaf, axis: 0, position: 0 }, plane: None };
+        if count <= costs.block_width {
+            self.cut_empty(costs, node, &extents, area, &mut best);
+            return best.plane;
+        }
         let mut faces = Faces { lo: [0.0; 64], hi: [0.0; 64] };
+        let n = count as usize;
         for axis in 0..3 {
             let mut rest = node.mask;
-            let mut n = 0;
-            while rest != 0 {
-                let i = rest.trailing_zeros() as usize;
-                rest &= rest - 1;
-                faces.lo[n] = self.lo[axis][i];
-                faces.hi[n] = self.hi[axis][i];
-                n += 1;
+            for k in 0..n {
+                let i = rest.trailing_zeros() as usize & 63;
+                rest &= rest.wrapping_sub(1);
+                faces.lo[k] = self.lo[axis][i];
+                faces.hi[k] = self.hi[axis][i];
             }
-            if count <= costs.block_width {
-                // With triangles on both sides a split costs no less than the leaf's one block: the
-                // parts' areas add up to more than the whole's. Only planes with nothing on one
-                // side can win, and the best of those touch the outermost bounds.
-                let lowest = faces.lo[..n].iter().fold(f32::MAX, |m, &x| min(m, x));
-                let highest = faces.hi[..n].iter().fold(-f32::MAX, |m, &x| max(m, x));
-                let mut ends = [lowest; BLOCK];
-                ends[1] = highest;
-                consider(costs, &node.cell, &extents, axis, &ends[..2], &faces, n, &mut best);
-            } else {
-                for start in (0..n).step_by(BLOCK) {
-                    let end = (start + BLOCK).min(n);
-                    for positions in [&faces.lo[start..end], &faces.hi[start..end]] {
-                        consider(
-                            costs, &node.cell, &extents, axis, positions, &faces, n, &mut best,
-                        );
-                    }
+            for start in (0..n).step_by(BLOCK) {
+                let end = (start + BLOCK).min(n);
+                for positions in [&faces.lo[start..end], &faces.hi[start..end]] {
+                    let cell = &node.cell;
+                    consider::<C>(costs, cell, &extents, axis, positions, &faces, n, &mut best);
                 }
             }
         }
@@ -281,8 +275,105 @@ impl Root {
     }
 }
 
+impl Root {
+    /// Candidates of a node that fits one block. With triangles on both sides a split costs no less
+    /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
+    /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
+    #[inline(always)]
+    fn cut_empty(
+        &self,
+        costs: &Costs,
+        node: &Pending,
+        extents: &Extents,
+        area: u32,
+        best: &mut Candidate,
+    ) {
+        let traversal = costs.traversal * area;
+        for axis in 0..3 {
+            let (lo, hi) = (&self.lo[axis], &self.hi[axis]);
+            let (mut lowest, mut highest, mut first_end) = (f32::MAX, -f32::MAX, f32::MAX);
+            let mut rest = node.mask;
+            while rest != 0 {
+                let i = rest.trailing_zeros() as usize & 63;
+                rest &= rest - 1;
+                lowest = min(lowest, lo[i]);
+                highest = max(highest, hi[i]);
+                first_end = min(first_end, hi[i]);
+            }
+            // A triangle planar in the lowest plane goes left of it, which is then not empty.
+            for (position, full_side, empty) in
+                [(lowest, 2, first_end > lowest), (highest, 1, true)]
+            {
+                if !(empty && strictly_inside(&node.cell, axis, position)) {
+                    continue;
+                }
+                let offset = extents.offset(node.cell.lo[axis], position);
+                let full = extents.split_areas(axis, offset)[full_side];
+                let rank = Rank::new(traversal + costs.intersection * full, axis, position);
+                if rank < best.rank {
+                    *best = Candidate { rank, plane: Some(SplitPlane { axis, position }) };
+                }
+            }
+        }
+    }
+}
+
 /// Candidates evaluated together.
 const BLOCK: usize = 16;
+
+/// Counts, for each of [`BLOCK`] planes, the references that go left and those that end at or before
+/// the plane: all others go right.
+trait CountSides {
+    fn count(faces: &Faces, count: usize, planes: &[f32; BLOCK]) -> [[u32; BLOCK]; 2];
+}
+
+/// By loops that a compiler may turn into vector instructions.
+struct Loops;
+
+impl CountSides for Loops {
+    #[inline(always)]
+    fn count(faces: &Faces, count: usize, planes: &[f32; BLOCK]) -> [[u32; BLOCK]; 2] {
+        let (mut left, mut ended) = ([0u32; BLOCK], [0u32; BLOCK]);
+        for j in 0..count {
+            let (lo, hi) = (faces.lo[j], faces.hi[j]);
+            for k in 0..BLOCK {
+                left[k] += u32::from(goes_left(lo, hi, planes[k]));
+                ended[k] += u32::from(!goes_right(hi, planes[k]));
+            }
+        }
+        [left, ended]
+    }
+}
+
+/// By AVX-512: [`batch_16`] alone uses it.
+#[cfg(target_arch = "x86_64")]
+struct Avx512;
+
+#[cfg(target_arch = "x86_64")]
+impl CountSides for Avx512 {
+    #[inline(always)]
+    fn count(faces: &Faces, count: usize, planes: &[f32; BLOCK]) -> [[u32; BLOCK]; 2] {
+        use core::arch::x86_64::*;
+        let mut out = [[0u32; BLOCK]; 2];
+        // SAFETY: only `batch_16` is instantiated with this type, and it demands AVX-512; loads and
+        // stores are of arrays of 16 words.
+        unsafe {
+            let planes = _mm512_loadu_ps(planes.as_ptr());
+            let one = _mm512_set1_epi32(1);
+            let (mut left, mut ended) = (_mm512_setzero_si512(), _mm512_setzero_si512());
+            for j in 0..count {
+                let (lo, hi) = (_mm512_set1_ps(faces.lo[j]), _mm512_set1_ps(faces.hi[j]));
+                let ends = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(hi, planes);
+                let starts = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(lo, planes);
+                left = _mm512_mask_add_epi32(left, starts | ends, left, one);
+                ended = _mm512_mask_add_epi32(ended, ends, ended, one);
+            }
+            _mm512_storeu_si512(out[0].as_mut_ptr().cast(), left);
+            _mm512_storeu_si512(out[1].as_mut_ptr().cast(), ended);
+        }
+        out
+    }
+}
 
 /// The least candidate so far.
 struct Candidate {
@@ -322,7 +413,7 @@ impl Costs {
 /// which compilers turn into vector instructions.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
-fn consider(
+fn consider<C: CountSides>(
     costs: &Costs,
     cell: &Aabb,
     extents: &Extents,
@@ -334,14 +425,7 @@ fn consider(
 ) {
     let mut plane = [cell.lo[axis]; BLOCK];
     plane[..positions.len()].copy_from_slice(positions);
-    let (mut left, mut right) = ([0u32; BLOCK], [0u32; BLOCK]);
-    for j in 0..count {
-        let (lo, hi) = (faces.lo[j], faces.hi[j]);
-        for k in 0..BLOCK {
-            left[k] += u32::from((lo < plane[k]) | (hi <= plane[k]));
-            right[k] += u32::from(hi > plane[k]);
-        }
-    }
+    let [left, ended] = C::count(faces, count, &plane);
     let (low, high) = (cell.lo[axis], cell.hi[axis]);
     let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
     let (rim, cap) = (b + c, b * c);
@@ -355,7 +439,8 @@ fn consider(
         let offset = offset.min(whole);
         let left_area = offset.max(1) * rim + cap;
         let right_area = (whole - offset).max(1) * rim + cap;
-        let sum = costs.blocks(left[k]) * left_area + costs.blocks(right[k]) * right_area;
+        let sum =
+            costs.blocks(left[k]) * left_area + costs.blocks(count as u32 - ended[k]) * right_area;
         let total = costs.traversal * area + costs.intersection * sum;
         cost[k] = if inside { total } else { u32::MAX };
     }
@@ -377,7 +462,6 @@ fn consider(
 mod tests {
     use super::*;
     use splitplane_core::sah::{leaf_cost, split_cost};
-    use splitplane_core::split::strictly_inside;
 
     /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
     /// counts from masks.
@@ -440,7 +524,7 @@ mod tests {
                 for mask in [u64::MAX, 0x5555_5555_5555_5555, 0x0f0f_00ff_0000_ffff] {
                     let mask = mask & TriangleMask::first(count).bits();
                     let node = Pending { mask, cell, depth: 0, parent: u32::MAX };
-                    let found = root.best_split(&Costs::of(&config), &node);
+                    let found = root.best_split::<Loops>(&Costs::of(&config), &node);
                     assert_eq!(found, by_masks(&config, &root, &node));
                     splits += usize::from(found.is_some());
                 }

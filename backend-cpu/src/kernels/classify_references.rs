@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::layout::{Chunk, Decision, Reference, Sides};
 use splitplane_core::split::{goes_left, goes_right};
-use splitplane_core::triangle::{Side, Triangle, clip};
+use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
 use crate::scatter::Scatter;
@@ -59,13 +59,16 @@ pub fn run(
             }
             let corners = &triangles[reference.triangle as usize];
             let bounds = reference.bounds();
-            let part = |side| clip::<Strict>(corners, &bounds, axis, position, side);
+            if corners_on_both_sides(corners, &bounds, axis, position) {
+                continue;
+            }
             // Nothing on either side: the old bounds held more than the triangle, and it ends here.
-            if part(Side::Left).is_empty() {
+            let [left, right] = clip::<Strict>(corners, &bounds, axis, position);
+            if left.is_empty() {
                 *side &= !LEFT;
                 counts.left -= 1;
             }
-            if part(Side::Right).is_empty() {
+            if right.is_empty() {
                 *side &= !RIGHT;
                 counts.right -= 1;
             }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::layout::{Chunk, ChunkBounds, Decision, Reference, Sides};
-use splitplane_core::triangle::{Side, Triangle, clip};
+use splitplane_core::triangle::{Triangle, clip};
 
 use super::GRAIN;
 use super::classify_references::{LEFT, RIGHT};
@@ -77,24 +77,21 @@ pub fn run(
                 // A reference that goes to one side only may still have bounds that cross the plane:
                 // its part on the other side came out empty.
                 let crosses = reference.lo[axis] < position && position < reference.hi[axis];
-                let part = |side| {
-                    if !crosses {
-                        return *reference;
-                    }
+                let parts = if crosses {
                     let corners = &inputs.triangles[reference.triangle as usize];
-                    let bounds = clip::<Strict>(corners, &reference.bounds(), axis, position, side);
-                    Reference::new(&bounds, reference.triangle)
+                    clip::<Strict>(corners, &reference.bounds(), axis, position)
+                        .map(|bounds| Reference::new(&bounds, reference.triangle))
+                } else {
+                    [*reference; 2]
                 };
                 if side & LEFT != 0 {
-                    let part = part(Side::Left);
-                    enclose(&mut found[0], &part);
-                    lefts[next_left] = part;
+                    enclose(&mut found[0], &parts[0]);
+                    lefts[next_left] = parts[0];
                     next_left += 1;
                 }
                 if side & RIGHT != 0 {
-                    let part = part(Side::Right);
-                    enclose(&mut found[1], &part);
-                    rights[next_right] = part;
+                    enclose(&mut found[1], &parts[1]);
+                    rights[next_right] = parts[1];
                     next_right += 1;
                 }
             }
