@@ -339,7 +339,7 @@ fn snapshots_of_tiny_trees() {
     for scene in [scenes::soup(12, 0.2, 24), scenes::stairs(3)] {
         let (tree, _) = build(&CpuBackend::new(), &scene, fine);
         assert!(tree.nodes.len() > 5, "{}: not a tree to look at", scene.name);
-        let name = format!("{}-fine", slug(&scene.name));
+        let name = format!("{}-by-single-tests", slug(&scene.name));
         insta::assert_snapshot!(name, dump(&tree.view(), usize::MAX));
     }
 }

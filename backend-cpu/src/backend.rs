@@ -81,7 +81,7 @@ impl CpuBackend {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
-        let mut executor =
+        let mut executor: CpuExecutor<'_> =
             CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
         schedule::build(&mut executor)?;
         let peak_bytes = executor.peak_bytes();

@@ -1,29 +1,32 @@
 //! Runs the tree builder's kernels on rayon's pool.
 
+use core::marker::PhantomData;
+
+use splitplane_core::arithmetic::{Arithmetic, Strict};
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::KdNode;
 use splitplane_core::schedule::Executor;
 
 use crate::buffers::{Buffers, Memory};
 use crate::kernels::build_small::{BATCH, Subtrees};
 use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
-use crate::query::InstructionSet;
+use crate::query::{InstructionSet, WalkNode};
 
-/// The CPU executor: one build over one mesh. Work runs in the rayon pool of the calling thread.
+/// The CPU executor: one build over one mesh, in the arithmetic `A`: [`Strict`] but in tests. Work runs in the rayon pool of the calling thread.
 #[derive(Debug)]
-pub struct CpuExecutor<'a> {
+pub struct CpuExecutor<'a, A = Strict> {
     mesh: Mesh<'a>,
     config: BuildConfig,
     set: InstructionSet,
     buffers: Buffers,
     memory: Memory,
+    arithmetic: PhantomData<A>,
 }
 
-impl<'a> CpuExecutor<'a> {
+impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     /// An executor ready for [`splitplane_core::schedule::build`]. `buffers` may come from an
     /// earlier build; `set` must come from [`InstructionSet::available`], or the portable one serves.
     ///
@@ -35,7 +38,7 @@ impl<'a> CpuExecutor<'a> {
         set: InstructionSet,
         mut buffers: Buffers,
         limit: Option<u64>,
-    ) -> Result<CpuExecutor<'a>, BuildError> {
+    ) -> Result<CpuExecutor<'a, A>, BuildError> {
         let available = InstructionSet::available().contains(&set);
         let set = if available { set } else { InstructionSet::Portable };
         buffers.counters = Counters::default();
@@ -44,7 +47,7 @@ impl<'a> CpuExecutor<'a> {
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
-        Ok(CpuExecutor { mesh, config, set, buffers, memory })
+        Ok(CpuExecutor { mesh, config, set, buffers, memory, arithmetic: PhantomData })
     }
 
     /// The counters.
@@ -107,14 +110,14 @@ impl<'a> CpuExecutor<'a> {
         let top = self.count(Counter::TopNodes) as u64;
         let nodes = top + small.iter().map(|size| u64::from(size.nodes)).sum::<u64>();
         let references = small.iter().map(|size| u64::from(size.references)).sum::<u64>();
-        if nodes > u64::from(KdNode::MAX_INDEX) || references > u64::from(u32::MAX) {
+        if nodes > u64::from(WalkNode::MOST) || references > u64::from(u32::MAX) {
             return Err(BuildError::TooLarge { nodes, references });
         }
         Ok(())
     }
 }
 
-impl Executor<TreeBuilder> for CpuExecutor<'_> {
+impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
     type Error = BuildError;
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
@@ -170,7 +173,7 @@ impl Executor<TreeBuilder> for CpuExecutor<'_> {
             }
             Kernel::SplitLarge => {
                 m.grow(&mut b.decisions, active)?;
-                k::split_large::run(
+                k::split_large::run::<A>(
                     &self.config,
                     &b.active_nodes[..active],
                     &b.node_bounds[..active],
@@ -188,7 +191,7 @@ impl Executor<TreeBuilder> for CpuExecutor<'_> {
             Kernel::ClassifyReferences => {
                 m.grow(&mut b.reference_sides, references)?;
                 m.grow(&mut b.chunk_counts, chunks)?;
-                k::classify_references::run(
+                k::classify_references::run::<A>(
                     &b.chunks[..chunks],
                     &b.decisions[..active],
                     &b.references[..references],
@@ -239,7 +242,7 @@ impl Executor<TreeBuilder> for CpuExecutor<'_> {
                     chunk_counts: &b.chunk_counts[..chunks],
                     triangles: &b.triangles[..triangles],
                 };
-                k::scatter_references::run(
+                k::scatter_references::run::<A>(
                     &inputs,
                     &mut b.next_references[..next],
                     &mut b.small_references[..small],
@@ -251,7 +254,7 @@ impl Executor<TreeBuilder> for CpuExecutor<'_> {
                 let batches = small.div_ceil(BATCH);
                 b.subtrees.resize_with(batches.max(b.subtrees.len()), Subtrees::default);
                 let before: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
-                k::build_small::run(
+                k::build_small::run::<A>(
                     &self.config,
                     self.set,
                     &b.small_roots[..small],

@@ -2,6 +2,8 @@
 
 use bytemuck::{Pod, Zeroable};
 
+use crate::arithmetic::{Arithmetic, Strict};
+
 /// An axis-aligned box `[lo, hi]`, both ends included. Units are those of the mesh.
 ///
 /// A box with `lo > hi` on an axis holds nothing; [`Aabb::EMPTY`] is the neutral element of
@@ -72,15 +74,19 @@ impl Aabb {
             || (0..3).all(|axis| self.lo[axis] <= other.lo[axis] && other.hi[axis] <= self.hi[axis])
     }
 
-    /// Half the extent on one axis: `hi / 2 - lo / 2`. Halving is exact above the subnormals, so
-    /// this is the rounded extent, halved, and it cannot overflow.
-    pub fn half_extent(&self, axis: usize) -> f32 {
-        self.hi[axis] * 0.5 - self.lo[axis] * 0.5
+    /// Half the extent on one axis: `hi / 2 - lo / 2`, each step snapped. Halving is exact above the
+    /// subnormals, so this is the rounded extent, halved, and it cannot overflow.
+    #[inline(always)]
+    pub fn half_extent<A: Arithmetic>(&self, axis: usize) -> f32 {
+        A::snapped_difference(
+            A::snapped_product(self.hi[axis], 0.5),
+            A::snapped_product(self.lo[axis], 0.5),
+        )
     }
 
     /// The axis of greatest extent; the lowest such axis on a tie.
     pub fn longest_axis(&self) -> usize {
-        let half = [0, 1, 2].map(|axis| self.half_extent(axis));
+        let half = [0, 1, 2].map(|axis| self.half_extent::<Strict>(axis));
         let mut longest = 0;
         for axis in 1..3 {
             if half[axis] > half[longest] {
@@ -145,6 +151,6 @@ mod tests {
     #[test]
     fn half_extent_survives_the_whole_range() {
         let bounds = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
-        assert_eq!(bounds.half_extent(0), f32::MAX);
+        assert_eq!(bounds.half_extent::<Strict>(0), f32::MAX);
     }
 }

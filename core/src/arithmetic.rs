@@ -33,6 +33,23 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
     /// `1 / a` to 2.5 ULP.
     fn free_reciprocal(a: f32) -> f32;
 
+    /// [`Arithmetic::product`], snapped: what flushing makes zero is zero everywhere. The tree is
+    /// decided by these.
+    #[inline(always)]
+    fn snapped_product(a: f32, b: f32) -> f32 {
+        snap(Self::product(a, b))
+    }
+    /// [`Arithmetic::sum`], snapped.
+    #[inline(always)]
+    fn snapped_sum(a: f32, b: f32) -> f32 {
+        snap(Self::sum(a, b))
+    }
+    /// [`Arithmetic::difference`], snapped.
+    #[inline(always)]
+    fn snapped_difference(a: f32, b: f32) -> f32 {
+        snap(Self::difference(a, b))
+    }
+
     /// `a + b` without error, as a rounded part and what is left (Knuth's two-sum).
     fn two_sum(a: f32, b: f32) -> (f32, f32) {
         let sum = Self::sum(a, b);

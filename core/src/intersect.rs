@@ -7,7 +7,7 @@
 //! triangle alone, so every traversal order, backend and preset finds the same hits.
 
 use crate::aabb::{Aabb, max, min};
-use crate::arithmetic::{Arithmetic, Double, exponent, power_of_two, snap};
+use crate::arithmetic::{Arithmetic, Double, Strict, exponent, power_of_two, snap};
 use crate::ray::{Culling, Ray};
 use crate::triangle::Triangle;
 
@@ -71,7 +71,7 @@ impl Limits {
         let mut longest = 0.0;
         for axis in 0..3 {
             // Halved, so that it cannot overflow, and doubled unless that would.
-            longest = max(longest, bounds.half_extent(axis));
+            longest = max(longest, bounds.half_extent::<Strict>(axis));
             for corner in triangle {
                 let magnitude = corner[axis].abs();
                 limits.greatest = max(limits.greatest, magnitude);
@@ -137,7 +137,7 @@ impl SceneScale {
 
 /// The longest extent of a box, at most `f32::MAX`; 0 for an empty one.
 fn longest_extent(bounds: &Aabb) -> f32 {
-    let half = (0..3).map(|axis| bounds.half_extent(axis)).fold(0.0, max);
+    let half = (0..3).map(|axis| bounds.half_extent::<Strict>(axis)).fold(0.0, max);
     min(half, 0.5 * f32::MAX) * 2.0
 }
 
@@ -215,21 +215,14 @@ impl PreparedRay {
 
         let mut offset = 0.0;
         let near = (0..3).all(|k| scene.near.lo[k] <= origin[k] && origin[k] <= scene.near.hi[k]);
-        if !near && let Some(shift) = shift_of_far_origin::<A>(&origin, &direction, &scene.bounds)?
-        {
-            offset = shift;
-            for axis in 0..3 {
-                // Without error but for the last rounding: the shift is long.
-                let (high, low) = A::two_product(shift, direction[axis]);
-                let (sum, rest) = A::two_sum(origin[axis], high);
-                origin[axis] = snap(A::sum(sum, A::sum(rest, low)));
-            }
+        if !near && let Some(plane) = plane_before_far_origin(&origin, &direction, &scene.bounds)? {
+            (offset, origin) = move_origin::<A>(&origin, &direction, plane);
             let moved = |t: f32, side: f32| {
                 if t.abs() == f32::MAX {
                     return t;
                 }
-                let error = (t.abs() + shift.abs()) * OFFSET_SLACK;
-                (t - shift + side * error).clamp(-f32::MAX, f32::MAX)
+                let error = (t.abs() + offset.abs()) * OFFSET_SLACK;
+                (t - offset + side * error).clamp(-f32::MAX, f32::MAX)
             };
             (t_min, t_max) = (moved(t_min, -1.0), moved(t_max, 1.0));
         }
@@ -321,15 +314,15 @@ impl PreparedRay {
     }
 }
 
-/// How far along the (inner) direction an origin more than [`FAR`] extents from the bounds is moved:
-/// to the nearer side on the axis where it is furthest off. `Some(None)` when it is near; `None`
-/// when it is far off on an axis along which the ray does not move.
+/// The axis on which an origin is furthest off and the nearer side of the bounds there, when that is
+/// more than [`FAR`] extents away: such a ray is moved. `Some(None)` when it is near; `None` when it
+/// is far off on an axis along which the ray does not move, so that it meets nothing.
 #[allow(clippy::option_option, reason = "miss, stay and move are three answers")]
-fn shift_of_far_origin<A: Arithmetic>(
+fn plane_before_far_origin(
     origin: &[f32; 3],
     direction: &[f32; 3],
     bounds: &Aabb,
-) -> Option<Option<f32>> {
+) -> Option<Option<(usize, f32)>> {
     let reach = min(longest_extent(bounds), f32::MAX / FAR) * FAR;
     let (mut widest, mut axis, mut side) = (0.0, 0, 0.0);
     for k in 0..3 {
@@ -345,13 +338,31 @@ fn shift_of_far_origin<A: Arithmetic>(
     if widest <= reach * 0.5 || widest == 0.0 {
         return Some(None);
     }
-    if direction[axis] == 0.0 {
-        return None;
+    (direction[axis] != 0.0).then_some(Some((axis, side)))
+}
+
+/// Moves an origin along the direction to a plane: how far, and where it comes to lie. Scaled by a
+/// power of two so that the origin is near 1, and without error but for the last rounding, since
+/// the way is long.
+fn move_origin<A: Arithmetic>(
+    origin: &[f32; 3],
+    direction: &[f32; 3],
+    (axis, side): (usize, f32),
+) -> (f32, [f32; 3]) {
+    let largest = origin.iter().fold(side.abs(), |m, x| max(m, x.abs()));
+    // One below, so that the difference of two cannot overflow.
+    let power = -exponent(largest) - 1;
+    let from = origin.map(|x| scale(x, power));
+    let way = A::difference(scale(side, power), from[axis]);
+    // The way divided by a slope may be long beyond any float: then nothing is near.
+    let shift = A::quotient(way, direction[axis]).clamp(-1e30, 1e30);
+    let mut moved = [0.0; 3];
+    for k in 0..3 {
+        let (high, low) = A::two_product(shift, direction[k]);
+        let (sum, rest) = A::two_sum(from[k], high);
+        moved[k] = scale(A::sum(sum, A::sum(rest, low)), -power);
     }
-    let half = A::difference(side * 0.5, origin[axis] * 0.5);
-    let shift = A::quotient(half, direction[axis]) * 2.0;
-    // Too far for any float: no t that the caller could be told.
-    shift.is_finite().then_some(Some(shift))
+    (scale(shift, -power), moved)
 }
 
 /// `t`, and as much as interpolation may err.
@@ -392,13 +403,13 @@ pub fn watertight<A: Arithmetic>(
         return None;
     }
     let power = -exponent(largest);
-    let limits = [scale(ray.t_min, power), scale(ray.t_max, power)];
+    // Scaling back may underflow or clamp: what is reported is held to the limits, by `outer_t`.
+    let limits = [-f32::MAX, f32::MAX];
     let origin = ray.origin.map(|x| scale(x, power));
     let scaled = triangle.map(|corner| corner.map(|x| scale(x, power)));
     let mut hit = sheared::<A>(ray, &origin, &scaled, limits, culling)?;
     hit.t = scale(hit.t, -power);
-    // Scaling back may underflow or clamp; the limits are the caller's.
-    (ray.t_min <= hit.t && hit.t <= ray.t_max).then_some(hit)
+    Some(hit)
 }
 
 /// An edge function: twice the signed area of the origin and two sheared corners.
@@ -493,7 +504,8 @@ fn finish<A: Arithmetic>(
         if A::sum(interpolated, error) < t_min || A::difference(interpolated, error) > t_max {
             return None;
         }
-        distance_to_plane::<A>(origin, &ray.direction, triangle).unwrap_or(interpolated)
+        distance_to_plane::<A>(origin, &ray.direction, triangle)
+            .unwrap_or_else(|| depth_on_longest_edge::<A>(flat, &depths))
     };
     let t = min(max(t, nearest), farthest);
     if t < t_min || t > t_max {
@@ -551,11 +563,38 @@ fn distance_to_plane<A: Arithmetic>(
             .high
     };
     let (distance, speed) = (dot(oa), dot(direction.map(Double::from_float)));
-    if speed.abs() < f32::MIN_POSITIVE || distance.abs() > f32::MAX || speed.abs() > f32::MAX {
+    let length =
+        |edge: &[Double; 3]| max(max(edge[0].high.abs(), edge[1].high.abs()), edge[2].high.abs());
+    // Below this the normal is what rounding left: the triangle is a sliver or seen edge on.
+    let noise = A::product(A::product(length(&ab), length(&ac)), DOUBLE_NOISE);
+    if speed.abs() <= max(noise, f32::MIN_POSITIVE) {
         return None;
     }
     let t = A::quotient(distance, speed);
     t.is_finite().then_some(t)
+}
+
+/// Products of doubles err by less than this part of their factors, with room for six of them and a
+/// direction of length up to 4.
+const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
+
+/// `t` for a triangle too thin to have a plane: where its longest edge, as the ray sees it, passes
+/// the ray.
+fn depth_on_longest_edge<A: Arithmetic>(flat: &[[f32; 2]; 3], depths: &[f32; 3]) -> f32 {
+    let mut longest = (0.0, depths[0]);
+    for i in 0..3 {
+        let j = (i + 1) % 3;
+        let (p, q) = (flat[i], flat[j]);
+        let edge = [A::difference(q[0], p[0]), A::difference(q[1], p[1])];
+        let dot = |r: [f32; 2]| A::sum(A::product(edge[0], r[0]), A::product(edge[1], r[1]));
+        let squared = dot(edge);
+        if squared > longest.0 {
+            let along = min(max(A::quotient(-dot(p), squared), 0.0), 1.0);
+            let depth = A::product(along, A::difference(depths[j], depths[i]));
+            longest = (squared, A::sum(depths[i], depth));
+        }
+    }
+    longest.1
 }
 
 /// The fast test: Moeller and Trumbore 1997. Not watertight.
@@ -595,7 +634,7 @@ pub fn moeller_trumbore<A: Arithmetic>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arithmetic::{Hostile, Strict};
+    use crate::arithmetic::Hostile;
 
     const TRIANGLE: Triangle = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]];
 

@@ -52,14 +52,14 @@ pub fn empty_cutoff<A: Arithmetic>(
         return None;
     }
     // Halved, so that nothing overflows.
-    let extent = cell.half_extent(axis);
+    let extent = cell.half_extent::<A>(axis);
     if exponent(extent) < LEAST_EXPONENT {
         return None;
     }
     let gap = if side.is_multiple_of(2) {
-        position * 0.5 - cell.lo[axis] * 0.5
+        Aabb { lo: cell.lo, hi: tight.lo }.half_extent::<A>(axis)
     } else {
-        cell.hi[axis] * 0.5 - position * 0.5
+        Aabb { lo: tight.hi, hi: cell.hi }.half_extent::<A>(axis)
     };
     // The left product rounds once, the right one is exact: a power of two.
     let limit = A::product(extent, config.empty_cutoff as f32 * (1.0 / 256.0));
@@ -69,8 +69,8 @@ pub fn empty_cutoff<A: Arithmetic>(
 /// The spatial median of the longest axis; of the next longest when rounding leaves no float
 /// strictly between its ends. `None` when no axis can be halved.
 #[inline]
-pub fn spatial_median(cell: &Aabb) -> Option<SplitPlane> {
-    let half = [0, 1, 2].map(|axis| cell.half_extent(axis));
+pub fn spatial_median<A: Arithmetic>(cell: &Aabb) -> Option<SplitPlane> {
+    let half = [0, 1, 2].map(|axis| cell.half_extent::<A>(axis));
     let mut order = [0usize, 1, 2];
     // Insertion sort by descending extent; stable, so the lower axis wins ties.
     if half[order[1]] > half[order[0]] {
@@ -87,7 +87,10 @@ pub fn spatial_median(cell: &Aabb) -> Option<SplitPlane> {
     }
     order.into_iter().find_map(|axis| {
         // Both halves are exact, so the sum rounds once however a compiler fuses it.
-        let position = cell.lo[axis] * 0.5 + cell.hi[axis] * 0.5;
+        let position = A::snapped_sum(
+            A::snapped_product(cell.lo[axis], 0.5),
+            A::snapped_product(cell.hi[axis], 0.5),
+        );
         strictly_inside(cell, axis, position).then_some(SplitPlane { axis, position })
     })
 }
@@ -98,8 +101,8 @@ pub const SWEEP_SAMPLES: usize = 64;
 /// The best plane by SAH among the faces of up to [`SWEEP_SAMPLES`] references, evenly spread over
 /// the list: all of them for short lists. For large nodes whose spatial median separates nothing.
 /// `None` when no face lies strictly inside the cell, or no such plane pays.
-pub fn sampled_sweep(cell: &Aabb, references: &[Reference]) -> Option<SplitPlane> {
-    let extents = Extents::of(cell)?;
+pub fn sampled_sweep<A: Arithmetic>(cell: &Aabb, references: &[Reference]) -> Option<SplitPlane> {
+    let extents = Extents::of::<A>(cell)?;
     let samples = references.len().min(SWEEP_SAMPLES);
     let whole = u64::from(Extents::half_area(extents.cells));
     // Least (cost, axis, position), if below the cost of a leaf.
@@ -122,7 +125,7 @@ pub fn sampled_sweep(cell: &Aabb, references: &[Reference]) -> Option<SplitPlane
                 left += u64::from(goes_left(lo, hi, position));
                 right += u64::from(goes_right(hi, position));
             }
-            let offset = extents.offset(cell.lo[axis], position);
+            let offset = extents.offset::<A>(cell.lo[axis], position);
             let [_, left_area, right_area] = extents.split_areas(axis, offset).map(u64::from);
             let rank = (left * left_area + right * right_area, axis, ordered_bits(position));
             if rank < best {
@@ -192,20 +195,20 @@ mod tests {
 
     #[test]
     fn median_takes_the_longest_axis_that_has_a_middle() {
-        assert_eq!(spatial_median(&UNIT), Some(SplitPlane { axis: 0, position: 2.0 }));
+        assert_eq!(spatial_median::<Strict>(&UNIT), Some(SplitPlane { axis: 0, position: 2.0 }));
         // Neighbouring floats on the longest axis: the next one serves.
         let coarse = Aabb { lo: [1.7e7, 0.0, 0.0], hi: [1.7e7 + 2.0, 1.0, 0.5] };
-        assert_eq!(spatial_median(&coarse), Some(SplitPlane { axis: 1, position: 0.5 }));
+        assert_eq!(spatial_median::<Strict>(&coarse), Some(SplitPlane { axis: 1, position: 0.5 }));
         let point = Aabb { lo: [1.0; 3], hi: [1.0; 3] };
-        assert_eq!(spatial_median(&point), None);
+        assert_eq!(spatial_median::<Strict>(&point), None);
         let whole = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
-        assert_eq!(spatial_median(&whole), Some(SplitPlane { axis: 0, position: 0.0 }));
+        assert_eq!(spatial_median::<Strict>(&whole), Some(SplitPlane { axis: 0, position: 0.0 }));
         // The order of extents, in every arrangement.
         for (extents, axis) in
             [([1.0, 2.0, 3.0], 2), ([1.0, 3.0, 2.0], 1), ([2.0, 2.0, 2.0], 0), ([1.0, 2.0, 2.0], 1)]
         {
             let cell = Aabb { lo: [0.0; 3], hi: extents };
-            assert_eq!(spatial_median(&cell).unwrap().axis, axis);
+            assert_eq!(spatial_median::<Strict>(&cell).unwrap().axis, axis);
         }
     }
 
@@ -216,10 +219,10 @@ mod tests {
         };
         let cell = Aabb { lo: [0.0; 3], hi: [10.0, 10.0, 1.0] };
         let layers: [Reference; 100] = core::array::from_fn(|i| layer(i as f32 / 99.0, i as u32));
-        let plane = sampled_sweep(&cell, &layers).unwrap();
+        let plane = sampled_sweep::<Strict>(&cell, &layers).unwrap();
         assert_eq!(plane.axis, 2);
         let same: [Reference; 100] = core::array::from_fn(|i| Reference::new(&cell, i as u32));
-        assert_eq!(sampled_sweep(&cell, &same), None);
+        assert_eq!(sampled_sweep::<Strict>(&cell, &same), None);
     }
 
     #[test]

@@ -84,17 +84,17 @@ pub fn clip<A: Arithmetic>(
         }
         // From the lower end in both triangles of an edge, so that both compute the same point.
         let (low, high) = if p[axis] < q[axis] { (p, q) } else { (q, p) };
-        let across = A::difference(high[axis], low[axis]);
+        let across = A::snapped_difference(high[axis], low[axis]);
         if across < LEAST_CLIPPED {
             return limits;
         }
-        let ratio = A::quotient(A::difference(plane, low[axis]), across);
+        let ratio = A::quotient(A::snapped_difference(plane, low[axis]), across);
         for other in others {
-            let along = A::difference(high[other], low[other]);
-            let point = A::sum(low[other], A::product(ratio, along));
+            let along = A::snapped_difference(high[other], low[other]);
+            let point = A::snapped_sum(low[other], A::snapped_product(ratio, along));
             let reach = max(low[other].abs(), high[other].abs());
-            let error = A::sum(A::product(reach, OUTWARD), OUTWARD_LEAST);
-            let (least, most) = (A::difference(point, error), A::sum(point, error));
+            let error = A::snapped_sum(A::snapped_product(reach, OUTWARD), OUTWARD_LEAST);
+            let (least, most) = (A::snapped_difference(point, error), A::snapped_sum(point, error));
             for part in &mut parts {
                 part.lo[other] = min(part.lo[other], least);
                 part.hi[other] = max(part.hi[other], most);

@@ -11,6 +11,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::{Aabb, max, min};
+use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
 use splitplane_core::layout::{Extent, Reference, SmallRoot};
 use splitplane_core::mask::TriangleMask;
@@ -40,7 +41,7 @@ impl Subtrees {
 }
 
 /// Runs the kernel. `subtrees` holds one element for each [`BATCH`] roots.
-pub fn run(
+pub fn run<A: Arithmetic>(
     config: &BuildConfig,
     set: InstructionSet,
     roots: &[SmallRoot],
@@ -52,11 +53,13 @@ pub fn run(
         |((roots, sizes), out)| match set {
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the executor holds only sets that the processor has.
-            InstructionSet::Avx512 => unsafe { batch_16(config, roots, references, sizes, out) },
+            InstructionSet::Avx512 => unsafe {
+                batch_16::<A>(config, roots, references, sizes, out)
+            },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            InstructionSet::Avx2 => unsafe { batch_8(config, roots, references, sizes, out) },
-            _ => batch::<Loops>(config, roots, references, sizes, out),
+            InstructionSet::Avx2 => unsafe { batch_8::<A>(config, roots, references, sizes, out) },
+            _ => batch::<A, Loops>(config, roots, references, sizes, out),
         },
     );
 }
@@ -67,14 +70,14 @@ pub fn run(
 /// The processor must have it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn batch_16(
+unsafe fn batch_16<A: Arithmetic>(
     config: &BuildConfig,
     roots: &[SmallRoot],
     references: &[Reference],
     sizes: &mut [Extent],
     out: &mut Subtrees,
 ) {
-    batch::<Avx512>(config, roots, references, sizes, out);
+    batch::<A, Avx512>(config, roots, references, sizes, out);
 }
 
 /// [`batch`], compiled for AVX2.
@@ -83,19 +86,19 @@ unsafe fn batch_16(
 /// The processor must have it.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn batch_8(
+unsafe fn batch_8<A: Arithmetic>(
     config: &BuildConfig,
     roots: &[SmallRoot],
     references: &[Reference],
     sizes: &mut [Extent],
     out: &mut Subtrees,
 ) {
-    batch::<Loops>(config, roots, references, sizes, out);
+    batch::<A, Loops>(config, roots, references, sizes, out);
 }
 
 /// Builds the subtrees of a batch.
 #[inline(always)]
-fn batch<C: CountSides>(
+fn batch<A: Arithmetic, C: CountSides>(
     config: &BuildConfig,
     roots: &[SmallRoot],
     references: &[Reference],
@@ -111,7 +114,7 @@ fn batch<C: CountSides>(
         let before = (out.nodes.len(), out.references.len());
         if root.count <= config.small_node_limit {
             scratch.load(mine);
-            scratch.build::<C>(&costs, root, out);
+            scratch.build::<A, C>(&costs, root, out);
         } else {
             out.nodes.push(KdNode::leaf(0, root.count));
             out.references.extend(mine.iter().map(|reference| reference.triangle));
@@ -164,7 +167,12 @@ impl Root {
     }
 
     #[inline(always)]
-    fn build<C: CountSides>(&self, costs: &Costs, root: &SmallRoot, out: &mut Subtrees) {
+    fn build<A: Arithmetic, C: CountSides>(
+        &self,
+        costs: &Costs,
+        root: &SmallRoot,
+        out: &mut Subtrees,
+    ) {
         let first_node = out.nodes.len();
         let first_reference = out.references.len();
         let mask = TriangleMask::first(self.count as u32).bits();
@@ -185,7 +193,7 @@ impl Root {
             }
             let count = node.mask.count_ones();
             let plane = if node.depth < costs.max_depth {
-                self.best_split::<C>(costs, &node)
+                self.best_split::<A, C>(costs, &node)
             } else {
                 None
             };
@@ -237,12 +245,16 @@ impl Root {
 
     /// The split of least rank, if it costs less than a leaf.
     #[inline(always)]
-    fn best_split<C: CountSides>(&self, costs: &Costs, node: &Pending) -> Option<SplitPlane> {
+    fn best_split<A: Arithmetic, C: CountSides>(
+        &self,
+        costs: &Costs,
+        node: &Pending,
+    ) -> Option<SplitPlane> {
         let count = node.mask.count_ones();
         if count == 0 {
             return None;
         }
-        let extents = Extents::of(&node.cell)?;
+        let extents = Extents::of::<A>(&node.cell)?;
         let area = Extents::half_area(extents.cells);
         let leaf = costs.intersection * costs.blocks(count) * area;
         if leaf <= costs.traversal * area {
@@ -250,7 +262,7 @@ impl Root {
         }
         let mut best = Candidate { rank: Rank { cost: leaf, axis: 0, position: 0 }, plane: None };
         if count <= costs.block_width {
-            self.cut_empty(costs, node, &extents, area, &mut best);
+            self.cut_empty::<A>(costs, node, &extents, area, &mut best);
             return best.plane;
         }
         let mut faces = Faces { lo: [0.0; 64], hi: [0.0; 64] };
@@ -267,7 +279,7 @@ impl Root {
                 let end = (start + BLOCK).min(n);
                 for positions in [&faces.lo[start..end], &faces.hi[start..end]] {
                     let cell = &node.cell;
-                    consider::<C>(costs, cell, &extents, axis, positions, &faces, n, &mut best);
+                    consider::<A, C>(costs, cell, &extents, axis, positions, &faces, n, &mut best);
                 }
             }
         }
@@ -280,7 +292,7 @@ impl Root {
     /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
     /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
     #[inline(always)]
-    fn cut_empty(
+    fn cut_empty<A: Arithmetic>(
         &self,
         costs: &Costs,
         node: &Pending,
@@ -307,7 +319,7 @@ impl Root {
                 if !(empty && strictly_inside(&node.cell, axis, position)) {
                     continue;
                 }
-                let offset = extents.offset(node.cell.lo[axis], position);
+                let offset = extents.offset::<A>(node.cell.lo[axis], position);
                 let full = extents.split_areas(axis, offset)[full_side];
                 let rank = Rank::new(traversal + costs.intersection * full, axis, position);
                 if rank < best.rank {
@@ -413,7 +425,7 @@ impl Costs {
 /// which compilers turn into vector instructions.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
-fn consider<C: CountSides>(
+fn consider<A: Arithmetic, C: CountSides>(
     costs: &Costs,
     cell: &Aabb,
     extents: &Extents,
@@ -427,6 +439,7 @@ fn consider<C: CountSides>(
     plane[..positions.len()].copy_from_slice(positions);
     let [left, ended] = C::count(faces, count, &plane);
     let (low, high) = (cell.lo[axis], cell.hi[axis]);
+    let half_low = A::snapped_product(low, 0.5);
     let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
     let (rim, cap) = (b + c, b * c);
     let whole = extents.cells[axis];
@@ -435,7 +448,8 @@ fn consider<C: CountSides>(
     for k in 0..BLOCK {
         let inside = (low < plane[k]) & (plane[k] < high);
         // Planes outside give any offset; it must only not overflow what follows.
-        let offset = ((plane[k] * 0.5 - low * 0.5) * extents.scale) as i32 as u32;
+        let half = A::snapped_difference(A::snapped_product(plane[k], 0.5), half_low);
+        let offset = A::product(half, extents.scale) as i32 as u32;
         let offset = offset.min(whole);
         let left_area = offset.max(1) * rim + cap;
         let right_area = (whole - offset).max(1) * rim + cap;
@@ -461,12 +475,13 @@ fn consider<C: CountSides>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use splitplane_core::arithmetic::Strict;
     use splitplane_core::sah::{leaf_cost, split_cost};
 
     /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
     /// counts from masks.
     fn by_masks(config: &BuildConfig, root: &Root, node: &Pending) -> Option<SplitPlane> {
-        let extents = Extents::of(&node.cell)?;
+        let extents = Extents::of::<Strict>(&node.cell)?;
         let area = Extents::half_area(extents.cells);
         let count = node.mask.count_ones();
         let mut best = Rank { cost: leaf_cost(config, area, count), axis: 0, position: 0 };
@@ -480,7 +495,7 @@ mod tests {
                     }
                     let plane = SplitPlane { axis, position };
                     let (left, right) = root.sides(node.mask, plane);
-                    let offset = extents.offset(node.cell.lo[axis], position);
+                    let offset = extents.offset::<Strict>(node.cell.lo[axis], position);
                     let areas = extents.split_areas(axis, offset);
                     let cost = split_cost(config, areas, left.count_ones(), right.count_ones());
                     let rank = Rank::new(cost, axis, position);
@@ -524,7 +539,7 @@ mod tests {
                 for mask in [u64::MAX, 0x5555_5555_5555_5555, 0x0f0f_00ff_0000_ffff] {
                     let mask = mask & TriangleMask::first(count).bits();
                     let node = Pending { mask, cell, depth: 0, parent: u32::MAX };
-                    let found = root.best_split::<Loops>(&Costs::of(&config), &node);
+                    let found = root.best_split::<Strict, Loops>(&Costs::of(&config), &node);
                     assert_eq!(found, by_masks(&config, &root, &node));
                     splits += usize::from(found.is_some());
                 }

@@ -4,7 +4,7 @@
 //! goes to, and how many of the chunk's go to each.
 
 use rayon::prelude::*;
-use splitplane_core::arithmetic::Strict;
+use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::layout::{Chunk, Decision, Reference, Sides};
 use splitplane_core::split::{goes_left, goes_right};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
@@ -18,7 +18,7 @@ pub const LEFT: u8 = 1;
 pub const RIGHT: u8 = 2;
 
 /// Runs the kernel.
-pub fn run(
+pub fn run<A: Arithmetic>(
     chunks: &[Chunk],
     decisions: &[Decision],
     references: &[Reference],
@@ -63,7 +63,7 @@ pub fn run(
                 continue;
             }
             // Nothing on either side: the old bounds held more than the triangle, and it ends here.
-            let [left, right] = clip::<Strict>(corners, &bounds, axis, position);
+            let [left, right] = clip::<A>(corners, &bounds, axis, position);
             if left.is_empty() {
                 *side &= !LEFT;
                 counts.left -= 1;

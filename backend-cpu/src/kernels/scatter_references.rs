@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::{Aabb, max, min};
-use splitplane_core::arithmetic::Strict;
+use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::layout::{Chunk, ChunkBounds, Decision, Reference, Sides};
 use splitplane_core::triangle::{Triangle, clip};
 
@@ -33,7 +33,7 @@ pub struct Inputs<'a> {
 }
 
 /// Runs the kernel.
-pub fn run(
+pub fn run<A: Arithmetic>(
     inputs: &Inputs<'_>,
     next_references: &mut [Reference],
     small_references: &mut [Reference],
@@ -79,7 +79,7 @@ pub fn run(
                 let crosses = reference.lo[axis] < position && position < reference.hi[axis];
                 let parts = if crosses {
                     let corners = &inputs.triangles[reference.triangle as usize];
-                    clip::<Strict>(corners, &reference.bounds(), axis, position)
+                    clip::<A>(corners, &reference.bounds(), axis, position)
                         .map(|bounds| Reference::new(&bounds, reference.triangle))
                 } else {
                     [*reference; 2]

@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::arithmetic::Strict;
+use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Decision, LargeNode, Reference, Sides};
 use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep, spatial_median};
@@ -14,22 +14,19 @@ use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep, spatial_me
 use super::GRAIN;
 
 /// Runs the kernel.
-pub fn run(
+pub fn run<A: Arithmetic>(
     config: &BuildConfig,
     active: &[LargeNode],
     node_bounds: &[Aabb],
     references: &[Reference],
     decisions: &mut [Decision],
 ) {
-    active
-        .par_iter()
-        .zip(node_bounds)
-        .zip(decisions)
-        .with_min_len(GRAIN)
-        .for_each(|((node, tight), decision)| *decision = decide(config, node, tight, references));
+    active.par_iter().zip(node_bounds).zip(decisions).with_min_len(GRAIN).for_each(
+        |((node, tight), decision)| *decision = decide::<A>(config, node, tight, references),
+    );
 }
 
-fn decide(
+fn decide<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,
     tight: &Aabb,
@@ -55,7 +52,7 @@ fn decide(
         if decision.cut_count == levels_left {
             return decision;
         }
-        if let Some(cut) = empty_cutoff::<Strict>(config, &cell, tight, side) {
+        if let Some(cut) = empty_cutoff::<A>(config, &cell, tight, side) {
             if side % 2 == 0 {
                 cell.lo[cut.axis] = cut.position;
             } else {
@@ -70,11 +67,11 @@ fn decide(
         return decision;
     }
     let plane = if node.inseparable == 0 {
-        spatial_median(&cell)
+        spatial_median::<A>(&cell)
     } else {
         // That the median does not separate does not mean that no plane does.
         let mine = &references[node.first as usize..(node.first + node.count) as usize];
-        sampled_sweep(&cell, mine)
+        sampled_sweep::<A>(&cell, mine)
     };
     if let Some(SplitPlane { axis, position }) = plane {
         decision.axis = axis as u32;

@@ -1,7 +1,7 @@
 //! The layout that queries read: nodes whose leaves name blocks of corner copies.
 
 use rayon::prelude::*;
-use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 
@@ -16,6 +16,30 @@ const UNIT: usize = 8;
 /// Words behind the last block that a wide load may read.
 const TAIL: usize = BLOCK;
 
+/// A node as queries read it, 8 bytes in preorder like the canonical ones: the axis in bits 0 and 1 of
+/// the second word (3 for a leaf), in bits 2 and 3 whether the left and the right child are empty
+/// leaves, above them the right child or the number of triangles. Most leaves that a ray passes are
+/// empty: the bits spare visiting them.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WalkNode {
+    /// Bits of the split position, or the leaf's first block in units of 8 words.
+    pub word: u32,
+    /// Axis, empty children, right child or count.
+    pub tagged: u32,
+}
+
+impl WalkNode {
+    /// The left child is an empty leaf.
+    pub const LEFT_EMPTY: u32 = 4;
+    /// The right child is an empty leaf.
+    pub const RIGHT_EMPTY: u32 = 8;
+    /// Where child and count begin.
+    pub const SHIFT: u32 = 4;
+    /// Most nodes that the remaining 28 bits can name.
+    pub const MOST: u32 = 1 << 28;
+}
+
 /// Nodes and leaf blocks.
 ///
 /// A leaf of n triangles is a run of blocks of 16 and a last one of fewer; a block of m triangles is
@@ -24,7 +48,7 @@ const TAIL: usize = BLOCK;
 /// words.
 #[derive(Debug)]
 pub struct Blocks {
-    pub(crate) nodes: Vec<KdNode>,
+    pub(crate) nodes: Vec<WalkNode>,
     pub(crate) words: Vec<f32>,
 }
 
@@ -73,16 +97,27 @@ impl Blocks {
         let mut nodes = Vec::with_capacity(tree.nodes.len());
         let mut leaves = Vec::new();
         let mut end = 0usize;
-        for node in tree.nodes {
+        let is_empty =
+            |node: u32| matches!(tree.nodes[node as usize].kind(), NodeKind::Leaf { count: 0, .. });
+        for (index, node) in tree.nodes.iter().enumerate() {
             nodes.push(match node.kind() {
-                NodeKind::Interior { .. } => *node,
+                NodeKind::Interior { axis, split, right } => {
+                    let mut tagged = right << WalkNode::SHIFT | axis as u32;
+                    if is_empty(index as u32 + 1) {
+                        tagged |= WalkNode::LEFT_EMPTY;
+                    }
+                    if is_empty(right) {
+                        tagged |= WalkNode::RIGHT_EMPTY;
+                    }
+                    WalkNode { word: split.to_bits(), tagged }
+                }
                 NodeKind::Leaf { first, count } => {
                     let start = end;
                     if count > 0 {
                         leaves.push((start, first, count));
                     }
                     end += leaf_words(count as usize);
-                    KdNode::leaf((start / UNIT) as u32, count)
+                    WalkNode { word: (start / UNIT) as u32, tagged: count << WalkNode::SHIFT | 3 }
                 }
             });
         }

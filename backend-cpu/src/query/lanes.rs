@@ -10,11 +10,10 @@ use core::cell::RefCell;
 
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
-use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::Blocks;
+use super::blocks::{Blocks, WalkNode};
 use super::leaf::InstructionSet;
 use super::prepare::{LANES, PreparedRays, prepare_one};
 use super::single::{self, Best, test_leaf};
@@ -64,6 +63,8 @@ struct Group {
     leaf_count: Row<u32>,
     /// Lanes whose direction is negative on each axis.
     backwards: [__mmask16; 3],
+    /// Lanes that go back to front: for any hit only.
+    reversed: __mmask16,
     /// Lanes that stand at a node.
     stepping: __mmask16,
     /// Lanes that must go back to their stack.
@@ -110,6 +111,7 @@ impl Group {
             leaf_first: Row([0; LANES]),
             leaf_count: Row([0; LANES]),
             backwards: [0; 3],
+            reversed: 0,
             stepping: 0,
             popping: 0,
             waiting: 0,
@@ -180,7 +182,13 @@ unsafe fn run(
             let mut stepping = 0;
             for group in groups.iter_mut() {
                 // SAFETY: as above; the nodes are a valid tree's.
-                unsafe { group.step(&blocks.nodes) };
+                unsafe {
+                    if query == Query::Any {
+                        group.step::<true>(&blocks.nodes);
+                    } else {
+                        group.step::<false>(&blocks.nodes);
+                    }
+                }
                 stepping += (group.stepping | group.popping).count_ones();
             }
             if stepping < enough {
@@ -272,7 +280,7 @@ fn take_lane(mask: &mut __mmask16) -> usize {
 /// AVX-512; indices `first..first + 8` must name nodes.
 #[target_feature(enable = "avx512f,avx512dq")]
 #[inline]
-unsafe fn load_8(nodes: &[KdNode], indices: &[u32; LANES], first: usize) -> __m512i {
+unsafe fn load_8(nodes: &[WalkNode], indices: &[u32; LANES], first: usize) -> __m512i {
     let base = nodes.as_ptr().cast::<i64>();
     // SAFETY: by contract; a node is 8 bytes.
     let pair = |i: usize| unsafe {
@@ -353,7 +361,7 @@ impl Group {
     /// AVX-512; `nodes` must be those of a valid tree.
     #[target_feature(enable = "avx512f,avx512dq")]
     #[inline]
-    unsafe fn step(&mut self, nodes: &[KdNode]) {
+    unsafe fn step<const ANY: bool>(&mut self, nodes: &[WalkNode]) {
         let active = self.stepping;
         let zero = _mm512_setzero_si512();
         let node = load_words(&self.node);
@@ -370,7 +378,7 @@ impl Group {
         let is_y = _mm512_cmpeq_epi32_mask(axis, _mm512_set1_epi32(1));
         let is_z = _mm512_cmpeq_epi32_mask(axis, _mm512_set1_epi32(2));
         let interior = active & !leaf;
-        let index = _mm512_srli_epi32::<2>(tagged);
+        let index = _mm512_srli_epi32::<{ WalkNode::SHIFT }>(tagged);
 
         let pick = |rows: &[Row<f32>; 3]| {
             let xy = _mm512_mask_blend_ps(is_y, load(&rows[0]), load(&rows[1]));
@@ -391,39 +399,59 @@ impl Group {
         let near = _mm512_mask_blend_epi32(backwards, left, index);
         let far = _mm512_mask_blend_epi32(backwards, index, left);
         let (enter, exit) = (load(&self.enter), load(&self.exit));
-        let only_far = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(interior, greatest, enter);
-        let only_near = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(interior, least, exit) & !only_far;
-        let both = interior & !only_far & !only_near;
+        let before = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(interior, greatest, enter);
+        let behind = _mm512_mask_cmp_ps_mask::<_CMP_GT_OQ>(interior, least, exit) & !before;
+        let crossing = interior & !before & !behind;
+        let bit = |bit: u32| _mm512_test_epi32_mask(tagged, _mm512_set1_epi32(bit as i32));
+        let (left_empty, right_empty) = (bit(WalkNode::LEFT_EMPTY), bit(WalkNode::RIGHT_EMPTY));
+        let near_empty = (left_empty & !backwards) | (right_empty & backwards);
+        let far_empty = (left_empty & backwards) | (right_empty & !backwards);
+        let visit_near = interior & !before & !near_empty;
+        let visit_far = interior & !behind & !far_empty;
+        let both = visit_near & visit_far;
+        let far_enter = _mm512_mask_max_ps(enter, crossing, least, enter);
+        let near_exit = _mm512_mask_min_ps(exit, crossing, exit, greatest);
 
-        let depth = load_words(&self.depth);
+        let mut depth = load_words(&self.depth);
         if both != 0 {
-            let far_enter = _mm512_castps_si512(_mm512_max_ps(least, enter));
+            let (mut other, mut other_enter, mut other_exit) = (far, far_enter, exit);
+            if ANY {
+                other = _mm512_mask_blend_epi32(self.reversed, far, near);
+                other_enter = _mm512_mask_blend_ps(self.reversed, far_enter, enter);
+                other_exit = _mm512_mask_blend_ps(self.reversed, exit, near_exit);
+            }
             let slot = _mm512_add_epi32(slot_of_lane(), depth);
+            let other_enter = _mm512_castps_si512(other_enter);
+            let other_exit = _mm512_castps_si512(other_exit);
             let mut rest = both;
             while rest != 0 {
                 // SAFETY: the instruction set; slots are within the stack, since depth counts the
                 // entries of a lane.
-                unsafe {
-                    self.push_4(rest, slot, far, far_enter, _mm512_castps_si512(exit));
-                }
+                unsafe { self.push_4(rest, slot, other, other_enter, other_exit) };
                 rest &= !lowest_4(rest);
             }
+            depth = _mm512_mask_add_epi32(depth, both, depth, _mm512_set1_epi32(1));
         }
-        let mut exit = _mm512_mask_min_ps(exit, both, exit, greatest);
-        let mut depth = _mm512_mask_add_epi32(depth, both, depth, _mm512_set1_epi32(1));
-        let next = _mm512_mask_blend_epi32(only_far, near, far);
-        let mut node = _mm512_mask_blend_epi32(interior, node, next);
-        let mut enter = enter;
+        let mut to_far = visit_far & !visit_near;
+        if ANY {
+            to_far |= both & self.reversed;
+        }
+        let next = _mm512_mask_blend_epi32(to_far, near, far);
+        let mut node = _mm512_mask_blend_epi32(visit_near | visit_far, node, next);
+        let mut enter = _mm512_mask_blend_ps(to_far, enter, far_enter);
+        let mut exit = _mm512_mask_blend_ps(visit_near & !to_far, exit, near_exit);
 
-        let empty = _mm512_mask_cmpeq_epi32_mask(leaf, index, zero);
-        let full = leaf & !empty;
+        // Only the root of an empty tree is a leaf without triangles that a lane gets to.
+        let nothing = _mm512_mask_cmpeq_epi32_mask(leaf, index, zero);
+        let full = leaf & !nothing;
         // SAFETY: rows are 64 aligned bytes.
         unsafe {
             _mm512_mask_store_epi32(self.leaf_first.0.as_mut_ptr().cast(), full, word);
             _mm512_mask_store_epi32(self.leaf_count.0.as_mut_ptr().cast(), full, index);
         }
         self.waiting |= full;
-        let mut stepping = active & !leaf;
+        let mut stepping = visit_near | visit_far;
+        let empty = active & !stepping & !full;
 
         // Four lanes at most go back to their stacks; others wait for the next step.
         let popping = self.popping | empty;
@@ -580,6 +608,12 @@ impl Group {
                 self.slack[axis].0[lane] = ready.slack[axis][from];
                 self.backwards[axis] &= !bit;
                 self.backwards[axis] |= if ready.direction[axis][from] < 0.0 { bit } else { 0 };
+            }
+            self.reversed &= !bit;
+            if query == Query::Any {
+                let interval = (ready.enter[from], ready.exit[from]);
+                let solid = single::far_end_is_solid(&ready.ray(from), interval);
+                self.reversed |= if solid { bit } else { 0 };
             }
             self.enter.0[lane] = ready.enter[from];
             self.exit.0[lane] = ready.exit[from];

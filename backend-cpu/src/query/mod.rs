@@ -13,5 +13,6 @@ mod prepare;
 mod single;
 
 pub use accelerator::CpuAccelerator;
+pub(crate) use blocks::WalkNode;
 pub use blocks::{BLOCK, Blocks};
 pub use leaf::InstructionSet;

@@ -3,11 +3,10 @@
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::intersect::PreparedRay;
-use splitplane_core::node::NodeKind;
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::blocks::{Block, Blocks};
+use super::blocks::{Block, Blocks, WalkNode};
 use super::leaf::{InstructionSet, decide, sift};
 
 /// The best hit so far and what follows from it.
@@ -82,38 +81,60 @@ pub(crate) unsafe fn trace(
     query: Query,
 ) -> Hit {
     let (mut enter, mut exit) = interval;
+    let back_to_front = query == Query::Any && far_end_is_solid(ray, interval);
     let mut best = Best::NONE;
     let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
     let mut top = 0;
     let mut node = 0u32;
     loop {
-        match blocks.nodes[node as usize].kind() {
-            NodeKind::Interior { axis, split, right } => {
-                let axis = axis.index();
-                let (least, greatest) = ray.plane_interval::<Strict>(axis, split);
-                let backwards = ray.direction[axis] < 0.0;
-                let (near, far) = if backwards { (right, node + 1) } else { (node + 1, right) };
-                if greatest < enter {
-                    node = far;
-                } else if least > exit {
-                    node = near;
-                } else {
-                    stack[top] = (far, least.max(enter), exit);
+        let WalkNode { word, tagged } = blocks.nodes[node as usize];
+        let axis = (tagged & 3) as usize;
+        if axis < 3 {
+            let (least, greatest) = ray.plane_interval::<Strict>(axis, f32::from_bits(word));
+            let (left, right) = (node + 1, tagged >> WalkNode::SHIFT);
+            let left_empty = tagged & WalkNode::LEFT_EMPTY != 0;
+            let right_empty = tagged & WalkNode::RIGHT_EMPTY != 0;
+            let backwards = ray.direction[axis] < 0.0;
+            let (near, far) = if backwards { (right, left) } else { (left, right) };
+            let (near_empty, far_empty) =
+                if backwards { (right_empty, left_empty) } else { (left_empty, right_empty) };
+            let before = greatest < enter;
+            let behind = !before && least > exit;
+            let (far_enter, near_exit) = if before || behind {
+                (enter, exit)
+            } else {
+                (least.max(enter), exit.min(greatest))
+            };
+            let visit_near = !before && !near_empty;
+            let visit_far = !behind && !far_empty;
+            match (visit_near, visit_far) {
+                (true, true) if back_to_front => {
+                    stack[top] = (near, enter, near_exit);
                     top += 1;
-                    node = near;
-                    exit = exit.min(greatest);
+                    (node, enter) = (far, far_enter);
+                    continue;
                 }
-                continue;
+                (true, true) => {
+                    stack[top] = (far, far_enter, exit);
+                    top += 1;
+                    (node, exit) = (near, near_exit);
+                    continue;
+                }
+                (true, false) => {
+                    (node, exit) = (near, near_exit);
+                    continue;
+                }
+                (false, true) => {
+                    (node, enter) = (far, far_enter);
+                    continue;
+                }
+                (false, false) => {}
             }
-            NodeKind::Leaf { first, count } => {
-                // SAFETY: the caller's contract.
-                if count > 0
-                    && unsafe {
-                        test_leaf(set, ray, blocks.leaf(first, count), options, query, &mut best)
-                    }
-                {
-                    return best.hit;
-                }
+        } else {
+            let leaf = blocks.leaf(word, tagged >> WalkNode::SHIFT);
+            // SAFETY: the caller's contract.
+            if unsafe { test_leaf(set, ray, leaf, options, query, &mut best) } {
+                return best.hit;
             }
         }
         loop {
@@ -127,4 +148,11 @@ pub(crate) unsafe fn trace(
             }
         }
     }
+}
+
+/// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
+/// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
+#[inline]
+pub(crate) fn far_end_is_solid(ray: &PreparedRay, (enter, exit): (f32, f32)) -> bool {
+    enter <= ray.t_min && exit < ray.t_max
 }
