@@ -77,16 +77,21 @@ impl Aabb {
     /// Half the extent on one axis: `hi / 2 - lo / 2`, each step snapped. Halving is exact above the
     /// subnormals, so this is the rounded extent, halved, and it cannot overflow.
     #[inline(always)]
-    pub fn half_extent<A: Arithmetic>(&self, axis: usize) -> f32 {
+    pub fn half_extent_in<A: Arithmetic>(&self, axis: usize) -> f32 {
         A::snapped_difference(
             A::snapped_product(self.hi[axis], 0.5),
             A::snapped_product(self.lo[axis], 0.5),
         )
     }
 
+    /// [`Aabb::half_extent_in`] the arithmetic of Rust.
+    pub fn half_extent(&self, axis: usize) -> f32 {
+        self.half_extent_in::<Strict>(axis)
+    }
+
     /// The axis of greatest extent; the lowest such axis on a tie.
     pub fn longest_axis(&self) -> usize {
-        let half = [0, 1, 2].map(|axis| self.half_extent::<Strict>(axis));
+        let half = [0, 1, 2].map(|axis| self.half_extent(axis));
         let mut longest = 0;
         for axis in 1..3 {
             if half[axis] > half[longest] {
@@ -151,6 +156,6 @@ mod tests {
     #[test]
     fn half_extent_survives_the_whole_range() {
         let bounds = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
-        assert_eq!(bounds.half_extent::<Strict>(0), f32::MAX);
+        assert_eq!(bounds.half_extent(0), f32::MAX);
     }
 }

@@ -7,7 +7,7 @@
 //! triangle alone, so every traversal order, backend and preset finds the same hits.
 
 use crate::aabb::{Aabb, max, min};
-use crate::arithmetic::{Arithmetic, Double, Strict, exponent, power_of_two, snap};
+use crate::arithmetic::{Arithmetic, Double, exponent, power_of_two, snap};
 use crate::ray::{Culling, Ray};
 use crate::triangle::Triangle;
 
@@ -71,7 +71,7 @@ impl Limits {
         let mut longest = 0.0;
         for axis in 0..3 {
             // Halved, so that it cannot overflow, and doubled unless that would.
-            longest = max(longest, bounds.half_extent::<Strict>(axis));
+            longest = max(longest, bounds.half_extent(axis));
             for corner in triangle {
                 let magnitude = corner[axis].abs();
                 limits.greatest = max(limits.greatest, magnitude);
@@ -137,7 +137,7 @@ impl SceneScale {
 
 /// The longest extent of a box, at most `f32::MAX`; 0 for an empty one.
 fn longest_extent(bounds: &Aabb) -> f32 {
-    let half = (0..3).map(|axis| bounds.half_extent::<Strict>(axis)).fold(0.0, max);
+    let half = (0..3).map(|axis| bounds.half_extent(axis)).fold(0.0, max);
     min(half, 0.5 * f32::MAX) * 2.0
 }
 
@@ -634,7 +634,7 @@ pub fn moeller_trumbore<A: Arithmetic>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::arithmetic::Hostile;
+    use crate::arithmetic::{Hostile, Strict};
 
     const TRIANGLE: Triangle = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]];
 

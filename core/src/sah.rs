@@ -103,7 +103,8 @@ impl Extents {
     /// longest extent is below 2^-116).
     #[inline]
     pub fn of<A: Arithmetic>(cell: &Aabb) -> Option<Extents> {
-        let half = [cell.half_extent::<A>(0), cell.half_extent::<A>(1), cell.half_extent::<A>(2)];
+        let half =
+            [cell.half_extent_in::<A>(0), cell.half_extent_in::<A>(1), cell.half_extent_in::<A>(2)];
         let longest = crate::aabb::max(crate::aabb::max(half[0], half[1]), half[2]);
         if exponent(longest) < LEAST_EXPONENT {
             return None;

@@ -52,14 +52,14 @@ pub fn empty_cutoff<A: Arithmetic>(
         return None;
     }
     // Halved, so that nothing overflows.
-    let extent = cell.half_extent::<A>(axis);
+    let extent = cell.half_extent_in::<A>(axis);
     if exponent(extent) < LEAST_EXPONENT {
         return None;
     }
     let gap = if side.is_multiple_of(2) {
-        Aabb { lo: cell.lo, hi: tight.lo }.half_extent::<A>(axis)
+        Aabb { lo: cell.lo, hi: tight.lo }.half_extent_in::<A>(axis)
     } else {
-        Aabb { lo: tight.hi, hi: cell.hi }.half_extent::<A>(axis)
+        Aabb { lo: tight.hi, hi: cell.hi }.half_extent_in::<A>(axis)
     };
     // The left product rounds once, the right one is exact: a power of two.
     let limit = A::product(extent, config.empty_cutoff as f32 * (1.0 / 256.0));
@@ -70,7 +70,7 @@ pub fn empty_cutoff<A: Arithmetic>(
 /// strictly between its ends. `None` when no axis can be halved.
 #[inline]
 pub fn spatial_median<A: Arithmetic>(cell: &Aabb) -> Option<SplitPlane> {
-    let half = [0, 1, 2].map(|axis| cell.half_extent::<A>(axis));
+    let half = [0, 1, 2].map(|axis| cell.half_extent_in::<A>(axis));
     let mut order = [0usize, 1, 2];
     // Insertion sort by descending extent; stable, so the lower axis wins ties.
     if half[order[1]] > half[order[0]] {
