@@ -1,9 +1,9 @@
 //! Batches by lanes: one ray a SIMD lane, 16 in a group, several groups in flight (AVX-512).
 //!
-//! Lanes step through interior nodes and empty leaves together, each at a node of its own; nodes are
-//! gathered, stacks scattered. When too few lanes of all groups still step, each lane that reached a
+//! Lanes step through interior nodes together, each at a node of its own. When too few lanes of all groups still step, each lane that reached a
 //! leaf tests its triangles, 16 at once, and goes on; a lane whose ray is answered takes the next
-//! one. Groups take turns, so that one's gathers are under way while another computes.
+//! one. Groups take turns, so that one's loads are under way while another computes. Rays that are
+//! found to be coherent when they are made ready go to [`super::packet`] instead.
 
 use core::arch::x86_64::*;
 use core::cell::RefCell;
@@ -15,6 +15,7 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::{Blocks, WalkNode};
 use super::leaf::InstructionSet;
+use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, prepare_one};
 use super::single::{self, Best, test_leaf};
 
@@ -126,8 +127,8 @@ impl Group {
 
 thread_local! {
     /// Kept between batches: all lanes are idle at the end of one.
-    static GROUPS_IN_FLIGHT: RefCell<Box<[Group; GROUPS]>> =
-        RefCell::new(Box::new(core::array::from_fn(|_| Group::new())));
+    static GROUPS_IN_FLIGHT: RefCell<(Box<[Group; GROUPS]>, Packet)> =
+        RefCell::new((Box::new(core::array::from_fn(|_| Group::new())), Packet::new()));
 }
 
 /// Traces rays in any order; `answer` takes a ray's place and its hit.
@@ -144,8 +145,8 @@ pub unsafe fn trace(
     answer: &mut impl FnMut(usize, Hit),
 ) {
     let ready = PreparedRays::new();
-    let mut source = Source { scene, blocks, rays, next: 0, ready, left: 0 };
-    GROUPS_IN_FLIGHT.with_borrow_mut(|groups| {
+    GROUPS_IN_FLIGHT.with_borrow_mut(|(groups, packet)| {
+        let mut source = Source { scene, blocks, rays, next: 0, ready, left: 0, packet };
         // SAFETY: the instruction set, by contract.
         unsafe { run(groups, &mut source, options, query, answer) };
     });
@@ -207,7 +208,8 @@ struct Source<'a> {
     next: usize,
     ready: PreparedRays,
     /// Rays of `ready` not yet handed out.
-    left: u32,
+    left: __mmask16,
+    packet: &'a mut Packet,
 }
 
 impl Source<'_> {
@@ -246,6 +248,16 @@ impl Source<'_> {
                         self.left |= 1 << lane;
                     } else {
                         answer(start + lane, Hit::MISS);
+                    }
+                }
+                if Packet::is_worthwhile(&self.ready, self.left, self.scene) {
+                    let (rays, ready) = (self.left, &self.ready);
+                    // SAFETY: the instruction set, by contract; worthwhile packets are of one octant.
+                    let hits =
+                        unsafe { self.packet.trace(self.blocks, ready, rays, options, query) };
+                    while self.left != 0 {
+                        let lane = take_lane(&mut self.left);
+                        answer(start + lane, hits[lane]);
                     }
                 }
             }

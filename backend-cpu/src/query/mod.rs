@@ -9,6 +9,8 @@ mod blocks;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod leaf;
+#[cfg(target_arch = "x86_64")]
+mod packet;
 mod prepare;
 mod single;
 
