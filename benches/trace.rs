@@ -1,66 +1,45 @@
-//! Closest hit and any hit of coherent and incoherent rays on procedural scenes.
+//! Closest hit and any hit on the built-in scenes, by batch and one by one, on one thread and two:
+//! `cargo bench --bench trace`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane::scene::builtin;
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
-use splitplane_test_support::scenes;
-use std::hint::black_box;
 
-/// Rays of a pinhole camera that looks at the middle of the unit cube.
-fn camera(side: usize) -> Vec<Ray> {
-    let at = |i: usize| (i as f32 + 0.5) / side as f32 - 0.5;
-    (0..side * side)
-        .map(|i| Ray::new([0.5, 0.5, 3.0], [at(i % side), at(i / side), -1.5]))
-        .collect()
-}
+/// Rays of each set.
+const RAYS: usize = 1 << 16;
 
 fn traces(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("trace");
-    group.sample_size(20);
-    let all = [
-        scenes::sphere(36, [0.5; 3], 0.5).named("sphere 5k"),
-        scenes::sphere(scenes::LARGE_SPHERE, [0.5; 3], 0.5).named("sphere 80k"),
-        scenes::soup(80_000, 0.01, 1).named("soup 80k"),
-    ];
-    let most = std::thread::available_parallelism().map_or(1, |n| n.get());
-    let options = QueryOptions::default();
-    for scene in &all {
-        let mesh = scene.mesh();
-        let accelerator = CpuBackend::new().build(&mesh, &BuildOptions::default()).expect("a tree");
-        let kinds =
-            [("camera", camera(256)), ("random", aim::rays(&mesh, Kind::Random, 65_536, 1))];
-        for (kind, rays) in &kinds {
-            group.throughput(Throughput::Elements(rays.len() as u64));
-            for threads in [1, most] {
-                let pool =
-                    rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-                let name = |query: &str| {
-                    BenchmarkId::new(
-                        format!("{query}/{}", scene.name),
-                        format!("{kind}, {threads} threads"),
-                    )
-                };
-                let mut hits = vec![Hit::MISS; rays.len()];
-                group.bench_function(name("closest"), |bencher| {
-                    pool.install(|| {
-                        bencher.iter(|| {
-                            accelerator.closest_hits(rays, &mut hits, &options).expect("hits");
-                            black_box(&hits);
-                        });
-                    });
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(RAYS as u64));
+    for name in ["cornell", "spheres", "stadium", "city:100000", "city:1000000"] {
+        let scene = builtin::open(name).expect("a built-in scene");
+        let mesh = scene.mesh().expect("a valid mesh");
+        let accelerator = CpuBackend::new()
+            .build_accelerator(&mesh, &BuildOptions::default())
+            .expect("a tree of a built-in scene");
+        let rays: Vec<Ray> = aim::rays(&mesh, Kind::ALL[0], RAYS, 1);
+        let options = QueryOptions::default();
+        let mut hits = vec![Hit::MISS; rays.len()];
+        let mut any = vec![false; rays.len()];
+        for threads in [1, 2] {
+            let pool =
+                rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+            group.bench_function(BenchmarkId::new(format!("{name}/closest"), threads), |bench| {
+                bench
+                    .iter(|| pool.install(|| accelerator.closest_hits(&rays, &mut hits, &options)));
+            });
+            group.bench_function(BenchmarkId::new(format!("{name}/singly"), threads), |bench| {
+                bench.iter(|| {
+                    pool.install(|| accelerator.closest_hits_singly(&rays, &mut hits, &options))
                 });
-                let mut occluded = vec![false; rays.len()];
-                group.bench_function(name("any"), |bencher| {
-                    pool.install(|| {
-                        bencher.iter(|| {
-                            accelerator.any_hits(rays, &mut occluded, &options).expect("hits");
-                            black_box(&occluded);
-                        });
-                    });
-                });
-            }
+            });
+            group.bench_function(BenchmarkId::new(format!("{name}/any"), threads), |bench| {
+                bench.iter(|| pool.install(|| accelerator.any_hits(&rays, &mut any, &options)));
+            });
         }
     }
     group.finish();

@@ -73,6 +73,30 @@ fn rays(triangles: &[Triangle], count: usize, numbers: &mut Numbers) -> Vec<Ray>
         .collect()
 }
 
+/// Rays through a grid of pixels, and from where they meet a sphere to one light: coherent, so that
+/// they are traced as packets.
+fn coherent_rays(numbers: &mut Numbers) -> Vec<Ray> {
+    let mut rays = Vec::new();
+    for view in 0..6 {
+        let eye = numbers.point(9.0);
+        let towards =
+            [0, 1, 2].map(|k| if k == view % 3 { -eye[k] } else { numbers.next() - eye[k] });
+        for pixel in 0..24 * 32 {
+            let (x, y) = ((pixel % 32) as f32 / 80.0 - 0.2, (pixel / 32) as f32 / 80.0 - 0.15);
+            let mut direction = towards.map(|d| d / 9.0);
+            direction[(view + 1) % 3] += x;
+            direction[(view + 2) % 3] += y;
+            let ray = Ray::new(eye, direction);
+            rays.push(if view == 5 { ray.with_limits(0.3, 1.2) } else { ray });
+            let start = [0, 1, 2].map(|k| eye[k] + 0.7 * direction[k] * 9.0);
+            rays.push(Ray::segment(start, [4.0, 5.0, 3.0]));
+        }
+    }
+    // Neighbours of one kind side by side.
+    let (views, shadows): (Vec<_>, Vec<_>) = rays.iter().enumerate().partition(|(i, _)| i % 2 == 0);
+    views.into_iter().chain(shadows).map(|(_, ray)| *ray).collect()
+}
+
 #[test]
 fn every_path_equals_the_reference() {
     let mut numbers = Numbers(1);
@@ -85,6 +109,7 @@ fn every_path_equals_the_reference() {
             .map(|t| t.map(|corner| corner.map(|x| x * scale)))
             .collect();
         let mut rays = rays(&triangles, 700, &mut numbers);
+        rays.extend(coherent_rays(&mut numbers));
         for ray in &mut rays {
             ray.origin = ray.origin.map(|x| x * scale);
         }

@@ -511,7 +511,8 @@ fn finish<A: Arithmetic>(
     if t < t_min || t > t_max {
         return None;
     }
-    Some(Candidate { t, u: A::quotient(v, det), v: A::quotient(w, det) })
+    // Snapped, since devices may ignore the sign of zero.
+    Some(Candidate { t, u: snap(A::quotient(v, det)), v: snap(A::quotient(w, det)) })
 }
 
 /// The error of an interpolated `t` is at most this part of `disorder / |det|`: 24 roundings of

@@ -360,7 +360,8 @@ mod tests {
         let leaf = KdNode::leaf;
         assert_eq!(check(&[split(2), leaf(0, 1), leaf(1, 1)], &[0, 1]), Ok(()));
         assert_eq!(check(&[], &[]), Err(Violation::NoNodes));
-        let cases: [(&[KdNode], &[u32], fn(&Violation) -> bool); 9] = [
+        type Case<'a> = (&'a [KdNode], &'a [u32], fn(&Violation) -> bool);
+        let cases: [Case<'_>; 9] = [
             (&[split(1), leaf(0, 0), leaf(0, 0)], &[], |v| {
                 matches!(v, Violation::NotPreorder { node: 0, right: 1, expected: 2 })
             }),

@@ -54,11 +54,13 @@ pub fn run<A: Arithmetic>(
             #[cfg(target_arch = "x86_64")]
             // SAFETY: the executor holds only sets that the processor has.
             InstructionSet::Avx512 => unsafe {
-                batch_16::<A>(config, roots, references, sizes, out)
+                batch_16::<A>(config, roots, references, sizes, out);
             },
             #[cfg(target_arch = "x86_64")]
             // SAFETY: as above.
-            InstructionSet::Avx2 => unsafe { batch_8::<A>(config, roots, references, sizes, out) },
+            InstructionSet::Avx2 => unsafe {
+                batch_8::<A>(config, roots, references, sizes, out);
+            },
             _ => batch::<A, Loops>(config, roots, references, sizes, out),
         },
     );

@@ -165,7 +165,7 @@ impl Accelerator for CpuAccelerator {
         check(rays.len(), occluded.len())?;
         rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
             self.trace_batch(rays, options, Query::Any, |index, hit| {
-                occluded[index] = hit.is_hit()
+                occluded[index] = hit.is_hit();
             });
         });
         Ok(())

@@ -230,41 +230,38 @@ impl Source<'_> {
         query: Query,
         answer: &mut impl FnMut(usize, Hit),
     ) -> Option<(usize, usize)> {
-        loop {
-            while self.left == 0 {
-                if self.next >= self.rays.len() {
-                    return None;
-                }
-                let start = self.next;
-                let chunk = &self.rays[start..(start + LANES).min(self.rays.len())];
-                self.ready.fill(chunk, self.scene);
-                self.next += chunk.len();
-                for lane in 0..chunk.len() {
-                    let ready = &self.ready;
-                    if ready.special[lane] != 0 {
-                        let hit = self.trace_one(&chunk[lane], options, query);
-                        answer(start + lane, hit);
-                    } else if ready.alive[lane] != 0 && ready.enter[lane] <= ready.exit[lane] {
-                        self.left |= 1 << lane;
-                    } else {
-                        answer(start + lane, Hit::MISS);
-                    }
-                }
-                if Packet::is_worthwhile(&self.ready, self.left, self.scene) {
-                    let (rays, ready) = (self.left, &self.ready);
-                    // SAFETY: the instruction set, by contract; worthwhile packets are of one octant.
-                    let hits =
-                        unsafe { self.packet.trace(self.blocks, ready, rays, options, query) };
-                    while self.left != 0 {
-                        let lane = take_lane(&mut self.left);
-                        answer(start + lane, hits[lane]);
-                    }
+        while self.left == 0 {
+            if self.next >= self.rays.len() {
+                return None;
+            }
+            let start = self.next;
+            let chunk = &self.rays[start..(start + LANES).min(self.rays.len())];
+            self.ready.fill(chunk, self.scene);
+            self.next += chunk.len();
+            for lane in 0..chunk.len() {
+                let ready = &self.ready;
+                if ready.special[lane] != 0 {
+                    let hit = self.trace_one(&chunk[lane], options, query);
+                    answer(start + lane, hit);
+                } else if ready.alive[lane] != 0 && ready.enter[lane] <= ready.exit[lane] {
+                    self.left |= 1 << lane;
+                } else {
+                    answer(start + lane, Hit::MISS);
                 }
             }
-            let lane = self.left.trailing_zeros() as usize;
-            self.left &= self.left - 1;
-            return Some((lane, (self.next - 1) / LANES * LANES + lane));
+            if Packet::is_worthwhile(&self.ready, self.left, self.scene) {
+                let (rays, ready) = (self.left, &self.ready);
+                // SAFETY: the instruction set, by contract; worthwhile packets are of one octant.
+                let hits = unsafe { self.packet.trace(self.blocks, ready, rays, options, query) };
+                while self.left != 0 {
+                    let lane = take_lane(&mut self.left);
+                    answer(start + lane, hits[lane]);
+                }
+            }
         }
+        let lane = self.left.trailing_zeros() as usize;
+        self.left &= self.left - 1;
+        Some((lane, (self.next - 1) / LANES * LANES + lane))
     }
 
     #[cold]

@@ -96,19 +96,27 @@ pub(crate) unsafe fn sift(
     limit: f32,
     accuracy: Accuracy,
 ) -> u32 {
-    match set {
+    match (set, accuracy) {
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: the caller's contract; a block's words reach 16 behind the start of any row.
-        InstructionSet::Avx512 => match accuracy {
-            Accuracy::Watertight => unsafe { x86::watertight_16(ray, block, limit) },
-            Accuracy::Fast => unsafe { x86::fast_16(ray, block, limit) },
-        },
+        (InstructionSet::Avx512, Accuracy::Watertight) => {
+            // SAFETY: the caller's contract; a block's words reach 16 behind the start of any row.
+            unsafe { x86::watertight_16(ray, block, limit) }
+        }
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        InstructionSet::Avx2 => match accuracy {
-            Accuracy::Watertight => unsafe { x86::watertight_8(ray, block, limit) },
-            Accuracy::Fast => unsafe { x86::fast_8(ray, block, limit) },
-        },
+        (InstructionSet::Avx512, Accuracy::Fast) => {
+            // SAFETY: as above.
+            unsafe { x86::fast_16(ray, block, limit) }
+        }
+        #[cfg(target_arch = "x86_64")]
+        (InstructionSet::Avx2, Accuracy::Watertight) => {
+            // SAFETY: as above.
+            unsafe { x86::watertight_8(ray, block, limit) }
+        }
+        #[cfg(target_arch = "x86_64")]
+        (InstructionSet::Avx2, Accuracy::Fast) => {
+            // SAFETY: as above.
+            unsafe { x86::fast_8(ray, block, limit) }
+        }
         _ => portable(ray, block, limit, accuracy),
     }
 }

@@ -7,15 +7,15 @@
 
 use core::arch::x86_64::*;
 
+use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
-use splitplane_core::ray::{Hit, QueryOptions};
+use splitplane_core::intersect::{EDGE_LEAST, PLANE_SLACK, PreparedRay, STOP_SLACK, SceneScale};
+use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::blocks::{Blocks, WalkNode};
-use super::leaf::InstructionSet;
+use super::blocks::{Block, Blocks, WalkNode};
+use super::leaf::{InstructionSet, decide, sift};
 use super::prepare::{LANES, Lanes, PreparedRays};
-use super::single::{Best, test_leaf};
 
 /// Fewest rays worth a packet.
 const FEWEST: u32 = 4;
@@ -43,7 +43,9 @@ struct Entry {
 /// Memory of a packet, kept between packets.
 pub(crate) struct Packet {
     stack: Vec<Entry>,
+    /// Rays as the scalar tests take them, made when first needed.
     rays: Vec<PreparedRay>,
+    made: __mmask16,
 }
 
 impl Packet {
@@ -54,6 +56,7 @@ impl Packet {
         Packet {
             stack: vec![entry; MAX_DEPTH as usize + 1],
             rays: vec![PreparedRays::new().ray(0); LANES],
+            made: 0,
         }
     }
 
@@ -97,8 +100,7 @@ impl Packet {
         options: &QueryOptions,
         query: Query,
     ) -> [Hit; LANES] {
-        let mut best = [Best::NONE; LANES];
-        let mut stop = Row([f32::INFINITY; LANES]);
+        let mut best = Bests::new();
         let one = rays.trailing_zeros() as usize;
         let backwards = [0, 1, 2].map(|axis| ready.direction[axis][one] < 0.0);
         // Rays that end at something solid go back to front, if all do; see `far_end_is_solid`.
@@ -108,7 +110,12 @@ impl Packet {
                 ready.enter[lane] <= ready.t_min[lane] && ready.exit[lane] < ready.t_max[lane];
             back_to_front &= solid || rays >> lane & 1 == 0;
         }
-        let mut made: __mmask16 = 0;
+        let axes = ready.ray(one).axes;
+        let mut same_shear = options.accuracy == Accuracy::Watertight;
+        for lane in 0..LANES {
+            same_shear &= ready.largest[lane] == ready.largest[one] || rays >> lane & 1 == 0;
+        }
+        self.made = 0;
         let mut open = rays;
         let mut active = rays;
         let (mut enter, mut exit) = (load(&ready.enter), load(&ready.exit));
@@ -164,28 +171,49 @@ impl Packet {
                 }
             } else {
                 let count = tagged >> WalkNode::SHIFT;
-                let mut rest = active;
-                while rest != 0 {
-                    let lane = rest.trailing_zeros() as usize;
-                    rest &= rest - 1;
-                    if made >> lane & 1 == 0 {
-                        self.rays[lane] = ready.ray(lane);
-                        made |= 1 << lane;
+                for block in blocks.leaf(word, count) {
+                    let (few, rays) = (block.count as u32, active.count_ones());
+                    if same_shear && few * COST_OF_A_TRIANGLE <= rays * COST_OF_A_RAY {
+                        for index in 0..block.count {
+                            // SAFETY: the instruction set, by contract.
+                            let undecided = unsafe {
+                                best.test(ready, axes, &block, index, active & open, options, query)
+                            };
+                            self.decide(
+                                ready,
+                                undecided,
+                                &block,
+                                1 << index,
+                                options,
+                                query,
+                                &mut best,
+                            );
+                        }
+                    } else {
+                        let mut rest = active & open;
+                        while rest != 0 {
+                            let lane = rest.trailing_zeros() as usize;
+                            rest &= rest - 1;
+                            let ray = self.ray(ready, lane);
+                            let limit = ray.t_max.min(best.stop.0[lane]);
+                            let set = InstructionSet::Avx512;
+                            // SAFETY: as above.
+                            let bits = unsafe { sift(set, ray, &block, limit, options.accuracy) };
+                            self.decide(ready, 1 << lane, &block, bits, options, query, &mut best);
+                        }
                     }
-                    let leaf = blocks.leaf(word, count);
-                    let ray = &self.rays[lane];
-                    let set = InstructionSet::Avx512;
-                    // SAFETY: the instruction set, by contract.
-                    if unsafe { test_leaf(set, ray, leaf, options, query, &mut best[lane]) } {
-                        open &= !(1 << lane);
+                    if query == Query::Any {
+                        open &= !best.hit_lanes();
+                        if open == 0 {
+                            return best.hits();
+                        }
                     }
-                    stop.0[lane] = best[lane].stop;
                 }
             }
             if go_back {
                 loop {
                     if top == 0 {
-                        return best.map(|best| best.hit);
+                        return best.hits();
                     }
                     top -= 1;
                     let entry = &self.stack[top];
@@ -193,7 +221,7 @@ impl Packet {
                     active = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(
                         entry.rays & open,
                         enter,
-                        load(&stop.0),
+                        load(&best.stop.0),
                     );
                     if active != 0 {
                         exit = load(&entry.exit.0);
@@ -204,6 +232,247 @@ impl Packet {
             }
         }
     }
+}
+
+impl Packet {
+    #[inline(always)]
+    fn ray(&mut self, ready: &PreparedRays, lane: usize) -> &PreparedRay {
+        if self.made >> lane & 1 == 0 {
+            self.rays[lane] = ready.ray(lane);
+            self.made |= 1 << lane;
+        }
+        &self.rays[lane]
+    }
+
+    /// Decides triangles of a block (`bits`) for some rays by the reference test.
+    #[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
+    fn decide(
+        &mut self,
+        ready: &PreparedRays,
+        mut lanes: __mmask16,
+        block: &Block<'_>,
+        bits: u32,
+        options: &QueryOptions,
+        query: Query,
+        best: &mut Bests,
+    ) {
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let ray = *self.ray(ready, lane);
+            let mut rest = bits;
+            while rest != 0 {
+                let index = rest.trailing_zeros() as usize;
+                rest &= rest - 1;
+                let triangle = block.triangle(index);
+                if options.ignore == Some(triangle) {
+                    continue;
+                }
+                let Some(found) = decide(&ray, &block.corners(index), options) else { continue };
+                let Some(t) = ray.outer_t::<Strict>(found.t) else { continue };
+                let hit = Hit { t, triangle, u: found.u, v: found.v };
+                if hit.precedes(&best.hit(lane)) {
+                    best.set(lane, hit, ray.stop_after(found.t));
+                }
+                if query == Query::Any {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Instructions for one triangle against all rays, and for one ray against a whole block.
+const COST_OF_A_TRIANGLE: u32 = 6;
+const COST_OF_A_RAY: u32 = 8;
+
+/// The best hits so far, by field.
+struct Bests {
+    t: Row,
+    triangle: [u32; LANES],
+    u: Row,
+    v: Row,
+    /// Inner `t` beyond which nothing can precede them.
+    stop: Row,
+}
+
+impl Bests {
+    fn new() -> Bests {
+        Bests {
+            t: Row([Hit::MISS.t; LANES]),
+            triangle: [Hit::MISS.triangle; LANES],
+            u: Row([0.0; LANES]),
+            v: Row([0.0; LANES]),
+            stop: Row([f32::INFINITY; LANES]),
+        }
+    }
+
+    #[inline(always)]
+    fn hit(&self, lane: usize) -> Hit {
+        Hit {
+            t: self.t.0[lane],
+            triangle: self.triangle[lane],
+            u: self.u.0[lane],
+            v: self.v.0[lane],
+        }
+    }
+
+    fn hits(&self) -> [Hit; LANES] {
+        core::array::from_fn(|lane| self.hit(lane))
+    }
+
+    #[inline(always)]
+    fn set(&mut self, lane: usize, hit: Hit, stop: f32) {
+        (self.t.0[lane], self.triangle[lane]) = (hit.t, hit.triangle);
+        (self.u.0[lane], self.v.0[lane], self.stop.0[lane]) = (hit.u, hit.v, stop);
+    }
+
+    /// Lanes that have a hit.
+    fn hit_lanes(&self) -> __mmask16 {
+        let mut lanes = 0;
+        for lane in 0..LANES {
+            lanes |= __mmask16::from(self.triangle[lane] != Hit::MISS.triangle) << lane;
+        }
+        lanes
+    }
+
+    /// The watertight test of one triangle against the rays of a mask, by the operations of the
+    /// reference in their order; keeps what precedes. Returns the rays for which the triangle is seen
+    /// at too grazing an angle or from too near for interpolation, for the reference to decide.
+    ///
+    /// # Safety
+    /// The processor must have [`InstructionSet::Avx512`]; all rays must have these axes.
+    #[target_feature(enable = "avx512f,avx512dq")]
+    #[inline]
+    #[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
+    unsafe fn test(
+        &mut self,
+        ready: &PreparedRays,
+        [kx, ky, kz]: [usize; 3],
+        block: &Block<'_>,
+        index: usize,
+        rays: __mmask16,
+        options: &QueryOptions,
+        query: Query,
+    ) -> __mmask16 {
+        let from = |corner: usize, axis: usize| {
+            let x = _mm512_set1_ps(block.words[(corner * 3 + axis) * block.stride + index]);
+            _mm512_sub_ps(x, load(&ready.origin[axis]))
+        };
+        let shear = [load(&ready.shear[0]), load(&ready.shear[1]), load(&ready.shear[2])];
+        let corner = |corner: usize| {
+            let (x, y, z) = (from(corner, kx), from(corner, ky), from(corner, kz));
+            let flat_x = _mm512_sub_ps(x, _mm512_mul_ps(shear[0], z));
+            let flat_y = _mm512_sub_ps(y, _mm512_mul_ps(shear[1], z));
+            (x, y, z, flat_x, flat_y)
+        };
+        let (a, b, c) = (corner(0), corner(1), corner(2));
+        let edge = |p: (__m512, __m512), q: (__m512, __m512)| {
+            let value = _mm512_sub_ps(_mm512_mul_ps(p.0, q.1), _mm512_mul_ps(p.1, q.0));
+            let least = _mm512_set1_ps(EDGE_LEAST);
+            let counts = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_abs_ps(value), least);
+            _mm512_maskz_mov_ps(counts, value)
+        };
+        let (u, v, w) = (
+            edge((c.3, c.4), (b.3, b.4)),
+            edge((a.3, a.4), (c.3, c.4)),
+            edge((b.3, b.4), (a.3, a.4)),
+        );
+        let zero = _mm512_setzero_ps();
+        let least = |x, y, z| _mm512_min_ps(_mm512_min_ps(x, y), z);
+        let most = |x, y, z| _mm512_max_ps(_mm512_max_ps(x, y), z);
+        let below = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(least(u, v, w), zero);
+        let above = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(most(u, v, w), zero);
+        let mut left = rays & !(below & above);
+        if left == 0 {
+            return 0;
+        }
+        // Within the bounds of the sheared corners.
+        for (p, q, r) in [(a.3, b.3, c.3), (a.4, b.4, c.4)] {
+            left &= _mm512_cmp_ps_mask::<_CMP_LE_OQ>(least(p, q, r), zero);
+            left &= _mm512_cmp_ps_mask::<_CMP_GE_OQ>(most(p, q, r), zero);
+        }
+        let det = _mm512_add_ps(_mm512_add_ps(u, v), w);
+        left &= match options.culling {
+            Culling::None => _mm512_cmp_ps_mask::<_CMP_NEQ_OQ>(det, zero),
+            Culling::Back => _mm512_cmp_ps_mask::<_CMP_GT_OQ>(det, zero),
+            Culling::Front => _mm512_cmp_ps_mask::<_CMP_LT_OQ>(det, zero),
+        };
+        let depths = [a.2, b.2, c.2].map(|z| _mm512_mul_ps(shear[2], z));
+        let nearest = least(depths[0], depths[1], depths[2]);
+        let farthest = most(depths[0], depths[1], depths[2]);
+        let (t_min, t_max) = (load(&ready.t_min), load(&ready.t_max));
+        left &= _mm512_cmp_ps_mask::<_CMP_GE_OQ>(farthest, t_min);
+        left &= _mm512_cmp_ps_mask::<_CMP_LE_OQ>(nearest, t_max);
+        left &= _mm512_cmp_ps_mask::<_CMP_LE_OQ>(nearest, load(&self.stop.0));
+        let triangle = block.triangle(index);
+        if left == 0 || options.ignore == Some(triangle) {
+            return 0;
+        }
+        let sum = _mm512_add_ps(
+            _mm512_add_ps(_mm512_mul_ps(u, depths[0]), _mm512_mul_ps(v, depths[1])),
+            _mm512_mul_ps(w, depths[2]),
+        );
+        let magnitude = |x, y, z| most(_mm512_abs_ps(x), _mm512_abs_ps(y), _mm512_abs_ps(z));
+        let reach =
+            most(magnitude(a.0, a.1, a.2), magnitude(b.0, b.1, b.2), magnitude(c.0, c.1, c.2));
+        let width = _mm512_max_ps(magnitude(a.3, b.3, c.3), magnitude(a.4, b.4, c.4));
+        let spread = _mm512_sub_ps(farthest, nearest);
+        let disorder = _mm512_mul_ps(_mm512_mul_ps(reach, width), spread);
+        let enough = _mm512_mul_ps(_mm512_set1_ps(8.0), _mm512_abs_ps(sum));
+        let fine = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(left, disorder, enough);
+        let undecided = left & !fine;
+
+        let inner = _mm512_min_ps(_mm512_max_ps(_mm512_div_ps(sum, det), nearest), farthest);
+        let mut kept = _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(fine, inner, t_min);
+        kept = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(kept, inner, t_max);
+        // The caller's t: packets hold no moved rays, and exponents within one power of two.
+        let bias = _mm512_set1_epi32(127);
+        // SAFETY: 16 words.
+        let exponent = unsafe { _mm512_loadu_si512(ready.exponent.as_ptr().cast()) };
+        let power = _mm512_slli_epi32::<23>(_mm512_sub_epi32(bias, exponent));
+        let t = _mm512_mul_ps(inner, _mm512_castsi512_ps(power));
+        let t =
+            _mm512_min_ps(_mm512_max_ps(t, _mm512_set1_ps(-f32::MAX)), _mm512_set1_ps(f32::MAX));
+        let t = snapped(t);
+        kept = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(kept, load(&ready.limits[0]), t);
+        kept = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(kept, t, load(&ready.limits[1]));
+        let best_t = load(&self.t.0);
+        // SAFETY: 16 words.
+        let best_triangle = unsafe { _mm512_loadu_si512(self.triangle.as_ptr().cast()) };
+        let number = _mm512_set1_epi32(triangle as i32);
+        let nearer = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(kept, t, best_t);
+        let tied = _mm512_mask_cmp_ps_mask::<_CMP_EQ_OQ>(kept, t, best_t);
+        let lower = _mm512_mask_cmplt_epu32_mask(tied, number, best_triangle);
+        let take = nearer | lower;
+        if take != 0 {
+            // SAFETY: 16 words.
+            unsafe {
+                let to = self.triangle.as_mut_ptr().cast();
+                _mm512_mask_storeu_epi32(to, take, number);
+            }
+            let put = |row: &mut Row, value| {
+                let kept = load(&row.0);
+                store(row, _mm512_mask_mov_ps(kept, take, value));
+            };
+            put(&mut self.t, t);
+            put(&mut self.u, snapped(_mm512_div_ps(v, det)));
+            put(&mut self.v, snapped(_mm512_div_ps(w, det)));
+            let slack = _mm512_mul_ps(_mm512_abs_ps(inner), _mm512_set1_ps(STOP_SLACK));
+            put(&mut self.stop, _mm512_add_ps(inner, slack));
+        }
+        // Any hit needs no second one.
+        if query == Query::Any { undecided & !kept } else { undecided }
+    }
+}
+
+/// Zero for what is below the normal range; see [`splitplane_core::arithmetic::snap`].
+#[target_feature(enable = "avx512f,avx512dq")]
+#[inline]
+fn snapped(x: __m512) -> __m512 {
+    let least = _mm512_set1_ps(f32::MIN_POSITIVE);
+    let counts = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_abs_ps(x), least);
+    _mm512_maskz_mov_ps(counts, x)
 }
 
 #[inline(always)]
