@@ -54,7 +54,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, |tree, summary, _| (tree, summary))
+        self.with_built(mesh, options, |tree, summary, _, _| Ok((tree, summary)))
     }
 
     /// Builds, and also makes the query layout; the accelerator by its own type.
@@ -66,8 +66,10 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, |tree, summary, triangles| {
-            CpuAccelerator::new(tree, summary, triangles, self.set)
+        self.with_built(mesh, options, |tree, mut summary, triangles, mut memory| {
+            memory.take(CpuAccelerator::bytes_for(&tree.view()))?;
+            summary.peak_bytes = memory.peak;
+            Ok(CpuAccelerator::new(tree, summary, triangles, self.set))
         })
     }
 
@@ -76,7 +78,7 @@ impl CpuBackend {
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        then: impl FnOnce(KdTree, BuildSummary, &[Triangle]) -> T,
+        then: impl FnOnce(KdTree, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
@@ -84,7 +86,7 @@ impl CpuBackend {
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
         schedule::build(&mut executor)?;
-        let peak_bytes = executor.peak_bytes();
+        let memory = executor.memory();
         let buffers = executor.finish();
         let counters = buffers.counters;
         let nodes = counters[Counter::Nodes] as usize;
@@ -102,13 +104,13 @@ impl CpuBackend {
             snapped: counters[Counter::Snapped],
             large_levels: counters[Counter::Levels],
             small_roots: counters[Counter::SmallRoots],
-            peak_bytes,
+            peak_bytes: memory.peak,
         };
-        let out = then(tree, summary, &buffers.triangles[..mesh.len()]);
+        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory);
         if let Ok(mut kept) = self.scratch.lock() {
             *kept = Some(Box::new(buffers));
         }
-        Ok(out)
+        out
     }
 }
 
@@ -138,9 +140,9 @@ impl Backend for CpuBackend {
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         let wrong = |reason: String| BuildError::WrongMesh { reason };
         validate_mesh(&tree.view(), mesh).map_err(|violation| wrong(violation.to_string()))?;
-        let bytes = (mesh.len() * size_of::<Triangle>()) as u64;
+        let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        memory.take(bytes)?;
+        memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view()))?;
         let prepared: Vec<_> =
             (0..mesh.len()).into_par_iter().map(|i| prepare(&mesh.triangle(i))).collect();
         let count = |test: fn(&Prepared) -> bool| {

@@ -55,9 +55,9 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         &self.buffers.counters
     }
 
-    /// Most bytes held so far.
-    pub fn peak_bytes(&self) -> u64 {
-        self.memory.peak
+    /// Bytes held, most bytes held so far, and their limit.
+    pub fn memory(&self) -> Memory {
+        self.memory
     }
 
     /// The live bytes of a buffer, for comparing executors; `None` for buffers that stand for

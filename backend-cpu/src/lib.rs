@@ -3,7 +3,7 @@
 pub mod backend;
 pub mod buffers;
 pub mod executor;
-pub mod kernels;
+pub(crate) mod kernels;
 pub mod query;
 mod scatter;
 

@@ -94,7 +94,8 @@ pub struct BackendInfo {
 pub struct BuildOptions {
     /// What shapes the tree.
     pub config: BuildConfig,
-    /// Most bytes the build may hold at once besides the caller's mesh; `None` for no limit.
+    /// Most bytes that the build's buffers, the tree and the query layout may hold at once besides the
+    /// caller's mesh; `None` for no limit.
     pub max_memory: Option<u64>,
 }
 
@@ -128,9 +129,7 @@ pub enum BuildError {
     #[error("the build configuration is invalid: {0}")]
     Config(#[from] ConfigError),
     /// The build would hold more memory than allowed.
-    #[error(
-        "the build needs {needed} bytes, more than the limit of {limit}; raise the limit or lower references_per_triangle"
-    )]
+    #[error("the build needs {needed} bytes, more than the limit of {limit}; raise the limit")]
     OutOfMemory {
         /// Bytes needed at the point where it stopped.
         needed: u64,

@@ -52,7 +52,9 @@ impl Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
         match &error {
-            SceneError::Builtin(_) => Failure::usage(error.to_string()),
+            SceneError::Builtin(_) | SceneError::UnknownFormat(_) => {
+                Failure::usage(error.to_string())
+            }
             _ => Failure::file(error.to_string()),
         }
     }

@@ -76,7 +76,7 @@ pub enum SceneError {
     Builtin(#[from] builtin::BuiltinError),
     /// A file that is not of a known format.
     #[error(
-        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
+        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}; `splitplane --help` lists the verbs",
         names = builtin::names()
     )]
     UnknownFormat(String),

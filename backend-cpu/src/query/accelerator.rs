@@ -5,7 +5,7 @@ use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
-use splitplane_core::tree::KdTree;
+use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::blocks::Blocks;
@@ -29,8 +29,15 @@ pub struct CpuAccelerator {
 }
 
 impl CpuAccelerator {
-    /// Makes the query layout of a tree. `triangles` are the mesh's snapped corners.
-    pub fn new(
+    /// Bytes of tree and query layout, for a limit to be checked before they are made.
+    pub(crate) fn bytes_for(tree: &KdTreeView<'_>) -> u64 {
+        let tree_bytes = size_of_val(tree.nodes) + size_of_val(tree.references);
+        tree_bytes as u64 + Blocks::bytes_for(tree)
+    }
+
+    /// Makes the query layout of a valid tree. `triangles` are the mesh's snapped corners; `set` must
+    /// be one that the processor has.
+    pub(crate) fn new(
         tree: KdTree,
         summary: BuildSummary,
         triangles: &[Triangle],

@@ -92,6 +92,17 @@ fn leaf_words(count: usize) -> usize {
 }
 
 impl Blocks {
+    /// Bytes of the layout of a tree.
+    pub(crate) fn bytes_for(tree: &KdTreeView<'_>) -> u64 {
+        let mut words = TAIL;
+        for node in tree.nodes {
+            if let NodeKind::Leaf { count, .. } = node.kind() {
+                words += leaf_words(count as usize);
+            }
+        }
+        (tree.nodes.len() * size_of::<WalkNode>() + words * size_of::<f32>()) as u64
+    }
+
     /// Makes the layout of a tree from the snapped corners of its triangles.
     pub fn new(tree: &KdTreeView<'_>, triangles: &[Triangle]) -> Blocks {
         let mut nodes = Vec::with_capacity(tree.nodes.len());

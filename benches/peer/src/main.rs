@@ -4,7 +4,7 @@
 //! Reads `DIR/verts.f32`, `DIR/index.u32` and `DIR/SET.rays` (8 `f32` a ray: origin, direction,
 //! t_min, t_max); writes `PREFIX.SET.hits` (`f32` t, infinity for a miss, and `u32` triangle) and
 //! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET`, then any of
-//! `-exact|-watertight|-leaky` (accuracy) and `-single|-batch` (path): `splitplane-fast`,
+//! `-watertight|-leaky` (accuracy), `-K_T:K_I:W` (costs) and `-single|-batch` (path): `splitplane-fast`,
 //! `splitplane-fast-single`, `splitplane-fast-leaky`. A name that asks for what this version does
 //! not have is an error.
 
@@ -162,7 +162,7 @@ fn closest(
             accelerator.closest_hits(rays, hits, &plan.options)
         }
     });
-    debug_assert!(result.is_ok(), "rays and hits are of equal length");
+    result.expect("rays and hits are of equal length");
 }
 
 fn occluded(
@@ -179,7 +179,7 @@ fn occluded(
             accelerator.any_hits(rays, any, &plan.options)
         }
     });
-    debug_assert!(result.is_ok(), "rays and answers are of equal length");
+    result.expect("rays and answers are of equal length");
 }
 
 fn repeat(reps: usize, mut run: impl FnMut()) -> Vec<f64> {
