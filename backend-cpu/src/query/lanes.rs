@@ -249,7 +249,8 @@ impl Source<'_> {
                     answer(start + lane, Hit::MISS);
                 }
             }
-            if Packet::is_worthwhile(&self.ready, self.left, self.scene) {
+            // SAFETY: the instruction set, by contract.
+            if unsafe { Packet::is_worthwhile(&self.ready, self.left, self.scene) } {
                 let (rays, ready) = (self.left, &self.ready);
                 // SAFETY: the instruction set, by contract; worthwhile packets are of one octant.
                 let hits = unsafe { self.packet.trace(self.blocks, ready, rays, options, query) };

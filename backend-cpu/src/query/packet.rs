@@ -61,30 +61,38 @@ impl Packet {
     }
 
     /// Whether these rays are worth tracing as one packet: many, of one octant, side by side.
-    pub fn is_worthwhile(ready: &PreparedRays, alive: __mmask16, scene: &SceneScale) -> bool {
+    ///
+    /// # Safety
+    /// The processor must have [`InstructionSet::Avx512`].
+    #[target_feature(enable = "avx512f,avx512dq")]
+    pub unsafe fn is_worthwhile(
+        ready: &PreparedRays,
+        alive: __mmask16,
+        scene: &SceneScale,
+    ) -> bool {
         if alive.count_ones() < FEWEST {
             return false;
         }
-        let (mut directions, mut origins, mut extents) = (0.0, 0.0, 0.0);
-        let mut same_octant = true;
+        // Most groups of incoherent rays fall at the first axis.
         for axis in 0..3 {
-            let (mut d, mut o) = ((f32::MAX, -f32::MAX), (f32::MAX, -f32::MAX));
-            let mut backwards: __mmask16 = 0;
-            for lane in 0..LANES {
-                let here = alive >> lane & 1 == 1;
-                let pick = |x: f32, other: f32| if here { x } else { other };
-                d.0 = pick(ready.direction[axis][lane], d.0).min(d.0);
-                d.1 = pick(ready.direction[axis][lane], d.1).max(d.1);
-                o.0 = pick(ready.origin[axis][lane], o.0).min(o.0);
-                o.1 = pick(ready.origin[axis][lane], o.1).max(o.1);
-                backwards |= __mmask16::from(ready.direction[axis][lane] < 0.0) << lane;
+            let zero = _mm512_setzero_ps();
+            let d = load(&ready.direction[axis]);
+            let backwards = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(alive, d, zero);
+            if backwards != 0 && backwards != alive {
+                return false;
             }
-            same_octant &= backwards & alive == 0 || backwards & alive == alive;
-            directions += d.1 - d.0;
-            origins += o.1 - o.0;
+        }
+        let spread = |lanes: &Lanes<f32>| {
+            let x = load(lanes);
+            _mm512_mask_reduce_max_ps(alive, x) - _mm512_mask_reduce_min_ps(alive, x)
+        };
+        let (mut directions, mut origins, mut extents) = (0.0, 0.0, 0.0);
+        for axis in 0..3 {
+            directions += spread(&ready.direction[axis]);
+            origins += spread(&ready.origin[axis]);
             extents += scene.bounds.hi[axis] - scene.bounds.lo[axis];
         }
-        same_octant && directions < DIRECTION_SPREAD && origins < ORIGIN_SPREAD * extents
+        directions < DIRECTION_SPREAD && origins < ORIGIN_SPREAD * extents
     }
 
     /// Traces the rays of a mask; answers of others are not written.
