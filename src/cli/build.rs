@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::options::Common;
 use super::output;
-use super::session::{Session, in_pool, print_json};
+use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::save_tree;
 use clap::Args;
 use std::path::PathBuf;
@@ -23,17 +23,17 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        let session = Session::open(&arguments.scene, common)?;
+        let prepared = Prepared::open(&arguments.scene, common)?;
         if let Some(path) = &arguments.output {
-            save_tree(path, session.accelerator.as_ref(), &session.scene.mesh()?)?;
+            save_tree(path, prepared.accelerator.as_ref(), &prepared.scene.mesh()?)?;
         }
         if common.json {
-            return print_json(&session.report());
+            return print_json(&prepared.report());
         }
         if common.quiet {
             return Ok(());
         }
-        let mut text = session.describe();
+        let mut text = prepared.describe();
         if let Some(path) = &arguments.output {
             text.push_str(&format!("written  {}\n", path.display()));
         }

@@ -7,11 +7,11 @@ mod hit_file;
 mod npy;
 mod options;
 mod output;
+mod prepared;
 mod progress;
 mod query;
 mod ray_file;
 mod render;
-mod session;
 mod tree;
 mod verify;
 

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::options::Common;
-use super::session::{Session, counted, in_pool, milliseconds, print_json};
+use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
         let rays = ray_file::read(&arguments.rays)?;
-        let session = Session::open(&arguments.scene, common)?;
+        let prepared = Prepared::open(&arguments.scene, common)?;
         let options = common.query_options();
         let mut closest = Vec::new();
         let mut any = Vec::new();
@@ -70,8 +70,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         for _ in 0..arguments.repeat {
             let start = Instant::now();
             match arguments.kind {
-                Kind::Closest => session.accelerator.closest_hits(&rays, &mut closest, &options)?,
-                Kind::Any => session.accelerator.any_hits(&rays, &mut any, &options)?,
+                Kind::Closest => {
+                    prepared.accelerator.closest_hits(&rays, &mut closest, &options)?
+                }
+                Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options)?,
             }
             times.push(milliseconds(start));
             bar.inc(1);
@@ -91,10 +93,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             hits,
             kind: arguments.kind,
             accuracy: common.accuracy_name(),
-            build_ms: session.build_ms,
+            build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: rays.len() as f64 / trace_ms.max(1e-6) / 1e3,
-            digest: session.accelerator.tree().digest().to_string(),
+            digest: prepared.accelerator.tree().digest().to_string(),
         };
         if common.json {
             return print_json(&report);
@@ -105,7 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let written = arguments.hits.as_ref().map(|path| format!("written  {}\n", path.display()));
         output::data(&format!(
             "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} hit\n{}",
-            session.describe(),
+            prepared.describe(),
             counted(report.rays as u64, "ray"),
             report.mrays_per_s,
             report.accuracy,

@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::options::{Common, point, size};
-use super::session::{BuildReport, Session, in_pool, print_json};
+use super::prepared::{BuildReport, Prepared, in_pool, print_json};
 use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
@@ -47,19 +47,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         check_ending(path)?;
     }
     in_pool(common, || {
-        let session = Session::open(&arguments.scene, common)?;
-        let path = arguments.output.clone().unwrap_or_else(|| default_name(&session.scene.name));
+        let prepared = Prepared::open(&arguments.scene, common)?;
+        let path = arguments.output.clone().unwrap_or_else(|| default_name(&prepared.scene.name));
         let aspect = arguments.size.aspect();
         let spinner = progress::spinner(common.quiet, "placing the camera");
-        let placement = Placement::of(&session.scene, session.accelerator.as_ref(), aspect)?;
+        let placement = Placement::of(&prepared.scene, prepared.accelerator.as_ref(), aspect)?;
         spinner.finish_and_clear();
         let placement =
             arguments.placement(placement).map_err(|e| Failure::usage(e.to_string()))?;
         let pixels = u64::from(arguments.size.width()) * u64::from(arguments.size.height());
         let bar = progress::bar(common.quiet, "rendering", pixels);
         let rendered = render(
-            session.accelerator.as_ref(),
-            &session.scene,
+            prepared.accelerator.as_ref(),
+            &prepared.scene,
             &placement,
             arguments.size,
             &common.query_options(),
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         )?;
         bar.finish_and_clear();
         write_png(&path, &rendered)?;
-        arguments.report(&session, &placement, &rendered, &path)
+        arguments.report(&prepared, &placement, &rendered, &path)
     })
 }
 
@@ -94,7 +94,7 @@ impl Arguments {
 
     fn report(
         &self,
-        session: &Session,
+        prepared: &Prepared,
         placement: &Placement,
         rendered: &Rendered,
         path: &Path,
@@ -104,7 +104,7 @@ impl Arguments {
         let pixels = u64::from(width) * u64::from(height);
         if self.common.json {
             let output = path.display().to_string();
-            let build = session.report();
+            let build = prepared.report();
             return print_json(&RenderReport { build, width, height, primary_ms, output });
         }
         if self.common.quiet {
@@ -116,7 +116,7 @@ impl Arguments {
              traced   {pixels} camera rays in {primary_ms:.1} ms ({:.1} million a second), {} rays \
              in all; {:.0} % of the picture is covered\n\
              written  {} ({width}x{height})\n",
-            session.describe(),
+            prepared.describe(),
             if self.moves_camera() { "as given" } else { placement.view.name() },
             pixels as f64 / primary_ms.max(1e-6) / 1e3,
             rendered.rays,

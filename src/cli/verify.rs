@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::options::Common;
-use super::session::{Session, in_pool, print_json};
+use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::check_tree;
 use super::{output, progress};
 use clap::Args;
@@ -33,9 +33,9 @@ struct VerifyReport {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        let session = Session::open(&arguments.scene, common)?;
-        let mesh = session.scene.mesh()?;
-        let accelerator = session.accelerator.as_ref();
+        let prepared = Prepared::open(&arguments.scene, common)?;
+        let mesh = prepared.scene.mesh()?;
+        let accelerator = prepared.accelerator.as_ref();
         let sound = check_tree(accelerator, &mesh);
         let total = arguments.rays * Aim::ALL.len() as u64;
         let bar = progress::bar(common.quiet, "checking", total);
@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 "{}checked  the tree {soundness}\n\
                  checked  {} rays, accuracy {}: {} mismatches, {} misses, {} phantoms, {} of them \
                  beyond the error bound; {} answers of the reference by brute force\n",
-                session.describe(),
+                prepared.describe(),
                 found.rays,
                 common.accuracy_name(),
                 found.mismatches,

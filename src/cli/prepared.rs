@@ -10,7 +10,7 @@ use splitplane::{Accelerator, BackendInfo};
 use std::time::Instant;
 
 /// A scene with its tree, built.
-pub(super) struct Session {
+pub(super) struct Prepared {
     pub(super) scene: Scene,
     pub(super) info: BackendInfo,
     pub(super) accelerator: Box<dyn Accelerator>,
@@ -30,9 +30,9 @@ pub(super) fn in_pool<R: Send>(
     pool.map_err(refused)?.install(work)
 }
 
-impl Session {
+impl Prepared {
     /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
-    pub(super) fn open(spec: &str, common: &Common) -> Result<Session, Failure> {
+    pub(super) fn open(spec: &str, common: &Common) -> Result<Prepared, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
         let opened = common.backend.open()?;
         let options = common.build_options();
@@ -63,7 +63,7 @@ impl Session {
             ));
         }
         let preset = options.config.preset.name();
-        Ok(Session { scene, info, accelerator, build_ms, preset, reason: opened.reason })
+        Ok(Prepared { scene, info, accelerator, build_ms, preset, reason: opened.reason })
     }
 
     pub(super) fn report(&self) -> BuildReport {
