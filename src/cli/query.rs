@@ -71,7 +71,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let start = Instant::now();
             match arguments.kind {
                 Kind::Closest => {
-                    prepared.accelerator.closest_hits(&rays, &mut closest, &options)?
+                    prepared.accelerator.closest_hits(&rays, &mut closest, &options)?;
                 }
                 Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options)?,
             }
