@@ -2,7 +2,7 @@
 //!
 //! Each check is a function of a backend. It runs on the real backends, on the exact one (to see
 //! that it passes where nothing is wrong) and on backends with a planted fault (to see that it
-//! fails). `SPLITPLANE_LONG=1` casts many more rays: the long test, about an hour.
+//! fails). `SPLITPLANE_LONG=1` casts 50 times as many rays: the long test.
 
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};

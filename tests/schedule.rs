@@ -22,7 +22,7 @@ fn trace(triangles: usize) -> String {
 
 #[test]
 fn the_schedule_of_a_small_scene() {
-    insta::assert_snapshot!("two-levels", trace(100));
+    insta::assert_snapshot!("one-level", trace(100));
 }
 
 #[test]

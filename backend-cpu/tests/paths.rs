@@ -169,8 +169,8 @@ fn every_instruction_set_builds_the_same_tree() {
     }
 }
 
-/// Whatever a device does within WGSL's rules (fusing, reassociating, flushing), digest and hits
-/// stay. Scenes at ordinary and at extreme scales, among them coordinates next to the subnormals.
+/// A device that fuses, moves free results by a float or two and flushes subnormals changes neither
+/// digest nor hits. Random soups at ordinary and at extreme scales, among them coordinates next to the subnormals.
 #[test]
 fn a_hostile_device_changes_neither_digest_nor_hits() {
     let mut numbers = Numbers(5);

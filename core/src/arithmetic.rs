@@ -7,9 +7,9 @@
 //! result need only be conservative (the distance to a split plane, which is widened anyway) the
 //! *free* operations serve: a compiler may do with them as it likes.
 //!
-//! [`Strict`] is the arithmetic of Rust and of every backend. [`Hostile`] does to the free
-//! operations all that WGSL permits, and flushes subnormals everywhere; tests run the builder's
-//! decisions and the traversal under it, and neither digest nor hits may change.
+//! [`Strict`] is the arithmetic of Rust and of every backend. [`Hostile`] fuses
+//! free operations, moves their results by up to two floats, and flushes subnormals everywhere; tests
+//! run the builder's decisions and the traversal under it, and neither digest nor hits may change.
 
 /// Guarded and free operations on `f32`.
 pub trait Arithmetic: Copy + Send + Sync + 'static {
@@ -106,8 +106,9 @@ impl Arithmetic for Strict {
     }
 }
 
-/// The worst device WGSL allows: free operations fuse, keep excess precision or land one or two
-/// floats away (seemingly at random, a function of the operands), and every subnormal is flushed
+/// A device that uses the liberties of WGSL: free operations fuse, keep excess precision or land one
+/// or two floats away (seemingly at random, a function of the operands; a stand-in for
+/// reassociation, which a function of two operands cannot perform), and every subnormal is flushed
 /// to zero, going in and coming out. Guarded operations still round to nearest.
 #[derive(Clone, Copy, Debug)]
 pub struct Hostile;
