@@ -127,7 +127,9 @@ impl SceneScale {
             bounds,
             near,
             // Each product is below its factor, and the sum of two such cannot overflow.
-            slack: limits.longest * SIZE_SLACK + extent * SCENE_SLACK,
+            // The last part matters only next to the least normal numbers, where a device may flush
+            // halved positions and distances.
+            slack: limits.longest * SIZE_SLACK + extent * SCENE_SLACK + 4.0 * f32::MIN_POSITIVE,
             wide: limits.greatest > COORDINATE_MOST
                 || limits.least < COORDINATE_LEAST
                 || limits.shortest < EXTENT_LEAST,
