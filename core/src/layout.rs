@@ -209,7 +209,63 @@ pub struct Counters {
     pub words: [u32; 16],
 }
 
+/// What a device's kernels know besides their buffers: one uniform. The configuration, limits that
+/// follow from it, and the room in each list that grows; a list that would outgrow its room sets its
+/// bit in [`crate::kernel::Counter::Overflow`].
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct Parameters {
+    /// Zero, which no compiler can know: the rounding barrier's.
+    pub zero: u32,
+    /// 1 when active and next lists have changed places an odd number of times: then each has the
+    /// other's counters.
+    pub swapped: u32,
+    /// First item of this slice of a grid.
+    pub first: u32,
+    /// Items in this slice.
+    pub count: u32,
+    /// K_T.
+    pub traversal_cost: u32,
+    /// K_I.
+    pub intersection_cost: u32,
+    /// W.
+    pub block_width: u32,
+    /// T.
+    pub small_node_limit: u32,
+    /// C_e in 256ths.
+    pub empty_cutoff: u32,
+    /// Most levels below the root.
+    pub max_depth: u32,
+    /// Most references alive in the large-node stage.
+    pub reference_cap: u32,
+    /// Most nodes of the large-node stage.
+    pub node_cap: u32,
+    /// Word of the input where indices begin; `u32::MAX` for a soup.
+    pub first_index: u32,
+    /// Room for chunks.
+    pub chunk_room: u32,
+    /// Room for active nodes.
+    pub node_room: u32,
+    /// Room for references of active nodes.
+    pub reference_room: u32,
+    /// Room for small roots.
+    pub small_root_room: u32,
+    /// Room for references of small roots.
+    pub small_reference_room: u32,
+    /// Room for nodes of the top tree.
+    pub top_node_room: u32,
+    /// Room for levels.
+    pub level_room: u32,
+    /// Room for nodes of the tree.
+    pub tree_node_room: u32,
+    /// Room for references of the tree.
+    pub leaf_reference_room: u32,
+    /// Zero.
+    pub padding: [u32; 2],
+}
+
 const _: () = {
+    assert!(size_of::<Parameters>() == 96);
     assert!(size_of::<Reference>() == 32);
     assert!(size_of::<LargeNode>() == 64);
     assert!(size_of::<Chunk>() == 16);

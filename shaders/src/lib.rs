@@ -1,7 +1,59 @@
 //! WGSL twins of splitplane's kernels, as text for any engine.
 //!
-//! Empty for now: the device backend is not written yet. The crate exists so that its place in the
-//! workspace, and the rule that it depends on nothing, are fixed from the start.
+//! A shader is a list of parts: modules of `lib/` that several kernels share, then the kernel. Joined
+//! in order they are one WGSL module. Module `x` of `lib/` is the twin of `core/src/x.rs`, kernel `k`
+//! of `kernels/` that of `backend-cpu/src/kernels/k.rs`.
 
 #![no_std]
 #![forbid(unsafe_code)]
+
+extern crate alloc;
+
+mod table;
+
+pub use table::{KERNELS, LIBRARY, QUERIES};
+
+use alloc::string::String;
+
+/// The name of every entry point.
+pub const ENTRY_POINT: &str = "main";
+
+/// A text with a name: the file's, without its ending.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Part {
+    /// Name of the file.
+    pub name: &'static str,
+    /// The text.
+    pub text: &'static str,
+}
+
+/// A compute shader: what it shares, then its own text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shader {
+    /// Name of the kernel.
+    pub name: &'static str,
+    /// The parts, in the order they are joined; the last is the kernel's own.
+    pub parts: &'static [Part],
+}
+
+impl Shader {
+    /// The whole WGSL module.
+    pub fn source(&self) -> String {
+        join(self.parts)
+    }
+}
+
+/// Joins parts into one WGSL module.
+pub fn join(parts: &[Part]) -> String {
+    let mut source = String::with_capacity(parts.iter().map(|part| part.text.len() + 1).sum());
+    for part in parts {
+        source.push_str(part.text);
+        source.push('\n');
+    }
+    source
+}
+
+/// The kernel of this name, of either table.
+pub fn find(name: &str) -> Option<&'static Shader> {
+    KERNELS.iter().chain(QUERIES).find(|shader| shader.name == name)
+}

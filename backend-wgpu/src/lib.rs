@@ -1,0 +1,9 @@
+//! The GPU backend of splitplane: the build schedule and the queries in WGSL, through wgpu.
+//!
+//! [`Gpu`] is a device, opened headless or borrowed from a host.
+
+pub mod error;
+pub mod gpu;
+
+pub use error::{GpuError, OpenError};
+pub use gpu::{Gpu, OpenOptions};
