@@ -7,6 +7,7 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
+use splitplane_core::lockstep::Inspect;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule::Executor;
 
@@ -115,6 +116,13 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             return Err(BuildError::TooLarge { nodes, references });
         }
         Ok(())
+    }
+}
+
+impl<A: Arithmetic> Inspect<TreeBuilder> for CpuExecutor<'_, A> {
+    /// Empty for the input, which is the caller's, and for buffers that stand for several.
+    fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, BuildError> {
+        Ok(CpuExecutor::live(self, buffer).unwrap_or_default().to_vec())
     }
 }
 

@@ -59,3 +59,11 @@ pub enum GpuError {
     #[error("the device refused a command: {0}")]
     Refused(String),
 }
+
+pub use splitplane_core::backend::BuildError;
+
+impl From<GpuError> for BuildError {
+    fn from(error: GpuError) -> BuildError {
+        BuildError::Device(error.to_string())
+    }
+}

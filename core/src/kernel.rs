@@ -15,6 +15,12 @@ pub trait KernelSet {
     type Buffer: Copy + core::fmt::Debug + PartialEq;
     /// The numbers that end loops.
     type Counter: Copy + core::fmt::Debug + PartialEq;
+
+    /// Calls `visit` with every buffer that a kernel writes, counters included.
+    fn written(kernel: Self::Kernel, visit: &mut dyn FnMut(Self::Buffer));
+
+    /// Bytes of one element of a buffer.
+    fn element_size(buffer: Self::Buffer) -> usize;
 }
 
 /// The tree builder (Zhou et al. 2008).
@@ -25,6 +31,21 @@ impl KernelSet for TreeBuilder {
     type Kernel = Kernel;
     type Buffer = Buffer;
     type Counter = Counter;
+
+    fn written(kernel: Kernel, visit: &mut dyn FnMut(Buffer)) {
+        for binding in kernel.bindings() {
+            if binding.access != Access::Read {
+                visit(binding.buffer);
+            }
+        }
+        if kernel.writes_counters() {
+            visit(Buffer::Counters);
+        }
+    }
+
+    fn element_size(buffer: Buffer) -> usize {
+        buffer.element_size()
+    }
 }
 
 /// The kernels of the tree builder. Each is a file of the same name in every backend.
@@ -409,7 +430,9 @@ impl Buffer {
     /// The buffer whose storage holds this one on a device: what a chunk is known by shares one.
     pub const fn storage(self) -> Buffer {
         match self {
-            Buffer::ChunkCounts | Buffer::ReferenceSides | Buffer::ChunkBounds => Buffer::ChunkState,
+            Buffer::ChunkCounts | Buffer::ReferenceSides | Buffer::ChunkBounds => {
+                Buffer::ChunkState
+            }
             other => other,
         }
     }
@@ -512,6 +535,28 @@ impl Overflow {
         Overflow::TreeNodes,
         Overflow::LeafReferences,
         Overflow::Chunks,
+    ];
+}
+
+impl Counter {
+    /// All counters, by their word.
+    pub const ALL: [Counter; 16] = [
+        Counter::Triangles,
+        Counter::InputChunks,
+        Counter::Dropped,
+        Counter::Snapped,
+        Counter::ActiveNodes,
+        Counter::NextNodes,
+        Counter::ActiveReferences,
+        Counter::NextReferences,
+        Counter::Chunks,
+        Counter::SmallRoots,
+        Counter::SmallReferences,
+        Counter::TopNodes,
+        Counter::Levels,
+        Counter::Nodes,
+        Counter::LeafReferences,
+        Counter::Overflow,
     ];
 }
 
