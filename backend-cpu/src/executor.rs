@@ -45,6 +45,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         let triangles = mesh.len() as u32;
         buffers.counters[Counter::Triangles] = triangles;
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
+        buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
         Ok(CpuExecutor { mesh, config, set, buffers, memory, arithmetic: PhantomData })
@@ -189,14 +190,14 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 k::assign_chunks::run(&b.active_nodes[..active], &mut b.chunks[..chunks]);
             }
             Kernel::ClassifyReferences => {
-                m.grow(&mut b.reference_sides, references)?;
+                m.grow(&mut b.reference_sides, chunks)?;
                 m.grow(&mut b.chunk_counts, chunks)?;
                 k::classify_references::run::<A>(
                     &b.chunks[..chunks],
                     &b.decisions[..active],
                     &b.references[..references],
                     &b.triangles[..triangles],
-                    &mut b.reference_sides[..references],
+                    &mut b.reference_sides[..chunks],
                     &mut b.chunk_counts[..chunks],
                 );
             }
@@ -238,7 +239,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],
                     references: &b.references[..references],
-                    reference_sides: &b.reference_sides[..references],
+                    reference_sides: &b.reference_sides[..chunks],
                     chunk_counts: &b.chunk_counts[..chunks],
                     triangles: &b.triangles[..triangles],
                 };

@@ -26,11 +26,42 @@ macro_rules! shaders {
 
 library! {
     ARITHMETIC "arithmetic"
+    AABB "aabb"
+    LAYOUT "layout"
+    KERNEL "kernel"
+    TRIANGLE "triangle"
+    SPLIT "split"
+    SAH "sah"
+    NODE "node"
+    CORNERS "corners"
+    CHUNK_STATE "chunk_state"
+    CHUNK_STATE_STORE "chunk_state_store"
+    CHUNK_BOUNDS_STORE "chunk_bounds_store"
+    REDUCE "reduce"
+    SCAN "scan"
+    BALLOT "ballot"
+    SMALL_NODE "small_node"
 }
 
 shaders! {
     /// The kernels of the tree builder, in the order of the schedule.
     KERNELS "kernels" {
+        "triangle_bounds": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE CHUNK_STATE CHUNK_STATE_STORE REDUCE CHUNK_BOUNDS_STORE BALLOT;
+        "scan_triangles": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE REDUCE SCAN;
+        "gather_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE CHUNK_STATE BALLOT;
+        "node_bounds": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE REDUCE;
+        "split_large": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH;
+        "chunk_nodes": LAYOUT KERNEL SCAN;
+        "assign_chunks": LAYOUT KERNEL;
+        "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHUNK_STATE_STORE BALLOT;
+        "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE SCAN;
+        "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SCAN;
+        "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE REDUCE CHUNK_BOUNDS_STORE;
+        "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SMALL_NODE;
+        "subtree_sizes": LAYOUT KERNEL;
+        "preorder_addresses": LAYOUT KERNEL;
+        "emit_top": LAYOUT KERNEL NODE;
+        "emit_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SMALL_NODE;
     }
 }
 
