@@ -12,8 +12,8 @@
 //!   or of a float's bits with `opaque_zero` is a barrier. This catches results of free operations
 //!   that wander into guarded ones, which *raw* does not. *Unguarded*: `product`, `sum` and
 //!   `difference` return what passed the barrier. *Written*: nothing else is written to a buffer.
-//! - *Barrier*: every entry point whose functions use `opaque_zero` sets it first, from a member
-//!   `zero` of a buffer, and nothing else writes it. *Free*: kernels of the tree builder call no
+//! - *Barrier*: every entry point whose functions use `opaque_zero`, or the function through which it
+//!   reaches them, sets it first, from a member `zero` of a buffer, and nothing else writes it. *Free*: kernels of the tree builder call no
 //!   free operation at all.
 //! - *NotFinite*: no infinity or NaN that a compiler can see, as a literal or a constant's bits.
 //!
@@ -134,6 +134,22 @@ fn an_operation_without_barrier_is_found_in_every_shader() {
             );
             assert!(found(Rule::Merged), "{name}: {function}");
         }
+    }
+}
+
+/// A kernel of the tree builder may not take a free operation for a guarded one.
+#[test]
+fn a_free_operation_is_found_in_every_kernel() {
+    for (shader, free) in linted().filter(|(_, free)| *free == Free::Forbidden) {
+        let mut parts = texts(shader);
+        let mut replaced = 0;
+        for part in parts.iter_mut().filter(|part| part.name != rules::ARITHMETIC) {
+            replaced += part.text.matches("snapped_product(").count();
+            part.text = part.text.replace("snapped_product(", "free_mul(");
+        }
+        let findings = lint(parts, free);
+        let found = findings.iter().filter(|finding| finding.rule == Rule::Free).count();
+        assert_eq!(found, replaced, "{}", shader.name);
     }
 }
 

@@ -9,6 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use naga::ir::{Expression, Literal, ShaderStage};
+use splitplane_core::config::MAX_DEPTH;
 
 use crate::source::{Parsed, Text};
 
@@ -46,6 +47,12 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("GREATEST", float(f32::MAX), "has a name in Rust's library"),
     ("HALF_GREATEST", float(0.5 * f32::MAX), "written out in the core"),
     ("GREATEST_BY_FAR", float(f32::MAX / 100.0), "a quotient that devices may not compute"),
+    (
+        "HUGE",
+        float(f32::from_bits(0x7e80_0000)),
+        "2^126: beyond, no two are added, lest they overflow",
+    ),
+    ("STACK_ENTRIES", word(MAX_DEPTH + 1), "written out in the core"),
     ("LANES", Only::Lanes, "the core has no workgroups"),
     ("NO_PARENT", word(u32::MAX), "an `Option` on the CPU"),
     ("SPLIT", Only::Any, "a verdict within allocate_children"),

@@ -1,12 +1,14 @@
-//! The barrier holds only while no compiler knows the zero: every entry point that needs it sets it
-//! first, from a buffer, and nothing else writes it. And where no free operation is allowed, none
-//! is called.
+//! The barrier holds only while no compiler knows the zero: it is set from a buffer before anything
+//! needs it, and nothing else writes it. And where no free operation is allowed, none is called.
+//!
+//! A function that sets the zero does so first of all; what it calls may then need it. A function
+//! that needs the zero without setting it leaves that to its callers. No entry point may be left
+//! needing it.
 
 use naga::ir::{AddressSpace, Block, Expression, Statement, TypeInner};
-use naga::valid::GlobalUse;
 use naga::{Handle, Span};
 
-use crate::rules::{Body, Finding, OPAQUE_ZERO, Rule, finding, type_of};
+use crate::rules::{Body, Finding, OPAQUE_ZERO, Rule, finding, is_opaque_zero, type_of};
 use crate::source::Parsed;
 use crate::strict::inner_blocks;
 
@@ -17,16 +19,12 @@ pub fn check(
     free_allowed: bool,
     findings: &mut Vec<Finding>,
 ) {
+    // Whether each function needs the zero to be set. Functions stand after those they call.
+    let mut needs = Vec::new();
     for body in bodies {
-        let set_first = body.entry.is_some() && sets_zero_first(parsed, body);
-        let reads_zero = parsed.module.global_variables.iter().any(|(handle, global)| {
-            global.name.as_deref() == Some(OPAQUE_ZERO)
-                && body.info[handle].contains(GlobalUse::READ)
-        });
-        if body.entry.is_some() && reads_zero && !set_first {
-            let what = "the barrier's zero is not set first, from a member `zero` of a buffer";
-            findings.push(finding(parsed, Rule::Barrier, body, Span::UNDEFINED, what.to_owned()));
-        }
+        let set_first = sets_zero_first(parsed, body);
+        let mut expressions = body.function.expressions.iter();
+        let mut needed = expressions.any(|(e, _)| is_opaque_zero(parsed, body, e));
         let mut writes = 0;
         visit(&body.function.body, &mut |statement, span| match statement {
             Statement::Store { pointer, .. } if is_zero(parsed, body, *pointer) => {
@@ -42,6 +40,7 @@ pub fn check(
                     findings.push(finding(parsed, Rule::Barrier, body, span, what));
                 }
                 let callee = &bodies[function.index()];
+                needed |= needs[function.index()];
                 if !free_allowed && callee.is_free() {
                     let what = format!("call of `{}`", callee.name);
                     findings.push(finding(parsed, Rule::Free, body, span, what));
@@ -49,6 +48,14 @@ pub fn check(
             }
             _ => {}
         });
+        needed &= !set_first;
+        if needed && body.entry.is_some() {
+            let what = "the barrier's zero is not set first, from a member `zero` of a buffer";
+            let first = body.function.body.span_iter().next();
+            let span = first.map_or(Span::UNDEFINED, |(_, &span)| span);
+            findings.push(finding(parsed, Rule::Barrier, body, span, what.to_owned()));
+        }
+        needs.push(needed);
     }
 }
 
@@ -60,7 +67,7 @@ fn is_zero(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expression>) -> 
     parsed.module.global_variables[global].name.as_deref() == Some(OPAQUE_ZERO)
 }
 
-/// Whether the first thing an entry point does is to set the zero from a buffer.
+/// Whether the first thing a function does is to set the zero from a buffer.
 fn sets_zero_first(parsed: &Parsed, body: &Body<'_>) -> bool {
     let expressions = &body.function.expressions;
     let first = body.function.body.iter().find(|s| !matches!(s, Statement::Emit(_)));

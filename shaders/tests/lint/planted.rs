@@ -335,9 +335,11 @@ fn zeros_that_are_not_set() {
         "numbers[0] = 0.0; opaque_zero = parameters.zero;",
         "if numbers[1] > 0.0 { opaque_zero = parameters.zero; }",
         "opaque_zero = parameters.zero; opaque_zero = 0u;",
+        "set_zero();",
     ] {
         let text = format!(
-            "@compute @workgroup_size(64)\nfn main() {{ {start} numbers[0] = sum(numbers[1], 1.0); }}"
+            "fn set_zero() {{ opaque_zero = parameters.zero; }}
+            @compute @workgroup_size(64)\nfn main() {{ {start} numbers[0] = sum(numbers[1], 1.0); }}"
         );
         let findings = lint(planted(&text), Free::Allowed);
         assert!(findings.iter().any(|finding| finding.rule == Rule::Barrier), "{start}");
@@ -401,6 +403,17 @@ fn near_misses() {
     clean(
         "fn test(a: f32, b: f32, c: f32) -> f32 {
             return bitcast<f32>(0x7f800000u ^ opaque_zero);
+        }",
+    );
+    // The entry point leaves the zero to a function that sets it before all else.
+    clean(
+        "fn sum_of_numbers() -> f32 {
+            opaque_zero = parameters.zero;
+            return sum(numbers[1], numbers[2]);
+        }
+        @compute @workgroup_size(64)
+        fn main() {
+            if numbers[0] > 1.0 { numbers[0] = sum_of_numbers(); }
         }",
     );
     // A kernel without floats needs no zero.
