@@ -75,7 +75,9 @@ impl Adapters {
         if wgpu::Instance::enabled_backend_features().is_empty() {
             return Adapters { list: Vec::new() };
         }
-        let description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        let mut description = wgpu::InstanceDescriptor::new_without_display_handle_from_env();
+        // No kernel is dispatched indirectly, and this check would keep buffers below 4 GiB.
+        description.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
         Adapters::find_in(&wgpu::Instance::new(description))
     }
 
