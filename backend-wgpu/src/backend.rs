@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::{BuildError, BuildOptions};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
@@ -13,7 +13,6 @@ use crate::build::executor::Looking;
 use crate::build::kernels::Kernels;
 use crate::build::pending::{Pooled, first_counters};
 use crate::build::{PendingBuild, WgpuExecutor};
-use crate::error::BuildError;
 use crate::gpu::Gpu;
 
 /// What a backend, its builds and its trees share.

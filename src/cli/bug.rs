@@ -1,11 +1,16 @@
 //! What a user sees of a bug: one sentence instead of a backtrace.
 
 use super::failure::BUG;
+use splitplane::backend::panic_is_caught;
 use std::panic;
 
-/// From now on a panic on any thread ends the program with code 70.
+/// From now on a panic on any thread ends the program with code 70, unless it only reports the loss
+/// of a device.
 pub(super) fn install() {
     panic::set_hook(Box::new(|info| {
+        if panic_is_caught() {
+            return;
+        }
         let place = info.location().map(|at| format!(" at {}:{}", at.file(), at.line()));
         let payload = info.payload();
         let what = payload.downcast_ref::<&str>().copied();

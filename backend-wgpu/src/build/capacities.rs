@@ -244,9 +244,9 @@ impl Capacities {
 pub(crate) fn binding_limit(limits: &wgpu::Limits) -> (u64, &'static str) {
     let binding = u64::from(limits.max_storage_buffer_binding_size);
     if binding <= limits.max_buffer_size {
-        (binding, "maxStorageBufferBindingSize")
+        (binding, "max_storage_buffer_binding_size")
     } else {
-        (limits.max_buffer_size, "maxBufferSize")
+        (limits.max_buffer_size, "max_buffer_size")
     }
 }
 
@@ -286,7 +286,7 @@ mod tests {
         let GpuError::Limit { limit, needed, allowed, .. } = error else { panic!("{error}") };
         assert_eq!(
             (limit, needed, allowed),
-            ("maxStorageBufferBindingSize", 160_000_000, 128 << 20)
+            ("max_storage_buffer_binding_size", 160_000_000, 128 << 20)
         );
     }
 }

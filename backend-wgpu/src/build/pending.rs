@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{BuildOptions, BuildSummary};
+use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::{Buffer, Counter};
 use splitplane_core::layout::{Counters, LargeNode};
@@ -18,7 +18,7 @@ use super::capacities::Capacities;
 use super::executor::{Looking, WgpuExecutor, counters_from};
 use super::profile::{KernelTime, Profile};
 use crate::backend::Shared;
-use crate::error::{BuildError, GpuError};
+use crate::error::GpuError;
 
 /// A tree that the device has finished, and what was read back with it.
 #[derive(Debug)]
