@@ -4,6 +4,8 @@
 
 pub mod error;
 pub mod gpu;
+pub mod query;
 
 pub use error::{GpuError, OpenError};
 pub use gpu::{Gpu, OpenOptions};
+pub use query::{DeviceQueryError, DeviceTree, Queries, SceneUniform, TreeParts, WgpuAccelerator};
