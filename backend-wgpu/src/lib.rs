@@ -15,6 +15,7 @@ mod health;
 mod needs;
 pub mod options;
 pub mod parity;
+pub mod query;
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
@@ -24,3 +25,4 @@ pub use gpu::Gpu;
 pub use health::panic_is_caught;
 pub use options::OpenOptions;
 pub use parity::Parity;
+pub use query::{DeviceQueryError, DeviceTree, Queries, SceneUniform, TreeParts, WgpuAccelerator};

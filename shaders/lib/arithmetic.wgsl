@@ -175,17 +175,35 @@ fn power_of_two(power: i32) -> f32 {
     return bitcast<f32>(u32(clamp(power, -126, 127) + 127) << 23u);
 }
 
-// x * 2^power, clamped to finite values, subnormal results zero. Twin of `scale` in
-// core/src/intersect.rs.
+// x * 2^power, clamped to finite values, subnormal results zero: by the exponent field alone, so that
+// nothing overflows or is flushed on the way. Twin of `scale` in core/src/intersect.rs.
 fn scale(x: f32, power: i32) -> f32 {
-    var scaled: f32;
-    if abs(power) <= 126 {
-        scaled = product(x, power_of_two(power));
-    } else {
-        let half = power / 2;
-        scaled = product(product(x, power_of_two(half)), power_of_two(power - half));
+    return scale_bits(bitcast<u32>(x), power);
+}
+
+// `scale` of the number with these bits, which may be subnormal or infinite.
+fn scale_bits(bits: u32, power: i32) -> f32 {
+    let sign = bits & 0x80000000u;
+    var field = i32((bits >> 23u) & 0xffu);
+    var mantissa = bits & 0x7fffffu;
+    if field == 0 {
+        if mantissa == 0u {
+            return 0.0;
+        }
+        let highest = firstLeadingBit(mantissa);
+        field = i32(highest) - 22;
+        mantissa = (mantissa << (23u - highest)) & 0x7fffffu;
     }
-    return snap(clamp(scaled, -GREATEST, GREATEST));
+    let scaled = field + power;
+    if field == 255 || scaled >= 255 {
+        return bitcast<f32>(sign | 0x7f7fffffu);
+    }
+    if scaled <= 0 {
+        // All bits set just below the least normal number: to nearest, that is the least normal number.
+        let up = scaled == 0 && mantissa == 0x7fffffu;
+        return bitcast<f32>(select(0u, sign | 0x800000u, up));
+    }
+    return bitcast<f32>(sign | (u32(scaled) << 23u) | mantissa);
 }
 
 // Integers in the order of the floats; -0 comes just before +0.

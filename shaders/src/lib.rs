@@ -9,8 +9,10 @@
 
 extern crate alloc;
 
+mod embed;
 mod table;
 
+pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
 pub use table::{KERNELS, LIBRARY, QUERIES};
 
 use alloc::string::String;

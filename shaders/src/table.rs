@@ -41,6 +41,13 @@ library! {
     SCAN "scan"
     BALLOT "ballot"
     SMALL_NODE "small_node"
+    RAY "ray"
+    BINDINGS "bindings"
+    INTERSECT "intersect"
+    WATERTIGHT "watertight"
+    MOELLER_TRUMBORE "moeller_trumbore"
+    TRAVERSE "traverse"
+    QUERY "query"
 }
 
 shaders! {
@@ -65,8 +72,31 @@ shaders! {
     }
 }
 
-shaders! {
-    /// The kernels of queries.
-    QUERIES "queries" {
-    }
+macro_rules! queries {
+    ($($name:literal is $file:literal with $($part:ident)*;)*) => {
+        /// The kernels of queries. Those that end in `_fast` have the test of Moeller and Trumbore
+        /// in place of the watertight one.
+        pub const QUERIES: &[Shader] = &[$(Shader {
+            name: $name,
+            parts: &[$($part,)* Part {
+                name: $file,
+                text: include_str!(concat!("../queries/", $file, ".wgsl")),
+            }],
+        }),*];
+    };
 }
+
+queries! {
+    "closest_hit" is "closest_hit" with ARITHMETIC RAY BINDINGS INTERSECT WATERTIGHT TRAVERSE QUERY;
+    "closest_hit_fast" is "closest_hit"
+        with ARITHMETIC RAY BINDINGS INTERSECT MOELLER_TRUMBORE TRAVERSE QUERY;
+    "any_hit" is "any_hit" with ARITHMETIC RAY BINDINGS INTERSECT WATERTIGHT TRAVERSE QUERY;
+    "any_hit_fast" is "any_hit"
+        with ARITHMETIC RAY BINDINGS INTERSECT MOELLER_TRUMBORE TRAVERSE QUERY;
+    "triangle_limits" is "triangle_limits" with ARITHMETIC;
+}
+
+/// What a host's own shader needs for tracing rays, but for the bindings and the triangle test.
+pub(crate) const TRAVERSAL: [Part; 4] = [ARITHMETIC, RAY, INTERSECT, TRAVERSE];
+pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
+pub(crate) const TRAVERSAL_TESTS: [Part; 2] = [WATERTIGHT, MOELLER_TRUMBORE];

@@ -1,0 +1,118 @@
+//! A tree on the device behind the core's `Accelerator`.
+
+use std::sync::Arc;
+
+use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse;
+use splitplane_core::tree::KdTree;
+use splitplane_core::triangle::Triangle;
+
+use super::pipelines::Queries;
+use super::tree::DeviceTree;
+use crate::error::GpuError;
+
+/// A tree over a mesh on a device, with a copy of tree and snapped corners in host memory.
+///
+/// Batches are traced on the device. Single rays are answered from the host copy by the core's
+/// reference traversal: a round trip to the device takes longer than the ray. Under watertight
+/// accuracy both give the same bits.
+#[derive(Debug)]
+pub struct WgpuAccelerator {
+    queries: Arc<Queries>,
+    device: DeviceTree,
+    tree: KdTree,
+    triangles: Vec<Triangle>,
+    summary: BuildSummary,
+}
+
+impl WgpuAccelerator {
+    /// Puts a tree that is on the device and its host copy together. `tree` and `triangles` (snapped
+    /// corners, dropped triangles included) must be what `device` holds.
+    pub fn new(
+        queries: Arc<Queries>,
+        device: DeviceTree,
+        tree: KdTree,
+        triangles: Vec<Triangle>,
+        summary: BuildSummary,
+    ) -> WgpuAccelerator {
+        debug_assert_eq!(device.node_count() as usize, tree.nodes.len());
+        debug_assert_eq!(device.triangle_count() as usize, triangles.len());
+        WgpuAccelerator { queries, device, tree, triangles, summary }
+    }
+
+    /// Uploads a tree built elsewhere; see [`DeviceTree::upload`].
+    ///
+    /// # Errors
+    /// As for [`DeviceTree::upload`].
+    ///
+    /// # Panics
+    /// As for [`DeviceTree::upload`].
+    pub fn upload(
+        queries: Arc<Queries>,
+        tree: KdTree,
+        triangles: Vec<Triangle>,
+        summary: BuildSummary,
+    ) -> Result<WgpuAccelerator, GpuError> {
+        let device = DeviceTree::upload(&queries, &tree.view(), &triangles)?;
+        Ok(WgpuAccelerator::new(queries, device, tree, triangles, summary))
+    }
+
+    /// The tree on the device, for hosts that trace rays in their own shaders or keep rays there.
+    pub fn device_tree(&self) -> &DeviceTree {
+        &self.device
+    }
+
+    /// The device and its query pipelines; with typed errors, and queries over device buffers.
+    pub fn queries(&self) -> &Arc<Queries> {
+        &self.queries
+    }
+
+    /// The snapped corners, in the order of the mesh.
+    pub fn triangles(&self) -> &[Triangle] {
+        &self.triangles
+    }
+}
+
+impl Accelerator for WgpuAccelerator {
+    fn tree(&self) -> &KdTree {
+        &self.tree
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        &self.summary
+    }
+
+    /// Bytes on the device; the host copy is not counted.
+    fn query_bytes(&self) -> u64 {
+        self.device.bytes()
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        Ok(self.queries.closest_hits(&self.device, rays, hits, options)?)
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<(), QueryError> {
+        Ok(self.queries.any_hits(&self.device, rays, occluded, options)?)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+        let scale = self.device.scene_scale();
+        traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+        let scale = self.device.scene_scale();
+        traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+    }
+}

@@ -1,0 +1,179 @@
+//! Batches of rays from host memory, in slices.
+
+use std::ops::Range;
+use std::time::{Duration, Instant};
+
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+
+use super::error::DeviceQueryError;
+use super::pipelines::Queries;
+use super::record::{BatchUniform, QueryBuffers, RAY_BYTES, result_bytes};
+use super::scope::checked;
+use super::staging::Staging;
+use super::tree::DeviceTree;
+use crate::error::GpuError;
+
+/// Most rays of a submission. At a few hundred million rays a second this takes milliseconds.
+const MOST_RAYS: u32 = 1 << 20;
+/// Rays of the first submission, before it is known how fast the device is.
+const FIRST_RAYS: u32 = 1 << 17;
+/// Fewest rays of a submission, however slow the device.
+const LEAST_RAYS: u32 = 1 << 12;
+/// A slice that takes longer is followed by one of half the rays: drivers end submissions that take
+/// seconds, and a later slice may hold slower rays.
+const TOO_LONG: Duration = Duration::from_millis(250);
+/// A slice that takes less is followed by one of twice the rays.
+const SHORT: Duration = Duration::from_millis(50);
+
+/// A slice that was submitted.
+struct Pending {
+    set: Staging,
+    rays: Range<usize>,
+    since: Instant,
+}
+
+impl Queries {
+    /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none.
+    ///
+    /// Rays cross to the device in slices that respect its limits and its watchdog; while one slice
+    /// is traced, the next is uploaded.
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length, or a device that fails; then some of `hits` may hold
+    /// answers and others what they held before: none is to be used.
+    pub fn closest_hits(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<(), DeviceQueryError> {
+        same_length(rays.len(), hits.len())?;
+        self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
+            bytemuck::cast_slice_mut::<Hit, u8>(&mut hits[range]).copy_from_slice(bytes);
+        })
+    }
+
+    /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
+    ///
+    /// # Errors
+    /// As for [`Queries::closest_hits`].
+    pub fn any_hits(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<(), DeviceQueryError> {
+        same_length(rays.len(), occluded.len())?;
+        self.trace_slices(tree, rays, options, Query::Any, |range, bytes| {
+            for (answer, word) in occluded[range].iter_mut().zip(bytes.chunks_exact(4)) {
+                *answer = word != [0; 4];
+            }
+        })
+    }
+
+    /// Most rays of a slice under the limits of the device.
+    fn slice_limit(&self) -> u32 {
+        let limits = self.gpu().device().limits();
+        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        (bytes / RAY_BYTES).clamp(1, u64::from(MOST_RAYS)) as u32
+    }
+
+    /// Traces slices two deep: while the device works on one, the next is handed to the queue.
+    fn trace_slices(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        options: &QueryOptions,
+        query: Query,
+        mut answer: impl FnMut(Range<usize>, &[u8]),
+    ) -> Result<(), DeviceQueryError> {
+        let most = self.slice_limit();
+        let mut size = FIRST_RAYS.min(most);
+        let mut next = 0;
+        let mut pending: Option<Pending> = None;
+        while next < rays.len() || pending.is_some() {
+            let slice = next..rays.len().min(next + size as usize);
+            next = slice.end;
+            let uploaded = if slice.is_empty() {
+                None
+            } else {
+                Some(self.upload_slice(&rays[slice.clone()], options, most)?)
+            };
+            let done = pending.take().map(|slice| self.await_slice(slice, query)).transpose()?;
+            if let Some((_, _, took)) = &done {
+                if *took > TOO_LONG {
+                    size = (size / 2).max(LEAST_RAYS.min(most));
+                } else if *took < SHORT {
+                    size = (size * 2).min(most);
+                }
+            }
+            if let Some(set) = uploaded {
+                self.submit_slice(tree, &set, slice.len() as u32, options, query)?;
+                pending = Some(Pending { set, rays: slice, since: Instant::now() });
+            }
+            // Copied while the device works on the next slice.
+            if let Some((range, bytes, _)) = done {
+                answer(range, &bytes);
+            }
+        }
+        Ok(())
+    }
+
+    fn upload_slice(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        most: u32,
+    ) -> Result<Staging, GpuError> {
+        checked(self.gpu(), "the upload of rays", || {
+            let count = rays.len() as u32;
+            let set = self.take_staging(count, most)?;
+            let queue = self.gpu().queue();
+            let batch = BatchUniform::new(count, options);
+            queue.write_buffer(&set.batch, 0, bytemuck::bytes_of(&batch));
+            queue.write_buffer(&set.rays, 0, bytemuck::cast_slice(rays));
+            Ok(set)
+        })
+    }
+
+    fn submit_slice(
+        &self,
+        tree: &DeviceTree,
+        set: &Staging,
+        count: u32,
+        options: &QueryOptions,
+        query: Query,
+    ) -> Result<(), GpuError> {
+        let gpu = self.gpu();
+        checked(gpu, "a batch of rays", || {
+            let mut encoder = gpu.device().create_command_encoder(&Default::default());
+            let buffers =
+                QueryBuffers { rays: &set.rays, results: &set.results, batch: &set.batch };
+            self.dispatch(&mut encoder, tree, &buffers, count, options, query)?;
+            let bytes = u64::from(count) * result_bytes(query);
+            encoder.copy_buffer_to_buffer(&set.results, 0, &set.readback, 0, bytes);
+            gpu.queue().submit([encoder.finish()]);
+            Ok(())
+        })
+    }
+
+    /// Waits for a slice: its place, its answers, and how long it took.
+    fn await_slice(
+        &self,
+        slice: Pending,
+        query: Query,
+    ) -> Result<(Range<usize>, Vec<u8>, Duration), GpuError> {
+        let bytes = slice.rays.len() as u64 * result_bytes(query);
+        let answers = self.gpu().read_mapped(&slice.set.readback, bytes)?;
+        let took = slice.since.elapsed();
+        self.keep_staging(slice.set);
+        Ok((slice.rays, answers, took))
+    }
+}
+
+fn same_length(rays: usize, results: usize) -> Result<(), DeviceQueryError> {
+    if rays == results { Ok(()) } else { Err(DeviceQueryError::LengthMismatch { rays, results }) }
+}

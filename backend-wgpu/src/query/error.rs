@@ -1,0 +1,50 @@
+//! Why a query on a device did not give answers.
+
+use splitplane_core::backend::QueryError;
+use thiserror::Error;
+
+use crate::error::GpuError;
+
+/// Why a query on a device did not give answers.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum DeviceQueryError {
+    /// Input and output differ in length.
+    #[error("{rays} rays were given with room for {results} results; the two must be equal")]
+    LengthMismatch {
+        /// Rays given.
+        rays: usize,
+        /// Room for results.
+        results: usize,
+    },
+    /// A host's buffer is too small for the rays it is to hold.
+    #[error("the buffer of {what} has {bytes} bytes; {needed} are needed")]
+    BufferTooSmall {
+        /// What the buffer is for.
+        what: &'static str,
+        /// Bytes it has.
+        bytes: u64,
+        /// Bytes it needs.
+        needed: u64,
+    },
+    /// A host's buffer was not made for use as a storage buffer.
+    #[error("the buffer of {what} lacks the usage STORAGE")]
+    BufferUsage {
+        /// What the buffer is for.
+        what: &'static str,
+    },
+    /// The device failed.
+    #[error(transparent)]
+    Gpu(#[from] GpuError),
+}
+
+impl From<DeviceQueryError> for QueryError {
+    fn from(error: DeviceQueryError) -> QueryError {
+        match error {
+            DeviceQueryError::LengthMismatch { rays, results } => {
+                QueryError::LengthMismatch { rays, results }
+            }
+            other => QueryError::Device(other.to_string()),
+        }
+    }
+}

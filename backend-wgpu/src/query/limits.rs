@@ -1,0 +1,68 @@
+//! The range of coordinates and sizes of triangles that lie on the device.
+
+use splitplane_core::intersect::Limits;
+
+use super::pipelines::{Queries, QueryKernel};
+use super::record::workgroup_grid;
+use super::scope::checked;
+use crate::error::GpuError;
+
+/// Invocations of a workgroup of `triangle_limits.wgsl`.
+const WORKGROUP: u32 = 256;
+/// Bytes of its result: four floats.
+const RESULT_BYTES: u64 = 16;
+
+impl Queries {
+    /// The limits of the first `count` triangles of a buffer of snapped corners, nine `f32` a
+    /// triangle; those of dropped triangles do not count. Equal, bit for bit, to the union of
+    /// [`Limits::of`] over the triangles kept. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn triangle_limits(
+        &self,
+        triangles: &wgpu::Buffer,
+        count: u32,
+    ) -> Result<Limits, GpuError> {
+        if count == 0 {
+            return Ok(Limits::NONE);
+        }
+        let gpu = self.gpu();
+        let pipeline = self.pipeline(QueryKernel::TriangleLimits)?;
+        let readback = checked(gpu, "the limits of the triangles", || {
+            use wgpu::BufferUsages as Usage;
+            let uniform = gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?;
+            let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+            let limits = gpu.buffer("triangle limits", RESULT_BYTES, usage)?;
+            let usage = Usage::MAP_READ | Usage::COPY_DST;
+            let readback = gpu.buffer("triangle limits, read back", RESULT_BYTES, usage)?;
+            let none = Limits::NONE;
+            let start = [none.greatest, none.least, none.longest, none.shortest];
+            gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[count, 0, 0, 0]));
+            gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
+            let entries = [triangles, &uniform, &limits].map(wgpu::Buffer::as_entire_binding);
+            let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+                label: Some("triangle_limits"),
+                layout: &pipeline.get_bind_group_layout(0),
+                entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
+                    binding: place as u32,
+                    resource: entries[place].clone(),
+                }),
+            });
+            let mut encoder = gpu.device().create_command_encoder(&Default::default());
+            {
+                let mut pass = encoder.begin_compute_pass(&Default::default());
+                pass.set_pipeline(pipeline);
+                pass.set_bind_group(0, &bindings, &[]);
+                let [x, y] = workgroup_grid(gpu, count.div_ceil(WORKGROUP));
+                pass.dispatch_workgroups(x, y, 1);
+            }
+            encoder.copy_buffer_to_buffer(&limits, 0, &readback, 0, RESULT_BYTES);
+            gpu.queue().submit([encoder.finish()]);
+            Ok(readback)
+        })?;
+        let bytes = gpu.read_mapped(&readback, RESULT_BYTES)?;
+        let word = |i: usize| bytemuck::pod_read_unaligned::<f32>(&bytes[4 * i..4 * i + 4]);
+        Ok(Limits { greatest: word(0), least: word(1), longest: word(2), shortest: word(3) })
+    }
+}

@@ -1,0 +1,23 @@
+//! Rays through a tree on the device.
+//!
+//! [`DeviceTree`] is a tree in device memory. [`Queries`] traces batches through it, from host
+//! memory or recorded into a host's own commands. [`WgpuAccelerator`] puts both behind the core's
+//! `Accelerator`. A host's own shader calls the same traversal: see
+//! [`splitplane_shaders::traversal`] and [`DeviceTree::bind_group_entries`].
+
+mod accelerator;
+mod batch;
+mod error;
+mod limits;
+mod pipelines;
+mod record;
+mod scene;
+mod scope;
+mod staging;
+mod tree;
+
+pub use accelerator::WgpuAccelerator;
+pub use error::DeviceQueryError;
+pub use pipelines::Queries;
+pub use scene::SceneUniform;
+pub use tree::{DeviceTree, TreeParts};

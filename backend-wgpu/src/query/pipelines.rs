@@ -1,0 +1,85 @@
+//! The pipelines of the queries, each compiled when it is first used.
+
+use std::sync::{Arc, Mutex, OnceLock};
+
+use splitplane_core::ray::{Accuracy, QueryOptions};
+use splitplane_core::traverse::Query;
+
+use super::staging::Staging;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// The kernels of the queries, in the order of `splitplane_shaders::QUERIES`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum QueryKernel {
+    ClosestHit,
+    ClosestHitFast,
+    AnyHit,
+    AnyHitFast,
+    TriangleLimits,
+}
+
+impl QueryKernel {
+    /// The kernel that answers a query.
+    pub(super) fn of(query: Query, options: &QueryOptions) -> QueryKernel {
+        match (query, options.accuracy) {
+            (Query::Closest, Accuracy::Watertight) => QueryKernel::ClosestHit,
+            (Query::Closest, Accuracy::Fast) => QueryKernel::ClosestHitFast,
+            (Query::Any, Accuracy::Watertight) => QueryKernel::AnyHit,
+            (Query::Any, Accuracy::Fast) => QueryKernel::AnyHitFast,
+        }
+    }
+}
+
+/// A device with the pipelines of the queries and reusable staging memory. One serves any number
+/// of trees and threads.
+#[derive(Debug)]
+pub struct Queries {
+    gpu: Arc<Gpu>,
+    pipelines: [OnceLock<wgpu::ComputePipeline>; 5],
+    /// Staging memory that no batch is using.
+    pub(super) staging: Mutex<Vec<Staging>>,
+}
+
+impl Queries {
+    /// Queries on a device. Compiles nothing yet.
+    pub fn new(gpu: Arc<Gpu>) -> Queries {
+        Queries { gpu, pipelines: Default::default(), staging: Mutex::default() }
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// The pipeline of a kernel, compiled by the first call.
+    pub(super) fn pipeline(&self, kernel: QueryKernel) -> Result<&wgpu::ComputePipeline, GpuError> {
+        let place = &self.pipelines[kernel as usize];
+        if let Some(pipeline) = place.get() {
+            return Ok(pipeline);
+        }
+        let shader = &splitplane_shaders::QUERIES[kernel as usize];
+        let compiled = self.gpu.pipeline(shader.name, &shader.source())?;
+        // Two threads may compile at once; the first to finish stays.
+        Ok(place.get_or_init(|| compiled))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kernels_stand_as_in_the_table() {
+        for (kernel, name) in [
+            (QueryKernel::ClosestHit, "closest_hit"),
+            (QueryKernel::ClosestHitFast, "closest_hit_fast"),
+            (QueryKernel::AnyHit, "any_hit"),
+            (QueryKernel::AnyHitFast, "any_hit_fast"),
+            (QueryKernel::TriangleLimits, "triangle_limits"),
+        ] {
+            assert_eq!(splitplane_shaders::QUERIES[kernel as usize].name, name);
+        }
+        assert_eq!(splitplane_shaders::QUERIES.len(), 5);
+    }
+}

@@ -1,0 +1,28 @@
+//! Errors that wgpu reports beside the call, caught.
+
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// Runs `work`; a validation error or a lack of memory that wgpu reports meanwhile becomes an error.
+/// Without this a refused submission would pass in silence, and results of an earlier one be read.
+pub(super) fn checked<T>(
+    gpu: &Gpu,
+    what: &str,
+    work: impl FnOnce() -> Result<T, GpuError>,
+) -> Result<T, GpuError> {
+    let memory = gpu.device().push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+    let internal = gpu.device().push_error_scope(wgpu::ErrorFilter::Internal);
+    let validation = gpu.device().push_error_scope(wgpu::ErrorFilter::Validation);
+    let out = work();
+    let errors = [validation, internal, memory].map(|scope| pollster::block_on(scope.pop()));
+    match errors.into_iter().flatten().next() {
+        None => out,
+        // What `work` itself says is closer to the cause.
+        Some(error) => Err(out.err().unwrap_or_else(|| match error {
+            wgpu::Error::OutOfMemory { .. } => {
+                GpuError::OutOfMemory { what: what.to_string(), needed: 0 }
+            }
+            other => GpuError::Refused(format!("{what}: {other}")),
+        })),
+    }
+}

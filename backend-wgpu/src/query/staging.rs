@@ -1,0 +1,71 @@
+//! Device memory for batches that come from the host, kept for the next batch.
+
+use super::pipelines::Queries;
+use super::record::{BatchUniform, RAY_BYTES};
+use crate::error::GpuError;
+use splitplane_core::ray::Hit;
+
+/// Most sets that are kept while nobody uses them.
+const KEPT: usize = 4;
+/// Least room of a set, so that small batches share sets.
+const LEAST_RAYS: u32 = 1 << 10;
+
+/// The buffers of one slice of a batch.
+#[derive(Debug)]
+pub(super) struct Staging {
+    /// Most rays it has room for.
+    pub(super) capacity: u32,
+    pub(super) batch: wgpu::Buffer,
+    pub(super) rays: wgpu::Buffer,
+    pub(super) results: wgpu::Buffer,
+    pub(super) readback: wgpu::Buffer,
+}
+
+impl Queries {
+    /// A set with room for `rays` rays: a kept one, else a new one with room for up to twice as many,
+    /// but at most `most`.
+    pub(super) fn take_staging(&self, rays: u32, most: u32) -> Result<Staging, GpuError> {
+        // A poisoned lock means that another thread panicked between two statements that cannot
+        // leave the list in disorder.
+        let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let suits = |set: &Staging| set.capacity >= rays;
+        let place = (0..kept.len())
+            .filter(|&place| suits(&kept[place]))
+            .min_by_key(|&place| kept[place].capacity);
+        if let Some(place) = place {
+            return Ok(kept.swap_remove(place));
+        }
+        drop(kept);
+        use wgpu::BufferUsages as Usage;
+        let capacity = rays.max(LEAST_RAYS).next_power_of_two().min(most.max(rays));
+        let gpu = self.gpu();
+        let bytes = |each: u64| u64::from(capacity) * each;
+        let hit_bytes = bytes(size_of::<Hit>() as u64);
+        Ok(Staging {
+            capacity,
+            batch: gpu.buffer(
+                "batch",
+                size_of::<BatchUniform>() as u64,
+                Usage::UNIFORM | Usage::COPY_DST,
+            )?,
+            rays: gpu.buffer("rays", bytes(RAY_BYTES), Usage::STORAGE | Usage::COPY_DST)?,
+            results: gpu.buffer("results", hit_bytes, Usage::STORAGE | Usage::COPY_SRC)?,
+            readback: gpu.buffer(
+                "results, read back",
+                hit_bytes,
+                Usage::MAP_READ | Usage::COPY_DST,
+            )?,
+        })
+    }
+
+    /// Keeps a set whose work is done and that is not mapped.
+    pub(super) fn keep_staging(&self, set: Staging) {
+        let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        kept.push(set);
+        if kept.len() > KEPT {
+            // The smallest is the cheapest to make again.
+            let smallest = (0..kept.len()).min_by_key(|&place| kept[place].capacity);
+            smallest.map(|place| kept.swap_remove(place));
+        }
+    }
+}

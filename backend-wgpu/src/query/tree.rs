@@ -1,0 +1,253 @@
+//! A tree in device memory.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::config::BuildConfig;
+use splitplane_core::intersect::SceneScale;
+use splitplane_core::node::KdNode;
+use splitplane_core::tree::{KdTree, KdTreeView};
+use splitplane_core::triangle::Triangle;
+
+use super::pipelines::Queries;
+use super::scene::SceneUniform;
+use super::scope::checked;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// The parts of a finished tree that are already on the device.
+#[derive(Clone, Debug)]
+pub struct TreeParts {
+    /// [`KdNode`]s in preorder, 8 bytes each. Usages `STORAGE` and `COPY_SRC`.
+    pub nodes: wgpu::Buffer,
+    /// Triangle indices, named by leaves. Usages `STORAGE` and `COPY_SRC`.
+    pub leaf_references: wgpu::Buffer,
+    /// Snapped corners of all triangles of the mesh, dropped ones included: nine `f32` each. Usage
+    /// `STORAGE`.
+    pub triangles: wgpu::Buffer,
+    /// How many nodes there are; never 0.
+    pub node_count: u32,
+    /// How many references there are.
+    pub reference_count: u32,
+    /// How many triangles there are.
+    pub triangle_count: u32,
+    /// Bounds of the triangles kept.
+    pub bounds: Aabb,
+    /// What shaped the tree.
+    pub config: BuildConfig,
+}
+
+/// A tree in device memory, with what queries need besides: 8 bytes a node, 4 a reference, 36 a
+/// triangle, and 64 for the scene.
+#[derive(Debug)]
+pub struct DeviceTree {
+    parts: TreeParts,
+    scene: wgpu::Buffer,
+    scale: SceneScale,
+}
+
+impl DeviceTree {
+    /// Takes over a tree that was made on the device. Reads all triangles once, on the device, for
+    /// the range of their coordinates, and waits for that.
+    ///
+    /// The tree must be valid (see [`splitplane_core::validate`]): a traversal trusts it.
+    ///
+    /// # Errors
+    /// Buffers larger than a binding may be, or a device that fails.
+    pub fn from_parts(queries: &Queries, parts: TreeParts) -> Result<DeviceTree, GpuError> {
+        let gpu = queries.gpu();
+        let limits = queries.triangle_limits(&parts.triangles, parts.triangle_count)?;
+        let scale = SceneScale::new(parts.bounds, &limits);
+        let uniform = SceneUniform::from(&scale);
+        let scene = checked(gpu, "the scene's uniform", || {
+            let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+            let scene = gpu.buffer("scene", size_of::<SceneUniform>() as u64, usage)?;
+            gpu.queue().write_buffer(&scene, 0, bytemuck::bytes_of(&uniform));
+            Ok(scene)
+        })?;
+        for (what, buffer) in [
+            ("the nodes of the tree", &parts.nodes),
+            ("the references of the tree", &parts.leaf_references),
+            ("the triangles", &parts.triangles),
+        ] {
+            can_be_bound(gpu, what, buffer.size())?;
+        }
+        Ok(DeviceTree { parts, scene, scale })
+    }
+
+    /// Uploads a tree built elsewhere. `triangles` are the snapped corners of the mesh (see
+    /// [`splitplane_core::triangle::prepare`]), dropped triangles included. The tree must be valid
+    /// and belong to them (see [`splitplane_core::validate::validate_mesh`]).
+    ///
+    /// # Errors
+    /// More triangles, nodes or references than the device can bind or hold, or a device that fails.
+    ///
+    /// # Panics
+    /// If the number of triangles is not the tree's.
+    pub fn upload(
+        queries: &Queries,
+        tree: &KdTreeView<'_>,
+        triangles: &[Triangle],
+    ) -> Result<DeviceTree, GpuError> {
+        assert_eq!(triangles.len(), tree.triangles as usize, "triangles of another mesh");
+        let gpu = queries.gpu();
+        let filled = |what: &str, bytes: &[u8]| {
+            can_be_bound(gpu, what, bytes.len() as u64)?;
+            use wgpu::BufferUsages as Usage;
+            let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+            let buffer = gpu.buffer(what, bytes.len() as u64, usage)?;
+            gpu.queue().write_buffer(&buffer, 0, bytes);
+            Ok(buffer)
+        };
+        let parts = checked(gpu, "the upload of a tree", || {
+            Ok(TreeParts {
+                nodes: filled("the nodes of the tree", bytemuck::cast_slice(tree.nodes))?,
+                leaf_references: filled(
+                    "the references of the tree",
+                    bytemuck::cast_slice(tree.references),
+                )?,
+                triangles: filled("the triangles", bytemuck::cast_slice(triangles))?,
+                node_count: tree.nodes.len() as u32,
+                reference_count: tree.references.len() as u32,
+                triangle_count: tree.triangles,
+                bounds: tree.bounds,
+                config: tree.config,
+            })
+        })?;
+        DeviceTree::from_parts(queries, parts)
+    }
+
+    /// The tree, read back to host memory. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn read(&self, gpu: &Gpu) -> Result<KdTree, GpuError> {
+        let parts = &self.parts;
+        let nodes = read_buffer(gpu, &parts.nodes, 8 * u64::from(parts.node_count))?;
+        let references =
+            read_buffer(gpu, &parts.leaf_references, 4 * u64::from(parts.reference_count))?;
+        Ok(KdTree {
+            // The bytes of a Vec<u8> need not be aligned.
+            nodes: bytemuck::pod_collect_to_vec::<u8, KdNode>(&nodes),
+            references: bytemuck::pod_collect_to_vec::<u8, u32>(&references),
+            bounds: parts.bounds,
+            triangles: parts.triangle_count,
+            config: parts.config,
+        })
+    }
+
+    /// What is bound to the four bindings of a traversal from `first_binding` on: nodes, leaf
+    /// references, triangles, scene. For a host's own shader; see [`splitplane_shaders::traversal`].
+    pub fn bind_group_entries(&self, first_binding: u32) -> [wgpu::BindGroupEntry<'_>; 4] {
+        let parts = &self.parts;
+        let buffers = [&parts.nodes, &parts.leaf_references, &parts.triangles, &self.scene];
+        std::array::from_fn(|place| wgpu::BindGroupEntry {
+            binding: first_binding + place as u32,
+            resource: buffers[place].as_entire_binding(),
+        })
+    }
+
+    /// The layout of the same four bindings, for hosts that state their layouts.
+    pub fn bind_group_layout_entries(
+        first_binding: u32,
+        visibility: wgpu::ShaderStages,
+    ) -> [wgpu::BindGroupLayoutEntry; 4] {
+        std::array::from_fn(|place| wgpu::BindGroupLayoutEntry {
+            binding: first_binding + place as u32,
+            visibility,
+            ty: wgpu::BindingType::Buffer {
+                ty: if place < 3 {
+                    wgpu::BufferBindingType::Storage { read_only: true }
+                } else {
+                    wgpu::BufferBindingType::Uniform
+                },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            },
+            count: None,
+        })
+    }
+
+    /// The nodes: [`KdNode`], 8 bytes each.
+    pub fn nodes(&self) -> &wgpu::Buffer {
+        &self.parts.nodes
+    }
+
+    /// The references of the leaves: `u32` each.
+    pub fn leaf_references(&self) -> &wgpu::Buffer {
+        &self.parts.leaf_references
+    }
+
+    /// The snapped corners: nine `f32` a triangle.
+    pub fn triangles(&self) -> &wgpu::Buffer {
+        &self.parts.triangles
+    }
+
+    /// The uniform of the scene, a [`SceneUniform`].
+    pub fn scene(&self) -> &wgpu::Buffer {
+        &self.scene
+    }
+
+    /// How many nodes there are.
+    pub fn node_count(&self) -> u32 {
+        self.parts.node_count
+    }
+
+    /// How many references there are.
+    pub fn reference_count(&self) -> u32 {
+        self.parts.reference_count
+    }
+
+    /// How many triangles the mesh has, dropped ones included.
+    pub fn triangle_count(&self) -> u32 {
+        self.parts.triangle_count
+    }
+
+    /// Bounds of the triangles kept.
+    pub fn bounds(&self) -> &Aabb {
+        &self.parts.bounds
+    }
+
+    /// What shaped the tree.
+    pub fn config(&self) -> &BuildConfig {
+        &self.parts.config
+    }
+
+    /// What the reference traversal needs for the same answers.
+    pub fn scene_scale(&self) -> &SceneScale {
+        &self.scale
+    }
+
+    /// Bytes of device memory.
+    pub fn bytes(&self) -> u64 {
+        let parts = &self.parts;
+        [&parts.nodes, &parts.leaf_references, &parts.triangles, &self.scene]
+            .map(wgpu::Buffer::size)
+            .iter()
+            .sum()
+    }
+}
+
+/// Whether so many bytes fit one binding.
+fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
+    let allowed = gpu.device().limits().max_storage_buffer_binding_size;
+    if needed > allowed {
+        let limit = "maxStorageBufferBindingSize";
+        return Err(GpuError::Limit { what: what.to_string(), limit, needed, allowed });
+    }
+    Ok(())
+}
+
+/// The first bytes of a buffer with the usage `COPY_SRC`.
+fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+    if bytes == 0 {
+        return Ok(Vec::new());
+    }
+    let readback = checked(gpu, "reading a tree back", || {
+        let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+        let readback = gpu.buffer("tree, read back", bytes, usage)?;
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, bytes);
+        gpu.queue().submit([encoder.finish()]);
+        Ok(readback)
+    })?;
+    gpu.read_mapped(&readback, bytes)
+}

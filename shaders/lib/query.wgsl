@@ -1,0 +1,22 @@
+// What the batch queries share besides the traversal: rays, options, and which ray is whose.
+
+// A batch: how many rays, and the options.
+struct Batch {
+    count: u32,
+    culling: u32,
+    ignore: u32,
+    padding: u32,
+}
+
+// 32 bytes a ray: origin and t_min, direction and t_max. As bits, since limits may be infinite.
+@group(0) @binding(4) var<storage, read> rays: array<vec4<u32>>;
+@group(0) @binding(6) var<uniform> batch: Batch;
+
+// The ray of an invocation: workgroups of 64 in rows, since one dimension is not long enough.
+fn ray_index(workgroup: vec3<u32>, workgroups: vec3<u32>, local: u32) -> u32 {
+    return (workgroup.y * workgroups.x + workgroup.x) * 64u + local;
+}
+
+fn batch_ray(index: u32) -> Ray {
+    return ray_of_words(rays[2u * index], rays[2u * index + 1u]);
+}

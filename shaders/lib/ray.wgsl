@@ -1,0 +1,59 @@
+// Twin of core/src/ray.rs: rays, hits and options.
+
+// The points origin + t * direction with t_min <= t <= t_max, both ends included. Limits may be
+// infinite; components that are not finite, and NaN limits, are told by their bits, and such a ray
+// hits nothing.
+struct Ray {
+    origin: vec3<f32>,
+    t_min: f32,
+    direction: vec3<f32>,
+    t_max: f32,
+}
+
+// Where a ray meets a triangle. The point is (1 - u - v) * a + u * b + v * c. For a miss `triangle`
+// is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0.
+struct Hit {
+    t: f32,
+    triangle: u32,
+    u: f32,
+    v: f32,
+}
+
+// What a query asks for besides the ray.
+struct QueryOptions {
+    // CULL_NONE, CULL_BACK or CULL_FRONT: the side to ignore.
+    culling: u32,
+    // The index of a triangle to ignore, or NO_TRIANGLE.
+    ignore: u32,
+}
+
+const NO_TRIANGLE: u32 = 0xffffffffu;
+const CULL_NONE: u32 = 0u;
+const CULL_BACK: u32 = 1u;
+const CULL_FRONT: u32 = 2u;
+
+// The bits of infinity: `t` in the record of a miss.
+const INFINITY_BITS: u32 = 0x7f800000u;
+
+// Both sides count, no triangle is ignored.
+fn default_options() -> QueryOptions {
+    return QueryOptions(CULL_NONE, NO_TRIANGLE);
+}
+
+// A miss.
+fn no_hit() -> Hit {
+    return Hit(GREATEST, NO_TRIANGLE, 0.0, 0.0);
+}
+
+// A ray from the 32 bytes of its record.
+fn ray_of_words(first: vec4<u32>, second: vec4<u32>) -> Ray {
+    let a = bitcast<vec4<f32>>(first);
+    let b = bitcast<vec4<f32>>(second);
+    return Ray(a.xyz, a.w, b.xyz, b.w);
+}
+
+// The 16 bytes of a hit's record.
+fn hit_words(hit: Hit) -> vec4<u32> {
+    let t = select(bitcast<u32>(hit.t), INFINITY_BITS, hit.triangle == NO_TRIANGLE);
+    return vec4<u32>(t, hit.triangle, bitcast<u32>(hit.u), bitcast<u32>(hit.v));
+}

@@ -1,0 +1,116 @@
+// Twin of core/src/traverse.rs: closest hit and any hit in one loop. Tree, triangles and scene are
+// read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
+
+// MAX_DEPTH + 1: one entry a level.
+const STACK_ENTRIES: u32 = 97u;
+
+// A subtree that is yet to be visited, and the ray's interval in it.
+struct StackEntry {
+    node: u32,
+    enter: f32,
+    leave: f32,
+}
+
+// The corners of a triangle.
+fn corners_of(triangle: u32) -> Triangle {
+    let first = triangle * 9u;
+    return Triangle(
+        vec3<f32>(triangles[first], triangles[first + 1u], triangles[first + 2u]),
+        vec3<f32>(triangles[first + 3u], triangles[first + 4u], triangles[first + 5u]),
+        vec3<f32>(triangles[first + 6u], triangles[first + 7u], triangles[first + 8u]),
+    );
+}
+
+// True when a hit comes before `best`: lesser `t`, at equal `t` the lower triangle index.
+fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
+    return t < best.t || (t == best.t && triangle < best.triangle);
+}
+
+// Front to back; both children are visited when the plane lies within its error of the interval;
+// triangles are tested against the whole ray; it stops when the next entry lies beyond the best hit
+// and its error. `any` ends it at the first hit.
+fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
+    opaque_zero = scene.zero;
+    var best = no_hit();
+    let prepared = prepare_ray(ray);
+    if !prepared.some {
+        return best;
+    }
+    let entered = enter_bounds(prepared);
+    var enter = entered.x;
+    var leave = entered.y;
+    if enter > leave {
+        return best;
+    }
+    var stop = GREATEST;
+    var stack: array<StackEntry, STACK_ENTRIES>;
+    var top = 0u;
+    var node = 0u;
+    loop {
+        let words = nodes[node];
+        let tag = words.y & 3u;
+        let payload = words.y >> 2u;
+        if tag != 3u {
+            let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
+            let backwards = on_axis(prepared.direction, tag) < 0.0;
+            let near = select(node + 1u, payload, backwards);
+            let far = select(payload, node + 1u, backwards);
+            if interval.y < enter {
+                node = far;
+            } else if interval.x > leave {
+                node = near;
+            } else {
+                stack[top] = StackEntry(far, most(enter, interval.x), leave);
+                top += 1u;
+                node = near;
+                leave = least(leave, interval.y);
+            }
+            continue;
+        }
+        for (var i = 0u; i < payload; i++) {
+            let triangle = leaf_references[words.x + i];
+            if triangle == options.ignore {
+                continue;
+            }
+            let candidate = test_triangle(prepared, corners_of(triangle), options.culling);
+            if !candidate.some {
+                continue;
+            }
+            let t = outer_t(prepared, candidate.t);
+            if !within_limits(prepared, t) {
+                continue;
+            }
+            if any {
+                return Hit(t, triangle, candidate.u, candidate.v);
+            }
+            if precedes(t, triangle, best) {
+                best = Hit(t, triangle, candidate.u, candidate.v);
+                stop = stop_after(prepared, candidate.t);
+            }
+        }
+        loop {
+            if top == 0u {
+                return best;
+            }
+            top -= 1u;
+            let entry = stack[top];
+            if entry.enter <= stop {
+                node = entry.node;
+                enter = entry.enter;
+                leave = entry.leave;
+                break;
+            }
+        }
+    }
+    return best;
+}
+
+// The hit of least (t, triangle).
+fn closest_hit(ray: Ray, options: QueryOptions) -> Hit {
+    return trace_ray(ray, options, false);
+}
+
+// Whether the ray hits anything.
+fn any_hit(ray: Ray, options: QueryOptions) -> bool {
+    return trace_ray(ray, options, true).triangle != NO_TRIANGLE;
+}

@@ -1,0 +1,21 @@
+// Whether each ray of a batch hits anything.
+//
+// One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes occluded.
+// There are no ties: the answer does not depend on which hit is found.
+
+// 1 for a hit, 0 for none.
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = ray_index(workgroup, workgroups, local);
+    if index >= batch.count {
+        return;
+    }
+    let hit = any_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
+    occluded[index] = select(0u, 1u, hit);
+}

@@ -1,0 +1,21 @@
+// The closest hit of every ray of a batch.
+//
+// One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes hits.
+// Among equal `t` the lower triangle index wins. The record of a miss is (infinity, NO_TRIANGLE, 0, 0).
+
+// 16 bytes a hit: t, triangle, u, v. As bits, since the `t` of a miss is infinite.
+@group(0) @binding(5) var<storage, read_write> hits: array<vec4<u32>>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = ray_index(workgroup, workgroups, local);
+    if index >= batch.count {
+        return;
+    }
+    let hit = closest_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
+    hits[index] = hit_words(hit);
+}

@@ -1,0 +1,85 @@
+//! The traversal as a library for a host's own shaders.
+
+use alloc::format;
+use alloc::string::String;
+
+use crate::join;
+use crate::table::{TRAVERSAL, TRAVERSAL_BINDINGS, TRAVERSAL_TESTS};
+
+/// Which ray/triangle test a traversal has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TriangleTest {
+    /// Woop, Benthin and Wald 2013 in guarded arithmetic: no ray slips between two triangles that
+    /// share an edge, and hits have the same bits on every device.
+    #[default]
+    Watertight,
+    /// Moeller and Trumbore 1997: a little faster; rays may leak at edges.
+    MoellerTrumbore,
+}
+
+/// How many bindings a traversal takes, one after the other: nodes, leaf references, triangles
+/// (storage, read only) and the scene (uniform, 64 bytes).
+pub const TRAVERSAL_BINDING_COUNT: u32 = 4;
+
+/// The WGSL declarations of what a traversal reads: `nodes`, `leaf_references`, `triangles` and
+/// `scene`, at four bindings of `group` from `first_binding` on.
+pub fn traversal_bindings(group: u32, first_binding: u32) -> String {
+    let mut text = String::from(TRAVERSAL_BINDINGS.text);
+    for place in 0..TRAVERSAL_BINDING_COUNT {
+        let old = format!("@group(0) @binding({place}) ");
+        // A mark keeps a number that was replaced from being replaced again.
+        let new = format!("@group({group}) @/binding({}) ", first_binding + place);
+        text = text.replace(&old, &new);
+    }
+    text.replace("@/binding", "@binding")
+}
+
+/// The traversal as WGSL text to put before a host's own entry points, with its declarations at
+/// four bindings of `group` from `first_binding` on. It has no entry point.
+///
+/// A shader that begins with it calls
+///
+/// - `closest_hit(ray: Ray, options: QueryOptions) -> Hit`: the hit of least `(t, triangle)`; for
+///   a miss `triangle` is `NO_TRIANGLE`;
+/// - `any_hit(ray: Ray, options: QueryOptions) -> bool`.
+///
+/// `Ray(origin, t_min, direction, t_max)` is as [`Ray` in Rust][ray]; `GREATEST` serves as a
+/// `t_max` without limit. `default_options()` gives options under which both sides of a triangle
+/// count and none is ignored. All names of the text are taken; they are those of the files in `lib/`.
+///
+/// [ray]: https://docs.rs/splitplane-core/latest/splitplane_core/ray/struct.Ray.html
+pub fn traversal(group: u32, first_binding: u32, test: TriangleTest) -> String {
+    let mut text = join(&TRAVERSAL);
+    text.push_str(TRAVERSAL_TESTS[test as usize].text);
+    text.push('\n');
+    text.push_str(&traversal_bindings(group, first_binding));
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bindings_are_moved() {
+        let text = traversal_bindings(2, 1);
+        for (binding, name) in [(1, "nodes"), (2, "leaf_references"), (3, "triangles")] {
+            let line = format!("@group(2) @binding({binding}) var<storage, read> {name}:");
+            assert!(text.contains(&line), "{text}");
+        }
+        assert!(text.contains("@group(2) @binding(4) var<uniform> scene:"), "{text}");
+        assert!(!text.contains("@group(0)"), "{text}");
+    }
+
+    #[test]
+    fn a_traversal_has_one_test_and_no_entry_point() {
+        for (test, has, lacks) in [
+            (TriangleTest::Watertight, "fn watertight(", "fn moeller_trumbore("),
+            (TriangleTest::MoellerTrumbore, "fn moeller_trumbore(", "fn watertight("),
+        ] {
+            let text = traversal(0, 0, test);
+            assert!(text.contains(has) && !text.contains(lacks));
+            assert!(!text.contains("@compute"));
+        }
+    }
+}
