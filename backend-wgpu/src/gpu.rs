@@ -1,6 +1,6 @@
 //! A device, its queue and its limits: opened headless, or borrowed from a host.
 
-use std::sync::{Arc, mpsc};
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use crate::adapters::Adapters;
@@ -21,6 +21,10 @@ pub struct Gpu {
     limits: wgpu::Limits,
     health: Arc<Health>,
     timeout: Duration,
+    /// The last submission that is complete; shared by clones. While it is held nobody else submits.
+    last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
+    /// Held while polling; shared by clones. See [`Gpu::wait_for`].
+    polling: Arc<Mutex<()>>,
 }
 
 impl Gpu {
@@ -59,7 +63,8 @@ impl Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
         let timeout = OpenOptions::DEFAULT_TIMEOUT;
-        Gpu { device, queue, info, limits, health: Arc::default(), timeout }
+        let (health, last, polling) = Default::default();
+        Gpu { device, queue, info, limits, health, timeout, last, polling }
     }
 
     /// The same device with another time-out.
@@ -169,14 +174,43 @@ impl Gpu {
     /// # Errors
     /// Text that is no valid WGSL for this device; a lost device.
     pub fn pipeline(&self, label: &str, source: &str) -> Result<wgpu::ComputePipeline, GpuError> {
+        self.compile(label, source, None)
+    }
+
+    /// Compiles a compute pipeline whose only bind group has this layout.
+    ///
+    /// # Errors
+    /// As for [`Gpu::pipeline`].
+    pub fn pipeline_with_layout(
+        &self,
+        label: &str,
+        source: &str,
+        layout: &wgpu::BindGroupLayout,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        self.compile(label, source, Some(layout))
+    }
+
+    fn compile(
+        &self,
+        label: &str,
+        source: &str,
+        layout: Option<&wgpu::BindGroupLayout>,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
         let made = self.guard(|| {
             let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
                 label: Some(label),
                 source: wgpu::ShaderSource::Wgsl(source.into()),
             });
+            let layout = layout.map(|layout| {
+                self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                    label: Some(label),
+                    bind_group_layouts: &[Some(layout)],
+                    ..Default::default()
+                })
+            });
             self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
                 label: Some(label),
-                layout: None,
+                layout: layout.as_ref(),
                 module: &module,
                 entry_point: Some(splitplane_shaders::ENTRY_POINT),
                 compilation_options: Default::default(),
@@ -198,9 +232,12 @@ impl Gpu {
         &self,
         commands: impl IntoIterator<Item = wgpu::CommandBuffer>,
     ) -> Result<wgpu::SubmissionIndex, GpuError> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let submitted = self.guard(|| self.queue.submit(commands));
         self.health.check_lost(&self.device)?;
-        submitted
+        let submitted = submitted?;
+        *last = Some(submitted.clone());
+        Ok(submitted)
     }
 
     /// Lets callbacks run whose work is done, without waiting. True when nothing is left to do.
@@ -208,17 +245,23 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::check`].
     pub fn poll(&self) -> Result<bool, GpuError> {
+        // Whoever holds it polls.
+        let Ok(polling) = self.polling.try_lock() else { return self.check().map(|()| false) };
         let polled = self.health.poll(&self.device, wgpu::PollType::Poll)?;
+        drop(polling);
         self.check()?;
         Ok(polled.is_ok_and(|status| status.is_queue_empty()))
     }
 
-    /// Waits until everything submitted so far is done.
+    /// Waits until everything submitted through [`Gpu::submit`] so far is done.
     ///
     /// # Errors
     /// A lost device, or one that takes longer than the time-out; what [`Gpu::check`] finds.
     pub fn wait(&self) -> Result<(), GpuError> {
-        self.wait_for(None)
+        // Named, since wgpu panics when it waits for "the most recent" submission while another
+        // thread is in the middle of one.
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        self.wait_for(last)
     }
 
     /// Waits until a submission is done, or everything submitted so far when `None`.
@@ -234,7 +277,12 @@ impl Gpu {
                 submission_index: submission.clone(),
                 timeout: Some(left.min(SLICE)),
             };
-            match self.health.poll(&self.device, wait)? {
+            // One thread at a time: wgpu panics when a wait that timed out finds the queue emptied by
+            // another thread's poll.
+            let polling = self.polling.lock().unwrap_or_else(PoisonError::into_inner);
+            let polled = self.health.poll(&self.device, wait)?;
+            drop(polling);
+            match polled {
                 Ok(_) => return self.check(),
                 Err(wgpu::PollError::Timeout) if left > SLICE => {}
                 Err(wgpu::PollError::Timeout) => {

@@ -16,10 +16,11 @@ mod needs;
 pub mod options;
 pub mod parity;
 pub mod query;
+pub mod selftest;
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
-pub use build::{KernelTime, PendingBuild, WgpuExecutor};
+pub use build::{DeviceBuild, Effort, KernelTime, PendingBuild, WgpuExecutor};
 pub use error::{GpuError, OpenError};
 pub use gpu::Gpu;
 pub use health::panic_is_caught;

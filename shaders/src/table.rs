@@ -100,3 +100,10 @@ queries! {
 pub(crate) const TRAVERSAL: [Part; 4] = [ARITHMETIC, RAY, INTERSECT, TRAVERSE];
 pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
 pub(crate) const TRAVERSAL_TESTS: [Part; 2] = [WATERTIGHT, MOELLER_TRUMBORE];
+
+shaders! {
+    /// What the self-test of a device runs.
+    CHECKS "checks" {
+        "arithmetic_check": ARITHMETIC;
+    }
+}

@@ -12,6 +12,7 @@ use super::kernels::Kernels;
 use super::profile::Profile;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::query::Queries;
 
 /// How the executor answers whether a loop goes on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -98,6 +99,16 @@ impl<'a> WgpuExecutor<'a> {
         self.pass = None;
         let gpu = self.gpu;
         self.encoder.get_or_insert_with(|| new_encoder(gpu))
+    }
+
+    /// Records the kernel that finds the range of the triangles' coordinates, for queries.
+    pub(crate) fn record_limits(&mut self, queries: &Queries, count: u32) -> Result<(), GpuError> {
+        let triangles = self.buffers.get(Buffer::Triangles).clone();
+        let readback = self.buffers.readback.clone();
+        let encoder = self.encoder();
+        queries.record_triangle_limits(encoder, &triangles, count, &readback, readback::LIMITS)?;
+        self.dispatches += 1;
+        Ok(())
     }
 
     /// Copies what the host reads after the build.

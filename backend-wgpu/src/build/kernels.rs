@@ -86,32 +86,3 @@ fn compile(gpu: &Gpu, kernel: Kernel, source: &str) -> Result<Compiled, GpuError
     let pipeline = gpu.pipeline_with_layout(kernel.name(), source, &layout)?;
     Ok(Compiled { pipeline, layout })
 }
-
-impl Gpu {
-    /// Compiles a compute pipeline whose only bind group has this layout.
-    pub(crate) fn pipeline_with_layout(
-        &self,
-        label: &str,
-        source: &str,
-        layout: &wgpu::BindGroupLayout,
-    ) -> Result<wgpu::ComputePipeline, GpuError> {
-        let device = self.device();
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(label),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        let layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-            label: Some(label),
-            bind_group_layouts: &[Some(layout)],
-            ..Default::default()
-        });
-        Ok(device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(label),
-            layout: Some(&layout),
-            module: &module,
-            entry_point: Some(splitplane_shaders::ENTRY_POINT),
-            compilation_options: Default::default(),
-            cache: None,
-        }))
-    }
-}

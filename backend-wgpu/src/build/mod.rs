@@ -8,5 +8,5 @@ pub mod pending;
 pub mod profile;
 
 pub use executor::WgpuExecutor;
-pub use pending::PendingBuild;
+pub use pending::{DeviceBuild, Effort, PendingBuild};
 pub use profile::KernelTime;

@@ -3,9 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
-use splitplane_core::config::BuildConfig;
+use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{Buffer, Counter};
 use splitplane_core::layout::{Counters, LargeNode};
 use splitplane_core::mesh::Mesh;
@@ -19,21 +18,23 @@ use super::executor::{Looking, WgpuExecutor, counters_from};
 use super::profile::{KernelTime, Profile};
 use crate::backend::Shared;
 use crate::error::GpuError;
+use crate::query::limits::limits_from;
+use crate::query::{DeviceTree, TreeParts};
 
-/// A tree that the device has finished, and what was read back with it.
+/// A finished build: the tree on the device, and what the host knows of it.
 #[derive(Debug)]
-pub(crate) struct Built {
-    pub nodes: wgpu::Buffer,
-    pub references: wgpu::Buffer,
-    pub triangles: wgpu::Buffer,
-    pub counters: Counters,
-    pub bounds: Aabb,
-    pub config: BuildConfig,
+#[non_exhaustive]
+pub struct DeviceBuild {
+    /// The tree, ready for rays.
+    pub tree: DeviceTree,
+    /// What the build dropped, changed and took.
     pub summary: BuildSummary,
+    /// What it asked of the device.
     pub effort: Effort,
-    /// The tree, where the host wanted it.
-    pub tree: Option<KdTree>,
+    /// The time of each kernel, when asked for and when the device can tell.
     pub times: Option<Vec<KernelTime>>,
+    /// The tree in host memory, where the host wanted it.
+    pub(crate) host_tree: Option<KdTree>,
 }
 
 /// What a build asked of the device.
@@ -166,6 +167,10 @@ impl PendingBuild {
             executor = executor.resumed(self.swapped);
             schedule::resume(&mut executor)?;
         }
+        let triangles = self.capacities.triangles;
+        if triangles > 0 {
+            executor.record_limits(&shared.queries, triangles)?;
+        }
         executor.read_back(self.tree_to_host);
         executor.submit()?;
         self.effort.dispatches += executor.dispatches();
@@ -180,12 +185,16 @@ impl PendingBuild {
         Ok(())
     }
 
-    /// Whether the device is done; submits what else is needed if it turns out so. Never waits.
+    /// The tree if the device is done; `None` if it is not, or if it turned out that more must be
+    /// submitted, which this does. Never waits.
     ///
     /// # Errors
-    /// The device's, or a limit that binds.
-    pub(crate) fn advance(&mut self) -> Result<Option<Built>, BuildError> {
-        self.shared.gpu.check()?;
+    /// The device's, or a limit that binds. After an error, and after the tree was given, there is
+    /// nothing more to ask for.
+    ///
+    /// # Panics
+    /// After the tree was given.
+    pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.shared.gpu.poll()?;
         match self.mapped.load(Ordering::Acquire) {
             WAITING => Ok(None),
@@ -195,17 +204,20 @@ impl PendingBuild {
     }
 
     /// Waits until the device is done.
-    pub(crate) fn wait(&mut self) -> Result<Built, BuildError> {
+    ///
+    /// # Errors
+    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out.
+    pub fn wait(mut self) -> Result<DeviceBuild, BuildError> {
         loop {
             self.shared.gpu.wait()?;
-            if let Some(built) = self.advance()? {
+            if let Some(built) = self.poll()? {
                 return Ok(built);
             }
         }
     }
 
     /// Reads what came back: done, or once more.
-    fn look(&mut self) -> Result<Option<Built>, BuildError> {
+    fn look(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.effort.readbacks += 1;
         let config = self.options.config;
         let readback = self.buffers.as_ref().expect("until finished").readback.clone();
@@ -235,7 +247,7 @@ impl PendingBuild {
         let root: LargeNode = bytemuck::pod_read_unaligned(&head[root_at..root_at + 64]);
         let bounds = root.cell();
         let triangles = self.capacities.triangles;
-        let tree = if self.tree_to_host {
+        let host_tree = if self.tree_to_host {
             let nodes_end = readback::TREE + 8 * u64::from(nodes);
             let at = readback::TREE + self.capacities.bytes_of(Buffer::Nodes);
             let view = |from: u64, to: u64| {
@@ -268,17 +280,19 @@ impl PendingBuild {
             small_roots: counters[Counter::SmallRoots],
             peak_bytes: buffers.bytes(),
         };
-        let built = Built {
+        let parts = TreeParts {
             nodes: buffers.take(Buffer::Nodes),
-            references: buffers.take(Buffer::LeafReferences),
+            leaf_references: buffers.take(Buffer::LeafReferences),
             triangles: buffers.take(Buffer::Triangles),
-            counters,
+            node_count: nodes,
+            reference_count: references,
+            triangle_count: triangles,
             bounds,
             config,
-            summary,
-            effort: self.effort,
-            tree,
-            times,
+        };
+        let limits = match triangles {
+            0 => Limits::NONE,
+            _ => limits_from(&head[readback::LIMITS as usize..]),
         };
         self.shared.keep_buffers(Pooled {
             buffers,
@@ -286,7 +300,9 @@ impl PendingBuild {
             triangles,
             levels: counters[Counter::Levels],
         });
-        Ok(Some(built))
+        let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits)?;
+        let effort = self.effort;
+        Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
     }
 
     /// What was asked of the device so far.
