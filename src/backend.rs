@@ -8,6 +8,7 @@ mod gpu;
 use splitplane_core::backend::Backend;
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 use thiserror::Error;
 
 #[cfg(feature = "wgpu")]
@@ -36,6 +37,8 @@ pub struct OpenOptions {
     pub allow_structural: bool,
     /// Request no more than WebGPU's default limits, whatever the adapter offers.
     pub default_limits: bool,
+    /// How long to wait for a device before it counts as hanging; a minute when `None`.
+    pub timeout: Option<Duration>,
 }
 
 /// A backend, ready for work.

@@ -104,8 +104,9 @@ fn first_bitwise(
 
 fn open_adapter(adapter: &Adapter, options: &OpenOptions) -> Result<Connected, OpenError> {
     let options = splitplane_wgpu::OpenOptions {
+        adapter: None,
         default_limits: options.default_limits,
-        ..splitplane_wgpu::OpenOptions::default()
+        timeout: options.timeout.unwrap_or(splitplane_wgpu::OpenOptions::DEFAULT_TIMEOUT),
     };
     connect(adapter.open(&options)?).map_err(|error| failed(adapter.name(), &error))
 }

@@ -54,6 +54,35 @@ mod tests {
         assert!(error.contains("please report") && !error.contains("backtrace"), "{error}");
     }
 
+    /// Likewise in a process of its own: the hook would end it.
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn a_panic_of_wgpu_about_a_lost_device_is_no_bug() {
+        use splitplane::gpu::{Gpu, GpuError};
+        if std::env::var_os(CHILD).is_some() {
+            install();
+            let (device, queue) = wgpu::Device::noop(&wgpu::DeviceDescriptor::default());
+            let gpu = Gpu::borrow(device.clone(), queue.clone());
+            queue.on_submitted_work_done(move || {
+                device.destroy();
+                panic!("Error in Device::poll: Parent device is lost");
+            });
+            assert!(matches!(gpu.wait(), Err(GpuError::Lost { .. })));
+            return;
+        }
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args([
+                "--exact",
+                "cli::bug::tests::a_panic_of_wgpu_about_a_lost_device_is_no_bug",
+                "--nocapture",
+            ])
+            .env(CHILD, "1")
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
+    }
+
     fn rayon_like_thread(work: fn()) -> std::thread::JoinHandle<()> {
         std::thread::spawn(work)
     }
