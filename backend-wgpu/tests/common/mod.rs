@@ -1,0 +1,69 @@
+//! What the device tests share: one device a process, and small kernels run over words.
+
+#![allow(dead_code, reason = "each test uses a part")]
+
+use std::sync::{Arc, OnceLock};
+
+use splitplane_wgpu::{Gpu, OpenOptions};
+
+/// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
+/// adapter than the first.
+///
+/// # Panics
+/// If no device can be opened: a test without a device must not pass.
+pub fn gpu() -> Arc<Gpu> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    let open = || {
+        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+        let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
+        match Gpu::open(&options) {
+            Ok(gpu) => Arc::new(gpu),
+            Err(error) => panic!("the device tests need a GPU or a software Vulkan: {error}"),
+        }
+    };
+    GPU.get_or_init(open).clone()
+}
+
+/// Whether the device is Mesa's software rasteriser.
+pub fn is_llvmpipe() -> bool {
+    gpu().info().name.contains("llvmpipe")
+}
+
+/// Runs a shader whose bindings are `input` (0, words), `output` (1, words) and a uniform of zeros
+/// (2), one invocation an item in workgroups of 64; gives the output.
+pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize) -> Vec<u32> {
+    use wgpu::BufferUsages as Usage;
+    let gpu = gpu();
+    let fail = |error: splitplane_wgpu::GpuError| -> ! { panic!("{error}\n{source}") };
+    let buffer = |words: usize, usage| {
+        gpu.buffer("test", 4 * words as u64, usage).unwrap_or_else(|error| fail(error))
+    };
+    let pipeline = gpu.pipeline("test", source).unwrap_or_else(|error| fail(error));
+    let given = buffer(input.len(), Usage::STORAGE | Usage::COPY_DST);
+    let found = buffer(output_words, Usage::STORAGE | Usage::COPY_SRC);
+    let zeros = buffer(4, Usage::UNIFORM | Usage::COPY_DST);
+    let readback = buffer(output_words, Usage::MAP_READ | Usage::COPY_DST);
+    gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(input));
+    gpu.queue().write_buffer(&zeros, 0, &[0; 16]);
+    let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry { binding: 0, resource: given.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: found.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 2, resource: zeros.as_entire_binding() },
+        ],
+    });
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(items.div_ceil(64) as u32, 1, 1);
+    }
+    encoder.copy_buffer_to_buffer(&found, 0, &readback, 0, 4 * output_words as u64);
+    gpu.queue().submit([encoder.finish()]);
+    let bytes =
+        gpu.read_mapped(&readback, 4 * output_words as u64).unwrap_or_else(|error| fail(error));
+    bytemuck::pod_collect_to_vec(&bytes)
+}
