@@ -11,7 +11,8 @@ struct Ray {
 }
 
 // Where a ray meets a triangle. The point is (1 - u - v) * a + u * b + v * c. For a miss `triangle`
-// is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0.
+// is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0. `triangle` is UNFINISHED, and
+// the rest as for a miss, when the driver ended the traversal early.
 struct Hit {
     t: f32,
     triangle: u32,
@@ -28,6 +29,7 @@ struct QueryOptions {
 }
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
+const UNFINISHED: u32 = 0xfffffffeu;
 const CULL_NONE: u32 = 0u;
 const CULL_BACK: u32 = 1u;
 const CULL_FRONT: u32 = 2u;
@@ -45,6 +47,10 @@ fn no_hit() -> Hit {
     return Hit(GREATEST, NO_TRIANGLE, 0.0, 0.0);
 }
 
+fn is_hit(hit: Hit) -> bool {
+    return hit.triangle < UNFINISHED;
+}
+
 // A ray from the 32 bytes of its record.
 fn ray_of_words(first: vec4<u32>, second: vec4<u32>) -> Ray {
     let a = bitcast<vec4<f32>>(first);
@@ -54,6 +60,6 @@ fn ray_of_words(first: vec4<u32>, second: vec4<u32>) -> Ray {
 
 // The 16 bytes of a hit's record.
 fn hit_words(hit: Hit) -> vec4<u32> {
-    let t = select(bitcast<u32>(hit.t), INFINITY_BITS, hit.triangle == NO_TRIANGLE);
+    let t = select(bitcast<u32>(hit.t), INFINITY_BITS, !is_hit(hit));
     return vec4<u32>(t, hit.triangle, bitcast<u32>(hit.u), bitcast<u32>(hit.v));
 }

@@ -1,7 +1,7 @@
 // Twin of core/src/traverse.rs: closest hit and any hit in one loop. Tree, triangles and scene are
 // read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
 
-// MAX_DEPTH + 1: one entry a level.
+// MAX_DEPTH + 1: one entry a level, and the first, which is not used.
 const STACK_ENTRIES: u32 = 97u;
 
 // A subtree that is yet to be visited, and the ray's interval in it.
@@ -29,6 +29,10 @@ fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
 // Front to back; both children are visited when the plane lies within its error of the interval;
 // triangles are tested against the whole ray; it stops when the next entry lies beyond the best hit
 // and its error. `any` ends it at the first hit.
+//
+// Some drivers end loops that run long: Mesa's llvmpipe after 65,535 rounds of all loops of an
+// invocation together. That is noticed after each loop, by conditions that hold after every complete
+// run, written so that no compiler can draw this conclusion. The hit is then `UNFINISHED`.
 fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     opaque_zero = scene.zero;
     var best = no_hit();
@@ -44,8 +48,10 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     }
     var stop = GREATEST;
     var stack: array<StackEntry, STACK_ENTRIES>;
-    var top = 0u;
+    // Entry 0 is not used: at the end `top` is 0, and only then.
+    var top = 1u;
     var node = 0u;
+    var cut_short = false;
     loop {
         let words = nodes[node];
         let tag = words.y & 3u;
@@ -67,8 +73,13 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             }
             continue;
         }
-        for (var i = 0u; i < payload; i++) {
+        var i = 0u;
+        loop {
+            if i >= payload {
+                break;
+            }
             let triangle = leaf_references[words.x + i];
+            i += 1u;
             if triangle == options.ignore {
                 continue;
             }
@@ -88,11 +99,12 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
                 stop = stop_after(prepared, candidate.t);
             }
         }
+        cut_short = cut_short || (i ^ opaque_zero) < payload;
         loop {
-            if top == 0u {
-                return best;
-            }
             top -= 1u;
+            if top == 0u {
+                break;
+            }
             let entry = stack[top];
             if entry.enter <= stop {
                 node = entry.node;
@@ -101,6 +113,12 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
                 break;
             }
         }
+        if top == 0u {
+            break;
+        }
+    }
+    if cut_short || (top ^ opaque_zero) != 0u {
+        return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
     return best;
 }
@@ -110,7 +128,7 @@ fn closest_hit(ray: Ray, options: QueryOptions) -> Hit {
     return trace_ray(ray, options, false);
 }
 
-// Whether the ray hits anything.
+// Whether the ray hits anything. False for an unfinished ray.
 fn any_hit(ray: Ray, options: QueryOptions) -> bool {
-    return trace_ray(ray, options, true).triangle != NO_TRIANGLE;
+    return is_hit(trace_ray(ray, options, true));
 }

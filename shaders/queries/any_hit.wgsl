@@ -3,7 +3,7 @@
 // One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes occluded.
 // There are no ties: the answer does not depend on which hit is found.
 
-// 1 for a hit, 0 for none.
+// 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish.
 @group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 
 @compute @workgroup_size(64)
@@ -16,6 +16,6 @@ fn main(
     if index >= batch.count {
         return;
     }
-    let hit = any_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
-    occluded[index] = select(0u, 1u, hit);
+    let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
+    occluded[index] = select(select(0u, 1u, is_hit(hit)), 2u, hit.triangle == UNFINISHED);
 }

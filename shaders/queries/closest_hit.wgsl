@@ -1,7 +1,8 @@
 // The closest hit of every ray of a batch.
 //
 // One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes hits.
-// Among equal `t` the lower triangle index wins. The record of a miss is (infinity, NO_TRIANGLE, 0, 0).
+// Among equal `t` the lower triangle index wins. The record of a miss is (infinity, NO_TRIANGLE, 0, 0);
+// that of a ray which the driver did not let finish has UNFINISHED as its triangle.
 
 // 16 bytes a hit: t, triangle, u, v. As bits, since the `t` of a miss is infinite.
 @group(0) @binding(5) var<storage, read_write> hits: array<vec4<u32>>;

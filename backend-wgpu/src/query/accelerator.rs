@@ -16,7 +16,8 @@ use crate::error::GpuError;
 ///
 /// Batches are traced on the device. Single rays are answered from the host copy by the core's
 /// reference traversal: a round trip to the device takes longer than the ray. Under watertight
-/// accuracy both give the same bits.
+/// accuracy both give the same bits. Rays that the driver does not let finish (see
+/// [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too.
 #[derive(Debug)]
 pub struct WgpuAccelerator {
     queries: Arc<Queries>,
@@ -94,7 +95,11 @@ impl Accelerator for WgpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<(), QueryError> {
-        Ok(self.queries.closest_hits(&self.device, rays, hits, options)?)
+        let marked = self.queries.closest_hits_marking(&self.device, rays, hits, options)?;
+        for ray in marked {
+            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+        }
+        Ok(())
     }
 
     fn any_hits(
@@ -103,7 +108,11 @@ impl Accelerator for WgpuAccelerator {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<(), QueryError> {
-        Ok(self.queries.any_hits(&self.device, rays, occluded, options)?)
+        let marked = self.queries.any_hits_marking(&self.device, rays, occluded, options)?;
+        for ray in marked {
+            occluded[ray] = self.any_hit(&rays[ray], options);
+        }
+        Ok(())
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

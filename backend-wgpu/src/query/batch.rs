@@ -8,7 +8,7 @@ use splitplane_core::traverse::Query;
 
 use super::error::DeviceQueryError;
 use super::pipelines::Queries;
-use super::record::{BatchUniform, QueryBuffers, RAY_BYTES, result_bytes};
+use super::record::{BatchUniform, QueryBuffers, RAY_BYTES, UNFINISHED, result_bytes};
 use super::scope::checked;
 use super::staging::Staging;
 use super::tree::DeviceTree;
@@ -40,7 +40,8 @@ impl Queries {
     /// is traced, the next is uploaded.
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, or a device that fails; then some of `hits` may hold
+    /// `rays` and `hits` of different length, a driver that ends traversals early, or a device that
+    /// fails; then some of `hits` may hold
     /// answers and others what they held before: none is to be used.
     pub fn closest_hits(
         &self,
@@ -49,10 +50,7 @@ impl Queries {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
-        same_length(rays.len(), hits.len())?;
-        self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
-            bytemuck::cast_slice_mut::<Hit, u8>(&mut hits[range]).copy_from_slice(bytes);
-        })
+        finished(&self.closest_hits_marking(tree, rays, hits, options)?)
     }
 
     /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
@@ -66,12 +64,49 @@ impl Queries {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
+        finished(&self.any_hits_marking(tree, rays, occluded, options)?)
+    }
+
+    /// Closest hits, and the numbers of the rays that the driver did not let finish: their hits are
+    /// not to be used.
+    pub(super) fn closest_hits_marking(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+    ) -> Result<Vec<usize>, DeviceQueryError> {
+        same_length(rays.len(), hits.len())?;
+        let mut unfinished = Vec::new();
+        self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
+            let first = range.start;
+            let hits = &mut hits[range];
+            bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
+            let marked = hits.iter().enumerate().filter(|(_, hit)| hit.triangle == UNFINISHED);
+            unfinished.extend(marked.map(|(place, _)| first + place));
+        })?;
+        Ok(unfinished)
+    }
+
+    /// Answers of any hit, and the numbers of the rays that the driver did not let finish.
+    pub(super) fn any_hits_marking(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+    ) -> Result<Vec<usize>, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
+        let mut unfinished = Vec::new();
         self.trace_slices(tree, rays, options, Query::Any, |range, bytes| {
-            for (answer, word) in occluded[range].iter_mut().zip(bytes.chunks_exact(4)) {
-                *answer = word != [0; 4];
+            for (place, word) in range.zip(bytes.chunks_exact(4)) {
+                occluded[place] = word == 1u32.to_ne_bytes();
+                if word == 2u32.to_ne_bytes() {
+                    unfinished.push(place);
+                }
             }
-        })
+        })?;
+        Ok(unfinished)
     }
 
     /// Most rays of a slice under the limits of the device.
@@ -171,6 +206,14 @@ impl Queries {
         let took = slice.since.elapsed();
         self.keep_staging(slice.set);
         Ok((slice.rays, answers, took))
+    }
+}
+
+/// An error when there are unfinished rays.
+fn finished(unfinished: &[usize]) -> Result<(), DeviceQueryError> {
+    match unfinished.first() {
+        None => Ok(()),
+        Some(&first) => Err(DeviceQueryError::Unfinished { rays: unfinished.len(), first }),
     }
 }
 

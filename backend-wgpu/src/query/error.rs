@@ -33,6 +33,18 @@ pub enum DeviceQueryError {
         /// What the buffer is for.
         what: &'static str,
     },
+    /// The driver ended the traversal of some rays early: Mesa's llvmpipe does after 65,535 rounds of
+    /// a shader's loops. GPUs are not known to.
+    #[error(
+        "the driver ended the traversal of {rays} rays early, the first of them ray {first}; trace \
+         them on the CPU"
+    )]
+    Unfinished {
+        /// How many rays.
+        rays: usize,
+        /// The first of them.
+        first: usize,
+    },
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),

@@ -19,5 +19,6 @@ mod tree;
 pub use accelerator::WgpuAccelerator;
 pub use error::DeviceQueryError;
 pub use pipelines::Queries;
+pub use record::UNFINISHED;
 pub use scene::SceneUniform;
 pub use tree::{DeviceTree, TreeParts};

@@ -13,6 +13,10 @@ use crate::gpu::Gpu;
 /// Invocations of a workgroup of the query kernels.
 const WORKGROUP: u32 = 64;
 
+/// The `triangle` of a hit on the device whose traversal the driver ended early; any hit then says 2.
+/// Seen with Mesa's llvmpipe, which ends a shader's loops after 65,535 rounds.
+pub const UNFINISHED: u32 = u32::MAX - 1;
+
 /// Bytes of a ray.
 pub(super) const RAY_BYTES: u64 = size_of::<Ray>() as u64;
 
@@ -68,7 +72,7 @@ pub(super) struct QueryBuffers<'a> {
 impl Queries {
     /// Records the closest hits of the first `count` rays of a buffer: 32 bytes a [`Ray`], 16 bytes
     /// a [`Hit`]. Both need the usage `STORAGE`; the rays may be written by commands before. Nothing
-    /// crosses to the host.
+    /// crosses to the host. Under llvmpipe a hit may be [`UNFINISHED`].
     ///
     /// How many rays one submission can take is the host's care: drivers end submissions that take
     /// seconds.
@@ -88,7 +92,8 @@ impl Queries {
     }
 
     /// Records, for the first `count` rays of a buffer, whether they hit anything: one `u32` a ray,
-    /// 1 for a hit and 0 for none. Otherwise as [`Queries::record_closest_hits`].
+    /// 1 for a hit and 0 for none (2 for [`UNFINISHED`]).
+    /// Otherwise as [`Queries::record_closest_hits`].
     ///
     /// # Errors
     /// As for [`Queries::record_closest_hits`].
