@@ -12,7 +12,7 @@ use std::time::Duration;
 use thiserror::Error;
 
 #[cfg(feature = "wgpu")]
-pub use gpu::adapters;
+pub use gpu::{adapters, open_gpu};
 
 /// A backend by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

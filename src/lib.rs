@@ -42,6 +42,8 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
+#[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
+pub mod parity;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]

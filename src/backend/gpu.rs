@@ -4,7 +4,7 @@ use super::connect::connect;
 use super::{OpenError, OpenOptions, Opened};
 use splitplane_core::backend::Backend;
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
-use splitplane_wgpu::{Adapters, GpuError, Parity};
+use splitplane_wgpu::{Adapters, Gpu, GpuError, Parity};
 
 /// A backend over a device, and what its self-test found.
 type Connected = (Box<dyn Backend>, Parity);
@@ -12,6 +12,15 @@ type Connected = (Box<dyn Backend>, Parity);
 /// The GPU adapters of this machine, each opened and tested. None is no error.
 pub fn adapters() -> Vec<AdapterReport> {
     splitplane_wgpu::adapters(|gpu| connect(gpu.clone()).map(|(_, parity)| parity))
+}
+
+/// Opens the device that [`super::BackendKind::Wgpu`] would, without a backend over it: for whoever
+/// wants [`splitplane_wgpu`]'s own types.
+///
+/// # Errors
+/// There is no such device, or it cannot be used.
+pub fn open_gpu(options: &OpenOptions) -> Result<Gpu, OpenError> {
+    Ok(Adapters::find().select(options.adapter.as_deref())?.open(&device_options(options))?)
 }
 
 /// Opens the GPU that was asked for, or the best one.
@@ -103,12 +112,17 @@ fn first_bitwise(
 }
 
 fn open_adapter(adapter: &Adapter, options: &OpenOptions) -> Result<Connected, OpenError> {
-    let options = splitplane_wgpu::OpenOptions {
+    let gpu = adapter.open(&device_options(options))?;
+    connect(gpu).map_err(|error| failed(adapter.name(), &error))
+}
+
+/// What is asked of a device once its adapter is chosen.
+fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
+    splitplane_wgpu::OpenOptions {
         adapter: None,
         default_limits: options.default_limits,
         timeout: options.timeout.unwrap_or(splitplane_wgpu::OpenOptions::DEFAULT_TIMEOUT),
-    };
-    connect(adapter.open(&options)?).map_err(|error| failed(adapter.name(), &error))
+    }
 }
 
 /// Why an adapter that opened is no backend.

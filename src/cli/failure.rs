@@ -111,6 +111,18 @@ impl From<QueryError> for Failure {
     }
 }
 
+#[cfg(feature = "wgpu")]
+impl From<splitplane::parity::ParityError> for Failure {
+    fn from(error: splitplane::parity::ParityError) -> Failure {
+        use splitplane::parity::ParityError;
+        match error {
+            ParityError::Build(error) => error.into(),
+            ParityError::Query(error) => error.into(),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

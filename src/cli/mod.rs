@@ -8,6 +8,7 @@ mod hit_file;
 mod npy;
 mod options;
 mod output;
+mod parity;
 mod prepared;
 mod progress;
 mod query;
@@ -44,6 +45,8 @@ enum Verb {
     Verify(verify::Arguments),
     /// List the GPU adapters of this machine: limits, features, parity with the CPU.
     Adapters(adapters::Arguments),
+    /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
+    Parity(parity::Arguments),
 }
 
 const EXIT_CODES: &str = "\
@@ -70,6 +73,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Query(arguments)) => query::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
+        Some(Verb::Parity(arguments)) => parity::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
