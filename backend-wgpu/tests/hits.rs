@@ -6,12 +6,14 @@ use std::sync::{Arc, OnceLock};
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryError};
-use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::intersect::{self, Limits, SceneScale};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::{Query, trace};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
+use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
@@ -382,6 +384,95 @@ fn hits_by_source(source: &str, case: &Case, rays: &[Ray]) -> Vec<Hit> {
     }
     gpu.queue().submit([encoder.finish()]);
     bytemuck::pod_collect_to_vec(&common::read(&hits))
+}
+
+/// The traversal as a library, bound elsewhere than in the kernels, in a shader of a host's own.
+#[test]
+fn a_shader_of_a_hosts_own() {
+    let own = "
+@group(0) @binding(0) var<storage, read> given: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read_write> found: array<vec4<u32>>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&found) { return; }
+    let ray = ray_of_words(given[2u * id.x], given[2u * id.x + 1u]);
+    let hit = closest_hit(ray, default_options());
+    found[id.x] = hit_words(hit);
+    if any_hit(ray, QueryOptions(CULL_NONE, NO_TRIANGLE)) != is_hit(hit) { found[id.x].x = 7u; }
+}";
+    let scene = scenes::seams(true);
+    let case = Case::new(&scene);
+    let rays = all_rays(&scene, &case, 50, 17);
+    let gpu = common::gpu();
+    for test in [TriangleTest::Watertight, TriangleTest::MoellerTrumbore] {
+        let source = traversal(1, 3, test) + own;
+        let pipeline = gpu.pipeline("host", &source).expect("a pipeline");
+        let (given, hits) = (storage(size_of_val(&rays[..])), storage(16 * rays.len()));
+        gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(&rays));
+        let group = |index, entries: &[wgpu::BindGroupEntry<'_>]| {
+            let layout = &pipeline.get_bind_group_layout(index);
+            let descriptor = wgpu::BindGroupDescriptor { label: None, layout, entries };
+            gpu.device().create_bind_group(&descriptor)
+        };
+        let buffers = [(0, &given), (1, &hits)].map(|(binding, buffer)| wgpu::BindGroupEntry {
+            binding,
+            resource: buffer.as_entire_binding(),
+        });
+        let groups =
+            [group(0, &buffers), group(1, &case.device.device_tree().bind_group_entries(3))];
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &groups[0], &[]);
+            pass.set_bind_group(1, &groups[1], &[]);
+            pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+        }
+        gpu.queue().submit([encoder.finish()]);
+        let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
+        if test == TriangleTest::Watertight {
+            for (ray, hit) in rays.iter().zip(&found) {
+                let expected = case.reference(ray, &Default::default(), Query::Closest);
+                assert_eq!(bits(hit), bits(&expected), "{ray:?}");
+            }
+        } else {
+            assert!(found.iter().filter(|hit| hit.is_hit()).count() * 3 > rays.len());
+        }
+    }
+}
+
+/// The constants of the WGSL are those of the core.
+#[test]
+fn constants_are_the_cores() {
+    let constants: [(&str, f32); 9] = [
+        ("PLANE_SLACK", intersect::PLANE_SLACK),
+        ("STOP_SLACK", intersect::STOP_SLACK),
+        ("EDGE_LEAST", intersect::EDGE_LEAST),
+        ("SLOPE_LEAST", intersect::SLOPE_LEAST),
+        ("DIRECTION_LEAST", intersect::DIRECTION_LEAST),
+        ("COORDINATE_MOST", intersect::COORDINATE_MOST),
+        ("ORIGIN_LEAST", intersect::ORIGIN_LEAST),
+        ("GREATEST", f32::MAX),
+        ("GREATEST_BY_FAR", f32::MAX / 100.0),
+    ];
+    let mut source = traversal(1, 0, TriangleTest::Watertight)
+        + "
+@group(0) @binding(0) var<storage, read> input: array<u32>;
+@group(0) @binding(1) var<storage, read_write> output: array<u32>;
+@group(0) @binding(2) var<uniform> zeros: vec4<u32>;
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) index: u32) {
+    if index != input[0] + zeros.x { return; }
+    output[0] = STACK_ENTRIES;
+";
+    for (place, (name, _)) in constants.iter().enumerate() {
+        source += &format!("    output[{}] = bitcast<u32>({name});\n", place + 1);
+    }
+    let words = common::run_words(&(source + "}"), &[0], constants.len() + 1, 1);
+    assert_eq!(words[0], MAX_DEPTH + 1);
+    for ((name, value), word) in constants.into_iter().zip(&words[1..]) {
+        assert_eq!(*word, value.to_bits(), "{name}");
+    }
 }
 
 /// Each fault in the text of the kernel changes hits; the text as it is changes none.
