@@ -1,9 +1,18 @@
 //! Which backend does the work, chosen by name at run time.
 
+#[cfg(feature = "wgpu")]
+mod connect;
+#[cfg(feature = "wgpu")]
+mod gpu;
+
 use splitplane_core::backend::Backend;
 use std::fmt;
 use std::str::FromStr;
+use std::time::Duration;
 use thiserror::Error;
+
+#[cfg(feature = "wgpu")]
+pub use gpu::{adapters, open_gpu};
 
 /// A backend by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -15,6 +24,21 @@ pub enum BackendKind {
     Cpu,
     /// A GPU through wgpu. Never answered by another backend: where there is none, opening fails.
     Wgpu,
+}
+
+/// Which device to open, and what is asked of it. The CPU needs none of this.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct OpenOptions {
+    /// Part of a GPU adapter's name in any case, or its index in the list of adapters. When `None`,
+    /// the environment variable `WGPU_ADAPTER_NAME` decides, and without it the kind of adapter.
+    pub adapter: Option<String>,
+    /// Take an adapter whose trees or hits differ from the CPU's in some bits.
+    /// [`BackendKind::Auto`] never takes one.
+    pub allow_structural: bool,
+    /// Request no more than WebGPU's default limits, whatever the adapter offers.
+    pub default_limits: bool,
+    /// How long to wait for a device before it counts as hanging; a minute when `None`.
+    pub timeout: Option<Duration>,
 }
 
 /// A backend, ready for work.
@@ -47,6 +71,53 @@ pub enum OpenError {
     /// The CPU was asked for, but this build has no CPU backend.
     #[error("this build of splitplane has no CPU backend; build it with the feature `cpu`")]
     NoCpuBackend,
+    /// An adapter was named for the CPU.
+    #[error("the adapter `{0}` was asked for, but the backend `cpu` uses none; ask for `wgpu`")]
+    AdapterForCpu(String),
+    /// A GPU was asked for, but there is none.
+    #[error("no GPU adapter was found; use the backend `cpu`, or `auto` to take what there is")]
+    NoAdapter,
+    /// A GPU adapter was asked for by a name or an index that none has.
+    #[error("no GPU adapter is called `{asked}`; there are {}", listed(.seen))]
+    WrongAdapter {
+        /// What was asked for.
+        asked: String,
+        /// The names of the adapters, in the order of their indices.
+        seen: Vec<String>,
+    },
+    /// The GPU adapter lacks something that is needed, or would not open.
+    #[error("the GPU adapter `{adapter}` cannot be used: {reason}")]
+    Unusable {
+        /// The adapter's name.
+        adapter: String,
+        /// What it lacks.
+        reason: String,
+    },
+    /// The GPU adapter's answers are not those of the CPU bit for bit, and that was not allowed.
+    #[error(
+        "the GPU adapter `{adapter}` differs from the CPU in some bits ({difference}); allow \
+         structural parity (--allow-structural) to use it all the same"
+    )]
+    Structural {
+        /// The adapter's name.
+        adapter: String,
+        /// What differs.
+        difference: String,
+    },
+    /// The device was lost or did not finish in time while it was opened.
+    #[error("the GPU adapter `{adapter}` failed when it was opened: {reason}")]
+    DeviceFailed {
+        /// The adapter's name.
+        adapter: String,
+        /// What happened.
+        reason: String,
+    },
+}
+
+/// Names with their indices, for a message.
+fn listed(names: &[String]) -> String {
+    let named = names.iter().enumerate().map(|(index, name)| format!("{index} `{name}`"));
+    named.collect::<Vec<_>>().join(", ")
 }
 
 impl BackendKind {
@@ -62,18 +133,64 @@ impl BackendKind {
         }
     }
 
-    /// Opens the backend of this name.
+    /// Opens the backend of this name, whatever device is best.
     ///
     /// # Errors
-    /// The backend is not part of this build. A GPU that was asked for is never replaced by the
-    /// CPU.
+    /// As for [`BackendKind::open_with`].
     pub fn open(self) -> Result<Opened, OpenError> {
-        match self {
-            BackendKind::Auto => open_cpu("auto: no GPU backend is compiled in, so the CPU"),
-            BackendKind::Cpu => open_cpu("asked for"),
-            BackendKind::Wgpu => Err(OpenError::NoGpuBackend),
+        self.open_with(&OpenOptions::default())
+    }
+
+    /// Opens the backend of this name.
+    ///
+    /// `Auto` takes a GPU that is hardware and gives the CPU's answers bit for bit, else the CPU.
+    ///
+    /// # Errors
+    /// The backend is not part of this build, there is no such device, or it may not be used. A GPU
+    /// that was asked for is never replaced by the CPU, nor an adapter that was named by another.
+    pub fn open_with(self, options: &OpenOptions) -> Result<Opened, OpenError> {
+        match (self, &options.adapter) {
+            (BackendKind::Cpu, Some(adapter)) => Err(OpenError::AdapterForCpu(adapter.clone())),
+            (BackendKind::Cpu, None) => open_cpu("asked for"),
+            (BackendKind::Auto, _) => open_auto(options),
+            (BackendKind::Wgpu, _) => open_wgpu(options),
         }
     }
+}
+
+#[cfg(feature = "wgpu")]
+fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
+    match gpu::open_hardware(options)? {
+        Ok(opened) => Ok(opened),
+        Err(why) => open_cpu(&format!("auto: the CPU, since {why}")),
+    }
+}
+
+#[cfg(not(feature = "wgpu"))]
+fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
+    match options.adapter {
+        Some(_) => Err(OpenError::NoGpuBackend),
+        None => open_cpu("auto: no GPU backend is compiled in, so the CPU"),
+    }
+}
+
+#[cfg(feature = "wgpu")]
+fn open_wgpu(options: &OpenOptions) -> Result<Opened, OpenError> {
+    gpu::open(options)
+}
+
+#[cfg(not(feature = "wgpu"))]
+fn open_wgpu(_: &OpenOptions) -> Result<Opened, OpenError> {
+    Err(OpenError::NoGpuBackend)
+}
+
+/// True while this thread waits for a GPU: a panic now is caught and becomes an error if the device
+/// is lost, so a panic hook that ends the process should do nothing.
+pub fn panic_is_caught() -> bool {
+    #[cfg(feature = "wgpu")]
+    return splitplane_wgpu::panic_is_caught();
+    #[cfg(not(feature = "wgpu"))]
+    return false;
 }
 
 #[cfg(feature = "cpu")]
@@ -120,16 +237,27 @@ mod tests {
         assert!("CPU".parse::<BackendKind>().unwrap_err().to_string().contains("`CPU`"));
     }
 
+    #[cfg(not(feature = "wgpu"))]
     #[test]
     fn a_gpu_asked_for_is_never_the_cpu() {
         assert_eq!(BackendKind::Wgpu.open().unwrap_err(), OpenError::NoGpuBackend);
+        let named = OpenOptions { adapter: Some("0".into()), ..OpenOptions::default() };
+        assert_eq!(BackendKind::Auto.open_with(&named).unwrap_err(), OpenError::NoGpuBackend);
+    }
+
+    #[test]
+    fn the_cpu_takes_no_adapter() {
+        let named = OpenOptions { adapter: Some("0".into()), ..OpenOptions::default() };
+        let error = BackendKind::Cpu.open_with(&named).unwrap_err();
+        assert_eq!(error, OpenError::AdapterForCpu("0".into()));
     }
 
     #[cfg(feature = "cpu")]
     #[test]
     fn auto_says_what_it_took_and_why() {
         let opened = BackendKind::Auto.open().unwrap();
+        assert!(opened.reason.starts_with("auto: "), "{}", opened.reason);
+        #[cfg(not(feature = "wgpu"))]
         assert_eq!(opened.backend.describe().name, "cpu");
-        assert!(opened.reason.contains("no GPU backend"), "{}", opened.reason);
     }
 }

@@ -22,7 +22,8 @@
 //! - **Geometry** stays in your arrays: [`Mesh`] borrows positions and indices (or a soup of
 //!   triangles) and never reorders them, so [`Hit::triangle`] is an index of yours.
 //! - **Backends** are chosen at run time: [`BackendKind::open`] gives a `Box<dyn Backend>` and the
-//!   reason for the choice. [`Backend`] is a public trait; bring your own.
+//!   reason for the choice; [`OpenOptions`] names a device. [`Backend`] is a public trait; bring
+//!   your own.
 //! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
 //!   is in [`BuildConfig`]; limits of memory are in [`BuildOptions`] and only ever end in errors.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
@@ -33,7 +34,7 @@
 //!
 //! # Features
 //!
-//! `cpu` (default) is the rayon backend. `scene`, `obj`, `render` and `verify` are what the program
+//! `cpu` (default) is the rayon backend, `wgpu` (default) the one for GPUs. `scene`, `obj`, `render` and `verify` are what the program
 //! is made of: scenes and cameras, Wavefront files, pictures, and checks against a reference. `cli`
 //! (default) is the program and needs all of them; an embedder writes
 //! `default-features = false, features = ["cpu"]` and compiles none of it.
@@ -41,6 +42,8 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
+#[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
+pub mod parity;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]
@@ -52,7 +55,7 @@ mod surface;
 #[cfg(feature = "verify")]
 pub mod verify;
 
-pub use backend::{BackendKind, OpenError, Opened};
+pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
 pub use splitplane_core::backend::{
@@ -66,3 +69,5 @@ pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 #[cfg(feature = "cpu")]
 pub use splitplane_cpu::CpuBackend;
+#[cfg(feature = "wgpu")]
+pub use splitplane_wgpu as gpu;

@@ -100,6 +100,20 @@ pub fn check(
     Ok(report)
 }
 
+/// The rays that [`check`] sends, `per_aim` of every kind; none for a mesh without triangles.
+pub fn rays(mesh: &Mesh<'_>, per_aim: u64) -> Vec<Ray> {
+    let reference = Reference::new(mesh);
+    if reference.is_empty() {
+        return Vec::new();
+    }
+    let generator = rays::Generator::new(&reference);
+    Aim::ALL
+        .into_iter()
+        .flat_map(|aim| (0..per_aim).map(move |number| (aim, number)))
+        .map(|(aim, number)| generator.ray(aim, number))
+        .collect()
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Verdict {
     Agrees,

@@ -9,6 +9,16 @@ use tempfile::TempDir;
 fn program(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
     command.current_dir(folder).args(arguments).env_remove("RUST_BACKTRACE");
+    // What the machine has must not matter: no adapter is found.
+    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
+    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    command
+}
+
+/// With one adapter, wgpu's `noop` one: it can be found and named, but it computes nothing.
+fn program_with_adapter(folder: &Path, arguments: &[&str]) -> Command {
+    let mut command = program(folder, arguments);
+    command.env("WGPU_BACKEND", "noop").env("WGPU_NOOP_BACKEND", "1");
     command
 }
 
@@ -29,7 +39,11 @@ fn succeed(folder: &TempDir, arguments: &[&str]) -> String {
 
 /// Runs, expects this exit code, and gives the one line that says why.
 fn fail(folder: &TempDir, code: i32, arguments: &[&str]) -> String {
-    let output = run(folder, arguments);
+    fails(program(folder.path(), arguments), code, arguments)
+}
+
+fn fails(mut program: Command, code: i32, arguments: &[&str]) -> String {
+    let output = program.output().unwrap();
     let error = text(&output.stderr);
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
     assert!(!error.contains("panicked") && !error.contains("RUST_BACKTRACE"), "{error}");
@@ -121,8 +135,10 @@ fn help_says_what_there_is() {
     assert_eq!(help.status.code(), Some(0));
     insta::assert_snapshot!("help", text(&help.stdout));
     for verb in ["render", "build", "query", "verify"] {
-        assert!(succeed(&folder, &[verb, "--help"]).contains("--threads"), "{verb}");
+        let help = succeed(&folder, &[verb, "--help"]);
+        assert!(help.contains("--threads") && help.contains("--allow-structural"), "{verb}");
     }
+    assert!(succeed(&folder, &["adapters", "--help"]).contains("--json"));
     assert!(succeed(&folder, &["--version"]).starts_with("splitplane 0."));
 }
 
@@ -237,7 +253,7 @@ fn what_was_left_out_is_said_on_standard_error_only() {
         notes.contains("1 vertices are not finite") && notes.contains("2 triangles left out"),
         "{notes}"
     );
-    assert!(notes.contains("no GPU backend is compiled in"), "{notes}");
+    assert!(notes.contains("auto: the CPU, since no GPU adapter was found"), "{notes}");
     let quiet = run(&folder, &["build", "square.obj", "--json", "--quiet"]);
     assert_eq!(text(&quiet.stderr), "");
     assert_eq!(text(&quiet.stdout).lines().count(), 1);
@@ -332,6 +348,7 @@ fn wrong_usage_is_2() {
         &["build", "scene.txt"],
         &["frobnicate"],
         &["build", "builtin:city:5"],
+        &["build", "builtin:cornell", "--backend", "cpu", "--adapter", "0"],
         &["render", "builtin:cornell", "-o", "x.jpg"],
         &["render", "builtin:cornell", "--fov", "200"],
         &["render", "builtin:cornell", "--camera-eye", "1,1,1", "--camera-at", "1,1,1"],
@@ -392,9 +409,87 @@ fn a_limit_that_binds_is_4() {
 #[test]
 fn a_gpu_that_is_not_there_is_5_and_never_the_cpu() {
     let folder = folder();
-    let why = fail(&folder, 5, &["render", "builtin:cornell", "--backend", "wgpu"]);
-    assert!(why.contains("no GPU backend"), "{why}");
+    let scene = ["render", "builtin:cornell", "--backend"];
+    for backend in [&["wgpu"][..], &["wgpu", "--adapter", "0"], &["auto", "--adapter", "radeon"]] {
+        let why = fail(&folder, 5, &[&scene[..], backend].concat());
+        assert_eq!(
+            why,
+            "splitplane: no GPU adapter was found; use the backend `cpu`, or `auto` to take what \
+             there is"
+        );
+    }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+}
+
+#[test]
+fn a_wrong_adapter_is_5_and_those_there_are_are_listed() {
+    let folder = folder();
+    for backend in ["wgpu", "auto"] {
+        let build = ["build", "builtin:cornell", "--backend", backend];
+        for wrong in ["abacus", "1"] {
+            let named = [&build[..], &["--adapter", wrong]].concat();
+            let by_option = fails(program_with_adapter(folder.path(), &named), 5, &named);
+            let mut by_environment = program_with_adapter(folder.path(), &build);
+            by_environment.env("WGPU_ADAPTER_NAME", wrong);
+            for why in [by_option, fails(by_environment, 5, &build)] {
+                assert_eq!(
+                    why,
+                    format!(
+                        "splitplane: no GPU adapter is called `{wrong}`; there are 0 `noop wgpu \
+                         backend`"
+                    )
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn auto_does_not_take_a_software_adapter() {
+    let folder = folder();
+    let arguments = ["build", "builtin:cornell", "--json"];
+    let output = program_with_adapter(folder.path(), &arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let notes = text(&output.stderr);
+    assert!(notes.contains("auto: the CPU, since `noop wgpu backend` is software"), "{notes}");
+    let report: Value = serde_json::from_str(&text(&output.stdout)).unwrap();
+    assert_eq!(report["backend"], "cpu");
+}
+
+#[test]
+fn adapters_are_listed_and_none_is_no_failure() {
+    let folder = folder();
+    assert_eq!(succeed(&folder, &["adapters"]), "no GPU adapter was found\n");
+    assert_eq!(json(&folder, &["adapters", "--json"]), serde_json::json!({ "adapters": [] }));
+    let list = |arguments: &[&str]| {
+        let output = program_with_adapter(folder.path(), arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        text(&output.stdout)
+    };
+    let listed = list(&["adapters"]);
+    assert!(listed.starts_with("0  noop wgpu backend (noop, software; "), "{listed}");
+    let listed: Value = serde_json::from_str(&list(&["adapters", "--json"])).unwrap();
+    let adapter = &listed["adapters"].as_array().unwrap()[0];
+    let want = [
+        "index",
+        "name",
+        "backend",
+        "device_type",
+        "driver",
+        "driver_info",
+        "max_storage_buffer_binding_size",
+        "max_buffer_size",
+        "max_storage_buffers_per_shader_stage",
+        "max_compute_invocations_per_workgroup",
+        "max_compute_workgroup_storage_size",
+        "timestamps",
+        "parity",
+        "difference",
+        "unusable",
+    ];
+    assert_eq!(keys(adapter), sorted(&want));
+    // It computes nothing, so it cannot be equal to the CPU.
+    assert_ne!(adapter["parity"], "bitwise");
 }
 
 #[cfg(unix)]

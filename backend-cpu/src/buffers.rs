@@ -3,7 +3,8 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::{
-    Chunk, ChunkBounds, Counters, Decision, Extent, LargeNode, Reference, Sides, SmallRoot, TopNode,
+    Chunk, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference, Sides,
+    SmallRoot, TopNode,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
@@ -24,7 +25,7 @@ pub struct Buffers {
     pub(crate) chunks: Vec<Chunk>,
     pub(crate) chunk_counts: Vec<Sides>,
     pub(crate) chunk_bounds: Vec<ChunkBounds>,
-    pub(crate) reference_sides: Vec<u8>,
+    pub(crate) reference_sides: Vec<ChunkSides>,
     pub(crate) decisions: Vec<Decision>,
     pub(crate) top_nodes: Vec<TopNode>,
     pub(crate) level_starts: Vec<u32>,

@@ -7,6 +7,7 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
+use splitplane_core::lockstep::Inspect;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule::Executor;
 
@@ -45,6 +46,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         let triangles = mesh.len() as u32;
         buffers.counters[Counter::Triangles] = triangles;
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
+        buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
         Ok(CpuExecutor { mesh, config, set, buffers, memory, arithmetic: PhantomData })
@@ -114,6 +116,13 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             return Err(BuildError::TooLarge { nodes, references });
         }
         Ok(())
+    }
+}
+
+impl<A: Arithmetic> Inspect<TreeBuilder> for CpuExecutor<'_, A> {
+    /// Empty for the input, which is the caller's, and for buffers that stand for several.
+    fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, BuildError> {
+        Ok(CpuExecutor::live(self, buffer).unwrap_or_default().to_vec())
     }
 }
 
@@ -189,14 +198,14 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 k::assign_chunks::run(&b.active_nodes[..active], &mut b.chunks[..chunks]);
             }
             Kernel::ClassifyReferences => {
-                m.grow(&mut b.reference_sides, references)?;
+                m.grow(&mut b.reference_sides, chunks)?;
                 m.grow(&mut b.chunk_counts, chunks)?;
                 k::classify_references::run::<A>(
                     &b.chunks[..chunks],
                     &b.decisions[..active],
                     &b.references[..references],
                     &b.triangles[..triangles],
-                    &mut b.reference_sides[..references],
+                    &mut b.reference_sides[..chunks],
                     &mut b.chunk_counts[..chunks],
                 );
             }
@@ -238,7 +247,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],
                     references: &b.references[..references],
-                    reference_sides: &b.reference_sides[..references],
+                    reference_sides: &b.reference_sides[..chunks],
                     chunk_counts: &b.chunk_counts[..chunks],
                     triangles: &b.triangles[..triangles],
                 };

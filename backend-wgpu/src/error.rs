@@ -1,5 +1,6 @@
 //! What can go wrong on a device.
 
+use splitplane_core::backend::{BuildError, QueryError};
 use thiserror::Error;
 
 /// Why no device was opened.
@@ -9,14 +10,28 @@ pub enum OpenError {
     /// No adapter was found.
     #[error("no GPU adapter was found")]
     NoAdapter,
-    /// The adapter would not open.
-    #[error("the adapter `{adapter}` cannot be opened: {reason}")]
+    /// An adapter was asked for by a name or an index that none has.
+    #[error("no GPU adapter is called `{asked}`; there are {}", listed(.seen))]
+    WrongAdapter {
+        /// What was asked for.
+        asked: String,
+        /// The names of the adapters, in the order of their indices.
+        seen: Vec<String>,
+    },
+    /// The adapter lacks something that is needed, or would not open.
+    #[error("the GPU adapter `{adapter}` cannot be used: {reason}")]
     Unusable {
         /// The adapter's name.
         adapter: String,
-        /// What wgpu says.
+        /// What it lacks, or what wgpu says.
         reason: String,
     },
+}
+
+/// Names with their indices, for a message.
+fn listed(names: &[String]) -> String {
+    let named = names.iter().enumerate().map(|(index, name)| format!("{index} `{name}`"));
+    named.collect::<Vec<_>>().join(", ")
 }
 
 /// Why work on a device did not finish.
@@ -32,7 +47,7 @@ pub enum GpuError {
     /// The device did not finish in time.
     #[error("the device did not finish within {seconds} seconds")]
     TimedOut {
-        /// How long was waited.
+        /// How long was waited, in whole seconds.
         seconds: u64,
     },
     /// A limit of the device is too low for what was asked.
@@ -40,7 +55,7 @@ pub enum GpuError {
     Limit {
         /// What was asked.
         what: String,
-        /// The limit's name in WebGPU.
+        /// The limit's name in wgpu.
         limit: &'static str,
         /// What is needed.
         needed: u64,
@@ -52,10 +67,63 @@ pub enum GpuError {
     OutOfMemory {
         /// What was asked.
         what: String,
-        /// Bytes asked for.
+        /// Bytes asked for; 0 where wgpu does not say.
         needed: u64,
+    },
+    /// A shader does not compile for this device: a bug here, in wgpu or in the driver.
+    #[error("the shader `{shader}` does not compile: {reason}")]
+    Shader {
+        /// The shader's label.
+        shader: String,
+        /// What the compiler says.
+        reason: String,
     },
     /// wgpu or the driver refused something that should be right: a bug here or there.
     #[error("the device refused a command: {0}")]
     Refused(String),
+}
+
+impl GpuError {
+    /// What wgpu reported, when no more is known than the error itself.
+    pub(crate) fn from_wgpu(error: wgpu::Error) -> GpuError {
+        match error {
+            wgpu::Error::OutOfMemory { .. } => {
+                GpuError::OutOfMemory { what: "a command".into(), needed: 0 }
+            }
+            wgpu::Error::Validation { description, .. }
+            | wgpu::Error::Internal { description, .. } => {
+                GpuError::Refused(description.trim().to_owned())
+            }
+        }
+    }
+}
+
+impl From<GpuError> for BuildError {
+    fn from(error: GpuError) -> BuildError {
+        match error {
+            GpuError::Lost { reason } => BuildError::DeviceLost { reason },
+            GpuError::Limit { what, limit, needed, allowed } => {
+                BuildError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
+            }
+            GpuError::OutOfMemory { what, needed } => BuildError::DeviceMemory { what, needed },
+            GpuError::TimedOut { .. } | GpuError::Shader { .. } | GpuError::Refused(_) => {
+                BuildError::Device(error.to_string())
+            }
+        }
+    }
+}
+
+impl From<GpuError> for QueryError {
+    fn from(error: GpuError) -> QueryError {
+        match error {
+            GpuError::Lost { reason } => QueryError::DeviceLost { reason },
+            GpuError::Limit { what, limit, needed, allowed } => {
+                QueryError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
+            }
+            GpuError::OutOfMemory { what, needed } => QueryError::DeviceMemory { what, needed },
+            GpuError::TimedOut { .. } | GpuError::Shader { .. } | GpuError::Refused(_) => {
+                QueryError::Device(error.to_string())
+            }
+        }
+    }
 }

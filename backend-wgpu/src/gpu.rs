@@ -1,58 +1,75 @@
 //! A device, its queue and its limits: opened headless, or borrowed from a host.
 
-use std::sync::mpsc;
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
+use std::time::{Duration, Instant};
 
+use crate::adapters::Adapters;
 use crate::error::{GpuError, OpenError};
+use crate::health::Health;
+use crate::needs;
+use crate::options::OpenOptions;
 
-/// How to open a device.
-#[derive(Clone, Debug, Default)]
-pub struct OpenOptions {
-    /// Part of an adapter's name, or its index in the list of adapters.
-    pub adapter: Option<String>,
-    /// Request WebGPU's default limits, whatever the adapter offers.
-    pub default_limits: bool,
-}
+/// Longest time to wait without asking whether the device is still there.
+const SLICE: Duration = Duration::from_millis(100);
 
-/// A device, ready for work.
-#[derive(Debug)]
+/// A device, ready for work. Clones are the same device.
+#[derive(Clone, Debug)]
 pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
+    limits: wgpu::Limits,
+    health: Arc<Health>,
     timeout: Duration,
+    /// The last submission that is complete; shared by clones. While it is held nobody else submits.
+    last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
+    /// Held while polling; shared by clones. See [`Gpu::wait_for`].
+    polling: Arc<Mutex<()>>,
 }
 
 impl Gpu {
-    /// Opens a device without a window.
+    /// Opens a device without a window, on the adapter that [`Adapters::select`] takes.
     ///
     /// # Errors
-    /// No adapter, or none that can be used.
+    /// No adapter, none of the name, or none that can be used.
     pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
-        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-        let adapter =
-            pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions::default()))
-                .map_err(|_| OpenError::NoAdapter)?;
-        let info = adapter.get_info();
-        let required_limits =
-            if options.default_limits { wgpu::Limits::default() } else { adapter.limits() };
-        let (device, queue) = pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("splitplane"),
-            required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            required_limits,
-            ..Default::default()
-        }))
-        .map_err(|error| OpenError::Unusable {
-            adapter: info.name.clone(),
-            reason: error.to_string(),
-        })?;
-        Ok(Gpu { device, queue, info, timeout: Duration::from_secs(60) })
+        Adapters::find().select(options.adapter.as_deref())?.open(options)
+    }
+
+    /// The same among the adapters of an instance that a host has.
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`].
+    pub fn open_in(instance: &wgpu::Instance, options: &OpenOptions) -> Result<Gpu, OpenError> {
+        Adapters::find_in(instance).select(options.adapter.as_deref())?.open(options)
+    }
+
+    /// A device that belongs to nobody else, so its callbacks are free to use.
+    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, timeout: Duration) -> Gpu {
+        let gpu = Gpu { timeout, ..Gpu::borrow(device, queue) };
+        gpu.health.watch(&gpu.device);
+        gpu
     }
 
     /// Uses a device that a host owns.
+    ///
+    /// Sets nothing on the device: the host's callbacks for losses and uncaptured errors stay.
+    /// What this crate does runs inside error scopes of the calling thread and comes back as
+    /// [`GpuError`]; whether the device is lost is found out by asking it. Waiting polls the
+    /// device, so callbacks of the host may run on the waiting thread.
+    ///
+    /// The device needs WebGPU's default limits, which [`Gpu::check_limits`] checks.
     pub fn borrow(device: wgpu::Device, queue: wgpu::Queue) -> Gpu {
         let info = device.adapter_info();
-        Gpu { device, queue, info, timeout: Duration::from_secs(60) }
+        let limits = device.limits();
+        let timeout = OpenOptions::DEFAULT_TIMEOUT;
+        let (health, last, polling) = Default::default();
+        Gpu { device, queue, info, limits, health, timeout, last, polling }
+    }
+
+    /// The same device with another time-out.
+    pub fn with_timeout(self, timeout: Duration) -> Gpu {
+        Gpu { timeout, ..self }
     }
 
     /// The device.
@@ -70,6 +87,52 @@ impl Gpu {
         &self.info
     }
 
+    /// The limits of the device.
+    pub fn limits(&self) -> &wgpu::Limits {
+        &self.limits
+    }
+
+    /// Whether kernels can be timed.
+    pub fn has_timestamps(&self) -> bool {
+        self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY)
+    }
+
+    /// Whether the device's limits suffice. An opened device has passed this already.
+    ///
+    /// # Errors
+    /// The first limit that is worse than WebGPU's default.
+    pub fn check_limits(&self) -> Result<(), GpuError> {
+        needs::check(&self.limits)
+    }
+
+    /// Whether the device is in order.
+    ///
+    /// # Errors
+    /// A lost device; the first error since the last check that no error scope caught. On borrowed
+    /// devices such errors go to the host.
+    pub fn check(&self) -> Result<(), GpuError> {
+        self.health.check_lost(&self.device)?;
+        self.health.take_uncaptured()
+    }
+
+    /// Runs calls of wgpu and gives the first error they raise on this thread. wgpu keeps quiet
+    /// about calls on a lost device; [`Gpu::check`] tells.
+    ///
+    /// # Errors
+    /// A lost device, no memory, or whatever wgpu or the driver refused.
+    pub fn guard<R>(&self, work: impl FnOnce() -> R) -> Result<R, GpuError> {
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let out = work();
+        let scopes = [validation, memory, internal];
+        let errors = scopes.map(|scope| pollster::block_on(scope.pop()));
+        let Some(error) = errors.into_iter().flatten().next() else { return Ok(out) };
+        // A device that goes away leaves invalid objects behind, which are refused later on.
+        self.health.check_lost(&self.device)?;
+        Err(GpuError::from_wgpu(error))
+    }
+
     /// A buffer of at least `bytes` bytes, a multiple of 4.
     ///
     /// # Errors
@@ -80,65 +143,200 @@ impl Gpu {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
-        Ok(self.device.create_buffer(&wgpu::BufferDescriptor {
-            label: Some(label),
-            size: bytes.max(16).next_multiple_of(4),
-            usage,
-            mapped_at_creation: false,
-        }))
+        let too_large = |limit, allowed| GpuError::Limit {
+            what: label.to_owned(),
+            limit,
+            needed: bytes,
+            allowed,
+        };
+        let most = self.limits.max_buffer_size;
+        let size = bytes.max(16).checked_next_multiple_of(4);
+        let size = size.filter(|size| *size <= most);
+        let size = size.ok_or_else(|| too_large("max_buffer_size", most))?;
+        let most = self.limits.max_storage_buffer_binding_size;
+        if usage.contains(wgpu::BufferUsages::STORAGE) && size > most {
+            return Err(too_large("max_storage_buffer_binding_size", most));
+        }
+        let description =
+            wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+        let made = self.guard(|| self.device.create_buffer(&description));
+        self.health.check_lost(&self.device)?;
+        made.map_err(|error| match error {
+            GpuError::OutOfMemory { .. } => {
+                GpuError::OutOfMemory { what: label.to_owned(), needed: size }
+            }
+            other => other,
+        })
     }
 
     /// Compiles a compute pipeline with an automatic layout.
     ///
     /// # Errors
-    /// Text that is no valid WGSL for this device.
+    /// Text that is no valid WGSL for this device; a lost device.
     pub fn pipeline(&self, label: &str, source: &str) -> Result<wgpu::ComputePipeline, GpuError> {
-        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some(label),
-            source: wgpu::ShaderSource::Wgsl(source.into()),
-        });
-        Ok(self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some(label),
-            layout: None,
-            module: &module,
-            entry_point: Some(splitplane_shaders::ENTRY_POINT),
-            compilation_options: Default::default(),
-            cache: None,
-        }))
+        self.compile(label, source, None)
     }
 
-    /// Waits until everything submitted so far is done.
+    /// Compiles a compute pipeline whose only bind group has this layout.
     ///
     /// # Errors
-    /// A lost device, or one that takes longer than the time-out.
-    pub fn wait(&self) -> Result<(), GpuError> {
-        self.device
-            .poll(wgpu::PollType::Wait { submission_index: None, timeout: Some(self.timeout) })
-            .map(|_| ())
-            .map_err(|_| GpuError::TimedOut { seconds: self.timeout.as_secs() })
+    /// As for [`Gpu::pipeline`].
+    pub fn pipeline_with_layout(
+        &self,
+        label: &str,
+        source: &str,
+        layout: &wgpu::BindGroupLayout,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        self.compile(label, source, Some(layout))
     }
 
-    /// The bytes of a buffer that can be mapped for reading.
+    fn compile(
+        &self,
+        label: &str,
+        source: &str,
+        layout: Option<&wgpu::BindGroupLayout>,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        let made = self.guard(|| {
+            let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl(source.into()),
+            });
+            let layout = layout.map(|layout| {
+                self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                    label: Some(label),
+                    bind_group_layouts: &[Some(layout)],
+                    ..Default::default()
+                })
+            });
+            self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label: Some(label),
+                layout: layout.as_ref(),
+                module: &module,
+                entry_point: Some(splitplane_shaders::ENTRY_POINT),
+                compilation_options: Default::default(),
+                cache: None,
+            })
+        });
+        self.health.check_lost(&self.device)?;
+        made.map_err(|error| match error {
+            GpuError::Refused(reason) => GpuError::Shader { shader: label.to_owned(), reason },
+            other => other,
+        })
+    }
+
+    /// Submits commands.
+    ///
+    /// # Errors
+    /// Commands that are refused; a lost device.
+    pub fn submit(
+        &self,
+        commands: impl IntoIterator<Item = wgpu::CommandBuffer>,
+    ) -> Result<wgpu::SubmissionIndex, GpuError> {
+        let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
+        let submitted = self.guard(|| self.queue.submit(commands));
+        self.health.check_lost(&self.device)?;
+        let submitted = submitted?;
+        *last = Some(submitted.clone());
+        Ok(submitted)
+    }
+
+    /// Lets callbacks run whose work is done, without waiting. True when nothing is left to do.
+    ///
+    /// # Errors
+    /// As for [`Gpu::check`].
+    pub fn poll(&self) -> Result<bool, GpuError> {
+        // Whoever holds it polls.
+        let Ok(polling) = self.polling.try_lock() else { return self.check().map(|()| false) };
+        let polled = self.health.poll(&self.device, wgpu::PollType::Poll)?;
+        drop(polling);
+        self.check()?;
+        Ok(polled.is_ok_and(|status| status.is_queue_empty()))
+    }
+
+    /// Waits until everything submitted through [`Gpu::submit`] so far is done.
+    ///
+    /// # Errors
+    /// A lost device, or one that takes longer than the time-out; what [`Gpu::check`] finds.
+    pub fn wait(&self) -> Result<(), GpuError> {
+        // Named, since wgpu panics when it waits for "the most recent" submission while another
+        // thread is in the middle of one.
+        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        self.wait_for(last)
+    }
+
+    /// Waits until a submission is done, or everything submitted so far when `None`.
     ///
     /// # Errors
     /// As for [`Gpu::wait`].
-    pub fn read_mapped(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
-        let (send, receive) = mpsc::channel();
-        buffer.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
-            // Nobody listens when waiting failed.
-            let _ = send.send(result);
-        });
-        self.wait()?;
-        match receive.try_recv() {
-            Ok(Ok(())) => {}
-            other => return Err(GpuError::Refused(format!("mapping failed: {other:?}"))),
+    pub fn wait_for(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
+        let start = Instant::now();
+        loop {
+            self.check()?;
+            let left = self.timeout.saturating_sub(start.elapsed());
+            let wait = wgpu::PollType::Wait {
+                submission_index: submission.clone(),
+                timeout: Some(left.min(SLICE)),
+            };
+            // One thread at a time: wgpu panics when a wait that timed out finds the queue emptied by
+            // another thread's poll.
+            let polling = self.polling.lock().unwrap_or_else(PoisonError::into_inner);
+            let polled = self.health.poll(&self.device, wait)?;
+            drop(polling);
+            match polled {
+                Ok(_) => return self.check(),
+                Err(wgpu::PollError::Timeout) if left > SLICE => {}
+                Err(wgpu::PollError::Timeout) => {
+                    self.check()?;
+                    return Err(GpuError::TimedOut { seconds: self.timeout.as_secs() });
+                }
+                Err(error) => return Err(GpuError::Refused(error.to_string())),
+            }
         }
-        let view = buffer
-            .get_mapped_range(..bytes)
-            .map_err(|error| GpuError::Refused(error.to_string()))?;
-        let out = view.to_vec();
-        drop(view);
-        buffer.unmap();
-        Ok(out)
+    }
+
+    /// The first `bytes` bytes of a buffer that can be mapped for reading and is not mapped.
+    ///
+    /// # Errors
+    /// As for [`Gpu::wait`]; a buffer that cannot be read.
+    pub fn read_mapped(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+        let size = buffer.size();
+        let mapped = bytes.checked_next_multiple_of(4).filter(|mapped| *mapped <= size);
+        let mapped = mapped.ok_or_else(|| {
+            GpuError::Refused(format!("{bytes} bytes are to be read of a buffer of {size}"))
+        })?;
+        if mapped == 0 {
+            return self.check().map(|()| Vec::new());
+        }
+        let out = self.map(buffer, mapped).and_then(|()| {
+            let view = buffer.get_mapped_range(..mapped);
+            let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
+            Ok(view[..bytes as usize].to_vec())
+        });
+        // Where mapping failed there may be nothing to undo.
+        let unmapped = self.guard(|| buffer.unmap());
+        let out = out?;
+        unmapped.map(|()| out)
+    }
+
+    /// Maps the start of a buffer and waits until it is mapped.
+    fn map(&self, buffer: &wgpu::Buffer, bytes: u64) -> Result<(), GpuError> {
+        let start = Instant::now();
+        let (send, receive) = mpsc::channel();
+        self.guard(|| {
+            buffer.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
+                // Nobody listens when waiting failed.
+                let _ = send.send(result);
+            });
+        })?;
+        self.wait()?;
+        // Another thread that polls may be about to call back.
+        match receive.recv_timeout(self.timeout.saturating_sub(start.elapsed())) {
+            Ok(Ok(())) => Ok(()),
+            Ok(Err(_)) => {
+                self.check()?;
+                Err(GpuError::Refused("the buffer cannot be mapped".into()))
+            }
+            Err(_) => Err(GpuError::TimedOut { seconds: self.timeout.as_secs() }),
+        }
     }
 }

@@ -1,11 +1,29 @@
 //! The GPU backend of splitplane: the build schedule and the queries in WGSL, through wgpu.
 //!
-//! [`Gpu`] is a device, opened headless or borrowed from a host.
+//! [`Gpu`] is a device, opened headless or borrowed from a host; [`adapters()`] lists what could be
+//! opened. Whatever goes wrong on a device comes back as a [`GpuError`]: it does not panic, and a
+//! device that is lost or hangs ends in an error.
 
+#![forbid(unsafe_code)]
+
+pub mod adapters;
+pub mod backend;
+pub mod build;
 pub mod error;
 pub mod gpu;
+mod health;
+mod needs;
+pub mod options;
+pub mod parity;
 pub mod query;
+pub mod selftest;
 
+pub use adapters::{AdapterReport, Adapters, adapters};
+pub use backend::WgpuBackend;
+pub use build::{DeviceBuild, Effort, KernelTime, PendingBuild, WgpuExecutor};
 pub use error::{GpuError, OpenError};
-pub use gpu::{Gpu, OpenOptions};
+pub use gpu::Gpu;
+pub use health::panic_is_caught;
+pub use options::OpenOptions;
+pub use parity::Parity;
 pub use query::{DeviceQueryError, DeviceTree, Queries, SceneUniform, TreeParts, WgpuAccelerator};

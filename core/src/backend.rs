@@ -155,6 +155,32 @@ pub enum BuildError {
     /// A device failed.
     #[error("the device failed: {0}")]
     Device(String),
+    /// A limit of the device is too low for what was asked.
+    #[error("{what} needs {needed}, but the device's limit {limit} is {allowed}")]
+    DeviceLimit {
+        /// What was asked.
+        what: String,
+        /// The limit's name.
+        limit: String,
+        /// What is needed.
+        needed: u64,
+        /// What the device allows.
+        allowed: u64,
+    },
+    /// The device has no memory left.
+    #[error("the device is out of memory: {what} needs {needed} bytes")]
+    DeviceMemory {
+        /// What was asked.
+        what: String,
+        /// Bytes asked for.
+        needed: u64,
+    },
+    /// The device is gone; whatever was on it is gone too.
+    #[error("the device was lost: {reason}")]
+    DeviceLost {
+        /// What the driver says.
+        reason: String,
+    },
 }
 
 /// Why a query was refused.
@@ -171,4 +197,30 @@ pub enum QueryError {
     /// A device failed.
     #[error("the device failed: {0}")]
     Device(String),
+    /// A limit of the device is too low for what was asked.
+    #[error("{what} needs {needed}, but the device's limit {limit} is {allowed}")]
+    DeviceLimit {
+        /// What was asked.
+        what: String,
+        /// The limit's name.
+        limit: String,
+        /// What is needed.
+        needed: u64,
+        /// What the device allows.
+        allowed: u64,
+    },
+    /// The device has no memory left.
+    #[error("the device is out of memory: {what} needs {needed} bytes")]
+    DeviceMemory {
+        /// What was asked.
+        what: String,
+        /// Bytes asked for.
+        needed: u64,
+    },
+    /// The device is gone; whatever was on it is gone too.
+    #[error("the device was lost: {reason}")]
+    DeviceLost {
+        /// What the driver says.
+        reason: String,
+    },
 }

@@ -2,7 +2,8 @@
 //! and whoever runs it.
 
 use crate::layout::{
-    Chunk, ChunkBounds, Counters, Decision, Extent, LargeNode, Reference, Sides, SmallRoot, TopNode,
+    Chunk, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference, Sides,
+    SmallRoot, TopNode,
 };
 use crate::node::KdNode;
 
@@ -14,6 +15,12 @@ pub trait KernelSet {
     type Buffer: Copy + core::fmt::Debug + PartialEq;
     /// The numbers that end loops.
     type Counter: Copy + core::fmt::Debug + PartialEq;
+
+    /// Calls `visit` with every buffer that a kernel writes, counters included.
+    fn written(kernel: Self::Kernel, visit: &mut dyn FnMut(Self::Buffer));
+
+    /// Bytes of one element of a buffer.
+    fn element_size(buffer: Self::Buffer) -> usize;
 }
 
 /// The tree builder (Zhou et al. 2008).
@@ -24,6 +31,21 @@ impl KernelSet for TreeBuilder {
     type Kernel = Kernel;
     type Buffer = Buffer;
     type Counter = Counter;
+
+    fn written(kernel: Kernel, visit: &mut dyn FnMut(Buffer)) {
+        for binding in kernel.bindings() {
+            if binding.access != Access::Read {
+                visit(binding.buffer);
+            }
+        }
+        if kernel.writes_counters() {
+            visit(Buffer::Counters);
+        }
+    }
+
+    fn element_size(buffer: Buffer) -> usize {
+        buffer.element_size()
+    }
 }
 
 /// The kernels of the tree builder. Each is a file of the same name in every backend.
@@ -126,8 +148,8 @@ impl Kernel {
         }
     }
 
-    /// The buffers the kernel binds besides [`Buffer::Counters`]; at most seven, so that with the
-    /// counters WebGPU's default of eight storage buffers suffices.
+    /// The buffers the kernel reads and writes, besides [`Buffer::Counters`]. What a device binds
+    /// is [`Kernel::storage_bindings`].
     pub const fn bindings(self) -> &'static [Binding] {
         use Access::{Read, ReadWrite, Write};
         use Buffer as B;
@@ -214,9 +236,11 @@ impl Kernel {
                         b(B::Decisions, Read),
                         b(B::References, Read),
                         b(B::Triangles, Read),
+                        b(B::ReferenceSides, Read),
+                        b(B::ChunkCounts, Read),
                         b(B::NextReferences, Write),
                         b(B::SmallReferences, ReadWrite),
-                        b(B::ChunkState, ReadWrite),
+                        b(B::ChunkBounds, Write),
                     ]
                 }
             }
@@ -258,6 +282,39 @@ impl Kernel {
                 }
             }
         }
+    }
+}
+
+impl Kernel {
+    /// What a device binds for the kernel besides [`Buffer::Counters`]: its buffers, in order, with
+    /// those that share a storage ([`Buffer::storage`]) named once, by it. At most seven, so that
+    /// with the counters WebGPU's default of eight storage buffers suffices.
+    pub fn storage_bindings(self) -> impl Iterator<Item = Binding> {
+        let bindings = self.bindings();
+        bindings.iter().enumerate().filter_map(move |(index, binding)| {
+            let storage = binding.buffer.storage();
+            let same = |other: &&Binding| other.buffer.storage() == storage;
+            if bindings[..index].iter().any(|other| same(&other)) {
+                return None;
+            }
+            let access = bindings[index..]
+                .iter()
+                .filter(same)
+                .map(|other| other.access)
+                .reduce(|a, b| if a == b { a } else { Access::ReadWrite })?;
+            Some(Binding { buffer: storage, access })
+        })
+    }
+
+    /// Whether the kernel writes counters. Only kernels of one workgroup do.
+    pub const fn writes_counters(self) -> bool {
+        matches!(
+            self,
+            Kernel::ScanTriangles
+                | Kernel::ChunkNodes
+                | Kernel::AllocateChildren
+                | Kernel::SubtreeSizes
+        )
     }
 }
 
@@ -317,9 +374,9 @@ pub enum Buffer {
     ChunkCounts,
     /// [`ChunkBounds`].
     ChunkBounds,
-    /// Chunk counts and bounds under one binding.
+    /// Chunk counts, reference sides and chunk bounds under one binding.
     ChunkState,
-    /// Two bits a reference in a byte: 1 left, 2 right.
+    /// [`ChunkSides`] of each chunk.
     ReferenceSides,
     /// [`Decision`] of each active node.
     Decisions,
@@ -357,8 +414,10 @@ impl Buffer {
             Buffer::Chunks => size_of::<Chunk>(),
             Buffer::ChunkCounts => size_of::<Sides>(),
             Buffer::ChunkBounds => size_of::<ChunkBounds>(),
-            Buffer::ChunkState => size_of::<Sides>() + size_of::<ChunkBounds>(),
-            Buffer::ReferenceSides => 1,
+            Buffer::ChunkState => {
+                size_of::<Sides>() + size_of::<ChunkSides>() + size_of::<ChunkBounds>()
+            }
+            Buffer::ReferenceSides => size_of::<ChunkSides>(),
             Buffer::Decisions => size_of::<Decision>(),
             Buffer::TopNodes => size_of::<TopNode>(),
             Buffer::SmallRoots => size_of::<SmallRoot>(),
@@ -368,19 +427,31 @@ impl Buffer {
         }
     }
 
+    /// The buffer whose storage holds this one on a device: what a chunk is known by shares one.
+    pub const fn storage(self) -> Buffer {
+        match self {
+            Buffer::ChunkCounts | Buffer::ReferenceSides | Buffer::ChunkBounds => {
+                Buffer::ChunkState
+            }
+            other => other,
+        }
+    }
+
     /// The counter that holds the number of live elements; `None` for a fixed length.
     pub const fn live(self) -> Option<Counter> {
         Some(match self {
             Buffer::Input | Buffer::Counters => return None,
             Buffer::Triangles => Counter::Triangles,
-            Buffer::References | Buffer::ReferenceSides => Counter::ActiveReferences,
+            Buffer::References => Counter::ActiveReferences,
             Buffer::NextReferences => Counter::NextReferences,
             Buffer::SmallReferences => Counter::SmallReferences,
             Buffer::ActiveNodes | Buffer::NodeBounds | Buffer::Decisions => Counter::ActiveNodes,
             Buffer::NextNodes => Counter::NextNodes,
-            Buffer::Chunks | Buffer::ChunkCounts | Buffer::ChunkBounds | Buffer::ChunkState => {
-                Counter::Chunks
-            }
+            Buffer::Chunks
+            | Buffer::ChunkCounts
+            | Buffer::ReferenceSides
+            | Buffer::ChunkBounds
+            | Buffer::ChunkState => Counter::Chunks,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => Counter::TopNodes,
             Buffer::LevelStarts => Counter::Levels,
             Buffer::SmallRoots | Buffer::SmallSizes => Counter::SmallRoots,
@@ -410,7 +481,7 @@ pub enum Counter {
     ActiveReferences,
     /// References of the next nodes.
     NextReferences,
-    /// Chunks of the active nodes.
+    /// Chunks of the active nodes; of the input before the first level.
     Chunks,
     /// Small roots so far.
     SmallRoots,
@@ -424,8 +495,69 @@ pub enum Counter {
     Nodes,
     /// References of the finished tree.
     LeafReferences,
-    /// Bits that say which capacity did not suffice.
+    /// Bits that say which capacity did not suffice: see [`Overflow`].
     Overflow,
+}
+
+/// The bits of [`Counter::Overflow`]: lists that outgrew their room on a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Overflow {
+    /// Nodes of the next list.
+    Nodes = 1,
+    /// References of the next nodes.
+    References = 2,
+    /// Small roots.
+    SmallRoots = 4,
+    /// References of the small roots.
+    SmallReferences = 8,
+    /// Nodes of the top tree.
+    TopNodes = 16,
+    /// Levels.
+    Levels = 32,
+    /// Nodes of the tree.
+    TreeNodes = 64,
+    /// References of the tree.
+    LeafReferences = 128,
+    /// Chunks.
+    Chunks = 256,
+}
+
+impl Overflow {
+    /// All bits.
+    pub const ALL: [Overflow; 9] = [
+        Overflow::Nodes,
+        Overflow::References,
+        Overflow::SmallRoots,
+        Overflow::SmallReferences,
+        Overflow::TopNodes,
+        Overflow::Levels,
+        Overflow::TreeNodes,
+        Overflow::LeafReferences,
+        Overflow::Chunks,
+    ];
+}
+
+impl Counter {
+    /// All counters, by their word.
+    pub const ALL: [Counter; 16] = [
+        Counter::Triangles,
+        Counter::InputChunks,
+        Counter::Dropped,
+        Counter::Snapped,
+        Counter::ActiveNodes,
+        Counter::NextNodes,
+        Counter::ActiveReferences,
+        Counter::NextReferences,
+        Counter::Chunks,
+        Counter::SmallRoots,
+        Counter::SmallReferences,
+        Counter::TopNodes,
+        Counter::Levels,
+        Counter::Nodes,
+        Counter::LeafReferences,
+        Counter::Overflow,
+    ];
 }
 
 impl core::ops::Index<Counter> for Counters {
@@ -448,10 +580,18 @@ mod tests {
     #[test]
     fn bindings_fit_the_default_limits_and_name_no_buffer_twice() {
         for kernel in Kernel::ALL {
-            let bindings = kernel.bindings();
-            assert!(bindings.len() <= 7, "{kernel:?}");
-            for (i, a) in bindings.iter().enumerate() {
-                assert!(bindings[..i].iter().all(|b| b.buffer != a.buffer), "{kernel:?}");
+            let bindings: [Option<Binding>; 12] = {
+                let mut storage = kernel.storage_bindings();
+                core::array::from_fn(|_| storage.next())
+            };
+            assert!(bindings.iter().flatten().count() <= 7, "{kernel:?}");
+            for (i, a) in bindings.iter().flatten().enumerate() {
+                let mut before = bindings.iter().flatten().take(i);
+                assert!(before.all(|b| b.buffer != a.buffer), "{kernel:?}");
+            }
+            let named = kernel.bindings();
+            for (i, a) in named.iter().enumerate() {
+                assert!(named[..i].iter().all(|b| b.buffer != a.buffer), "{kernel:?}");
             }
         }
     }

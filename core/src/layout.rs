@@ -95,6 +95,34 @@ pub struct Sides {
     pub right: u32,
 }
 
+/// Which references of a chunk go to which side: a bit each, the first of the chunk lowest in the
+/// first word. How many of a chunk's go before one of them is a population count.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+pub struct ChunkSides {
+    /// Those that go left.
+    pub left: [u32; 8],
+    /// Those that go right.
+    pub right: [u32; 8],
+}
+
+impl ChunkSides {
+    /// All of a chunk of `count` references go left.
+    pub fn all_left(count: u32) -> ChunkSides {
+        let word = |k: u32| match count.saturating_sub(32 * k) {
+            left @ 0..32 => (1 << left) - 1,
+            _ => u32::MAX,
+        };
+        ChunkSides { left: core::array::from_fn(|k| word(k as u32)), right: [0; 8] }
+    }
+
+    /// How many go left, and how many right.
+    pub fn counts(&self) -> Sides {
+        let count = |words: &[u32; 8]| words.iter().map(|word| word.count_ones()).sum();
+        Sides { left: count(&self.left), right: count(&self.right) }
+    }
+}
+
 /// What is done with an active node: up to six cuts of empty space, then a split or a transfer.
 ///
 /// `split_large` writes the planes, `count_children` the counts, `allocate_children` the rest.
@@ -269,6 +297,7 @@ const _: () = {
     assert!(size_of::<Reference>() == 32);
     assert!(size_of::<LargeNode>() == 64);
     assert!(size_of::<Chunk>() == 16);
+    assert!(size_of::<ChunkSides>() * 8 == 2 * crate::config::CHUNK as usize);
     assert!(size_of::<Decision>() == 64);
     assert!(size_of::<TopNode>() == 16);
     assert!(size_of::<SmallRoot>() == 48);

@@ -17,6 +17,8 @@ pub mod file;
 pub mod intersect;
 pub mod kernel;
 pub mod layout;
+#[cfg(feature = "alloc")]
+pub mod lockstep;
 pub mod mask;
 pub mod mesh;
 pub mod node;

@@ -40,6 +40,17 @@ pub trait Executor<K: KernelSet> {
 /// The executor's.
 pub fn build<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
     start(executor)?;
+    resume(executor)
+}
+
+/// The rest of a build whose large-node stage has begun: what [`build`] does after its start. An
+/// executor that cannot look at its counters runs a number of levels and then the other stages; when
+/// it turns out that active nodes are left, it runs this again, and the later stages overwrite what
+/// they did before.
+///
+/// # Errors
+/// The executor's.
+pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
     let mut level = 0;
     while executor.pending(Counter::ActiveNodes, level)? {
         process_large_nodes(executor)?;

@@ -13,7 +13,7 @@ mod embed;
 mod table;
 
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
-pub use table::{KERNELS, LIBRARY, QUERIES};
+pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES};
 
 use alloc::string::String;
 
@@ -57,5 +57,5 @@ pub fn join(parts: &[Part]) -> String {
 
 /// The kernel of this name, of either table.
 pub fn find(name: &str) -> Option<&'static Shader> {
-    KERNELS.iter().chain(QUERIES).find(|shader| shader.name == name)
+    KERNELS.iter().chain(QUERIES).chain(CHECKS).find(|shader| shader.name == name)
 }

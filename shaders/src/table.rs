@@ -26,6 +26,21 @@ macro_rules! shaders {
 
 library! {
     ARITHMETIC "arithmetic"
+    AABB "aabb"
+    LAYOUT "layout"
+    KERNEL "kernel"
+    TRIANGLE "triangle"
+    SPLIT "split"
+    SAH "sah"
+    NODE "node"
+    CORNERS "corners"
+    CHUNK_STATE "chunk_state"
+    CHUNK_STATE_STORE "chunk_state_store"
+    CHUNK_BOUNDS_STORE "chunk_bounds_store"
+    REDUCE "reduce"
+    SCAN "scan"
+    BALLOT "ballot"
+    SMALL_NODE "small_node"
     RAY "ray"
     BINDINGS "bindings"
     INTERSECT "intersect"
@@ -38,6 +53,22 @@ library! {
 shaders! {
     /// The kernels of the tree builder, in the order of the schedule.
     KERNELS "kernels" {
+        "triangle_bounds": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE CHUNK_STATE CHUNK_STATE_STORE REDUCE CHUNK_BOUNDS_STORE BALLOT;
+        "scan_triangles": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE REDUCE SCAN;
+        "gather_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE CHUNK_STATE BALLOT;
+        "node_bounds": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE REDUCE;
+        "split_large": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH;
+        "chunk_nodes": LAYOUT KERNEL SCAN;
+        "assign_chunks": LAYOUT KERNEL;
+        "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHUNK_STATE_STORE BALLOT;
+        "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE SCAN;
+        "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SCAN;
+        "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE REDUCE CHUNK_BOUNDS_STORE;
+        "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SMALL_NODE;
+        "subtree_sizes": LAYOUT KERNEL;
+        "preorder_addresses": LAYOUT KERNEL;
+        "emit_top": LAYOUT KERNEL NODE;
+        "emit_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SMALL_NODE;
     }
 }
 
@@ -69,3 +100,10 @@ queries! {
 pub(crate) const TRAVERSAL: [Part; 4] = [ARITHMETIC, RAY, INTERSECT, TRAVERSE];
 pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
 pub(crate) const TRAVERSAL_TESTS: [Part; 2] = [WATERTIGHT, MOELLER_TRUMBORE];
+
+shaders! {
+    /// What the self-test of a device runs.
+    CHECKS "checks" {
+        "arithmetic_check": ARITHMETIC;
+    }
+}

@@ -1,11 +1,16 @@
 //! What a user sees of a bug: one sentence instead of a backtrace.
 
 use super::failure::BUG;
+use splitplane::backend::panic_is_caught;
 use std::panic;
 
-/// From now on a panic on any thread ends the program with code 70.
+/// From now on a panic on any thread ends the program with code 70, unless it only reports the loss
+/// of a device.
 pub(super) fn install() {
     panic::set_hook(Box::new(|info| {
+        if panic_is_caught() {
+            return;
+        }
         let place = info.location().map(|at| format!(" at {}:{}", at.file(), at.line()));
         let payload = info.payload();
         let what = payload.downcast_ref::<&str>().copied();
@@ -47,6 +52,35 @@ mod tests {
         let error = String::from_utf8(output.stderr).unwrap();
         assert_eq!(error.lines().count(), 1, "{error}");
         assert!(error.contains("please report") && !error.contains("backtrace"), "{error}");
+    }
+
+    /// Likewise in a process of its own: the hook would end it.
+    #[cfg(feature = "wgpu")]
+    #[test]
+    fn a_panic_of_wgpu_about_a_lost_device_is_no_bug() {
+        use splitplane::gpu::{Gpu, GpuError};
+        if std::env::var_os(CHILD).is_some() {
+            install();
+            let (device, queue) = wgpu::Device::noop(&wgpu::DeviceDescriptor::default());
+            let gpu = Gpu::borrow(device.clone(), queue.clone());
+            queue.on_submitted_work_done(move || {
+                device.destroy();
+                panic!("Error in Device::poll: Parent device is lost");
+            });
+            assert!(matches!(gpu.wait(), Err(GpuError::Lost { .. })));
+            return;
+        }
+        let output = Command::new(std::env::current_exe().unwrap())
+            .args([
+                "--exact",
+                "cli::bug::tests::a_panic_of_wgpu_about_a_lost_device_is_no_bug",
+                "--nocapture",
+            ])
+            .env(CHILD, "1")
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0));
+        assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
     }
 
     fn rayon_like_thread(work: fn()) -> std::thread::JoinHandle<()> {

@@ -9,7 +9,7 @@ const USAGE: u8 = 2;
 const FILE: u8 = 3;
 const LIMIT: u8 = 4;
 const NO_GPU: u8 = 5;
-const DEVICE_LOST: u8 = 6;
+const DEVICE: u8 = 6;
 pub(super) const CANCELLED: u8 = 7;
 pub(super) const BUG: u8 = 70;
 
@@ -73,7 +73,12 @@ impl From<MeshError> for Failure {
 impl From<OpenError> for Failure {
     fn from(error: OpenError) -> Failure {
         let code = match error {
-            OpenError::NoGpuBackend => NO_GPU,
+            OpenError::NoGpuBackend
+            | OpenError::NoAdapter
+            | OpenError::WrongAdapter { .. }
+            | OpenError::Unusable { .. }
+            | OpenError::Structural { .. } => NO_GPU,
+            OpenError::DeviceFailed { .. } => DEVICE,
             _ => USAGE,
         };
         Failure { message: error.to_string(), code }
@@ -84,9 +89,12 @@ impl From<BuildError> for Failure {
     fn from(error: BuildError) -> Failure {
         let code = match error {
             BuildError::Config(_) => USAGE,
-            BuildError::OutOfMemory { .. } | BuildError::TooLarge { .. } => LIMIT,
+            BuildError::OutOfMemory { .. }
+            | BuildError::TooLarge { .. }
+            | BuildError::DeviceLimit { .. }
+            | BuildError::DeviceMemory { .. } => LIMIT,
             BuildError::WrongMesh { .. } => FILE,
-            BuildError::Device(_) => DEVICE_LOST,
+            BuildError::Device(_) | BuildError::DeviceLost { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
     }
@@ -96,9 +104,22 @@ impl From<QueryError> for Failure {
     fn from(error: QueryError) -> Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
-            QueryError::Device(_) => DEVICE_LOST,
+            QueryError::DeviceLimit { .. } | QueryError::DeviceMemory { .. } => LIMIT,
+            QueryError::Device(_) | QueryError::DeviceLost { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl From<splitplane::parity::ParityError> for Failure {
+    fn from(error: splitplane::parity::ParityError) -> Failure {
+        use splitplane::parity::ParityError;
+        match error {
+            ParityError::Build(error) => error.into(),
+            ParityError::Query(error) => error.into(),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
     }
 }
 
@@ -108,12 +129,29 @@ mod tests {
 
     /// Codes that no run of this build can reach from outside.
     #[test]
-    fn limits_and_lost_devices_have_their_codes() {
+    fn limits_and_failing_devices_have_their_codes() {
         let too_large = BuildError::TooLarge { nodes: 1 << 31, references: 0 };
         assert_eq!(Failure::from(too_large).code, LIMIT);
         assert_eq!(Failure::from(MeshError::TooManyTriangles { triangles: 1 << 30 }).code, LIMIT);
-        assert_eq!(Failure::from(BuildError::Device("gone".into())).code, DEVICE_LOST);
-        assert_eq!(Failure::from(QueryError::Device("gone".into())).code, DEVICE_LOST);
+        let text = || "gone".to_owned();
+        assert_eq!(Failure::from(BuildError::Device(text())).code, DEVICE);
+        assert_eq!(Failure::from(QueryError::Device(text())).code, DEVICE);
+        assert_eq!(Failure::from(BuildError::DeviceLost { reason: text() }).code, DEVICE);
+        assert_eq!(Failure::from(QueryError::DeviceLost { reason: text() }).code, DEVICE);
+        let memory = BuildError::DeviceMemory { what: text(), needed: 1 };
+        assert_eq!(Failure::from(memory).code, LIMIT);
+        let memory = QueryError::DeviceMemory { what: text(), needed: 1 };
+        assert_eq!(Failure::from(memory).code, LIMIT);
+        let (what, limit) = (text(), text());
+        let low = BuildError::DeviceLimit { what, limit, needed: 2, allowed: 1 };
+        assert_eq!(Failure::from(low).code, LIMIT);
+        let (what, limit) = (text(), text());
+        let low = QueryError::DeviceLimit { what, limit, needed: 2, allowed: 1 };
+        assert_eq!(Failure::from(low).code, LIMIT);
+        let failed = OpenError::DeviceFailed { adapter: text(), reason: text() };
+        assert_eq!(Failure::from(failed).code, DEVICE);
+        let structural = OpenError::Structural { adapter: text(), difference: text() };
+        assert_eq!(Failure::from(structural).code, NO_GPU);
         assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
     }
 }

@@ -1,5 +1,6 @@
 //! The command line: one file a verb.
 
+mod adapters;
 mod bug;
 mod build;
 mod failure;
@@ -7,6 +8,7 @@ mod hit_file;
 mod npy;
 mod options;
 mod output;
+mod parity;
 mod prepared;
 mod progress;
 mod query;
@@ -41,14 +43,18 @@ enum Verb {
     Query(query::Arguments),
     /// Check a tree and its answers against a reference in f64.
     Verify(verify::Arguments),
+    /// List the GPU adapters of this machine: limits, features, parity with the CPU.
+    Adapters(adapters::Arguments),
+    /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
+    Parity(parity::Arguments),
 }
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:city[:TRIANGLES]
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
-of memory or size binds; 5 a GPU was asked for and there is none; 6 the device was lost; 7 \
-cancelled; 70 a bug in splitplane.";
+of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \
+failed, was lost or took too long; 7 cancelled; 70 a bug in splitplane.";
 
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {
@@ -66,6 +72,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Build(arguments)) => build::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
+        Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
+        Some(Verb::Parity(arguments)) => parity::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,7 +2,9 @@
 
 use clap::{Args, ValueEnum};
 use splitplane::render::Size;
-use splitplane::{Accuracy, BackendKind, BuildConfig, BuildOptions, Preset, QueryOptions};
+use splitplane::{
+    Accuracy, BackendKind, BuildConfig, BuildOptions, OpenOptions, Preset, QueryOptions,
+};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
@@ -10,6 +12,12 @@ pub(super) struct Common {
     /// What does the work; `wgpu` never falls back to the CPU
     #[arg(long, value_name = "auto|cpu|wgpu", default_value = "auto")]
     pub(super) backend: BackendKind,
+    /// The GPU, by part of its name or by its number in the list of `splitplane adapters`
+    #[arg(long, value_name = "NAME|INDEX")]
+    adapter: Option<String>,
+    /// Allow --backend wgpu a GPU whose results differ from the CPU's in some bits
+    #[arg(long)]
+    allow_structural: bool,
     /// How the tree is built
     #[arg(long, value_enum, default_value_t = PresetName::Fast)]
     preset: PresetName,
@@ -45,6 +53,14 @@ enum AccuracyName {
 }
 
 impl Common {
+    pub(super) fn open_options(&self) -> OpenOptions {
+        OpenOptions {
+            adapter: self.adapter.clone(),
+            allow_structural: self.allow_structural,
+            ..OpenOptions::default()
+        }
+    }
+
     pub(super) fn build_options(&self) -> BuildOptions {
         let preset = match self.preset {
             PresetName::Fast => Preset::Fast,

@@ -34,7 +34,7 @@ impl Prepared {
     /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
     pub(super) fn open(spec: &str, common: &Common) -> Result<Prepared, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
-        let opened = common.backend.open()?;
+        let opened = common.backend.open_with(&common.open_options())?;
         let options = common.build_options();
         options.config.validate().map_err(|error| Failure::usage(error.to_string()))?;
         let spinner = progress::spinner(common.quiet, "reading the scene");

@@ -5,17 +5,11 @@
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::layout::{Chunk, Decision, Reference, Sides};
+use splitplane_core::layout::{Chunk, ChunkSides, Decision, Reference, Sides};
 use splitplane_core::split::{goes_left, goes_right};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
-use crate::scatter::Scatter;
-
-/// The reference goes left.
-pub const LEFT: u8 = 1;
-/// The reference goes right.
-pub const RIGHT: u8 = 2;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
@@ -23,55 +17,56 @@ pub fn run<A: Arithmetic>(
     decisions: &[Decision],
     references: &[Reference],
     triangles: &[Triangle],
-    reference_sides: &mut [u8],
+    reference_sides: &mut [ChunkSides],
     chunk_counts: &mut [Sides],
 ) {
-    let reference_sides = Scatter::new(reference_sides);
-    chunks.par_iter().zip(chunk_counts).with_min_len(GRAIN).for_each(|(chunk, counts)| {
-        let decision = &decisions[chunk.node as usize];
-        let (first, count) = (chunk.first as usize, chunk.count as usize);
-        // SAFETY: chunks are disjoint ranges of the references.
-        let sides = unsafe { reference_sides.part(first, count) };
-        if decision.axis == Decision::TRANSFER {
-            sides.fill(LEFT);
-            *counts = Sides { left: chunk.count, right: 0 };
-            return;
-        }
-        let (axis, position) = (decision.axis as usize, decision.position);
-        let references = &references[first..first + count];
-        let mut both = 0;
-        *counts = Sides::default();
-        for (side, reference) in sides.iter_mut().zip(references) {
-            let left = goes_left(reference.lo[axis], reference.hi[axis], position);
-            let right = goes_right(reference.hi[axis], position);
-            *side = u8::from(left) * LEFT + u8::from(right) * RIGHT;
-            counts.left += u32::from(left);
-            counts.right += u32::from(right);
-            both += u32::from(left & right);
-        }
-        if both == 0 {
-            return;
-        }
-        // The bounds straddle the plane, but what is left of the triangle may not.
-        for (side, reference) in sides.iter_mut().zip(references) {
-            if *side != LEFT | RIGHT {
-                continue;
+    chunks.par_iter().zip(reference_sides).zip(chunk_counts).with_min_len(GRAIN).for_each(
+        |((chunk, sides), counts)| {
+            let decision = &decisions[chunk.node as usize];
+            let (first, count) = (chunk.first as usize, chunk.count as usize);
+            if decision.axis == Decision::TRANSFER {
+                *sides = ChunkSides::all_left(chunk.count);
+            } else {
+                let references = &references[first..first + count];
+                *sides = classify::<A>(decision, references, triangles);
             }
+            *counts = sides.counts();
+        },
+    );
+}
+
+/// The sides of the references of one chunk of a node that is split.
+#[inline]
+fn classify<A: Arithmetic>(
+    decision: &Decision,
+    references: &[Reference],
+    triangles: &[Triangle],
+) -> ChunkSides {
+    let (axis, position) = (decision.axis as usize, decision.position);
+    let mut sides = ChunkSides::default();
+    for (word, references) in references.chunks(32).enumerate() {
+        let (mut left, mut right) = (0, 0);
+        for (bit, reference) in references.iter().enumerate() {
+            left |= u32::from(goes_left(reference.lo[axis], reference.hi[axis], position)) << bit;
+            right |= u32::from(goes_right(reference.hi[axis], position)) << bit;
+        }
+        // The bounds of these straddle the plane, but what is left of the triangle may not.
+        let mut both = left & right;
+        while both != 0 {
+            let bit = both.trailing_zeros();
+            both &= both - 1;
+            let reference = &references[bit as usize];
             let corners = &triangles[reference.triangle as usize];
             let bounds = reference.bounds();
             if corners_on_both_sides(corners, &bounds, axis, position) {
                 continue;
             }
             // Nothing on either side: the old bounds held more than the triangle, and it ends here.
-            let [left, right] = clip::<A>(corners, &bounds, axis, position);
-            if left.is_empty() {
-                *side &= !LEFT;
-                counts.left -= 1;
-            }
-            if right.is_empty() {
-                *side &= !RIGHT;
-                counts.right -= 1;
-            }
+            let parts = clip::<A>(corners, &bounds, axis, position);
+            left &= !(u32::from(parts[0].is_empty()) << bit);
+            right &= !(u32::from(parts[1].is_empty()) << bit);
         }
-    });
+        (sides.left[word], sides.right[word]) = (left, right);
+    }
+    sides
 }

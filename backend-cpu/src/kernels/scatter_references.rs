@@ -6,11 +6,10 @@
 use rayon::prelude::*;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::layout::{Chunk, ChunkBounds, Decision, Reference, Sides};
+use splitplane_core::layout::{Chunk, ChunkBounds, ChunkSides, Decision, Reference, Sides};
 use splitplane_core::triangle::{Triangle, clip};
 
 use super::GRAIN;
-use super::classify_references::{LEFT, RIGHT};
 use crate::scatter::Scatter;
 
 /// What the kernel reads.
@@ -24,8 +23,8 @@ pub struct Inputs<'a> {
     pub decisions: &'a [Decision],
     /// References of the active nodes.
     pub references: &'a [Reference],
-    /// Sides of the references.
-    pub reference_sides: &'a [u8],
+    /// Sides of the references of each chunk.
+    pub reference_sides: &'a [ChunkSides],
     /// Offsets of each chunk within its node's children.
     pub chunk_counts: &'a [Sides],
     /// Corners by triangle index.
@@ -44,10 +43,11 @@ pub fn run<A: Arithmetic>(
     inputs
         .chunks
         .par_iter()
+        .zip(inputs.reference_sides)
         .zip(inputs.chunk_counts)
         .zip(chunk_bounds)
         .with_min_len(GRAIN)
-        .for_each(|((chunk, offsets), bounds)| {
+        .for_each(|(((chunk, sides), offsets), bounds)| {
             let decision = &inputs.decisions[chunk.node as usize];
             let (first, count) = (chunk.first as usize, chunk.count as usize);
             let references = &inputs.references[first..first + count];
@@ -59,9 +59,8 @@ pub fn run<A: Arithmetic>(
                 *bounds = ChunkBounds { sides: [Aabb::EMPTY; 2] };
                 return;
             }
-            let sides = &inputs.reference_sides[first..first + count];
             let (axis, position) = (decision.axis as usize, decision.position);
-            let going = |side: u8| sides.iter().filter(|&&s| s & side != 0).count();
+            let going = sides.counts();
             let place = |total: u32, first: u32, offset: u32, count: usize| {
                 let destination = if total > inputs.small_node_limit { &next } else { &small };
                 // SAFETY: `allocate_children` gives each child a range of its own in the buffer of
@@ -69,11 +68,12 @@ pub fn run<A: Arithmetic>(
                 unsafe { destination.part((first + offset) as usize, count) }
             };
             let (Sides { left, right }, to) = (decision.counts, decision.first);
-            let lefts = place(left, to.left, offsets.left, going(LEFT));
-            let rights = place(right, to.right, offsets.right, going(RIGHT));
+            let lefts = place(left, to.left, offsets.left, going.left as usize);
+            let rights = place(right, to.right, offsets.right, going.right as usize);
             let (mut next_left, mut next_right) = (0, 0);
             let mut found = [EMPTY; 2];
-            for (reference, &side) in references.iter().zip(sides) {
+            for (index, reference) in references.iter().enumerate() {
+                let goes = |words: &[u32; 8]| words[index / 32] >> (index % 32) & 1 == 1;
                 // A reference that goes to one side only may still have bounds that cross the plane:
                 // its part on the other side came out empty.
                 let crosses = reference.lo[axis] < position && position < reference.hi[axis];
@@ -84,12 +84,12 @@ pub fn run<A: Arithmetic>(
                 } else {
                     [*reference; 2]
                 };
-                if side & LEFT != 0 {
+                if goes(&sides.left) {
                     enclose(&mut found[0], &parts[0]);
                     lefts[next_left] = parts[0];
                     next_left += 1;
                 }
-                if side & RIGHT != 0 {
+                if goes(&sides.right) {
                     enclose(&mut found[1], &parts[1]);
                     rights[next_right] = parts[1];
                     next_right += 1;

@@ -190,7 +190,7 @@ impl Queries {
             self.dispatch(&mut encoder, tree, &buffers, count, options, query)?;
             let bytes = u64::from(count) * result_bytes(query);
             encoder.copy_buffer_to_buffer(&set.results, 0, &set.readback, 0, bytes);
-            gpu.queue().submit([encoder.finish()]);
+            gpu.submit([encoder.finish()])?;
             Ok(())
         })
     }

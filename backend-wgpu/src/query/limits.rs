@@ -10,7 +10,7 @@ use crate::error::GpuError;
 /// Invocations of a workgroup of `triangle_limits.wgsl`.
 const WORKGROUP: u32 = 256;
 /// Bytes of its result: four floats.
-const RESULT_BYTES: u64 = 16;
+pub(crate) const LIMITS_BYTES: u64 = 16;
 
 impl Queries {
     /// The limits of the first `count` triangles of a buffer of snapped corners, nine `f32` a
@@ -28,41 +28,60 @@ impl Queries {
             return Ok(Limits::NONE);
         }
         let gpu = self.gpu();
-        let pipeline = self.pipeline(QueryKernel::TriangleLimits)?;
         let readback = checked(gpu, "the limits of the triangles", || {
             use wgpu::BufferUsages as Usage;
-            let uniform = gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?;
-            let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
-            let limits = gpu.buffer("triangle limits", RESULT_BYTES, usage)?;
             let usage = Usage::MAP_READ | Usage::COPY_DST;
-            let readback = gpu.buffer("triangle limits, read back", RESULT_BYTES, usage)?;
-            let none = Limits::NONE;
-            let start = [none.greatest, none.least, none.longest, none.shortest];
-            gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[count, 0, 0, 0]));
-            gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
-            let entries = [triangles, &uniform, &limits].map(wgpu::Buffer::as_entire_binding);
-            let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-                label: Some("triangle_limits"),
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
-                    binding: place as u32,
-                    resource: entries[place].clone(),
-                }),
-            });
+            let readback = gpu.buffer("triangle limits, read back", LIMITS_BYTES, usage)?;
             let mut encoder = gpu.device().create_command_encoder(&Default::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&Default::default());
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &bindings, &[]);
-                let [x, y] = workgroup_grid(gpu, count.div_ceil(WORKGROUP));
-                pass.dispatch_workgroups(x, y, 1);
-            }
-            encoder.copy_buffer_to_buffer(&limits, 0, &readback, 0, RESULT_BYTES);
-            gpu.queue().submit([encoder.finish()]);
+            self.record_triangle_limits(&mut encoder, triangles, count, &readback, 0)?;
+            gpu.submit([encoder.finish()])?;
             Ok(readback)
         })?;
-        let bytes = gpu.read_mapped(&readback, RESULT_BYTES)?;
-        let word = |i: usize| bytemuck::pod_read_unaligned::<f32>(&bytes[4 * i..4 * i + 4]);
-        Ok(Limits { greatest: word(0), least: word(1), longest: word(2), shortest: word(3) })
+        Ok(limits_from(&gpu.read_mapped(&readback, LIMITS_BYTES)?))
     }
+
+    /// Records the kernel, and a copy of its result to a place in another buffer.
+    pub(crate) fn record_triangle_limits(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        triangles: &wgpu::Buffer,
+        count: u32,
+        result: &wgpu::Buffer,
+        place: u64,
+    ) -> Result<(), GpuError> {
+        use wgpu::BufferUsages as Usage;
+        let gpu = self.gpu();
+        let pipeline = self.pipeline(QueryKernel::TriangleLimits)?;
+        let uniform = gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?;
+        let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+        let limits = gpu.buffer("triangle limits", LIMITS_BYTES, usage)?;
+        let none = Limits::NONE;
+        let start = [none.greatest, none.least, none.longest, none.shortest];
+        gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[count, 0, 0, 0]));
+        gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
+        let entries = [triangles, &uniform, &limits].map(wgpu::Buffer::as_entire_binding);
+        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("triangle_limits"),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
+                binding: place as u32,
+                resource: entries[place].clone(),
+            }),
+        });
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &bindings, &[]);
+            let [x, y] = workgroup_grid(gpu, count.div_ceil(WORKGROUP));
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        encoder.copy_buffer_to_buffer(&limits, 0, result, place, LIMITS_BYTES);
+        Ok(())
+    }
+}
+
+/// Limits from the bytes of a result.
+pub(crate) fn limits_from(bytes: &[u8]) -> Limits {
+    let word = |i: usize| bytemuck::pod_read_unaligned::<f32>(&bytes[4 * i..4 * i + 4]);
+    Limits { greatest: word(0), least: word(1), longest: word(2), shortest: word(3) }
 }

@@ -8,7 +8,7 @@
 mod accelerator;
 mod batch;
 mod error;
-mod limits;
+pub(crate) mod limits;
 mod pipelines;
 mod record;
 mod scene;

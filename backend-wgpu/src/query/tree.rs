@@ -2,7 +2,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
-use splitplane_core::intersect::SceneScale;
+use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::node::KdNode;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
@@ -53,9 +53,18 @@ impl DeviceTree {
     /// # Errors
     /// Buffers larger than a binding may be, or a device that fails.
     pub fn from_parts(queries: &Queries, parts: TreeParts) -> Result<DeviceTree, GpuError> {
-        let gpu = queries.gpu();
         let limits = queries.triangle_limits(&parts.triangles, parts.triangle_count)?;
-        let scale = SceneScale::new(parts.bounds, &limits);
+        DeviceTree::with_limits(queries, parts, &limits)
+    }
+
+    /// As [`DeviceTree::from_parts`], for triangles whose limits are known.
+    pub(crate) fn with_limits(
+        queries: &Queries,
+        parts: TreeParts,
+        limits: &Limits,
+    ) -> Result<DeviceTree, GpuError> {
+        let gpu = queries.gpu();
+        let scale = SceneScale::new(parts.bounds, limits);
         let uniform = SceneUniform::from(&scale);
         let scene = checked(gpu, "the scene's uniform", || {
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
@@ -113,6 +122,11 @@ impl DeviceTree {
             })
         })?;
         DeviceTree::from_parts(queries, parts)
+    }
+
+    /// The buffers, for further use.
+    pub fn into_parts(self) -> TreeParts {
+        self.parts
     }
 
     /// The tree, read back to host memory. Waits for the device.
@@ -246,7 +260,7 @@ fn read_buffer(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, 
         let readback = gpu.buffer("tree, read back", bytes, usage)?;
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, bytes);
-        gpu.queue().submit([encoder.finish()]);
+        gpu.submit([encoder.finish()])?;
         Ok(readback)
     })?;
     gpu.read_mapped(&readback, bytes)

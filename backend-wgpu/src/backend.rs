@@ -1,0 +1,270 @@
+//! The GPU as a [`Backend`].
+
+use std::sync::{Arc, Mutex};
+
+use splitplane_core::backend::{
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary,
+};
+use splitplane_core::config::BuildConfig;
+use splitplane_core::kernel::{Buffer, Kernel};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::tree::KdTree;
+use splitplane_core::triangle::{Prepared, Triangle, prepare};
+use splitplane_core::validate::validate_mesh;
+
+use crate::build::buffers::Buffers;
+use crate::build::capacities::Capacities;
+use crate::build::executor::Looking;
+use crate::build::kernels::Kernels;
+use crate::build::pending::{Pooled, first_counters};
+use crate::build::{DeviceBuild, PendingBuild, WgpuExecutor};
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+use crate::parity::Parity;
+use crate::query::{DeviceTree, Queries, WgpuAccelerator};
+use crate::selftest;
+
+/// What a backend, its builds and its trees share.
+#[derive(Debug)]
+pub(crate) struct Shared {
+    pub gpu: Arc<Gpu>,
+    pub kernels: Kernels,
+    pub queries: Arc<Queries>,
+    pool: Mutex<Vec<Pooled>>,
+}
+
+/// Sets of build buffers kept for later: one for a build in each of two frames.
+const POOLED: usize = 2;
+
+impl Shared {
+    fn new(gpu: Gpu, kernels: Kernels) -> Shared {
+        let gpu = Arc::new(gpu);
+        let queries = Arc::new(Queries::new(Arc::clone(&gpu)));
+        Shared { gpu, kernels, queries, pool: Mutex::new(Vec::new()) }
+    }
+
+    /// Buffers of an earlier build, if there are any. A poisoned lock means that another thread
+    /// panicked; its buffers are not needed.
+    pub fn take_buffers(&self) -> Option<Pooled> {
+        self.pool.lock().ok()?.pop()
+    }
+
+    /// Keeps buffers for the next build.
+    pub fn keep_buffers(&self, pooled: Pooled) {
+        if let Ok(mut pool) = self.pool.lock()
+            && pool.len() < POOLED
+        {
+            pool.push(pooled);
+        }
+    }
+}
+
+/// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
+/// builds, pipelines compiled when they are first used.
+#[derive(Debug)]
+pub struct WgpuBackend {
+    shared: Arc<Shared>,
+    parity: Parity,
+}
+
+impl WgpuBackend {
+    /// A backend on this device. Runs a self-test: the guarded operations, a small build and some
+    /// rays, compared with the CPU's bits.
+    ///
+    /// # Errors
+    /// A device whose limits are too low, that fails, or whose trees are not valid.
+    pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
+        gpu.check_limits()?;
+        let mut backend = WgpuBackend::untested(gpu, Kernels::default());
+        backend.parity = selftest::run(&backend)?;
+        Ok(backend)
+    }
+
+    /// A backend without the self-test, which would refuse a device that builds broken trees: for
+    /// finding out what is wrong with one. Its parity is unknown, which counts as structural.
+    pub fn without_selftest(gpu: Gpu) -> WgpuBackend {
+        WgpuBackend::untested(gpu, Kernels::default())
+    }
+
+    fn untested(gpu: Gpu, kernels: Kernels) -> WgpuBackend {
+        let parity = Parity::Structural("not tested".into());
+        WgpuBackend { shared: Arc::new(Shared::new(gpu, kernels)), parity }
+    }
+
+    /// A backend in which one build kernel has another text, without a self-test: for tests that
+    /// plant faults.
+    #[doc(hidden)]
+    pub fn with_replaced_kernel(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
+        WgpuBackend::untested(gpu, Kernels::with_replaced(kernel, source))
+    }
+
+    /// What the self-test found.
+    pub fn parity(&self) -> &Parity {
+        &self.parity
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Gpu {
+        &self.shared.gpu
+    }
+
+    /// Queries on this device, for trees built or loaded here.
+    pub fn queries(&self) -> &Arc<Queries> {
+        &self.shared.queries
+    }
+
+    /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, but for
+    /// scenes that outgrow the room estimated for them.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn build_on_device(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<DeviceBuild, BuildError> {
+        self.submit_build(mesh, options)?.wait()
+    }
+
+    /// Sends the mesh, submits the build and returns at once; [`PendingBuild::poll`] gives the tree
+    /// when it is done. Trees built before can be queried meanwhile.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn submit_build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<PendingBuild, BuildError> {
+        PendingBuild::submit(Arc::clone(&self.shared), mesh, options, false, false)
+    }
+
+    /// As [`WgpuBackend::build_on_device`], with the time of every kernel where the device has
+    /// timestamps. Slower: each dispatch is a pass of its own.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn build_profiled(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<DeviceBuild, BuildError> {
+        PendingBuild::submit(Arc::clone(&self.shared), mesh, options, false, true)?.wait()
+    }
+
+    /// Gives the buffers of a tree that is no longer needed to the next build. Whoever rebuilds every
+    /// frame saves their allocation. Commands that read the tree must have been submitted before.
+    pub fn recycle(&self, tree: DeviceTree) {
+        if let Some(mut pooled) = self.shared.take_buffers() {
+            let parts = tree.into_parts();
+            pooled.buffers.put(Buffer::Nodes, parts.nodes);
+            pooled.buffers.put(Buffer::LeafReferences, parts.leaf_references);
+            pooled.buffers.put(Buffer::Triangles, parts.triangles);
+            self.shared.keep_buffers(pooled);
+        }
+    }
+
+    /// Builds a tree on the device, with copies of tree and corners in host memory; the accelerator
+    /// by its own type.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn build_accelerator(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<WgpuAccelerator, BuildError> {
+        let pending = PendingBuild::submit(Arc::clone(&self.shared), mesh, options, true, false)?;
+        // Meanwhile the device builds.
+        let triangles = (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
+        let built = pending.wait()?;
+        let tree = built.host_tree.expect("a build for the host reads the tree back");
+        let queries = Arc::clone(&self.shared.queries);
+        Ok(WgpuAccelerator::new(queries, built.tree, tree, triangles, built.summary))
+    }
+
+    /// Calls `run` with an executor over fresh buffers that submits every step and can be looked at
+    /// in between: for [`splitplane_core::lockstep::Lockstep`]. The buffers have room for whatever
+    /// the configuration allows, within the limits of the device.
+    ///
+    /// # Errors
+    /// A configuration out of range, or a device that cannot hold the scene.
+    pub fn with_executor<T>(
+        &self,
+        mesh: &Mesh<'_>,
+        config: &BuildConfig,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, BuildError> {
+        config.validate()?;
+        let gpu = &self.shared.gpu;
+        let triangles = mesh.len() as u32;
+        let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
+        let mut buffers = Buffers::new(gpu)?;
+        buffers.reserve(gpu, &capacities, false)?;
+        let first_index = buffers.upload(gpu, mesh)?;
+        buffers.write_parameters(gpu, &capacities.parameters(config, first_index));
+        let counters = first_counters(triangles);
+        let bytes = bytemuck::bytes_of(&counters);
+        gpu.queue().write_buffer(buffers.get(Buffer::Counters), 0, bytes);
+        let kernels = &self.shared.kernels;
+        let executor = WgpuExecutor::new(gpu, kernels, &mut buffers, capacities, Looking::Always);
+        Ok(run(executor))
+    }
+}
+
+impl Backend for WgpuBackend {
+    fn describe(&self) -> BackendInfo {
+        let info = self.shared.gpu.info();
+        let driver = format!("{} {}", info.driver, info.driver_info);
+        BackendInfo {
+            name: "wgpu".into(),
+            adapter: Some(info.name.clone()),
+            threads: None,
+            detail: format!(
+                "{}, driver {}, parity {}",
+                info.backend.to_str(),
+                driver.trim(),
+                self.parity.name()
+            ),
+        }
+    }
+
+    /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree.
+    fn build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        Ok(Box::new(self.build_accelerator(mesh, options)?))
+    }
+
+    fn load(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let wrong = |reason: String| BuildError::WrongMesh { reason };
+        validate_mesh(&tree.view(), mesh).map_err(|violation| wrong(violation.to_string()))?;
+        // Corners on the device and on the host, the tree on the device.
+        let needed = 2 * (mesh.len() * size_of::<Triangle>()) as u64
+            + (8 * tree.nodes.len() + 4 * tree.references.len()) as u64;
+        if let Some(limit) = options.max_memory
+            && needed > limit
+        {
+            return Err(BuildError::OutOfMemory { needed, limit });
+        }
+        let mut summary =
+            BuildSummary { triangles: mesh.len() as u32, peak_bytes: needed, ..Default::default() };
+        let triangles = (0..mesh.len())
+            .map(|i| {
+                let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(i));
+                summary.dropped += u32::from(!kept);
+                summary.snapped += u32::from(snapped);
+                corners
+            })
+            .collect();
+        let queries = Arc::clone(&self.shared.queries);
+        Ok(Box::new(WgpuAccelerator::upload(queries, tree, triangles, summary)?))
+    }
+}

@@ -1,0 +1,167 @@
+//! The buffers of one build on the device, kept between builds.
+
+use splitplane_core::kernel::Buffer;
+use splitplane_core::layout::Parameters;
+use splitplane_core::mesh::Mesh;
+use wgpu::BufferUsages as Usage;
+
+use super::capacities::Capacities;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// Small roots of one dispatch: what a device builds well below any watchdog's patience.
+pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
+
+/// What is read back after a build, by its place in the one buffer that is mapped: counters, the
+/// root's node, the limits of the triangles, then nodes and references where the host wants them.
+pub(crate) mod readback {
+    /// Where the root's node stands.
+    pub const ROOT: u64 = 64;
+    /// Where the limits of the triangles stand.
+    pub const LIMITS: u64 = 128;
+    /// Where the tree begins; all before is always read.
+    pub const TREE: u64 = 256;
+}
+
+/// What kernels share, by [`Buffer`]. Buffers only grow.
+#[derive(Debug)]
+pub(crate) struct Buffers {
+    buffers: Vec<Option<wgpu::Buffer>>,
+    pub parameters: wgpu::Buffer,
+    /// Bytes between two blocks of parameters.
+    pub stride: u64,
+    /// What is mapped after the build.
+    pub readback: wgpu::Buffer,
+    blocks: u32,
+}
+
+/// Blocks of parameters before those of slices: for lists as they are, and for lists that have changed
+/// places.
+const WHOLE_BLOCKS: u32 = 2;
+
+const READBACK: Usage = Usage::COPY_DST.union(Usage::MAP_READ);
+
+impl Buffers {
+    /// No buffers yet but the small ones.
+    pub fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
+        let alignment = u64::from(gpu.device().limits().min_uniform_buffer_offset_alignment);
+        let stride = (size_of::<Parameters>() as u64).next_multiple_of(alignment.max(16));
+        Ok(Buffers {
+            buffers: vec![None; Buffer::Counters as usize + 1],
+            parameters: gpu.buffer("parameters", 2 * stride, Usage::UNIFORM | Usage::COPY_DST)?,
+            stride,
+            readback: gpu.buffer("readback", readback::TREE, READBACK)?,
+            blocks: 2,
+        })
+    }
+
+    /// A buffer of the schedule. Those that share a storage share a buffer.
+    ///
+    /// # Panics
+    /// Before [`Buffers::reserve`].
+    pub fn get(&self, buffer: Buffer) -> &wgpu::Buffer {
+        self.buffers[buffer.storage() as usize].as_ref().expect("reserved before use")
+    }
+
+    /// Takes a buffer out: the finished tree keeps it.
+    ///
+    /// # Panics
+    /// Before [`Buffers::reserve`].
+    pub fn take(&mut self, buffer: Buffer) -> wgpu::Buffer {
+        self.buffers[buffer.storage() as usize].take().expect("reserved before use")
+    }
+
+    /// Puts a buffer in, to be used again.
+    pub fn put(&mut self, buffer: Buffer, held: wgpu::Buffer) {
+        self.buffers[buffer.storage() as usize] = Some(held);
+    }
+
+    /// Exchanges two buffers.
+    pub fn swap(&mut self, a: Buffer, b: Buffer) {
+        self.buffers.swap(a.storage() as usize, b.storage() as usize);
+    }
+
+    /// Makes room; for the tree in what is mapped too when the host wants it. Contents of buffers
+    /// that grow are lost.
+    pub fn reserve(
+        &mut self,
+        gpu: &Gpu,
+        capacities: &Capacities,
+        tree_to_host: bool,
+    ) -> Result<(), GpuError> {
+        let tree = capacities.bytes_of(Buffer::Nodes) + capacities.bytes_of(Buffer::LeafReferences);
+        let bytes = readback::TREE + if tree_to_host { tree } else { 0 };
+        if self.readback.size() < bytes {
+            self.readback = gpu.buffer("readback", bytes, READBACK)?;
+        }
+        for buffer in Capacities::BUFFERS {
+            self.grow(gpu, buffer, capacities.bytes_of(buffer))?;
+        }
+        self.grow(gpu, Buffer::Counters, 64)?;
+        let slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
+        let blocks = WHOLE_BLOCKS + slices;
+        if self.blocks < blocks {
+            let bytes = u64::from(blocks) * self.stride;
+            self.parameters = gpu.buffer("parameters", bytes, Usage::UNIFORM | Usage::COPY_DST)?;
+            self.blocks = blocks;
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, gpu: &Gpu, buffer: Buffer, bytes: u64) -> Result<(), GpuError> {
+        let slot = &mut self.buffers[buffer.storage() as usize];
+        if slot.as_ref().is_none_or(|held| held.size() < bytes) {
+            // The old one goes first: both may not fit.
+            *slot = None;
+            let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+            *slot = Some(gpu.buffer(&format!("{buffer:?}"), bytes, usage)?);
+        }
+        Ok(())
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.iter().flatten().chain([&self.readback]).map(wgpu::Buffer::size).sum()
+    }
+
+    /// Sends the mesh, and returns the word where its indices begin: `u32::MAX` for a soup.
+    pub fn upload(&mut self, gpu: &Gpu, mesh: &Mesh<'_>) -> Result<u32, GpuError> {
+        let (positions, indices) = mesh.arrays();
+        let positions: &[u8] = bytemuck::cast_slice(positions);
+        let indices: Option<&[u8]> = indices.map(bytemuck::cast_slice);
+        let bytes = positions.len() + indices.map_or(0, <[u8]>::len);
+        self.grow(gpu, Buffer::Input, bytes as u64)?;
+        let input = self.get(Buffer::Input);
+        gpu.queue().write_buffer(input, 0, positions);
+        let Some(indices) = indices else { return Ok(u32::MAX) };
+        gpu.queue().write_buffer(input, positions.len() as u64, indices);
+        Ok((positions.len() / 4) as u32)
+    }
+
+    /// Writes parameters for whole grids and for every slice.
+    pub fn write_parameters(&self, gpu: &Gpu, parameters: &Parameters) {
+        let mut bytes = vec![0; (u64::from(self.blocks) * self.stride) as usize];
+        for block in 0..self.blocks {
+            let slice = block.checked_sub(WHOLE_BLOCKS);
+            let here = Parameters {
+                swapped: u32::from(block == 1),
+                first: slice.map_or(0, |slice| slice * ROOTS_A_SLICE),
+                count: slice.map_or(u32::MAX, |_| ROOTS_A_SLICE),
+                ..*parameters
+            };
+            let at = (u64::from(block) * self.stride) as usize;
+            bytes[at..at + size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&here));
+        }
+        gpu.queue().write_buffer(&self.parameters, 0, &bytes);
+    }
+
+    /// Where the parameters of a whole grid begin.
+    pub fn whole(&self, swapped: bool) -> u32 {
+        (u64::from(swapped) * self.stride) as u32
+    }
+
+    /// Where the parameters of a slice of a grid begin.
+    pub fn slice(&self, slice: u32) -> u32 {
+        (u64::from(WHOLE_BLOCKS + slice) * self.stride) as u32
+    }
+}

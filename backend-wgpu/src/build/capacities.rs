@@ -1,0 +1,292 @@
+//! How much room each list gets, before it is known how long it becomes.
+
+use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::kernel::{Buffer, Counter, Overflow};
+use splitplane_core::layout::{Counters, Parameters};
+
+use crate::error::GpuError;
+
+/// Room in elements for everything that grows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Capacities {
+    pub triangles: u32,
+    pub chunks: u32,
+    pub nodes: u32,
+    pub references: u32,
+    pub small_roots: u32,
+    pub small_references: u32,
+    pub top_nodes: u32,
+    pub levels: u32,
+    pub tree_nodes: u32,
+    pub leaf_references: u32,
+}
+
+/// `count * numerator / denominator + slack`, at most `u32::MAX`.
+fn share(count: u32, numerator: u64, denominator: u64, slack: u64) -> u32 {
+    u32::try_from(u64::from(count) * numerator / denominator + slack).unwrap_or(u32::MAX)
+}
+
+impl Capacities {
+    /// What nearly all scenes need. The greatest per triangle seen over scanned, built and random
+    /// scenes: 1.23 active references, 2.5 references of small roots, 1 small root for 17
+    /// triangles, 1 top node for 6, 0.7 nodes, 3.1 references of the tree.
+    pub fn estimate(triangles: u32, config: &BuildConfig) -> Capacities {
+        Capacities {
+            triangles,
+            chunks: 0,
+            nodes: 0,
+            references: share(triangles, 3, 2, 4096),
+            small_roots: share(triangles, 1, 12, 1024),
+            small_references: share(triangles, 3, 1, 4096),
+            top_nodes: share(triangles, 1, 4, 4096),
+            levels: config.max_depth + 2,
+            tree_nodes: share(triangles, 1, 1, 8192),
+            leaf_references: share(triangles, 7, 2, 8192),
+        }
+        .with_bounds(config)
+    }
+
+    /// What no scene outgrows before a cap of the configuration binds, but for the tree itself.
+    pub fn roomy(triangles: u32, config: &BuildConfig) -> Capacities {
+        let references = config.reference_cap(triangles);
+        Capacities {
+            references,
+            small_roots: config.node_cap(triangles),
+            small_references: references,
+            top_nodes: config.node_cap(triangles).saturating_add(16),
+            tree_nodes: references,
+            leaf_references: references.saturating_mul(2),
+            ..Capacities::estimate(triangles, config)
+        }
+        .with_bounds(config)
+    }
+
+    /// Large nodes have more than T references each, and a node's last chunk alone may be short: that
+    /// bounds both lists.
+    fn with_bounds(mut self, config: &BuildConfig) -> Capacities {
+        self.nodes = self.references / (config.small_node_limit + 1) + 1;
+        let chunks = (self.references / CHUNK).saturating_add(self.nodes);
+        self.chunks = chunks.max(self.triangles.div_ceil(CHUNK)).max(1);
+        self
+    }
+
+    /// Room for what a build turned out to need, and at least twice the room of what overflowed,
+    /// since it stopped there.
+    #[must_use]
+    pub fn grown(mut self, counters: &Counters, config: &BuildConfig) -> Capacities {
+        let overflow = counters[Counter::Overflow];
+        let grow = |room: &mut u32, bit: Overflow, needed: u32| {
+            if overflow & bit as u32 != 0 {
+                *room = room.saturating_mul(2).max(needed);
+            }
+        };
+        // Active and next may have changed places: the greater one overflowed.
+        let references = counters[Counter::NextReferences].max(counters[Counter::ActiveReferences]);
+        grow(&mut self.references, Overflow::References, references);
+        grow(&mut self.references, Overflow::Nodes, 0);
+        grow(&mut self.references, Overflow::Chunks, 0);
+        grow(&mut self.small_roots, Overflow::SmallRoots, counters[Counter::SmallRoots]);
+        let small_references = counters[Counter::SmallReferences];
+        grow(&mut self.small_references, Overflow::SmallReferences, small_references);
+        grow(&mut self.top_nodes, Overflow::TopNodes, counters[Counter::TopNodes]);
+        grow(&mut self.levels, Overflow::Levels, counters[Counter::Levels]);
+        grow(&mut self.tree_nodes, Overflow::TreeNodes, counters[Counter::Nodes]);
+        let leaf_references = counters[Counter::LeafReferences];
+        grow(&mut self.leaf_references, Overflow::LeafReferences, leaf_references);
+        self.with_bounds(config)
+    }
+
+    /// The greater room of each kind.
+    #[must_use]
+    pub fn union(self, other: Capacities) -> Capacities {
+        Capacities {
+            triangles: self.triangles.max(other.triangles),
+            chunks: self.chunks.max(other.chunks),
+            nodes: self.nodes.max(other.nodes),
+            references: self.references.max(other.references),
+            small_roots: self.small_roots.max(other.small_roots),
+            small_references: self.small_references.max(other.small_references),
+            top_nodes: self.top_nodes.max(other.top_nodes),
+            levels: self.levels.max(other.levels),
+            tree_nodes: self.tree_nodes.max(other.tree_nodes),
+            leaf_references: self.leaf_references.max(other.leaf_references),
+        }
+    }
+
+    /// Elements of a buffer.
+    pub fn of(&self, buffer: Buffer) -> u32 {
+        match buffer {
+            Buffer::Input | Buffer::Counters => 1,
+            Buffer::Triangles => self.triangles,
+            Buffer::References | Buffer::NextReferences => self.references,
+            Buffer::SmallReferences => self.small_references,
+            Buffer::ActiveNodes | Buffer::NextNodes | Buffer::NodeBounds | Buffer::Decisions => {
+                self.nodes
+            }
+            Buffer::Chunks
+            | Buffer::ChunkCounts
+            | Buffer::ChunkBounds
+            | Buffer::ChunkState
+            | Buffer::ReferenceSides => self.chunks,
+            Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => self.top_nodes,
+            Buffer::LevelStarts => self.levels,
+            Buffer::SmallRoots | Buffer::SmallSizes => self.small_roots,
+            Buffer::Nodes => self.tree_nodes,
+            Buffer::LeafReferences => self.leaf_references,
+        }
+    }
+
+    /// Bytes of a buffer.
+    pub fn bytes_of(&self, buffer: Buffer) -> u64 {
+        u64::from(self.of(buffer)) * buffer.element_size() as u64
+    }
+
+    /// The buffers that grow, each storage once.
+    pub const BUFFERS: [Buffer; 18] = [
+        Buffer::Triangles,
+        Buffer::References,
+        Buffer::NextReferences,
+        Buffer::SmallReferences,
+        Buffer::ActiveNodes,
+        Buffer::NextNodes,
+        Buffer::NodeBounds,
+        Buffer::Chunks,
+        Buffer::ChunkState,
+        Buffer::Decisions,
+        Buffer::TopNodes,
+        Buffer::LevelStarts,
+        Buffer::SmallRoots,
+        Buffer::SmallSizes,
+        Buffer::TopSizes,
+        Buffer::TopAddresses,
+        Buffer::Nodes,
+        Buffer::LeafReferences,
+    ];
+
+    /// Bytes of all buffers.
+    pub fn bytes(&self) -> u64 {
+        Capacities::BUFFERS.iter().map(|&buffer| self.bytes_of(buffer)).sum()
+    }
+
+    /// Rooms no larger than a device can bind. An estimate that is cut may still suffice; what grew
+    /// because it did not (`needed`) may not be cut.
+    ///
+    /// # Errors
+    /// A room that is needed and cannot be had.
+    pub fn within(
+        mut self,
+        limits: &wgpu::Limits,
+        needed: Option<&Capacities>,
+        config: &BuildConfig,
+    ) -> Result<Capacities, GpuError> {
+        let (limit, name) = binding_limit(limits);
+        let most = |buffer: Buffer| {
+            u32::try_from(limit / buffer.element_size() as u64).unwrap_or(u32::MAX)
+        };
+        let rooms: [(&mut u32, Buffer); 7] = [
+            (&mut self.references, Buffer::References),
+            (&mut self.small_roots, Buffer::SmallRoots),
+            (&mut self.small_references, Buffer::SmallReferences),
+            (&mut self.top_nodes, Buffer::TopNodes),
+            (&mut self.tree_nodes, Buffer::Nodes),
+            (&mut self.leaf_references, Buffer::LeafReferences),
+            (&mut self.triangles, Buffer::Triangles),
+        ];
+        for (room, buffer) in rooms {
+            let needed = match buffer {
+                Buffer::Triangles => *room,
+                _ => needed.map_or(0, |needed| needed.of(buffer)),
+            };
+            if needed > most(buffer) {
+                return Err(GpuError::Limit {
+                    what: format!("the buffer of {buffer:?} for this scene"),
+                    limit: name,
+                    needed: u64::from(needed) * buffer.element_size() as u64,
+                    allowed: limit,
+                });
+            }
+            *room = (*room).min(most(buffer));
+        }
+        Ok(self.with_bounds(config))
+    }
+
+    /// The parameters that kernels read.
+    pub fn parameters(&self, config: &BuildConfig, first_index: u32) -> Parameters {
+        Parameters {
+            zero: 0,
+            swapped: 0,
+            first: 0,
+            count: u32::MAX,
+            traversal_cost: config.traversal_cost,
+            intersection_cost: config.intersection_cost,
+            block_width: config.block_width,
+            small_node_limit: config.small_node_limit,
+            empty_cutoff: config.empty_cutoff,
+            max_depth: config.max_depth,
+            reference_cap: config.reference_cap(self.triangles),
+            node_cap: config.node_cap(self.triangles),
+            first_index,
+            chunk_room: self.chunks,
+            node_room: self.nodes,
+            reference_room: self.references,
+            small_root_room: self.small_roots,
+            small_reference_room: self.small_references,
+            top_node_room: self.top_nodes,
+            level_room: self.levels,
+            tree_node_room: self.tree_nodes,
+            leaf_reference_room: self.leaf_references,
+            padding: [0; 2],
+        }
+    }
+}
+
+/// The greatest size of a storage buffer, and the limit that says so.
+pub(crate) fn binding_limit(limits: &wgpu::Limits) -> (u64, &'static str) {
+    let binding = u64::from(limits.max_storage_buffer_binding_size);
+    if binding <= limits.max_buffer_size {
+        (binding, "max_storage_buffer_binding_size")
+    } else {
+        (limits.max_buffer_size, "max_buffer_size")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn default_limits_hold_a_million_triangles() {
+        let config = BuildConfig::default();
+        let estimate = Capacities::estimate(1_016_615, &config);
+        let limits = wgpu::Limits::default();
+        assert_eq!(estimate.within(&limits, None, &config).unwrap(), estimate);
+        for buffer in Capacities::BUFFERS {
+            assert!(estimate.bytes_of(buffer) <= binding_limit(&limits).0, "{buffer:?}");
+        }
+    }
+
+    #[test]
+    fn what_overflowed_grows_and_nothing_else() {
+        let config = BuildConfig::default();
+        let estimate = Capacities::estimate(1000, &config);
+        let mut counters = Counters::default();
+        counters[Counter::Overflow] = Overflow::TopNodes as u32;
+        counters[Counter::TopNodes] = 1;
+        let grown = estimate.grown(&counters, &config);
+        assert_eq!(grown, Capacities { top_nodes: 2 * estimate.top_nodes, ..estimate });
+    }
+
+    #[test]
+    fn a_room_that_cannot_be_had_is_named() {
+        let config = BuildConfig::default();
+        let limits = wgpu::Limits::default();
+        let mut needed = Capacities::estimate(1000, &config);
+        needed.small_references = 5_000_000;
+        let error = needed.within(&limits, Some(&needed), &config).unwrap_err();
+        let GpuError::Limit { limit, needed, allowed, .. } = error else { panic!("{error}") };
+        assert_eq!(
+            (limit, needed, allowed),
+            ("max_storage_buffer_binding_size", 160_000_000, 128 << 20)
+        );
+    }
+}

@@ -1,0 +1,12 @@
+//! Building trees on a device: the schedule's executor and what it works on.
+
+pub(crate) mod buffers;
+pub(crate) mod capacities;
+pub mod executor;
+pub(crate) mod kernels;
+pub mod pending;
+pub mod profile;
+
+pub use executor::WgpuExecutor;
+pub use pending::{DeviceBuild, Effort, PendingBuild};
+pub use profile::KernelTime;

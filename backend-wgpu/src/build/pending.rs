@@ -1,0 +1,335 @@
+//! A build under way: submitted, and asked for later.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+
+use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
+use splitplane_core::intersect::Limits;
+use splitplane_core::kernel::{Buffer, Counter};
+use splitplane_core::layout::{Counters, LargeNode};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::node::KdNode;
+use splitplane_core::schedule;
+use splitplane_core::tree::KdTree;
+
+use super::buffers::{Buffers, readback};
+use super::capacities::Capacities;
+use super::executor::{Looking, WgpuExecutor, counters_from};
+use super::profile::{KernelTime, Profile};
+use crate::backend::Shared;
+use crate::error::GpuError;
+use crate::query::limits::limits_from;
+use crate::query::{DeviceTree, TreeParts};
+
+/// A finished build: the tree on the device, and what the host knows of it.
+#[derive(Debug)]
+#[non_exhaustive]
+pub struct DeviceBuild {
+    /// The tree, ready for rays.
+    pub tree: DeviceTree,
+    /// What the build dropped, changed and took.
+    pub summary: BuildSummary,
+    /// What it asked of the device.
+    pub effort: Effort,
+    /// The time of each kernel, when asked for and when the device can tell.
+    pub times: Option<Vec<KernelTime>>,
+    /// The tree in host memory, where the host wanted it.
+    pub(crate) host_tree: Option<KdTree>,
+}
+
+/// What a build asked of the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Effort {
+    /// Submissions: one for a build that fits its capacities.
+    pub submissions: u32,
+    /// Times that the host waited for bytes of the device.
+    pub readbacks: u32,
+    /// Dispatches.
+    pub dispatches: u32,
+    /// Builds begun again with more room.
+    pub repeats: u32,
+}
+
+/// A build that was submitted and may not be done. Old trees can be queried meanwhile: no buffer of
+/// theirs is touched.
+#[derive(Debug)]
+pub struct PendingBuild {
+    shared: Arc<Shared>,
+    buffers: Option<Buffers>,
+    options: BuildOptions,
+    capacities: Capacities,
+    first_index: u32,
+    input_bytes: u64,
+    tree_to_host: bool,
+    swapped: bool,
+    mapped: Arc<AtomicU8>,
+    profile: Option<Profile>,
+    effort: Effort,
+}
+
+/// States of the mapping that a callback reports.
+const WAITING: u8 = 0;
+const MAPPED: u8 = 1;
+const FAILED: u8 = 2;
+
+impl PendingBuild {
+    /// Sends the mesh and submits the build.
+    pub(crate) fn submit(
+        shared: Arc<Shared>,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        tree_to_host: bool,
+        profiled: bool,
+    ) -> Result<PendingBuild, BuildError> {
+        options.config.validate()?;
+        let gpu = &shared.gpu;
+        let triangles = mesh.len() as u32;
+        let pooled = shared.take_buffers();
+        let mut capacities = Capacities::estimate(triangles, &options.config);
+        let mut levels = options.config.max_depth + 1;
+        let buffers = match pooled {
+            Some(pooled) => {
+                // Rooms that an earlier build needed are there already.
+                capacities = capacities.union(pooled.capacities);
+                capacities.triangles = triangles;
+                if pooled.triangles == triangles {
+                    levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
+                }
+                pooled.buffers
+            }
+            None => Buffers::new(gpu)?,
+        };
+        let mut pending = PendingBuild {
+            profile: profiled.then(|| Profile::new(gpu)).flatten(),
+            buffers: Some(buffers),
+            options: *options,
+            capacities,
+            first_index: 0,
+            input_bytes: 0,
+            tree_to_host,
+            swapped: false,
+            mapped: Arc::new(AtomicU8::new(WAITING)),
+            effort: Effort::default(),
+            shared,
+        };
+        pending.reserve(None)?;
+        let shared = Arc::clone(&pending.shared);
+        let buffers = pending.buffers.as_mut().expect("until finished");
+        pending.first_index = buffers.upload(&shared.gpu, mesh)?;
+        pending.input_bytes = buffers.get(Buffer::Input).size();
+        pending.begin(levels)?;
+        Ok(pending)
+    }
+
+    /// Makes room, within what device and caller allow.
+    fn reserve(&mut self, needed: Option<&Capacities>) -> Result<(), BuildError> {
+        let gpu = &self.shared.gpu;
+        let limits = gpu.device().limits();
+        self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
+        if let Some(limit) = self.options.max_memory {
+            let needed = self.capacities.bytes() + self.input_bytes;
+            if needed > limit {
+                return Err(BuildError::OutOfMemory { needed, limit });
+            }
+        }
+        let buffers = self.buffers.as_mut().expect("until finished");
+        Ok(buffers.reserve(gpu, &self.capacities, self.tree_to_host)?)
+    }
+
+    /// Records and submits a build from its start.
+    fn begin(&mut self, levels: u32) -> Result<(), BuildError> {
+        let shared = Arc::clone(&self.shared);
+        let buffers = self.buffers.as_mut().expect("until finished");
+        let parameters = self.capacities.parameters(&self.options.config, self.first_index);
+        buffers.write_parameters(&shared.gpu, &parameters);
+        let counters = first_counters(self.capacities.triangles);
+        shared.gpu.queue().write_buffer(
+            buffers.get(Buffer::Counters),
+            0,
+            bytemuck::bytes_of(&counters),
+        );
+        self.record(levels, true)
+    }
+
+    /// Records the schedule, all of it or the rest, and asks for what must be read back.
+    fn record(&mut self, levels: u32, from_start: bool) -> Result<(), BuildError> {
+        let shared = Arc::clone(&self.shared);
+        let (gpu, kernels) = (&shared.gpu, &shared.kernels);
+        let buffers = self.buffers.as_mut().expect("until finished");
+        let looking = Looking::Never(levels);
+        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking);
+        if let Some(profile) = &mut self.profile {
+            executor = executor.profiled(profile);
+        }
+        if from_start {
+            schedule::build(&mut executor)?;
+        } else {
+            executor = executor.resumed(self.swapped);
+            schedule::resume(&mut executor)?;
+        }
+        let triangles = self.capacities.triangles;
+        if triangles > 0 {
+            executor.record_limits(&shared.queries, triangles)?;
+        }
+        executor.read_back(self.tree_to_host);
+        executor.submit()?;
+        self.effort.dispatches += executor.dispatches();
+        self.effort.submissions += 1;
+        self.swapped = executor.swapped();
+        self.mapped = Arc::new(AtomicU8::new(WAITING));
+        let mapped = Arc::clone(&self.mapped);
+        let buffers = self.buffers.as_ref().expect("until finished");
+        buffers.readback.map_async(wgpu::MapMode::Read, .., move |result| {
+            mapped.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+        });
+        Ok(())
+    }
+
+    /// The tree if the device is done; `None` if it is not, or if it turned out that more must be
+    /// submitted, which this does. Never waits.
+    ///
+    /// # Errors
+    /// The device's, or a limit that binds. After an error, and after the tree was given, there is
+    /// nothing more to ask for.
+    ///
+    /// # Panics
+    /// After the tree was given.
+    pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
+        self.shared.gpu.poll()?;
+        match self.mapped.load(Ordering::Acquire) {
+            WAITING => Ok(None),
+            MAPPED => self.look(),
+            _ => Err(GpuError::Refused("what the build wrote cannot be read".into()).into()),
+        }
+    }
+
+    /// Waits until the device is done.
+    ///
+    /// # Errors
+    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out.
+    pub fn wait(mut self) -> Result<DeviceBuild, BuildError> {
+        loop {
+            self.shared.gpu.wait()?;
+            if let Some(built) = self.poll()? {
+                return Ok(built);
+            }
+        }
+    }
+
+    /// Reads what came back: done, or once more.
+    fn look(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
+        self.effort.readbacks += 1;
+        let config = self.options.config;
+        let readback = self.buffers.as_ref().expect("until finished").readback.clone();
+        let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
+        let head = readback.get_mapped_range(..readback::TREE).map_err(refused)?.to_vec();
+        let counters = counters_from(&head, self.swapped);
+        if counters[Counter::Overflow] != 0 {
+            readback.unmap();
+            let grown = self.capacities.grown(&counters, &config);
+            self.capacities = grown;
+            self.reserve(Some(&grown))?;
+            self.effort.repeats += 1;
+            self.begin(config.max_depth + 1)?;
+            return Ok(None);
+        }
+        if counters[Counter::ActiveNodes] > 0 {
+            readback.unmap();
+            self.record(config.max_depth + 1, false)?;
+            return Ok(None);
+        }
+        let (nodes, references) = (counters[Counter::Nodes], counters[Counter::LeafReferences]);
+        if nodes > KdNode::MAX_INDEX {
+            let (nodes, references) = (u64::from(nodes), u64::from(references));
+            return Err(BuildError::TooLarge { nodes, references });
+        }
+        let root_at = readback::ROOT as usize;
+        let root: LargeNode = bytemuck::pod_read_unaligned(&head[root_at..root_at + 64]);
+        let bounds = root.cell();
+        let triangles = self.capacities.triangles;
+        let host_tree = if self.tree_to_host {
+            let nodes_end = readback::TREE + 8 * u64::from(nodes);
+            let at = readback::TREE + self.capacities.bytes_of(Buffer::Nodes);
+            let view = |from: u64, to: u64| {
+                readback.get_mapped_range(from..to).map(|view| view.to_vec()).map_err(refused)
+            };
+            let node_bytes = view(readback::TREE, nodes_end)?;
+            let reference_bytes =
+                if references > 0 { view(at, at + 4 * u64::from(references))? } else { Vec::new() };
+            Some(KdTree {
+                nodes: bytemuck::pod_collect_to_vec(&node_bytes),
+                references: bytemuck::pod_collect_to_vec(&reference_bytes),
+                bounds,
+                triangles,
+                config,
+            })
+        } else {
+            None
+        };
+        readback.unmap();
+        let times = match &self.profile {
+            Some(profile) => Some(profile.read(&self.shared.gpu)?),
+            None => None,
+        };
+        let mut buffers = self.buffers.take().expect("until finished");
+        let summary = BuildSummary {
+            triangles,
+            dropped: counters[Counter::Dropped],
+            snapped: counters[Counter::Snapped],
+            large_levels: counters[Counter::Levels],
+            small_roots: counters[Counter::SmallRoots],
+            peak_bytes: buffers.bytes(),
+        };
+        let parts = TreeParts {
+            nodes: buffers.take(Buffer::Nodes),
+            leaf_references: buffers.take(Buffer::LeafReferences),
+            triangles: buffers.take(Buffer::Triangles),
+            node_count: nodes,
+            reference_count: references,
+            triangle_count: triangles,
+            bounds,
+            config,
+        };
+        let limits = match triangles {
+            0 => Limits::NONE,
+            _ => limits_from(&head[readback::LIMITS as usize..]),
+        };
+        self.shared.keep_buffers(Pooled {
+            buffers,
+            capacities: self.capacities,
+            triangles,
+            levels: counters[Counter::Levels],
+        });
+        let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits)?;
+        let effort = self.effort;
+        Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
+    }
+
+    /// What was asked of the device so far.
+    pub fn effort(&self) -> Effort {
+        self.effort
+    }
+}
+
+/// Levels recorded beyond those of the last build of as many triangles: moving scenes change theirs
+/// little from frame to frame.
+const LEVELS_TO_SPARE: u32 = 2;
+
+/// Buffers between builds, and what the last build needed.
+#[derive(Debug)]
+pub(crate) struct Pooled {
+    pub buffers: Buffers,
+    pub capacities: Capacities,
+    pub triangles: u32,
+    pub levels: u32,
+}
+
+/// The counters that a build begins with.
+pub(crate) fn first_counters(triangles: u32) -> Counters {
+    let mut counters = Counters::default();
+    let chunks = triangles.div_ceil(splitplane_core::config::CHUNK);
+    counters[Counter::Triangles] = triangles;
+    counters[Counter::InputChunks] = chunks;
+    counters[Counter::Chunks] = chunks;
+    counters
+}

@@ -1,0 +1,223 @@
+//! What a device is asked when it is opened: the guarded operations, one small tree, a few rays, all
+//! compared with the bits of the CPU.
+
+use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::digest::Digest;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse::{Query, trace};
+use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_core::validate::validate_mesh;
+use wgpu::BufferUsages as Usage;
+
+use crate::backend::WgpuBackend;
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+use crate::parity::Parity;
+
+/// Pairs of operands that the guarded operations are tried on.
+const PAIRS: u32 = 4096;
+/// Triangles of the small build.
+const TRIANGLES: usize = 700;
+/// Rays through it.
+const RAYS: usize = 512;
+/// The digest of the small tree on the CPU; pinned by a test.
+pub const DIGEST: Digest = Digest(0x3bb2_3b4d_0a14_e334);
+
+/// Runs the self-test.
+///
+/// # Errors
+/// A device that fails, or that builds a tree that is not valid.
+pub(crate) fn run(backend: &WgpuBackend) -> Result<Parity, GpuError> {
+    let arithmetic = check_arithmetic(backend.gpu())?;
+    let tree = check_tree(backend)?;
+    Ok(match arithmetic.or(tree) {
+        None => Parity::Bitwise,
+        Some(difference) => Parity::Structural(difference),
+    })
+}
+
+/// Numbers that are the same in every run.
+struct Sequence(u32);
+
+impl Sequence {
+    fn next(&mut self) -> u32 {
+        // A permuted congruential generator: O'Neill 2014, RXS-M-XS, 32 bits.
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        let word = ((self.0 >> ((self.0 >> 28) + 4)) ^ self.0).wrapping_mul(277_803_737);
+        (word >> 22) ^ word
+    }
+
+    /// In [0, 1).
+    fn unit(&mut self) -> f32 {
+        (self.next() >> 8) as f32 / (1 << 24) as f32
+    }
+
+    /// A normal number with an exponent of at most `reach` either way.
+    fn float(&mut self, reach: u32) -> f32 {
+        let field = 127 - reach + self.next() % (2 * reach + 1);
+        f32::from_bits(self.next() & 0x807f_ffff | field << 23)
+    }
+}
+
+/// The guarded operations of one pair, in the order of the kernel.
+const OPERATIONS: [&str; 8] = [
+    "product",
+    "sum",
+    "difference",
+    "quotient",
+    "the rest of a product",
+    "the rest of a sum",
+    "x z - y z",
+    "x y + y z + z x",
+];
+
+fn expected(x: f32, y: f32) -> [u32; 8] {
+    let z = Strict::sum(x, 1.0);
+    let [xy, yz, zx] = [(x, y), (y, z), (z, x)].map(|(a, b)| Strict::product(a, b));
+    // A product that underflows leaves no rest on a device.
+    let (high, low) = Strict::two_product(x, y);
+    let rest = if flush(high) == 0.0 { 0.0 } else { low };
+    [
+        Strict::product(x, y),
+        Strict::sum(x, y),
+        Strict::difference(x, y),
+        Strict::quotient(x, y),
+        rest,
+        Strict::two_sum(x, y).1,
+        Strict::difference(Strict::product(x, z), yz),
+        Strict::sum(Strict::sum(xy, yz), zx),
+    ]
+    .map(|value| snap(value).to_bits())
+}
+
+/// The first operation whose result is not the CPU's.
+fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
+    let mut sequence = Sequence(1);
+    // Half of them near one another, where sums cancel; none whose results leave the range.
+    let pairs: Vec<[f32; 2]> = (0..PAIRS)
+        .map(|i| {
+            let reach = if i % 2 == 0 { 1 } else { 30 };
+            [sequence.float(reach), sequence.float(reach)]
+        })
+        .collect();
+    let shader = &splitplane_shaders::CHECKS[0];
+    let pipeline = gpu.pipeline(shader.name, &shader.source())?;
+    let bytes = u64::from(PAIRS) * 32;
+    let uniform = gpu.buffer("self-test", 16, Usage::UNIFORM | Usage::COPY_DST)?;
+    let operands = gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
+    let results = gpu.buffer("self-test results", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
+    let readback = gpu.buffer("self-test readback", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
+    let commands = gpu.guard(|| {
+        gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[0, PAIRS, 0, 0]));
+        gpu.queue().write_buffer(&operands, 0, bytemuck::cast_slice(&pairs));
+        let buffers = [&uniform, &operands, &results];
+        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(shader.name),
+            layout: &pipeline.get_bind_group_layout(0),
+            entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
+                binding: place as u32,
+                resource: buffers[place].as_entire_binding(),
+            }),
+        });
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(PAIRS.div_ceil(64), 1, 1);
+        }
+        encoder.copy_buffer_to_buffer(&results, 0, &readback, 0, bytes);
+        encoder.finish()
+    })?;
+    gpu.submit([commands])?;
+    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&gpu.read_mapped(&readback, bytes)?);
+    for ([x, y], found) in pairs.iter().zip(found.chunks_exact(8)) {
+        for ((name, expected), found) in OPERATIONS.iter().zip(expected(*x, *y)).zip(found) {
+            if expected != *found {
+                let [expected, found] = [expected, *found].map(f32::from_bits);
+                return Ok(Some(format!(
+                    "{name} of {x:e} and {y:e} is {found:e}, not {expected:e}"
+                )));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// The triangles of the small build: of many sizes, some clipped by many planes, some planar, some at
+/// one place.
+pub fn triangles() -> Vec<Triangle> {
+    let mut sequence = Sequence(7);
+    (0..TRIANGLES)
+        .map(|i| {
+            let centre = [sequence.unit(), sequence.unit(), sequence.unit()];
+            let size = [0.02, 0.1, 0.7][i % 3];
+            let mut corners = [[0.0; 3]; 3].map(|_: [f32; 3]| {
+                centre.map(|coordinate| coordinate + size * (sequence.unit() - 0.5))
+            });
+            if i % 7 == 0 {
+                // Planar, on one of a few heights.
+                let height = (i % 5) as f32 / 4.0;
+                corners = corners.map(|[x, y, _]| [x, y, height]);
+            }
+            if i % 11 == 0 {
+                // A hundredth of the scene, far from it in scale.
+                corners = corners.map(|corner| corner.map(|x| 0.5 + x / 128.0));
+            }
+            corners
+        })
+        .collect()
+}
+
+fn rays(triangles: &[Triangle]) -> Vec<Ray> {
+    let mut sequence = Sequence(23);
+    (0..RAYS)
+        .map(|i| {
+            let origin = [0.0; 3].map(|_: f32| 3.0 * sequence.unit() - 1.0);
+            // At a corner, at an edge, or anywhere.
+            let [a, b, _] = triangles[sequence.next() as usize % triangles.len()];
+            let target = match i % 3 {
+                0 => a,
+                1 => [0, 1, 2].map(|k| 0.5 * (a[k] + b[k])),
+                _ => [0.0; 3].map(|_: f32| sequence.unit()),
+            };
+            Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]))
+        })
+        .collect()
+}
+
+/// How the small tree, or the rays through it, differ from the CPU's.
+fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
+    let triangles = triangles();
+    let soup = Mesh::soup(&triangles).map_err(|error| GpuError::Refused(error.to_string()))?;
+    let refused =
+        |error: splitplane_core::backend::BuildError| GpuError::Refused(error.to_string());
+    let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;
+    let tree = built.tree.read(backend.gpu())?;
+    validate_mesh(&tree.view(), &soup)
+        .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
+    if tree.digest() != DIGEST {
+        return Ok(Some(format!("a small tree is {}, not {DIGEST}", tree.digest())));
+    }
+    let rays = rays(&triangles);
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let options = QueryOptions::default();
+    backend.queries().closest_hits(&built.tree, &rays, &mut hits, &options).map_err(|error| {
+        match error {
+            crate::query::DeviceQueryError::Gpu(error) => error,
+            other => GpuError::Refused(other.to_string()),
+        }
+    })?;
+    let corners: Vec<Triangle> = triangles.iter().map(|t| prepare(t).corners).collect();
+    let scale = built.tree.scene_scale();
+    for (ray, found) in rays.iter().zip(&hits) {
+        let expected =
+            trace::<Strict>(&tree.view(), &corners[..], scale, ray, &options, Query::Closest);
+        if bytemuck::bytes_of(found) != bytemuck::bytes_of(&expected) {
+            return Ok(Some(format!("the hit of {ray:?} is {found:?}, not {expected:?}")));
+        }
+    }
+    Ok(None)
+}

@@ -1,0 +1,160 @@
+//! CPU and GPU executors side by side: equal live buffers after every dispatch, equal trees at the
+//! end, with WebGPU's default limits requested.
+
+mod common;
+
+use splitplane_core::config::BuildConfig;
+use splitplane_core::kernel::Kernel;
+use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::schedule;
+use splitplane_cpu::buffers::Buffers;
+use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
+use splitplane_test_support::scenes::{self, Scene};
+use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
+
+/// Runs both executors in step; the number of dispatches that were compared.
+fn in_step(
+    backend: &WgpuBackend,
+    mesh: &Mesh<'_>,
+    config: &BuildConfig,
+) -> Result<u32, Difference> {
+    let set = InstructionSet::detect();
+    let cpu: CpuExecutor<'_> =
+        CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("memory");
+    let run = |gpu: WgpuExecutor<'_>| {
+        let mut lockstep = Lockstep::new(cpu, gpu);
+        schedule::build(&mut lockstep).map(|()| lockstep.dispatches())
+    };
+    match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
+        Ok(dispatches) => Ok(dispatches),
+        Err(LockstepError::Differs(difference)) => Err(difference),
+        Err(other) => panic!("{other}"),
+    }
+}
+
+/// Lockstep, then a build as users run it, whose digest must be the CPU's.
+fn check(backend: &WgpuBackend, scene: &Scene, config: &BuildConfig) {
+    let mesh = scene.mesh();
+    if let Err(difference) = in_step(backend, &mesh, config) {
+        panic!("{}: {difference}", scene.name);
+    }
+    let options = (*config).into();
+    let (expected, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
+    let built = backend.build_on_device(&mesh, &options).expect("a tree");
+    let found = built.tree.read(backend.gpu()).expect("a tree in host memory");
+    assert_eq!(found.digest(), expected.digest(), "{}", scene.name);
+    assert_eq!(found, expected, "{}", scene.name);
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn awkward_scenes() {
+    let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
+    for scene in scenes::awkward() {
+        check(&backend, &scene, &BuildConfig::default());
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn other_configurations() {
+    let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
+    let default = BuildConfig::default();
+    let configs = [
+        BuildConfig { traversal_cost: 3, intersection_cost: 2, block_width: 1, ..default },
+        BuildConfig { small_node_limit: 17, block_width: 7, ..default },
+        BuildConfig { small_node_limit: 1, block_width: 1, ..default },
+        BuildConfig { empty_cutoff: 1, ..default },
+        BuildConfig { empty_cutoff: 255, ..default },
+        BuildConfig { max_depth: 5, ..default },
+        BuildConfig { max_depth: 96, ..default },
+        BuildConfig { max_depth: 1, ..default },
+        BuildConfig { references_per_triangle: 1, ..default },
+        BuildConfig { nodes_per_triangle: 1, references_per_triangle: 2, ..default },
+    ];
+    let scenes = [scenes::soup(3000, 0.5, 5), scenes::fan(2500), scenes::nested_spheres()];
+    for config in configs {
+        for scene in &scenes {
+            check(&backend, scene, &config);
+        }
+    }
+}
+
+/// Caps that bind in the middle of a level, among more nodes than one workgroup takes at once.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn caps_that_bind() {
+    let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
+    let config = BuildConfig {
+        small_node_limit: 2,
+        block_width: 1,
+        nodes_per_triangle: 1,
+        references_per_triangle: 1,
+        ..BuildConfig::default()
+    };
+    // 4,096 more nodes than triangles are allowed: enough triangles to want more.
+    check(&backend, &scenes::soup(20_000, 0.02, 3), &config);
+    check(&backend, &scenes::soup(12_000, 0.4, 4), &config);
+}
+
+/// A fault in any kernel is seen, at the first dispatch of that kernel.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_named() {
+    use Kernel as K;
+    let plants = [
+        (K::TriangleBounds, "magnitude < vec3<u32>(0x800000u)", "magnitude < vec3<u32>(1u)"),
+        (K::ScanTriangles, "select(0u, 1u, kept > 0u)", "2u"),
+        (K::GatherReferences, "Reference(bounds.lo, triangle", "Reference(bounds.lo, chunk"),
+        (K::NodeBounds, "node.source + chunk, node.side", "node.source + chunk, 0u"),
+        (K::SplitLarge, "position, gap > limit)", "position, false)"),
+        (K::ChunkNodes, "count = chunks_of(active_nodes[index].count)", "count = 1u"),
+        (K::AssignChunks, "min(CHUNK, rest)", "rest"),
+        (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),
+        (K::CountChildren, "counts = total;", "counts = total.yx;"),
+        (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
+        (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
+        (K::BuildSmall, "allocated.x + 2u <= SMALL_ROOT_NODES", "allocated.x < 3u"),
+        (K::SubtreeSizes, "vec2<u32>(1u, 0u));\n        node", "vec2<u32>(2u, 0u));\n        node"),
+        (K::PreorderAddresses, "here.x + 1u", "here.x + 2u"),
+        (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
+        (
+            K::EmitSmall,
+            "put_reference(first + rank_in(mask, lane)",
+            "put_reference(first + count - 1u - rank_in(mask, lane)",
+        ),
+    ];
+    // Subnormal coordinates, planar triangles, empty space and many levels, so that each fault shows.
+    let scene = scenes::zeros_and_subnormals()
+        .joined(&scenes::grid_boxes(4), "boxes")
+        .joined(&scenes::soup(3000, 0.4, 9), "faults");
+    let gpu = common::gpu();
+    let config = BuildConfig::default();
+    let mut missed = Vec::new();
+    for (kernel, text, fault) in plants {
+        let source = splitplane_shaders::KERNELS[kernel as usize].source();
+        let planted = source.replace(text, fault);
+        assert!(planted != source, "{kernel:?}: the text to change is gone");
+        let gpu = Gpu::clone(&gpu);
+        let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
+        match in_step(&backend, &scene.mesh(), &config) {
+            Ok(_) => missed.push(format!("{kernel:?}: the fault was not seen")),
+            Err(difference) if difference.kernel == format!("{kernel:?}") => {}
+            Err(difference) => missed.push(format!("{kernel:?}: {difference}")),
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
+}
+
+/// Real scenes, where they are at hand.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn real_scenes() {
+    let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
+    for name in ["horse", "bunny", "kitchen"] {
+        if let Some(scene) = scenes::real(name) {
+            check(&backend, &scene, &BuildConfig::default());
+        }
+    }
+}

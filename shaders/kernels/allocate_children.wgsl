@@ -1,0 +1,302 @@
+// Gives children their places: next list, small list, top tree.
+// One workgroup, one invocation a node of the active list, 256 at a time.
+// Reads: active nodes, decisions with counts.
+// Writes: where each child's references go; the next list, the small list and the top tree, in the
+// order of the active list. Caps bind here, by running sums over the list: nodes beyond them are
+// transferred unsplit.
+
+@group(0) @binding(0) var<uniform> parameters: Parameters;
+@group(0) @binding(1) var<storage, read_write> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
+@group(0) @binding(3) var<storage, read_write> decisions: array<Decision>;
+@group(0) @binding(4) var<storage, read_write> next_nodes: array<LargeNode>;
+@group(0) @binding(5) var<storage, read_write> small_roots: array<SmallRoot>;
+@group(0) @binding(6) var<storage, read_write> top_nodes: array<TopNode>;
+@group(0) @binding(7) var<storage, read_write> level_starts: array<u32>;
+
+const LANES: u32 = 256u;
+
+// Running totals, as of the nodes done so far.
+var<workgroup> node_count: u32;
+var<workgroup> alive: u32;
+var<workgroup> top_count: u32;
+var<workgroup> next_count: u32;
+var<workgroup> next_reference_count: u32;
+var<workgroup> small_count: u32;
+var<workgroup> small_reference_count: u32;
+// Whether the cap on nodes may bind among these 256, so that they must be taken one by one.
+var<workgroup> one_by_one: u32;
+// By lane: nodes to emit, growth of the references; then what the caps made of them.
+var<workgroup> wanted: array<vec2<u32>, LANES>;
+var<workgroup> verdicts: array<u32, LANES>;
+
+const SPLIT: u32 = 0u;
+// The split is refused, the cuts stay.
+const REFUSED: u32 = 1u;
+// Cuts and split are refused.
+const REFUSED_ALL: u32 = 2u;
+
+// a + b, at most 2^32 - 1.
+fn saturating_sum(a: u32, b: u32) -> u32 {
+    return a + min(b, 0xffffffffu - a);
+}
+
+// The caps, node by node: one that does not fit changes what the next ones find.
+fn judge_one_by_one(count: u32) {
+    var top = top_count;
+    var sum = alive;
+    for (var i = 0u; i < count; i++) {
+        let cuts = wanted[i].x >> 1u;
+        let splits = (wanted[i].x & 1u) == 1u;
+        var emitted = 2u * cuts;
+        if top + 2u * cuts + 2u > parameters.node_cap {
+            verdicts[i] = REFUSED_ALL;
+            emitted = 0u;
+        } else {
+            verdicts[i] = REFUSED;
+            if splits {
+                sum = saturating_sum(sum, wanted[i].y);
+                if sum <= parameters.reference_cap {
+                    verdicts[i] = SPLIT;
+                    emitted += 2u;
+                }
+            }
+        }
+        top += emitted;
+    }
+    alive = sum;
+}
+
+fn interior(axis: u32, position: f32, left: u32, right: u32) -> TopNode {
+    return TopNode(axis, bitcast<u32>(position), left, right);
+}
+
+// One child: its place in the next or the small list, if it has references.
+fn place_child(
+    decision: Decision,
+    node: LargeNode,
+    cell: Aabb,
+    depth: u32,
+    top: u32,
+    side: u32,
+    index: u32,
+    first: u32,
+) {
+    let count = select(decision.counts.x, decision.counts.y, side == 1u);
+    if count == 0u {
+        return;
+    }
+    if is_large(decision, count) {
+        if index < parameters.node_room {
+            let inseparable = all(decision.counts == vec2<u32>(node.count));
+            next_nodes[index] = LargeNode(
+                cell.lo, first, cell.hi, count, top, depth, node.first_chunk, chunks_of(node.count),
+                side, select(0u, 1u, inseparable), 0u, 0u,
+            );
+        }
+    } else {
+        top_nodes[top] = TopNode(SMALL_ROOT, 0u, index, 0u);
+        if index < parameters.small_root_room {
+            small_roots[index] =
+                SmallRoot(cell.lo, first, cell.hi, count, top, depth, array<u32, 2>(0u, 0u));
+        }
+    }
+}
+
+// Whether a child goes to the next list.
+fn is_large(decision: Decision, count: u32) -> bool {
+    return decision.axis != TRANSFER && count > parameters.small_node_limit;
+}
+
+@compute @workgroup_size(256)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    opaque_zero = parameters.zero;
+    if lane == 0u {
+        node_count = active_node_count();
+        let level = counters[COUNTER_LEVELS];
+        top_count = counters[COUNTER_TOP_NODES];
+        alive = counters[COUNTER_SMALL_REFERENCES] + counters[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
+        next_count = 0u;
+        next_reference_count = 0u;
+        small_count = counters[COUNTER_SMALL_ROOTS];
+        small_reference_count = counters[COUNTER_SMALL_REFERENCES];
+        if node_count > 0u && level < parameters.level_room {
+            level_starts[level] = top_count;
+        }
+    }
+    let nodes = workgroupUniformLoad(&node_count);
+    for (var start = 0u; start < nodes; start += LANES) {
+        place_nodes(start, min(LANES, nodes - start), lane);
+    }
+    if lane == 0u {
+        // With no active nodes the next list becomes empty and all else stays.
+        counters[COUNTER_NEXT_NODES - parameters.swapped] = next_count;
+        counters[COUNTER_NEXT_REFERENCES - parameters.swapped] = next_reference_count;
+        if nodes > 0u {
+            counters[COUNTER_SMALL_ROOTS] = small_count;
+            counters[COUNTER_SMALL_REFERENCES] = small_reference_count;
+            counters[COUNTER_TOP_NODES] = top_count;
+            counters[COUNTER_LEVELS] += 1u;
+            var overflow = 0u;
+            overflow |= select(0u, OVERFLOW_NODES, next_count > parameters.node_room);
+            overflow |= select(0u, OVERFLOW_REFERENCES, next_reference_count > parameters.reference_room);
+            overflow |= select(0u, OVERFLOW_SMALL_ROOTS, small_count > parameters.small_root_room);
+            overflow |= select(0u, OVERFLOW_SMALL_REFERENCES, small_reference_count > parameters.small_reference_room);
+            overflow |= select(0u, OVERFLOW_TOP_NODES, top_count > parameters.top_node_room);
+            overflow |= select(0u, OVERFLOW_LEVELS, counters[COUNTER_LEVELS] > parameters.level_room);
+            if overflow != 0u {
+                counters[COUNTER_OVERFLOW] = overflow;
+            }
+        }
+    }
+}
+
+// Up to 256 nodes, one a lane.
+fn place_nodes(start: u32, count: u32, lane: u32) {
+    let index = start + lane;
+    let present = lane < count;
+    var node: LargeNode;
+    var decision: Decision;
+    var worst = 0u;
+    var growth = 0u;
+    if present {
+        node = active_nodes[index];
+        decision = decisions[index];
+        let splits = decision.axis != TRANSFER;
+        let both = decision.counts.x + decision.counts.y;
+        growth = select(0u, both - min(both, node.count), splits);
+        wanted[lane] = vec2<u32>(2u * decision.cut_count + select(0u, 1u, splits), growth);
+        worst = 2u * decision.cut_count + 2u;
+    }
+    // Growth of 256 nodes may pass 2^32: low and high halves are summed apart.
+    let before = exclusive_scan(lane, vec4<u32>(worst, growth & 0xffffu, growth >> 16u, 0u));
+    if lane == 0u {
+        one_by_one = select(0u, 1u, top_count + scan_total().x > parameters.node_cap);
+    }
+    if workgroupUniformLoad(&one_by_one) == 1u {
+        if lane == 0u {
+            judge_one_by_one(count);
+        }
+        workgroupBarrier();
+    } else {
+        if present {
+            let sum = alive_after(before + vec4<u32>(0u, growth & 0xffffu, growth >> 16u, 0u));
+            let splits = (wanted[lane].x & 1u) == 1u;
+            verdicts[lane] = select(REFUSED, SPLIT, splits && sum <= parameters.reference_cap);
+        }
+        workgroupBarrier();
+        if lane == 0u {
+            alive = alive_after(scan_total());
+        }
+    }
+    var places = vec4<u32>(0u);
+    var emitted = 0u;
+    if present {
+        let verdict = verdicts[lane];
+        if verdict == REFUSED_ALL {
+            decision.cut_count = 0u;
+        }
+        if verdict != SPLIT {
+            decision.axis = TRANSFER;
+            decision.position = 0.0;
+            decision.counts = vec2<u32>(node.count, 0u);
+        }
+        emitted = 2u * decision.cut_count + select(2u, 0u, decision.axis == TRANSFER);
+        for (var side = 0u; side < 2u; side++) {
+            let references = decision.counts[side];
+            if is_large(decision, references) {
+                places += vec4<u32>(1u, references, 0u, 0u);
+            } else if references > 0u {
+                places += vec4<u32>(0u, 0u, 1u, references);
+            }
+        }
+    }
+    let first_place = exclusive_scan(lane, places);
+    let place_total = scan_total();
+    let first_top = exclusive_scan(lane, vec4<u32>(emitted, 0u, 0u, 0u)).x;
+    let top_total = scan_total().x;
+    if present {
+        decision.first_node = top_count + first_top;
+        emit_nodes(&decision, node, first_place + vec4<u32>(
+            next_count, next_reference_count, small_count, small_reference_count));
+        decisions[index] = decision;
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        next_count += place_total.x;
+        next_reference_count += place_total.y;
+        small_count += place_total.z;
+        small_reference_count += place_total.w;
+        top_count += top_total;
+    }
+    workgroupBarrier();
+}
+
+// What is alive after growth that was summed in halves.
+fn alive_after(sums: vec4<u32>) -> u32 {
+    let high = sums.z + (sums.y >> 16u);
+    let grown = select((high << 16u) | (sums.y & 0xffffu), 0xffffffffu, high > 0xffffu);
+    return saturating_sum(alive, grown);
+}
+
+// Writes one node's part of the top tree and its children. `place` is where its children's places
+// begin: next list, next references, small list, small references.
+fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>) {
+    // A tree that outgrows its room is not written: the build will be repeated.
+    let emitted = 2u * (*decision).cut_count + select(2u, 0u, (*decision).axis == TRANSFER);
+    if (*decision).first_node + emitted > parameters.top_node_room {
+        return;
+    }
+    var top = (*decision).first_node;
+    var current = node.node;
+    var cell = Aabb(node.lo, node.hi);
+    var depth = node.depth;
+    for (var i = 0u; i < (*decision).cut_count; i++) {
+        let side = ((*decision).cut_sides >> (4u * i)) & 0xfu;
+        let axis = side / 2u;
+        let position = (*decision).cuts[i];
+        let low = side % 2u == 0u;
+        top_nodes[top] = TopNode(EMPTY, 0u, 0u, 0u);
+        top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
+        top_nodes[current] = interior(
+            axis, position, select(top + 1u, top, low), select(top, top + 1u, low));
+        if low {
+            cell.lo = with_axis(cell.lo, axis, position);
+        } else {
+            cell.hi = with_axis(cell.hi, axis, position);
+        }
+        current = top + 1u;
+        top += 2u;
+        depth += 1u;
+    }
+    if (*decision).axis == TRANSFER {
+        // Never large: the transfer says so.
+        (*decision).first = vec2<u32>(place.w, 0u);
+        place_child(*decision, node, cell, depth, current, 0u, place.z, place.w);
+        return;
+    }
+    let axis = (*decision).axis;
+    let position = (*decision).position;
+    top_nodes[top] = TopNode(EMPTY, 0u, 0u, 0u);
+    top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
+    top_nodes[current] = interior(axis, position, top, top + 1u);
+    var here = place;
+    for (var side = 0u; side < 2u; side++) {
+        let count = (*decision).counts[side];
+        let large = is_large(*decision, count);
+        var part = cell;
+        if side == 0u {
+            part.hi = with_axis(cell.hi, axis, position);
+        } else {
+            part.lo = with_axis(cell.lo, axis, position);
+        }
+        let first = select(here.w, here.y, large);
+        (*decision).first[side] = first;
+        place_child(*decision, node, part, depth + 1u, top + side, side, select(here.z, here.x, large), first);
+        if large {
+            here += vec4<u32>(1u, count, 0u, 0u);
+        } else if count > 0u {
+            here += vec4<u32>(0u, 0u, 1u, count);
+        }
+    }
+}

@@ -1,0 +1,34 @@
+// Builds the subtree of every small root and measures it.
+// One workgroup a small root, one invocation a triangle.
+// Reads: small roots and their references.
+// Writes: how many nodes and references each root's subtree has.
+// Ties: least cost, then axis, then position.
+
+@group(0) @binding(0) var<uniform> parameters: Parameters;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> small_roots: array<SmallRoot>;
+@group(0) @binding(3) var<storage, read> small_references: array<Reference>;
+@group(0) @binding(4) var<storage, read_write> small_sizes: array<vec2<u32>>;
+
+// Sizes alone are wanted.
+fn put_node(index: u32, words: vec2<u32>) {}
+
+fn put_right(parent: u32, axis: u32, right: u32) {}
+
+fn put_reference(index: u32, triangle: u32) {}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    opaque_zero = parameters.zero;
+    let end = slice_end(live(COUNTER_SMALL_ROOTS));
+    for (var index = parameters.first + group.x; index < end; index += groups.x) {
+        let size = build_subtree(small_roots[index], lane);
+        if lane == 0u {
+            small_sizes[index] = size;
+        }
+    }
+}

@@ -1,0 +1,57 @@
+// Finds the sides each reference goes to and counts them by chunk.
+// One workgroup a chunk, one invocation a reference.
+// Reads: decisions, references, corners of those whose bounds a plane cuts.
+// Writes: the sides of each reference, and how many of the chunk's go to each.
+
+@group(0) @binding(0) var<uniform> parameters: Parameters;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
+@group(0) @binding(3) var<storage, read> decisions: array<Decision>;
+@group(0) @binding(4) var<storage, read> references: array<Reference>;
+@group(0) @binding(5) var<storage, read> triangles: array<f32>;
+@group(0) @binding(6) var<storage, read_write> chunk_state: array<u32>;
+
+@compute @workgroup_size(256)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    opaque_zero = parameters.zero;
+    let end = select(0u, slice_end(live(COUNTER_CHUNKS)), active_node_count() > 0u);
+    for (var index = parameters.first + group.x; index < end; index += groups.x) {
+        let chunk = chunks[index];
+        let axis = decisions[chunk.node].axis;
+        let position = decisions[chunk.node].position;
+        var left = false;
+        var right = false;
+        if lane < chunk.count {
+            if axis == TRANSFER {
+                left = true;
+            } else {
+                let reference = references[chunk.first + lane];
+                let lo = on_axis(reference.lo, axis);
+                let hi = on_axis(reference.hi, axis);
+                left = goes_left(lo, hi, position);
+                right = goes_right(hi, position);
+                if left && right {
+                    // The bounds straddle the plane, but what is left of the triangle may not.
+                    let corners = corners_of(reference.triangle);
+                    let bounds = Aabb(reference.lo, reference.hi);
+                    if !corners_on_both_sides(corners, bounds, axis, position) {
+                        let parts = clip(corners, bounds, axis, position);
+                        left = !is_empty(parts.left);
+                        right = !is_empty(parts.right);
+                    }
+                }
+            }
+        }
+        ballot(lane, left, right);
+        if lane < 16u {
+            chunk_state[sides_of(index) + lane] = atomicLoad(&ballot_words[lane]);
+        }
+        if lane == 0u {
+            store_counts(index, vec2<u32>(ballot_count(0u), ballot_count(1u)));
+        }
+    }
+}

@@ -1,0 +1,213 @@
+// Cuts empty space off every active node and chooses its split.
+// One workgroup an active node. Its first invocation decides; where the median separated nothing, all
+// of them sweep.
+// Reads: cell and tight bounds of the node; its references where the median separated nothing.
+// Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
+// Ties: axes in order, then lower positions.
+
+@group(0) @binding(0) var<uniform> parameters: Parameters;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
+@group(0) @binding(3) var<storage, read> node_bounds: array<f32>;
+@group(0) @binding(4) var<storage, read> references: array<Reference>;
+@group(0) @binding(5) var<storage, read_write> decisions: array<Decision>;
+
+const LANES: u32 = 64u;
+const SWEEP_SAMPLES: u32 = 64u;
+
+// What the first invocation has decided so far.
+var<workgroup> cell_lo: vec3<f32>;
+var<workgroup> cell_hi: vec3<f32>;
+var<workgroup> decided: Decision;
+
+// A plane's rank: least cost (low and high word), then axis, then position.
+struct Ranked {
+    cost: vec2<u32>,
+    axis: u32,
+    order: u32,
+    position: f32,
+}
+
+var<workgroup> ranked: array<Ranked, LANES>;
+
+fn precedes(a: Ranked, b: Ranked) -> bool {
+    if a.cost.y != b.cost.y {
+        return a.cost.y < b.cost.y;
+    }
+    if a.cost.x != b.cost.x {
+        return a.cost.x < b.cost.x;
+    }
+    if a.axis != b.axis {
+        return a.axis < b.axis;
+    }
+    return a.order < b.order;
+}
+
+// a * b in 64 bits: low word, high word.
+fn wide_product(a: u32, b: u32) -> vec2<u32> {
+    let a_low = a & 0xffffu;
+    let a_high = a >> 16u;
+    let b_low = b & 0xffffu;
+    let b_high = b >> 16u;
+    let low = a_low * b_low;
+    let middle = a_high * b_low + (low >> 16u);
+    let other = a_low * b_high + (middle & 0xffffu);
+    return vec2<u32>((other << 16u) | (low & 0xffffu), a_high * b_high + (middle >> 16u) + (other >> 16u));
+}
+
+fn wide_sum(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
+    let low = a.x + b.x;
+    return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
+}
+
+// The planes of one lane: faces of samples, each counted against all references of the node.
+fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Ranked {
+    let samples = min(node.count, SWEEP_SAMPLES);
+    // The cost of a leaf, before every plane: only what costs less counts.
+    var best = Ranked(wide_product(half_area(extents.cells), node.count), 0u, 0u, 0.0);
+    if lane >= samples {
+        return best;
+    }
+    // Evenly spread: lane * count / samples without overflow.
+    let step = node.count / samples;
+    let rest = node.count % samples;
+    let sample = references[node.first + lane * step + lane * rest / samples];
+    for (var face = 0u; face < 6u; face++) {
+        let axis = face / 2u;
+        let position = select(on_axis(sample.hi, axis), on_axis(sample.lo, axis), face % 2u == 0u);
+        if !strictly_inside(cell, axis, position) {
+            continue;
+        }
+        var left = 0u;
+        var right = 0u;
+        for (var i = 0u; i < node.count; i++) {
+            let lo = on_axis(references[node.first + i].lo, axis);
+            let hi = on_axis(references[node.first + i].hi, axis);
+            left += select(0u, 1u, goes_left(lo, hi, position));
+            right += select(0u, 1u, goes_right(hi, position));
+        }
+        let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
+        let areas = split_areas(extents, axis, offset);
+        let cost = wide_sum(wide_product(areas.x, left), wide_product(areas.y, right));
+        let here = Ranked(cost, axis, ordered_bits(position), position);
+        if precedes(here, best) {
+            best = here;
+        }
+    }
+    return best;
+}
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    opaque_zero = parameters.zero;
+    let end = slice_end(active_node_count());
+    for (var index = parameters.first + group.x; index < end; index += groups.x) {
+        let node = active_nodes[index];
+        workgroupBarrier();
+        if lane == 0u {
+            decide(index, node);
+        }
+        workgroupBarrier();
+        // Uniform: every lane reads the same node.
+        if node.inseparable == 1u {
+            sweep(node, lane);
+        }
+        if lane == 0u {
+            decisions[index] = decided;
+        }
+    }
+}
+
+// That the median does not separate does not mean that no plane does: the best plane by SAH among the
+// faces of up to 64 references, evenly spread over the node's.
+fn sweep(node: LargeNode, lane: u32) {
+    let cell = Aabb(cell_lo, cell_hi);
+    let extents = extents_of(cell);
+    let open = decided.axis != TRANSFER;
+    workgroupBarrier();
+    if open && extents.large_enough {
+        ranked[lane] = sweep_share(node, cell, extents, lane);
+    }
+    workgroupBarrier();
+    if lane == 0u && open {
+        decided.axis = TRANSFER;
+        decided.position = 0.0;
+        if extents.large_enough {
+            let leaf = wide_product(half_area(extents.cells), node.count);
+            var best = Ranked(leaf, 0u, 0u, 0.0);
+            var found = false;
+            for (var i = 0u; i < min(node.count, LANES); i++) {
+                if precedes(ranked[i], best) {
+                    best = ranked[i];
+                    found = true;
+                }
+            }
+            if found {
+                decided.axis = best.axis;
+                decided.position = best.position;
+            }
+        }
+    }
+}
+
+// Cuts and split of one node, into `decided`. For a node that must be swept a split on axis 0 stands
+// for "to be chosen".
+fn decide(index: u32, node: LargeNode) {
+    decided.cuts = array<f32, 6>();
+    decided.cut_count = 0u;
+    decided.cut_sides = 0u;
+    decided.axis = TRANSFER;
+    decided.position = 0.0;
+    decided.counts = vec2<u32>(node.count, 0u);
+    decided.first = vec2<u32>(0u);
+    decided.first_node = 0u;
+    decided.source_first = node.first;
+    var cell = Aabb(node.lo, node.hi);
+    cell_lo = cell.lo;
+    cell_hi = cell.hi;
+    if node.count <= parameters.small_node_limit {
+        return;
+    }
+    let levels_left = parameters.max_depth - node.depth;
+    let at = 6u * index;
+    let tight = Aabb(
+        vec3<f32>(node_bounds[at], node_bounds[at + 1u], node_bounds[at + 2u]),
+        vec3<f32>(node_bounds[at + 3u], node_bounds[at + 4u], node_bounds[at + 5u]),
+    );
+    var cuts = 0u;
+    for (var side = 0u; side < 6u; side++) {
+        if cuts == levels_left {
+            return;
+        }
+        let cut = empty_cutoff(cell, tight, side);
+        if cut.found {
+            if side % 2u == 0u {
+                cell.lo = with_axis(cell.lo, cut.axis, cut.position);
+            } else {
+                cell.hi = with_axis(cell.hi, cut.axis, cut.position);
+            }
+            decided.cuts[cuts] = cut.position;
+            decided.cut_sides |= side << (4u * cuts);
+            cuts += 1u;
+            decided.cut_count = cuts;
+        }
+    }
+    if cuts == levels_left {
+        return;
+    }
+    cell_lo = cell.lo;
+    cell_hi = cell.hi;
+    if node.inseparable == 1u {
+        decided.axis = 0u;
+        return;
+    }
+    let plane = spatial_median(cell);
+    if plane.found {
+        decided.axis = plane.axis;
+        decided.position = plane.position;
+    }
+}

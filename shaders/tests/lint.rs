@@ -1,0 +1,179 @@
+//! The lint of float arithmetic in shaders.
+//!
+//! WGSL lets a compiler fuse, reassociate and approximate. What keeps trees and watertight hits the
+//! same on every device is that each float operation stands alone behind the barrier of
+//! `arithmetic.wgsl`. This lint reads every shader in naga's form and holds it to that:
+//!
+//! - *Raw*: float `+ - *` stands only in `product`, `sum`, `difference` and the `free_` functions of
+//!   the arithmetic module. *Inexact*: no float division but the one in `free_reciprocal`, no
+//!   remainder, and of the built-in functions of floats only those that choose or truncate.
+//! - *Merged*: no result that has not passed the barrier reaches another float operation, through
+//!   variables, arguments, results, structs, arrays, selections, signs and masks. Only the exclusive
+//!   or of a float's bits with `opaque_zero` is a barrier. This catches results of free operations
+//!   that wander into guarded ones, which *raw* does not. *Unguarded*: `product`, `sum` and
+//!   `difference` return what passed the barrier. *Written*: nothing else is written to a buffer.
+//! - *Barrier*: every entry point whose functions use `opaque_zero`, or the function through which it
+//!   reaches them, sets it first, from a member `zero` of a buffer, and nothing else writes it. *Free*: kernels of the tree builder call no
+//!   free operation at all.
+//! - *NotFinite*: no infinity or NaN that a compiler can see, as a literal or a constant's bits.
+//!
+//! Shaders of accuracy `fast` (names that end in `_fast`) may compute as they like.
+//!
+//! Not checked: that a free result decides nothing through a comparison; that integers are small
+//! enough for an exact conversion to float (WGSL does not say how others round); subnormals and
+//! signs of zeros; anything a compiler does to integers; whether `min` and `max` meet NaN. The order
+//! of statements is not regarded, so a variable that ever holds an unguarded result always does;
+//! and all elements of an array count as one.
+
+use std::collections::BTreeSet;
+
+use splitplane_shaders::{KERNELS, LIBRARY, Part, QUERIES, Shader};
+
+use rules::{Finding, Rule};
+use source::{Parsed, Text, texts};
+
+#[path = "lint/barrier.rs"]
+mod barrier;
+#[path = "lint/flow.rs"]
+mod flow;
+#[path = "lint/planted.rs"]
+mod planted;
+#[path = "lint/rules.rs"]
+mod rules;
+#[path = "support/source.rs"]
+mod source;
+#[path = "lint/strict.rs"]
+mod strict;
+
+/// Who may call free operations.
+#[derive(Clone, Copy, PartialEq)]
+enum Free {
+    /// Queries: results that are widened anyway.
+    Allowed,
+    /// The tree builder.
+    Forbidden,
+}
+
+/// All faults of a module.
+fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
+    let parsed = Parsed::new(parts).unwrap_or_else(|error| panic!("{error}"));
+    let bodies = rules::bodies(&parsed);
+    let mut findings = Vec::new();
+    strict::check(&parsed, &bodies, &mut findings);
+    barrier::check(&parsed, &bodies, free == Free::Allowed, &mut findings);
+    flow::check(&parsed, &bodies, &mut findings);
+    findings.sort();
+    findings
+}
+
+/// The shaders the lint applies to.
+fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
+    let kernels = KERNELS.iter().map(|shader| (shader, Free::Forbidden));
+    let queries = QUERIES.iter().map(|shader| (shader, Free::Allowed));
+    kernels.chain(queries).filter(|(shader, _)| !shader.name.ends_with("_fast"))
+}
+
+fn arithmetic() -> &'static Part {
+    LIBRARY.iter().find(|part| part.name == rules::ARITHMETIC).expect("arithmetic.wgsl")
+}
+
+/// Fails with all findings, if there are any.
+fn assert_clean(name: &str, findings: &[Finding]) {
+    let list: String = findings.iter().map(|finding| format!("\n{finding}")).collect();
+    assert!(findings.is_empty(), "{name}:{list}");
+}
+
+#[test]
+fn every_shader_keeps_the_rules() {
+    for (shader, free) in linted() {
+        assert_clean(shader.name, &lint(texts(shader), free));
+    }
+}
+
+/// Also while no shader uses it.
+#[test]
+fn the_arithmetic_keeps_the_rules() {
+    assert_clean(rules::ARITHMETIC, &lint(vec![arithmetic().into()], Free::Forbidden));
+}
+
+/// The shaders with one text replaced by another; those that lack it are left out.
+fn mutants(from: &str, to: &str) -> Vec<(String, Vec<Text>, Free)> {
+    let mini = planted::mini_kernel();
+    let shaders = linted().map(|(shader, free)| (shader.name.to_owned(), texts(shader), free));
+    let mut mutants = Vec::new();
+    for (name, mut parts, free) in shaders.chain([("mini".to_owned(), mini, Free::Allowed)]) {
+        let mut replaced = 0;
+        for part in &mut parts {
+            replaced += part.text.matches(from).count();
+            part.text = part.text.replace(from, to);
+        }
+        if replaced > 0 {
+            mutants.push((name, parts, free));
+        }
+    }
+    mutants
+}
+
+/// Without its barrier a guarded operation is reported in every shader that has it, and where its
+/// results meet another operation, that is reported as well.
+#[test]
+fn an_operation_without_barrier_is_found_in_every_shader() {
+    for (function, from, to) in [
+        ("product", "return guard(a * b);", "return a * b;"),
+        ("sum", "return guard(a + b);", "return a + b;"),
+        ("difference", "return guard(a - b);", "return a - b;"),
+    ] {
+        let mutants = mutants(from, to);
+        assert!(!mutants.is_empty());
+        for (name, parts, free) in mutants {
+            let findings = lint(parts, free);
+            let found = |rule| findings.iter().any(|f: &Finding| f.rule == rule);
+            assert!(
+                findings.iter().any(|f| f.rule == Rule::Unguarded && f.function == function),
+                "{name}: {function}"
+            );
+            assert!(found(Rule::Merged), "{name}: {function}");
+        }
+    }
+}
+
+/// A kernel of the tree builder may not take a free operation for a guarded one.
+#[test]
+fn a_free_operation_is_found_in_every_kernel() {
+    for (shader, free) in linted().filter(|(_, free)| *free == Free::Forbidden) {
+        let mut parts = texts(shader);
+        let mut replaced = 0;
+        for part in parts.iter_mut().filter(|part| part.name != rules::ARITHMETIC) {
+            replaced += part.text.matches("snapped_product(").count();
+            part.text = part.text.replace("snapped_product(", "free_mul(");
+        }
+        let findings = lint(parts, free);
+        let found = findings.iter().filter(|finding| finding.rule == Rule::Free).count();
+        assert_eq!(found, replaced, "{}", shader.name);
+    }
+}
+
+/// A barrier that a compiler sees through is none.
+#[test]
+fn a_barrier_of_a_known_number_is_found_in_every_shader() {
+    for (name, parts, free) in mutants("bitcast<u32>(x) ^ opaque_zero", "bitcast<u32>(x) ^ 0u") {
+        let found: BTreeSet<_> = lint(parts, free)
+            .into_iter()
+            .filter(|finding| finding.rule == Rule::Unguarded)
+            .map(|finding| finding.function)
+            .collect();
+        assert_eq!(found, rules::GUARDED.map(str::to_owned).into(), "{name}");
+    }
+}
+
+/// An entry point that forgets the zero leaves the barrier open.
+#[test]
+fn a_zero_that_is_not_set_is_found_in_every_shader() {
+    let (statement, start) = ("opaque_zero = ", "opaque_zero = 0u * ");
+    let mutants = mutants(statement, start);
+    assert!(!mutants.is_empty());
+    for (name, parts, free) in mutants {
+        let findings = lint(parts, free);
+        assert!(findings.iter().any(|finding| finding.rule == Rule::Barrier), "{name}");
+    }
+}

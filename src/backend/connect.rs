@@ -1,0 +1,11 @@
+//! Where the GPU backend joins the facade: an opened device becomes a backend.
+
+use splitplane_core::backend::Backend;
+use splitplane_wgpu::{Gpu, GpuError, Parity, WgpuBackend};
+
+/// The backend over an opened device, and what its self-test found.
+pub(super) fn connect(gpu: Gpu) -> Result<(Box<dyn Backend>, Parity), GpuError> {
+    let backend = WgpuBackend::new(gpu)?;
+    let parity = backend.parity().clone();
+    Ok((Box::new(backend), parity))
+}

@@ -1,0 +1,221 @@
+//! Opening a GPU: the one that was asked for, or one good enough for `auto`.
+
+use super::connect::connect;
+use super::{OpenError, OpenOptions, Opened};
+use splitplane_core::backend::Backend;
+use splitplane_wgpu::adapters::{Adapter, AdapterReport};
+use splitplane_wgpu::{Adapters, Gpu, GpuError, Parity};
+
+/// A backend over a device, and what its self-test found.
+type Connected = (Box<dyn Backend>, Parity);
+
+/// The GPU adapters of this machine, each opened and tested. None is no error.
+pub fn adapters() -> Vec<AdapterReport> {
+    splitplane_wgpu::adapters(|gpu| connect(gpu.clone()).map(|(_, parity)| parity))
+}
+
+/// Opens the device that [`super::BackendKind::Wgpu`] would, without a backend over it: for whoever
+/// wants [`splitplane_wgpu`]'s own types.
+///
+/// # Errors
+/// There is no such device, or it cannot be used.
+pub fn open_gpu(options: &OpenOptions) -> Result<Gpu, OpenError> {
+    Ok(Adapters::find().select(options.adapter.as_deref())?.open(&device_options(options))?)
+}
+
+/// Opens the GPU that was asked for, or the best one.
+pub(super) fn open(options: &OpenOptions) -> Result<Opened, OpenError> {
+    let adapters = Adapters::find();
+    let adapter = adapters.select(options.adapter.as_deref())?;
+    let connected = open_adapter(adapter, options)?;
+    allowed(adapter.name(), connected, options.allow_structural)
+}
+
+/// Refuses a device that is not bitwise equal, unless that is allowed.
+fn allowed(
+    adapter: &str,
+    (backend, parity): Connected,
+    allow_structural: bool,
+) -> Result<Opened, OpenError> {
+    match parity {
+        Parity::Bitwise => Ok(Opened { backend, reason: "asked for; parity: bitwise".into() }),
+        Parity::Structural(difference) if allow_structural => {
+            let reason = format!("asked for; parity: structural, allowed: {difference}");
+            Ok(Opened { backend, reason })
+        }
+        Parity::Structural(difference) => {
+            Err(OpenError::Structural { adapter: adapter.to_owned(), difference })
+        }
+    }
+}
+
+/// What `auto` knows of an adapter before it opens it.
+struct Candidate<'a> {
+    name: &'a str,
+    software: bool,
+    unusable: Option<&'a str>,
+}
+
+/// Opens the best adapter that is hardware and bitwise equal, or says why there is none.
+///
+/// # Errors
+/// An adapter that was named and is not there.
+pub(super) fn open_hardware(options: &OpenOptions) -> Result<Result<Opened, String>, OpenError> {
+    let adapters = Adapters::find();
+    let ranked = match adapters.ranked(options.adapter.as_deref()) {
+        Ok(ranked) => ranked,
+        Err(splitplane_wgpu::OpenError::NoAdapter) if options.adapter.is_none() => Vec::new(),
+        Err(error) => return Err(error.into()),
+    };
+    let candidates: Vec<Candidate<'_>> = ranked
+        .iter()
+        .map(|adapter| Candidate {
+            name: adapter.name(),
+            software: adapter.is_software(),
+            unusable: adapter.unusable(),
+        })
+        .collect();
+    Ok(first_bitwise(&candidates, |index| open_adapter(ranked[index], options)))
+}
+
+/// Opens the first candidate that will do; otherwise says, of each, why it will not.
+fn first_bitwise(
+    candidates: &[Candidate<'_>],
+    open: impl Fn(usize) -> Result<Connected, OpenError>,
+) -> Result<Opened, String> {
+    let mut passed_over = Vec::new();
+    for (index, candidate) in candidates.iter().enumerate() {
+        let name = candidate.name;
+        if candidate.software {
+            passed_over.push(format!("`{name}` is software"));
+        } else if let Some(reason) = candidate.unusable {
+            passed_over.push(format!("`{name}` cannot be used: {reason}"));
+        } else {
+            match open(index) {
+                Ok((backend, Parity::Bitwise)) => {
+                    let mut reason = format!("auto: `{name}` is hardware; parity: bitwise");
+                    if !passed_over.is_empty() {
+                        reason.push_str(&format!("; {}", passed_over.join("; ")));
+                    }
+                    return Ok(Opened { backend, reason });
+                }
+                Ok((_, Parity::Structural(difference))) => passed_over
+                    .push(format!("`{name}` differs from the CPU in some bits ({difference})")),
+                Err(error) => passed_over.push(error.to_string()),
+            }
+        }
+    }
+    match passed_over.is_empty() {
+        true => Err("no GPU adapter was found".into()),
+        false => Err(passed_over.join("; ")),
+    }
+}
+
+fn open_adapter(adapter: &Adapter, options: &OpenOptions) -> Result<Connected, OpenError> {
+    let gpu = adapter.open(&device_options(options))?;
+    connect(gpu).map_err(|error| failed(adapter.name(), &error))
+}
+
+/// What is asked of a device once its adapter is chosen.
+fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
+    splitplane_wgpu::OpenOptions {
+        adapter: None,
+        default_limits: options.default_limits,
+        timeout: options.timeout.unwrap_or(splitplane_wgpu::OpenOptions::DEFAULT_TIMEOUT),
+    }
+}
+
+/// Why an adapter that opened is no backend.
+fn failed(adapter: &str, error: &GpuError) -> OpenError {
+    let (adapter, reason) = (adapter.to_owned(), error.to_string());
+    match error {
+        GpuError::Lost { .. } | GpuError::TimedOut { .. } => {
+            OpenError::DeviceFailed { adapter, reason }
+        }
+        _ => OpenError::Unusable { adapter, reason },
+    }
+}
+
+impl From<splitplane_wgpu::OpenError> for OpenError {
+    fn from(error: splitplane_wgpu::OpenError) -> OpenError {
+        match error {
+            splitplane_wgpu::OpenError::NoAdapter => OpenError::NoAdapter,
+            splitplane_wgpu::OpenError::WrongAdapter { asked, seen } => {
+                OpenError::WrongAdapter { asked, seen }
+            }
+            splitplane_wgpu::OpenError::Unusable { adapter, reason } => {
+                OpenError::Unusable { adapter, reason }
+            }
+            other => OpenError::Unusable { adapter: "GPU".into(), reason: other.to_string() },
+        }
+    }
+}
+
+#[cfg(all(test, feature = "cpu"))]
+mod tests {
+    use super::*;
+
+    fn candidate(name: &str) -> Candidate<'_> {
+        Candidate { name, software: false, unusable: None }
+    }
+
+    /// Any backend will do: what is tested is which one is taken.
+    fn connected(parity: Parity) -> Result<Connected, OpenError> {
+        Ok((Box::new(splitplane_cpu::CpuBackend::new()), parity))
+    }
+
+    #[test]
+    fn auto_takes_the_first_bitwise_hardware_and_says_what_it_passed_over() {
+        let candidates = [
+            Candidate { unusable: Some("it has no compute shaders"), ..candidate("old") },
+            candidate("odd"),
+            candidate("broken"),
+            candidate("good"),
+            candidate("good too"),
+        ];
+        let opened = first_bitwise(&candidates, |index| match index {
+            1 => connected(Parity::Structural("quotients".into())),
+            2 => Err(failed("broken", &GpuError::Lost { reason: "gone".into() })),
+            3 => connected(Parity::Bitwise),
+            other => panic!("{other} is opened without need"),
+        });
+        assert_eq!(
+            opened.unwrap().reason,
+            "auto: `good` is hardware; parity: bitwise; `old` cannot be used: it has no compute \
+             shaders; `odd` differs from the CPU in some bits (quotients); the GPU adapter \
+             `broken` failed when it was opened: the device was lost: gone"
+        );
+    }
+
+    #[test]
+    fn auto_never_opens_software() {
+        let software = [Candidate { software: true, ..candidate("llvmpipe") }];
+        let why = first_bitwise(&software, |_| panic!("it is opened")).unwrap_err();
+        assert_eq!(why, "`llvmpipe` is software");
+        let why = first_bitwise(&[], |_| panic!("there is none")).unwrap_err();
+        assert_eq!(why, "no GPU adapter was found");
+    }
+
+    #[test]
+    fn a_structural_adapter_must_be_allowed() {
+        let structural = || connected(Parity::Structural("quotients".into())).unwrap();
+        let error = allowed("odd", structural(), false).unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the GPU adapter `odd` differs from the CPU in some bits (quotients); allow structural \
+             parity (--allow-structural) to use it all the same"
+        );
+        let opened = allowed("odd", structural(), true).unwrap();
+        assert!(opened.reason.contains("structural, allowed: quotients"), "{}", opened.reason);
+        let bitwise = connected(Parity::Bitwise).unwrap();
+        assert_eq!(allowed("good", bitwise, false).unwrap().reason, "asked for; parity: bitwise");
+    }
+
+    #[test]
+    fn a_device_that_fails_is_told_from_one_that_cannot_be_used() {
+        let timed_out = failed("slow", &GpuError::TimedOut { seconds: 60 });
+        assert!(matches!(timed_out, OpenError::DeviceFailed { .. }));
+        let refused = failed("odd", &GpuError::Refused("no".into()));
+        assert!(matches!(refused, OpenError::Unusable { .. }));
+    }
+}
