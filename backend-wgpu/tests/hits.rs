@@ -5,17 +5,19 @@ mod common;
 use std::sync::{Arc, OnceLock};
 
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::backend::{Accelerator, BuildOptions, QueryError};
+use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::intersect::{self, Limits, SceneScale};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::{Query, trace};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
+use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{Queries, WgpuAccelerator};
+use splitplane_wgpu::{DeviceQueryError, Queries, WgpuAccelerator};
 
 fn queries() -> Arc<Queries> {
     static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
@@ -81,13 +83,6 @@ impl Case {
         }
         count
     }
-
-    /// How many closest hits of another shader differ from the reference.
-    fn hits(&self, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
-        let mut hits = vec![Hit::MISS; rays.len()];
-        self.device.closest_hits(rays, &mut hits, options).expect("hits");
-        hits
-    }
 }
 
 /// Bits, so that -0 differs from 0.
@@ -95,17 +90,454 @@ fn bits(hit: &Hit) -> [u32; 4] {
     [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
 }
 
+/// Rays of every kind, with odd, invalid and random ones among them.
+fn all_rays(scene: &Scene, case: &Case, each: usize, seed: u64) -> Vec<Ray> {
+    let mesh = scene.mesh();
+    let mut rays = Vec::new();
+    for (i, kind) in Kind::ALL.into_iter().enumerate() {
+        let seed = seed + 10 * i as u64;
+        let good = aim::rays(&mesh, kind, each, seed);
+        rays.extend(aim::odd(&good, seed + 1));
+        rays.extend(aim::invalid(&good[..each.div_ceil(4)], seed + 2));
+        rays.extend(good);
+    }
+    let view = case.tree.view();
+    let mut aim = aim::Aim::new(&mesh, seed + 3);
+    rays.extend((0..each).map(|_| aim.in_split_plane(&view)));
+    rays.extend(on_corners(case, each, seed + 4));
+    rays
+}
+
+/// Rays that start on a corner, with limits next to zero.
+fn on_corners(case: &Case, count: usize, seed: u64) -> Vec<Ray> {
+    let mut random = Random::new(seed);
+    let count = if case.triangles.is_empty() { 0 } else { count };
+    let limits =
+        [(0.0, f32::INFINITY), (-0.0, -0.0), (-1e-40, 1e-40), (1e-40, 1.0), (-1.0, -1e-40)];
+    (0..count)
+        .map(|_| {
+            let corners = case.triangles[random.below(case.triangles.len())];
+            let (t_min, t_max) = random.pick(&limits);
+            let direction = random.direction().map(|x| x as f32);
+            Ray::new(random.pick(&corners), direction).with_limits(t_min, t_max)
+        })
+        .collect()
+}
+
 #[test]
 fn awkward_scenes() {
     let mut hits = 0;
-    for scene in scenes::awkward() {
+    for (i, scene) in scenes::awkward().iter().enumerate() {
+        let case = Case::new(scene);
+        let each = if scene.mesh().len() >= 20_000 { 3 } else { 100 };
+        let rays = all_rays(scene, &case, each, 1000 * i as u64);
+        hits += case.check(&rays, &QueryOptions::default(), "all kinds");
+    }
+    assert!(hits > 20_000, "{hits}");
+}
+
+/// Scenes in which options and limits are tried.
+fn mixed_scenes() -> Vec<Scene> {
+    let soup = scenes::soup(500, 0.2, 91);
+    vec![
+        scenes::nested_spheres(),
+        scenes::grid_boxes(4),
+        scenes::seams(true),
+        scenes::identical(40),
+        soup.joined(&soup.clone(), "soup, twice"),
+        scenes::scaled(&soup, 1e30, "soup at 1e30"),
+        scenes::scaled(&soup, 1e-30, "soup at 1e-30"),
+        scenes::sphere(24, [1e7, -3e6, 2e6], 50.0),
+    ]
+}
+
+#[test]
+fn culling_and_ignoring() {
+    for scene in mixed_scenes() {
+        let case = Case::new(&scene);
+        let rays = all_rays(&scene, &case, 60, 7);
+        let mut hits = Vec::new();
+        for culling in [Culling::None, Culling::Back, Culling::Front] {
+            let options = QueryOptions { culling, ..Default::default() };
+            hits.push(case.check(&rays, &options, "culling"));
+        }
+        assert!(hits[1] < hits[0] && hits[2] < hits[0], "{}: {hits:?}", case.name);
+        for ignored in 0..6 {
+            let ignore = Some(ignored * case.triangles.len() as u32 / 6);
+            case.check(&rays, &QueryOptions { ignore, ..Default::default() }, "ignoring");
+        }
+        case.check(&rays, &QueryOptions { ignore: Some(u32::MAX), ..Default::default() }, "none");
+    }
+}
+
+#[test]
+fn limits_are_closed() {
+    for scene in mixed_scenes() {
+        let case = Case::new(&scene);
+        let options = QueryOptions::default();
+        let mut limited = Vec::new();
+        for ray in all_rays(&scene, &case, 40, 8) {
+            let hit = case.reference(&ray, &options, Query::Closest);
+            if hit.is_hit() {
+                let t = hit.t;
+                for (least, greatest) in [
+                    (t, t),
+                    (t.next_up(), f32::INFINITY),
+                    (f32::NEG_INFINITY, t.next_down()),
+                    (f32::NEG_INFINITY, t),
+                    (t, f32::MAX),
+                    (-0.0, 0.0),
+                    (-1e-40, 1e-40),
+                ] {
+                    limited.push(ray.with_limits(least, greatest));
+                }
+            }
+        }
+        assert!(limited.len() > 300, "{}: {}", case.name, limited.len());
+        assert!(case.check(&limited, &options, "limits") * 4 > limited.len());
+    }
+}
+
+#[test]
+fn rays_of_random_bits() {
+    let mut random = Random::new(9);
+    let mut point = || [(); 3].map(|()| f32::from_bits(random.bits()));
+    let rays: Vec<Ray> = (0..20_000)
+        .map(|_| {
+            let limits = point();
+            Ray::new(point(), point()).with_limits(limits[0], limits[1])
+        })
+        .collect();
+    for scene in mixed_scenes() {
+        Case::new(&scene).check(&rays, &QueryOptions::default(), "random bits");
+    }
+}
+
+#[test]
+fn more_rays_than_a_slice() {
+    let scene = scenes::sphere(24, [0.0; 3], 1.0);
+    let case = Case::new(&scene);
+    let mesh = scene.mesh();
+    for count in [0, 1, 63, 64, 65, 300_001] {
+        let rays = aim::rays(&mesh, Kind::Faces, count, 10);
+        assert_eq!(case.check(&rays, &QueryOptions::default(), "count") > count / 2, count > 0);
+    }
+}
+
+/// The fast test need not give the same bits; away from edges it gives the same triangles.
+#[test]
+fn fast_accuracy() {
+    let options = QueryOptions { accuracy: Accuracy::Fast, ..Default::default() };
+    for scene in [scenes::nested_spheres(), scenes::soup(500, 0.2, 91)] {
+        let case = Case::new(&scene);
+        let rays = aim::rays(&scene.mesh(), Kind::Faces, 2000, 11);
+        let mut hits = vec![Hit::MISS; rays.len()];
+        case.device.closest_hits(&rays, &mut hits, &options).expect("hits");
+        let mut occluded = vec![false; rays.len()];
+        case.device.any_hits(&rays, &mut occluded, &options).expect("answers");
+        let same = rays.iter().zip(&hits).filter(|(ray, hit)| {
+            let expected = case.reference(ray, &options, Query::Closest);
+            let close = |a: f32, b: f32| (a - b).abs() <= 1e-4;
+            hit.triangle == expected.triangle
+                && (!hit.is_hit() || (close(hit.t, expected.t) && close(hit.u, expected.u)))
+        });
+        assert!(same.count() * 1000 >= rays.len() * 995, "{}", case.name);
+        let agree = hits.iter().zip(&occluded).filter(|(hit, any)| hit.is_hit() == **any).count();
+        assert!(agree * 1000 >= rays.len() * 999, "{}: {agree}", case.name);
+    }
+}
+
+#[test]
+fn limits_of_the_triangles_and_the_tree_read_back() {
+    let mut scenes = scenes::awkward();
+    scenes.push(scenes::all_bad());
+    for scene in scenes {
+        // Building the case compares the scale; this compares each limit.
         let case = Case::new(&scene);
         let mesh = scene.mesh();
-        let each = if mesh.len() >= 20_000 { 5 } else { 100 };
-        for kind in Kind::ALL {
-            let rays = aim::rays(&mesh, kind, each, 5);
-            hits += case.check(&rays, &QueryOptions::default(), &format!("{kind:?}"));
+        let expected = (0..mesh.len())
+            .map(|i| prepare(&mesh.triangle(i)))
+            .filter(|triangle| triangle.kept)
+            .fold(Limits::NONE, |limits, t| limits.union(Limits::of(&t.corners)));
+        let tree = case.device.device_tree();
+        let found = queries().triangle_limits(tree.triangles(), tree.triangle_count());
+        assert_eq!(found.expect("limits"), expected, "{}", scene.name);
+        let read = tree.read(&common::gpu()).expect("a tree");
+        assert_eq!(read, case.tree, "{}", scene.name);
+    }
+}
+
+#[test]
+fn lengths_must_be_equal() {
+    let case = Case::new(&scenes::one());
+    let ray = Ray::new([0.0; 3], [1.0; 3]);
+    let options = QueryOptions::default();
+    let expected = Err(QueryError::LengthMismatch { rays: 2, results: 1 });
+    assert_eq!(case.device.closest_hits(&[ray; 2], &mut [Hit::MISS], &options), expected);
+    assert_eq!(case.device.any_hits(&[ray; 2], &mut [false], &options), expected);
+}
+
+/// A storage buffer that can be written and read.
+fn storage(bytes: usize) -> wgpu::Buffer {
+    use wgpu::BufferUsages as Usage;
+    let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+    common::gpu().buffer("test", bytes as u64, usage).expect("a buffer")
+}
+
+/// Rays and hits that stay on the device give the same hits.
+#[test]
+fn recorded_queries() {
+    let scene = scenes::soup(300, 0.3, 12);
+    let case = Case::new(&scene);
+    let gpu = common::gpu();
+    let rays = all_rays(&scene, &case, 100, 13);
+    let count = rays.len() as u32;
+    let options = QueryOptions { culling: Culling::Back, ..Default::default() };
+    let given = storage(size_of_val(&rays[..]));
+    gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(&rays));
+    // Room for more, which must stay as it is.
+    let (hits, occluded) = (storage(16 * (rays.len() + 1)), storage(4 * (rays.len() + 1)));
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    let (queries, tree) = (queries(), case.device.device_tree());
+    queries.record_closest_hits(&mut encoder, tree, &given, &hits, count, &options).expect("hits");
+    queries.record_any_hits(&mut encoder, tree, &given, &occluded, count, &options).expect("any");
+    gpu.queue().submit([encoder.finish()]);
+    let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
+    let any: Vec<u32> = bytemuck::pod_collect_to_vec(&common::read(&occluded));
+    for (i, ray) in rays.iter().enumerate() {
+        let expected = case.reference(ray, &options, Query::Closest);
+        assert_eq!(bits(&found[i]), bits(&expected), "{ray:?}");
+        assert_eq!(any[i], u32::from(expected.is_hit()), "{ray:?}");
+    }
+    assert_eq!(bits(&found[rays.len()]), [0; 4], "written beyond the end");
+    assert_eq!(any[rays.len()], 0, "written beyond the end");
+}
+
+#[test]
+fn buffers_that_do_not_suit() {
+    let case = Case::new(&scenes::one());
+    let (queries, tree) = (queries(), case.device.device_tree());
+    let options = QueryOptions::default();
+    let mut encoder = common::gpu().device().create_command_encoder(&Default::default());
+    let short = queries.record_closest_hits(
+        &mut encoder,
+        tree,
+        &storage(32 * 10),
+        &storage(16 * 9),
+        10,
+        &options,
+    );
+    assert_eq!(
+        short,
+        Err(DeviceQueryError::BufferTooSmall { what: "results", bytes: 144, needed: 160 })
+    );
+    let usage = wgpu::BufferUsages::COPY_DST;
+    let unusable = common::gpu().buffer("test", 320, usage).expect("a buffer");
+    let any = queries.record_any_hits(&mut encoder, tree, &unusable, &storage(40), 10, &options);
+    assert_eq!(any, Err(DeviceQueryError::BufferUsage { what: "rays" }));
+}
+
+/// Where a driver ends traversals early, the batch says so, and the accelerator finishes on the CPU.
+#[test]
+fn traversals_that_the_driver_ends() {
+    let scene = scenes::identical(70_000);
+    let case = Case::new(&scene);
+    let rays = aim::rays(&scene.mesh(), Kind::Faces, 4, 14);
+    let options = QueryOptions::default();
+    case.check(&rays, &options, "long leaves");
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let tree = case.device.device_tree();
+    let found = queries().closest_hits(tree, &rays, &mut hits, &options);
+    if common::is_llvmpipe() {
+        assert_eq!(found, Err(DeviceQueryError::Unfinished { rays: 4, first: 0 }));
+    } else {
+        assert_eq!(found, Ok(()));
+    }
+}
+
+/// Closest hits by any source of the kernel, through the device tree of a case.
+fn hits_by_source(source: &str, case: &Case, rays: &[Ray]) -> Vec<Hit> {
+    let gpu = common::gpu();
+    let pipeline = gpu.pipeline("planted", source).expect("a pipeline");
+    let (given, hits) = (storage(size_of_val(rays)), storage(16 * rays.len()));
+    gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
+    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    let batch = gpu.buffer("batch", 16, usage).expect("a buffer");
+    let words = [rays.len() as u32, 0, u32::MAX, 0];
+    gpu.queue().write_buffer(&batch, 0, bytemuck::cast_slice(&words));
+    let mut entries = case.device.device_tree().bind_group_entries(0).to_vec();
+    for (binding, buffer) in [(4, &given), (5, &hits), (6, &batch)] {
+        let resource = buffer.as_entire_binding();
+        entries.push(wgpu::BindGroupEntry { binding, resource });
+    }
+    let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &entries,
+    });
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    {
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+    }
+    gpu.queue().submit([encoder.finish()]);
+    bytemuck::pod_collect_to_vec(&common::read(&hits))
+}
+
+/// The traversal as a library, bound elsewhere than in the kernels, in a shader of a host's own.
+#[test]
+fn a_shader_of_a_hosts_own() {
+    let own = "
+@group(0) @binding(0) var<storage, read> given: array<vec4<u32>>;
+@group(0) @binding(1) var<storage, read_write> found: array<vec4<u32>>;
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&found) { return; }
+    let ray = ray_of_words(given[2u * id.x], given[2u * id.x + 1u]);
+    let hit = closest_hit(ray, default_options());
+    found[id.x] = hit_words(hit);
+    if any_hit(ray, QueryOptions(CULL_NONE, NO_TRIANGLE)) != is_hit(hit) { found[id.x].x = 7u; }
+}";
+    let scene = scenes::seams(true);
+    let case = Case::new(&scene);
+    let rays = all_rays(&scene, &case, 50, 17);
+    let gpu = common::gpu();
+    for test in [TriangleTest::Watertight, TriangleTest::MoellerTrumbore] {
+        let source = traversal(1, 3, test) + own;
+        let pipeline = gpu.pipeline("host", &source).expect("a pipeline");
+        let (given, hits) = (storage(size_of_val(&rays[..])), storage(16 * rays.len()));
+        gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(&rays));
+        let group = |index, entries: &[wgpu::BindGroupEntry<'_>]| {
+            let layout = &pipeline.get_bind_group_layout(index);
+            let descriptor = wgpu::BindGroupDescriptor { label: None, layout, entries };
+            gpu.device().create_bind_group(&descriptor)
+        };
+        let buffers = [(0, &given), (1, &hits)].map(|(binding, buffer)| wgpu::BindGroupEntry {
+            binding,
+            resource: buffer.as_entire_binding(),
+        });
+        let groups =
+            [group(0, &buffers), group(1, &case.device.device_tree().bind_group_entries(3))];
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        {
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&pipeline);
+            pass.set_bind_group(0, &groups[0], &[]);
+            pass.set_bind_group(1, &groups[1], &[]);
+            pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+        }
+        gpu.queue().submit([encoder.finish()]);
+        let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
+        if test == TriangleTest::Watertight {
+            for (ray, hit) in rays.iter().zip(&found) {
+                let expected = case.reference(ray, &Default::default(), Query::Closest);
+                assert_eq!(bits(hit), bits(&expected), "{ray:?}");
+            }
+        } else {
+            assert!(found.iter().filter(|hit| hit.is_hit()).count() * 3 > rays.len());
         }
     }
-    assert!(hits > 2000, "{hits}");
+}
+
+/// The constants of the WGSL are those of the core.
+#[test]
+fn constants_are_the_cores() {
+    let constants: [(&str, f32); 9] = [
+        ("PLANE_SLACK", intersect::PLANE_SLACK),
+        ("STOP_SLACK", intersect::STOP_SLACK),
+        ("EDGE_LEAST", intersect::EDGE_LEAST),
+        ("SLOPE_LEAST", intersect::SLOPE_LEAST),
+        ("DIRECTION_LEAST", intersect::DIRECTION_LEAST),
+        ("COORDINATE_MOST", intersect::COORDINATE_MOST),
+        ("ORIGIN_LEAST", intersect::ORIGIN_LEAST),
+        ("GREATEST", f32::MAX),
+        ("GREATEST_BY_FAR", f32::MAX / 100.0),
+    ];
+    let mut source = traversal(1, 0, TriangleTest::Watertight)
+        + "
+@group(0) @binding(0) var<storage, read> input: array<u32>;
+@group(0) @binding(1) var<storage, read_write> output: array<u32>;
+@group(0) @binding(2) var<uniform> zeros: vec4<u32>;
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) index: u32) {
+    if index != input[0] + zeros.x { return; }
+    output[0] = STACK_ENTRIES;
+";
+    for (place, (name, _)) in constants.iter().enumerate() {
+        source += &format!("    output[{}] = bitcast<u32>({name});\n", place + 1);
+    }
+    let words = common::run_words(&(source + "}"), &[0], constants.len() + 1, 1);
+    assert_eq!(words[0], MAX_DEPTH + 1);
+    for ((name, value), word) in constants.into_iter().zip(&words[1..]) {
+        assert_eq!(*word, value.to_bits(), "{name}");
+    }
+}
+
+/// Each fault in the text of the kernel changes hits; the text as it is changes none.
+#[test]
+fn planted_faults_are_seen() {
+    let twice = scenes::soup(200, 0.4, 15);
+    let scenes = [
+        twice.joined(&twice.clone(), "soup, twice"),
+        scenes::needle_star(),
+        scenes::seams(true),
+        scenes::ratio(),
+        scenes::scaled(&twice, 1e30, "soup at 1e30"),
+        scenes::coplanar(1, 200),
+        scenes::collinear(),
+        scenes::grid_boxes(4),
+    ];
+    let options = QueryOptions::default();
+    let cases: Vec<(Case, Vec<Ray>, Vec<Hit>)> = scenes
+        .iter()
+        .map(|scene| {
+            let case = Case::new(scene);
+            let mut rays = all_rays(scene, &case, 20, 16);
+            let first: Vec<Hit> =
+                rays.iter().map(|ray| case.reference(ray, &options, Query::Closest)).collect();
+            let closed = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit());
+            let closed: Vec<Ray> =
+                closed.map(|(ray, hit)| ray.with_limits(ray.t_min, hit.t)).collect();
+            rays.extend(closed);
+            let expected =
+                rays.iter().map(|ray| case.reference(ray, &options, Query::Closest)).collect();
+            (case, rays, expected)
+        })
+        .collect();
+    let differences = |source: &str| -> usize {
+        let count = |(case, rays, expected): &(Case, Vec<Ray>, Vec<Hit>)| {
+            let found = hits_by_source(source, case, rays);
+            found.iter().zip(expected).filter(|(a, b)| bits(a) != bits(b)).count()
+        };
+        cases.iter().map(count).sum()
+    };
+    let source = splitplane_shaders::find("closest_hit").expect("a kernel").source();
+    assert_eq!(differences(&source), 0, "without a fault");
+    let mut unseen = Vec::new();
+    for (name, right, wrong) in [
+        ("edges swapped", "edge_function(seen.c, seen.b)", "edge_function(seen.b, seen.c)"),
+        ("higher index wins", "triangle < best.triangle", "triangle > best.triangle"),
+        ("open interval", "key <= ray.greatest_key", "key < ray.greatest_key"),
+        ("t is only interpolated", "if noise > product", "if false && noise > product"),
+        ("no plane for t", "if plane.some {", "if false {"),
+        ("t from the plane only", "if noise > product", "if true || noise > product"),
+        ("far origins stay", "if plane.moves {", "if false {"),
+        ("no wide test", "if !ray.wide {", "if true {"),
+        ("no slack of planes", "free_mul_add(abs(t), PLANE_SLACK, slack)", "0.0"),
+        ("stops too early", "STOP_SLACK: f32 = 0x1p-15f", "STOP_SLACK: f32 = -0x1p-3f"),
+        ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
+        ("weights swapped", "snap(quotient(edges.y, det))", "snap(quotient(edges.x, det))"),
+        ("-0 below +0", "if bits == 0x80000000u {", "if false {"),
+    ] {
+        let faulty = source.replacen(right, wrong, 1);
+        assert_ne!(faulty, source, "{name}: the text is not there");
+        let count = differences(&faulty);
+        println!("{name}: {count} hits differ");
+        if count == 0 {
+            unseen.push(name);
+        }
+    }
+    assert!(unseen.is_empty(), "faults that no ray shows: {unseen:?}");
 }

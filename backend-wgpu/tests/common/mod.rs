@@ -42,7 +42,6 @@ pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize)
     let given = buffer(input.len(), Usage::STORAGE | Usage::COPY_DST);
     let found = buffer(output_words, Usage::STORAGE | Usage::COPY_SRC);
     let zeros = buffer(4, Usage::UNIFORM | Usage::COPY_DST);
-    let readback = buffer(output_words, Usage::MAP_READ | Usage::COPY_DST);
     gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(input));
     gpu.queue().write_buffer(&zeros, 0, &[0; 16]);
     let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
@@ -61,9 +60,17 @@ pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize)
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(items.div_ceil(64) as u32, 1, 1);
     }
-    encoder.copy_buffer_to_buffer(&found, 0, &readback, 0, 4 * output_words as u64);
     gpu.queue().submit([encoder.finish()]);
-    let bytes =
-        gpu.read_mapped(&readback, 4 * output_words as u64).unwrap_or_else(|error| fail(error));
-    bytemuck::pod_collect_to_vec(&bytes)
+    bytemuck::pod_collect_to_vec(&read(&found))
+}
+
+/// The bytes of a buffer with the usage `COPY_SRC`.
+pub fn read(buffer: &wgpu::Buffer) -> Vec<u8> {
+    let gpu = gpu();
+    let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+    let readback = gpu.buffer("read back", buffer.size(), usage).expect("a buffer");
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, buffer.size());
+    gpu.queue().submit([encoder.finish()]);
+    gpu.read_mapped(&readback, buffer.size()).expect("bytes")
 }
