@@ -192,8 +192,7 @@ impl WgpuBackend {
         config.validate()?;
         let gpu = &self.shared.gpu;
         let triangles = mesh.len() as u32;
-        let capacities =
-            Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
+        let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
         let mut buffers = Buffers::new(gpu)?;
         buffers.reserve(gpu, &capacities, false)?;
         let first_index = buffers.upload(gpu, mesh)?;

@@ -106,8 +106,7 @@ fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
     let pipeline = gpu.pipeline(shader.name, &shader.source())?;
     let bytes = u64::from(PAIRS) * 32;
     let uniform = gpu.buffer("self-test", 16, Usage::UNIFORM | Usage::COPY_DST)?;
-    let operands =
-        gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
+    let operands = gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
     let results = gpu.buffer("self-test results", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
     let readback = gpu.buffer("self-test readback", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
     let commands = gpu.guard(|| {
@@ -193,7 +192,8 @@ fn rays(triangles: &[Triangle]) -> Vec<Ray> {
 fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
     let triangles = triangles();
     let soup = Mesh::soup(&triangles).map_err(|error| GpuError::Refused(error.to_string()))?;
-    let refused = |error: splitplane_core::backend::BuildError| GpuError::Refused(error.to_string());
+    let refused =
+        |error: splitplane_core::backend::BuildError| GpuError::Refused(error.to_string());
     let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;
     let tree = built.tree.read(backend.gpu())?;
     validate_mesh(&tree.view(), &soup)

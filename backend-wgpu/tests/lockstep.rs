@@ -14,7 +14,11 @@ use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
 
 /// Runs both executors in step; the number of dispatches that were compared.
-fn in_step(backend: &WgpuBackend, mesh: &Mesh<'_>, config: &BuildConfig) -> Result<u32, Difference> {
+fn in_step(
+    backend: &WgpuBackend,
+    mesh: &Mesh<'_>,
+    config: &BuildConfig,
+) -> Result<u32, Difference> {
     let set = InstructionSet::detect();
     let cpu: CpuExecutor<'_> =
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("memory");
@@ -115,7 +119,11 @@ fn planted_faults_are_named() {
         (K::SubtreeSizes, "vec2<u32>(1u, 0u));\n        node", "vec2<u32>(2u, 0u));\n        node"),
         (K::PreorderAddresses, "here.x + 1u", "here.x + 2u"),
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
-        (K::EmitSmall, "put_reference(first + rank_in(mask, lane)", "put_reference(first + count - 1u - rank_in(mask, lane)"),
+        (
+            K::EmitSmall,
+            "put_reference(first + rank_in(mask, lane)",
+            "put_reference(first + count - 1u - rank_in(mask, lane)",
+        ),
     ];
     // Subnormal coordinates, planar triangles, empty space and many levels, so that each fault shows.
     let scene = scenes::zeros_and_subnormals()
