@@ -197,9 +197,14 @@ impl PendingBuild {
     pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.shared.gpu.poll()?;
         match self.mapped.load(Ordering::Acquire) {
-            WAITING => Ok(None),
-            MAPPED => self.look(),
-            _ => Err(GpuError::Refused("what the build wrote cannot be read".into()).into()),
+            // Only the callback holds the other reference; when wgpu has forgotten it, the buffer
+            // itself knows whether it is mapped.
+            WAITING if Arc::strong_count(&self.mapped) > 1 => Ok(None),
+            WAITING | MAPPED => self.look(),
+            _ => {
+                self.shared.gpu.check()?;
+                Err(GpuError::Refused("what the build wrote cannot be read".into()).into())
+            }
         }
     }
 
@@ -213,6 +218,8 @@ impl PendingBuild {
             if let Some(built) = self.poll()? {
                 return Ok(built);
             }
+            // More was submitted, or another thread is about to call back.
+            std::thread::yield_now();
         }
     }
 
