@@ -55,6 +55,7 @@ pub struct Figures {
     pub dispatches: u32,
     pub repeats: u32,
     pub first_repeats: u32,
+    pub first_dispatches: u32,
 }
 
 /// Builds of which kernels are timed; the one of median sum counts.
@@ -73,6 +74,7 @@ pub fn measure(
     let first = first?;
     figures.first_ms = first_ms;
     figures.first_repeats = first.effort.repeats;
+    figures.first_dispatches = first.effort.dispatches;
     backend.recycle(first.tree);
     let mut times = Vec::new();
     if !run.check {

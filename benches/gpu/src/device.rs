@@ -193,7 +193,13 @@ impl Costs {
         let reps = if options.check { 1 } else { options.reps.clamp(3, 21) };
         let clock = Clock::new(gpu);
         let repeated = |record: &dyn Fn(&mut wgpu::CommandEncoder)| -> Result<f64, Failure> {
-            let one = || clock.time(|encoder| Ok(record(encoder))).map(|span| span.best_ms());
+            let one = || -> Result<f64, Failure> {
+                let recorded = |encoder: &mut wgpu::CommandEncoder| {
+                    record(encoder);
+                    Ok(())
+                };
+                Ok(clock.time(recorded)?.best_ms())
+            };
             one()?;
             let times: Result<Vec<f64>, Failure> = (0..reps).map(|_| one()).collect();
             Ok(median(&times?))

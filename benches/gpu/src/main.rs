@@ -12,6 +12,7 @@ mod trace;
 
 use std::error::Error;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::Parser;
 use splitplane::BuildOptions;
@@ -42,6 +43,9 @@ fn main() -> ExitCode {
     }
 }
 
+/// Software may take minutes for what hardware does in milliseconds.
+const PATIENCE: Duration = Duration::from_secs(600);
+
 /// True when all scenes were measured and nothing differed.
 fn run(options: &Options) -> Result<bool, Failure> {
     let mut report = Report::new(&options.out)?;
@@ -61,7 +65,11 @@ fn run(options: &Options) -> Result<bool, Failure> {
 
 /// A backend of its own for every scene: nothing is left over from the one before.
 fn open(options: &Options) -> Result<(WgpuBackend, f64), Failure> {
-    let asked = OpenOptions { adapter: options.adapter.clone(), ..OpenOptions::default() };
+    let asked = OpenOptions {
+        adapter: options.adapter.clone(),
+        timeout: PATIENCE,
+        ..OpenOptions::default()
+    };
     let (opened, open_ms) =
         milliseconds(|| WgpuBackend::new(Gpu::open(&asked)?).map_err(Failure::from));
     Ok((opened?, open_ms))
@@ -78,7 +86,9 @@ fn measure_scene(
     let (backend, _) = open(options)?;
     let built = build::measure(&backend, &mesh, &BuildOptions::default(), options)?;
     let floor = if options.check { None } else { Some(floor::moved(&mesh, &built.times)?) };
-    report.build(&scene.name, &built.figures, floor.as_deref(), costs)?;
+    // Built-in scenes with their size, files without their folder.
+    let name = if name.starts_with("builtin:") { name } else { &scene.name };
+    report.build(name, &built.figures, floor.as_deref(), costs)?;
     if options.no_rays {
         return Ok(());
     }
@@ -94,7 +104,7 @@ fn measure_scene(
     for set in &sets {
         for query in trace::Query::ALL {
             let figures = trace::measure(&built, set, query, options)?;
-            report.trace(&scene.name, &figures)?;
+            report.trace(name, &figures)?;
         }
     }
     Ok(())

@@ -139,7 +139,7 @@ impl Report {
         let launch_ms = f64::from(of.dispatches) * costs.dispatch_us * 1e-3;
         writeln!(
             self.builds,
-            "| {scene} | {:.2} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} |",
+            "| {scene} | {:.2} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {} | {:.2} | {:.2} |",
             of.first_ms,
             of.rebuild(),
             median(&of.submit_ms),
@@ -158,7 +158,7 @@ impl Report {
             let least = floor_ms(kernel.bytes);
             writeln!(
                 self.kernels,
-                "| {scene} | `{}` | {} | {ms:.3} | {:.1} % | {} | {least:.3} | {:.1} |",
+                "| {scene} | `{}` | {} | {ms:.3} | {:.1} % | {} | {least:.4} | {:.0} |",
                 kernel.kernel,
                 kernel.passes.unwrap_or(0),
                 1e2 * ms / of.kernels_ms.unwrap_or(f64::NAN),
@@ -173,7 +173,7 @@ impl Report {
         self.line("trace", Some(scene), of)?;
         let (set, query) = (of.set, of.query.name());
         if let Some(first) = &of.first_difference {
-            let different = of.different + of.resident_different;
+            let different = of.different + of.resident_different.unwrap_or(0);
             self.notes.push(format!("{scene}, {set}, {query}: {different} differ; first: {first}"));
         }
         if of.left_out > 0 {
@@ -184,13 +184,17 @@ impl Report {
         writeln!(
             self.checks,
             "| {scene} | {set} | {query} | {} | {} | {} | {} | {} |",
-            of.rays, of.hits, of.different, of.resident_different, of.unfinished
+            of.rays,
+            of.hits,
+            of.different,
+            of.resident_different.map_or("-".into(), |different| different.to_string()),
+            of.unfinished
         )?;
         if !of.cpu_s.is_empty() {
             let (resident, cpu) = (of.resident_mrays(), of.mrays(&of.cpu_s));
             writeln!(
                 self.traces,
-                "| {scene} | {set} | {query} | {resident:.2} | {:.2} | {:.2} | {cpu:.2} | {:.2} | {} |",
+                "| {scene} | {set} | {query} | {resident:.2} | {:.2} | {:.2} | {cpu:.2} | {:.3} | {} |",
                 of.mrays(&of.resident_wall_s),
                 of.mrays(&of.host_s),
                 resident / cpu,
