@@ -138,9 +138,22 @@ impl<'a> WgpuExecutor<'a> {
     /// # Errors
     /// The device's.
     pub(crate) fn submit(&mut self) -> Result<(), GpuError> {
+        self.submit_after(None)
+    }
+
+    /// Submits what is recorded, behind other commands.
+    ///
+    /// # Errors
+    /// The device's.
+    pub(crate) fn submit_after(
+        &mut self,
+        before: Option<wgpu::CommandBuffer>,
+    ) -> Result<(), GpuError> {
         self.pass = None;
         if let Some(encoder) = self.encoder.take() {
-            self.gpu.submit([encoder.finish()])?;
+            // What was recorded wrongly is refused here.
+            let recorded = self.gpu.guard(|| encoder.finish())?;
+            self.gpu.submit(before.into_iter().chain([recorded]))?;
         }
         Ok(())
     }
