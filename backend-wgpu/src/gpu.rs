@@ -9,9 +9,6 @@ use crate::health::Health;
 use crate::needs;
 use crate::options::OpenOptions;
 
-/// Longest time to wait without asking whether the device is still there.
-const SLICE: Duration = Duration::from_millis(100);
-
 /// A device, ready for work. Clones are the same device.
 #[derive(Clone, Debug)]
 pub struct Gpu {
@@ -23,8 +20,6 @@ pub struct Gpu {
     timeout: Duration,
     /// The last submission that is complete; shared by clones. While it is held nobody else submits.
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
-    /// Held while polling; shared by clones. See [`Gpu::wait_for`].
-    polling: Arc<Mutex<()>>,
 }
 
 impl Gpu {
@@ -63,8 +58,8 @@ impl Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
         let timeout = OpenOptions::DEFAULT_TIMEOUT;
-        let (health, last, polling) = Default::default();
-        Gpu { device, queue, info, limits, health, timeout, last, polling }
+        let (health, last) = Default::default();
+        Gpu { device, queue, info, limits, health, timeout, last }
     }
 
     /// The same device with another time-out.
@@ -245,10 +240,7 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::check`].
     pub fn poll(&self) -> Result<bool, GpuError> {
-        // Whoever holds it polls.
-        let Ok(polling) = self.polling.try_lock() else { return self.check().map(|()| false) };
         let polled = self.health.poll(&self.device, wgpu::PollType::Poll)?;
-        drop(polling);
         self.check()?;
         Ok(polled.is_ok_and(|status| status.is_queue_empty()))
     }
@@ -269,28 +261,19 @@ impl Gpu {
     /// # Errors
     /// As for [`Gpu::wait`].
     pub fn wait_for(&self, submission: Option<wgpu::SubmissionIndex>) -> Result<(), GpuError> {
-        let start = Instant::now();
-        loop {
-            self.check()?;
-            let left = self.timeout.saturating_sub(start.elapsed());
-            let wait = wgpu::PollType::Wait {
-                submission_index: submission.clone(),
-                timeout: Some(left.min(SLICE)),
-            };
-            // One thread at a time: wgpu panics when a wait that timed out finds the queue emptied by
-            // another thread's poll.
-            let polling = self.polling.lock().unwrap_or_else(PoisonError::into_inner);
-            let polled = self.health.poll(&self.device, wait)?;
-            drop(polling);
-            match polled {
-                Ok(_) => return self.check(),
-                Err(wgpu::PollError::Timeout) if left > SLICE => {}
-                Err(wgpu::PollError::Timeout) => {
-                    self.check()?;
-                    return Err(GpuError::TimedOut { seconds: self.timeout.as_secs() });
-                }
-                Err(error) => return Err(GpuError::Refused(error.to_string())),
+        self.check()?;
+        // In one piece: wgpu panics, and forgets callbacks, when a wait runs out of time just before
+        // another thread's submission or poll finds the queue empty.
+        let wait =
+            wgpu::PollType::Wait { submission_index: submission, timeout: Some(self.timeout) };
+        let polled = self.health.poll(&self.device, wait)?;
+        self.check()?;
+        match polled {
+            Ok(_) => Ok(()),
+            Err(wgpu::PollError::Timeout) => {
+                Err(GpuError::TimedOut { seconds: self.timeout.as_secs() })
             }
+            Err(error) => Err(GpuError::Refused(error.to_string())),
         }
     }
 
@@ -336,7 +319,11 @@ impl Gpu {
                 self.check()?;
                 Err(GpuError::Refused("the buffer cannot be mapped".into()))
             }
-            Err(_) => Err(GpuError::TimedOut { seconds: self.timeout.as_secs() }),
+            // The callback was forgotten in a panic of wgpu's: the buffer knows whether it is mapped.
+            Err(mpsc::RecvTimeoutError::Disconnected) => self.check(),
+            Err(mpsc::RecvTimeoutError::Timeout) => {
+                Err(GpuError::TimedOut { seconds: self.timeout.as_secs() })
+            }
         }
     }
 }

@@ -68,8 +68,11 @@ impl Health {
         POLLS.set(outer);
         polled.or_else(|panic| match self.check_lost(device) {
             Err(lost) => Err(lost),
-            // A wait timed out while the host polled too: wgpu takes that for a contradiction.
-            Ok(()) if says(&*panic, "If the queue is empty") => Ok(Err(wgpu::PollError::Timeout)),
+            // A wait ran out of time while another thread found that all is done: wgpu takes that
+            // for a contradiction.
+            Ok(()) if says(&*panic, "If the queue is empty") => {
+                Ok(Ok(wgpu::PollStatus::QueueEmpty))
+            }
             // Not the device: a callback of the host, or a bug in wgpu. The hook kept quiet.
             Ok(()) => match panic.downcast::<String>() {
                 Ok(message) => panic!("{message}"),

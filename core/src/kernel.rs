@@ -521,11 +521,13 @@ pub enum Overflow {
     LeafReferences = 128,
     /// Chunks.
     Chunks = 256,
+    /// Not a list: the device's driver ended a loop before its end, so that the build is void.
+    Unfinished = 512,
 }
 
 impl Overflow {
     /// All bits.
-    pub const ALL: [Overflow; 9] = [
+    pub const ALL: [Overflow; 10] = [
         Overflow::Nodes,
         Overflow::References,
         Overflow::SmallRoots,
@@ -535,6 +537,7 @@ impl Overflow {
         Overflow::TreeNodes,
         Overflow::LeafReferences,
         Overflow::Chunks,
+        Overflow::Unfinished,
     ];
 }
 

@@ -154,6 +154,10 @@ impl Decision {
     /// split.
     pub const TRANSFER: u32 = 3;
 
+    /// A bit of `cut_sides` that no side needs: a device could not finish the decision, so that the
+    /// build is void.
+    pub const UNDECIDED: u32 = 0x8000_0000;
+
     /// Side of cut `index`.
     #[inline]
     pub fn cut_side(&self, index: u32) -> usize {

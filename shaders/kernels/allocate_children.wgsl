@@ -26,6 +26,8 @@ var<workgroup> small_count: u32;
 var<workgroup> small_reference_count: u32;
 // Whether the cap on nodes may bind among these 256, so that they must be taken one by one.
 var<workgroup> one_by_one: u32;
+// 1 when a decision could not be finished.
+var<workgroup> unfinished: atomic<u32>;
 // By lane: nodes to emit, growth of the references; then what the caps made of them.
 var<workgroup> wanted: array<vec2<u32>, LANES>;
 var<workgroup> verdicts: array<u32, LANES>;
@@ -144,6 +146,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
             overflow |= select(0u, OVERFLOW_SMALL_REFERENCES, small_reference_count > parameters.small_reference_room);
             overflow |= select(0u, OVERFLOW_TOP_NODES, top_count > parameters.top_node_room);
             overflow |= select(0u, OVERFLOW_LEVELS, counters[COUNTER_LEVELS] > parameters.level_room);
+            overflow |= select(0u, OVERFLOW_UNFINISHED, atomicLoad(&unfinished) == 1u);
             if overflow != 0u {
                 counters[COUNTER_OVERFLOW] = overflow;
             }
@@ -162,6 +165,9 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
     if present {
         node = active_nodes[index];
         decision = decisions[index];
+        if (decision.cut_sides & UNDECIDED) != 0u {
+            atomicStore(&unfinished, 1u);
+        }
         let splits = decision.axis != TRANSFER;
         let both = decision.counts.x + decision.counts.y;
         growth = select(0u, both - min(both, node.count), splits);

@@ -29,6 +29,8 @@ struct Ranked {
 }
 
 var<workgroup> ranked: array<Ranked, LANES>;
+// 1 when a lane was cut short.
+var<workgroup> unfinished: atomic<u32>;
 
 fn precedes(a: Ranked, b: Ranked) -> bool {
     if a.cost.y != b.cost.y {
@@ -60,7 +62,44 @@ fn wide_sum(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
     return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
 }
 
-// The planes of one lane: faces of samples, each counted against all references of the node.
+// References on the two sides of the three planes of one corner: those that go left, and right.
+struct Sides {
+    left: vec3<u32>,
+    right: vec3<u32>,
+}
+
+fn add_sides(sides: Sides, reference: Reference, planes: vec3<f32>) -> Sides {
+    let left = (reference.lo < planes) | (reference.hi <= planes);
+    let right = reference.hi > planes;
+    return Sides(
+        sides.left + select(vec3<u32>(0u), vec3<u32>(1u), left),
+        sides.right + select(vec3<u32>(0u), vec3<u32>(1u), right),
+    );
+}
+
+// The better of `best` and a plane through a face of the sample.
+fn consider(best: Ranked, cell: Aabb, extents: Extents, axis: u32, planes: vec3<f32>, sides: Sides) -> Ranked {
+    let position = on_axis(planes, axis);
+    if !strictly_inside(cell, axis, position) {
+        return best;
+    }
+    let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
+    let areas = split_areas(extents, axis, offset);
+    let cost = wide_sum(
+        wide_product(areas.x, sides.left[axis]),
+        wide_product(areas.y, sides.right[axis]),
+    );
+    let here = Ranked(cost, axis, ordered_bits(position), position);
+    if precedes(here, best) {
+        return here;
+    }
+    return best;
+}
+
+// Set when a driver ended a loop before its end: Mesa's llvmpipe does so after 65,535 rounds.
+var<private> cut_short: bool;
+
+// The planes of one lane: the faces of one sample, counted against all references of the node.
 fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Ranked {
     let samples = min(node.count, SWEEP_SAMPLES);
     // The cost of a leaf, before every plane: only what costs less counts.
@@ -72,27 +111,29 @@ fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Rank
     let step = node.count / samples;
     let rest = node.count % samples;
     let sample = references[node.first + lane * step + lane * rest / samples];
-    for (var face = 0u; face < 6u; face++) {
-        let axis = face / 2u;
-        let position = select(on_axis(sample.hi, axis), on_axis(sample.lo, axis), face % 2u == 0u);
-        if !strictly_inside(cell, axis, position) {
-            continue;
-        }
-        var left = 0u;
-        var right = 0u;
-        for (var i = 0u; i < node.count; i++) {
-            let lo = on_axis(references[node.first + i].lo, axis);
-            let hi = on_axis(references[node.first + i].hi, axis);
-            left += select(0u, 1u, goes_left(lo, hi, position));
-            right += select(0u, 1u, goes_right(hi, position));
-        }
-        let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
-        let areas = split_areas(extents, axis, offset);
-        let cost = wide_sum(wide_product(areas.x, left), wide_product(areas.y, right));
-        let here = Ranked(cost, axis, ordered_bits(position), position);
-        if precedes(here, best) {
-            best = here;
-        }
+    var low = Sides(vec3<u32>(0u), vec3<u32>(0u));
+    var high = low;
+    // Four at a time: see `cut_short`.
+    var i = 0u;
+    for (; i + 4u <= node.count; i += 4u) {
+        let a = references[node.first + i];
+        let b = references[node.first + i + 1u];
+        let c = references[node.first + i + 2u];
+        let d = references[node.first + i + 3u];
+        low = add_sides(add_sides(low, a, sample.lo), b, sample.lo);
+        low = add_sides(add_sides(low, c, sample.lo), d, sample.lo);
+        high = add_sides(add_sides(high, a, sample.hi), b, sample.hi);
+        high = add_sides(add_sides(high, c, sample.hi), d, sample.hi);
+    }
+    for (; i < node.count; i++) {
+        low = add_sides(low, references[node.first + i], sample.lo);
+        high = add_sides(high, references[node.first + i], sample.hi);
+    }
+    // The zero keeps a compiler from concluding that this cannot be.
+    cut_short = cut_short || (i ^ opaque_zero) < node.count;
+    for (var axis = 0u; axis < 3u; axis++) {
+        best = consider(best, cell, extents, axis, sample.lo, low);
+        best = consider(best, cell, extents, axis, sample.hi, high);
     }
     return best;
 }
@@ -131,8 +172,14 @@ fn sweep(node: LargeNode, lane: u32) {
     workgroupBarrier();
     if open && extents.large_enough {
         ranked[lane] = sweep_share(node, cell, extents, lane);
+        if cut_short {
+            atomicStore(&unfinished, 1u);
+        }
     }
     workgroupBarrier();
+    if lane == 0u && atomicLoad(&unfinished) == 1u {
+        decided.cut_sides |= UNDECIDED;
+    }
     if lane == 0u && open {
         decided.axis = TRANSFER;
         decided.position = 0.0;

@@ -74,6 +74,8 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         var overflow = 0u;
         overflow |= select(0u, OVERFLOW_TREE_NODES, size.x > parameters.tree_node_room);
         overflow |= select(0u, OVERFLOW_LEAF_REFERENCES, size.y > parameters.leaf_reference_room);
+        // What `build_small` says of a subtree that it could not finish; sums stay there.
+        overflow |= select(0u, OVERFLOW_UNFINISHED, size.y == 0xffffffffu);
         if overflow != 0u {
             counters[COUNTER_OVERFLOW] = overflow;
         }

@@ -29,6 +29,8 @@ const OVERFLOW_LEVELS: u32 = 32u;
 const OVERFLOW_TREE_NODES: u32 = 64u;
 const OVERFLOW_LEAF_REFERENCES: u32 = 128u;
 const OVERFLOW_CHUNKS: u32 = 256u;
+// Not a list: a driver ended a loop before its end.
+const OVERFLOW_UNFINISHED: u32 = 512u;
 
 // A counter; zero once a list has outgrown its room, so that nothing more is done.
 fn live(counter: u32) -> u32 {

@@ -43,6 +43,8 @@ struct Decision {
 
 // Decision.axis of a node that goes to the small list as it is.
 const TRANSFER: u32 = 3u;
+// A bit of Decision.cut_sides that no side needs: the decision could not be finished.
+const UNDECIDED: u32 = 0x80000000u;
 
 struct TopNode {
     kind: u32,

@@ -1,7 +1,8 @@
 // Whether each ray of a batch hits anything.
-//
-// One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes occluded.
-// There are no ties: the answer does not depend on which hit is found.
+// One invocation a ray.
+// Reads: nodes, references, corners and scale of the scene; the rays of the batch.
+// Writes: a word a ray.
+// Ties: none; the answer does not depend on which hit is found.
 
 // 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish.
 @group(0) @binding(5) var<storage, read_write> occluded: array<u32>;

@@ -1,8 +1,9 @@
 // The closest hit of every ray of a batch.
-//
-// One invocation a ray. Reads nodes, leaf_references, triangles, scene, rays, batch; writes hits.
-// Among equal `t` the lower triangle index wins. The record of a miss is (infinity, NO_TRIANGLE, 0, 0);
-// that of a ray which the driver did not let finish has UNFINISHED as its triangle.
+// One invocation a ray.
+// Reads: nodes, references, corners and scale of the scene; the rays of the batch.
+// Writes: a hit a ray. The record of a miss is (infinity, NO_TRIANGLE, 0, 0); that of a ray which the
+// driver did not let finish has UNFINISHED as its triangle.
+// Ties: among equal `t` the lower triangle index.
 
 // 16 bytes a hit: t, triangle, u, v. As bits, since the `t` of a miss is infinite.
 @group(0) @binding(5) var<storage, read_write> hits: array<vec4<u32>>;

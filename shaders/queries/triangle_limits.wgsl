@@ -1,8 +1,9 @@
 // The range of the triangles' coordinates and sizes; twin of `Limits` in core/src/intersect.rs.
-//
-// One invocation a triangle. Reads triangles, count; writes limits. Least and greatest of numbers
-// that are not negative are least and greatest of their bits: exact, and no order plays a part.
-// Dropped triangles (a coordinate that is not finite, two equal corners) have no say.
+// One invocation a triangle.
+// Reads: snapped corners and how many triangles there are.
+// Writes: four numbers. Least and greatest of numbers that are not negative are least and greatest of
+// their bits: exact, and no order plays a part. Dropped triangles (a coordinate that is not finite,
+// two equal corners) have no say.
 
 struct TriangleCount {
     count: u32,

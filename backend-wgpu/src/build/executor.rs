@@ -47,6 +47,9 @@ pub struct WgpuExecutor<'a> {
 /// enough to cost little where the list is short. Software does one after the other.
 const GROUPS: u32 = 2048;
 const GROUPS_IN_SOFTWARE: u32 = 64;
+/// Most small roots that one workgroup builds one after the other. A root takes some 450 rounds of
+/// loops, at most 900, and Mesa's llvmpipe ends an invocation's loops after 65,535 rounds together.
+const ROOTS_A_GROUP: u32 = 64;
 
 impl<'a> WgpuExecutor<'a> {
     pub(crate) fn new(
@@ -246,6 +249,7 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
                 .step_by(ROOTS_A_SLICE as usize)
                 .map(|first| {
                     let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
+                    let groups = groups.max(roots / ROOTS_A_GROUP);
                     (self.buffers.slice(first / ROOTS_A_SLICE), roots.min(groups))
                 })
                 .collect(),

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
 use splitplane_core::intersect::Limits;
-use splitplane_core::kernel::{Buffer, Counter};
+use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, LargeNode};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::KdNode;
@@ -197,9 +197,14 @@ impl PendingBuild {
     pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.shared.gpu.poll()?;
         match self.mapped.load(Ordering::Acquire) {
-            WAITING => Ok(None),
-            MAPPED => self.look(),
-            _ => Err(GpuError::Refused("what the build wrote cannot be read".into()).into()),
+            // Only the callback holds the other reference; when wgpu has forgotten it, the buffer
+            // itself knows whether it is mapped.
+            WAITING if Arc::strong_count(&self.mapped) > 1 => Ok(None),
+            WAITING | MAPPED => self.look(),
+            _ => {
+                self.shared.gpu.check()?;
+                Err(GpuError::Refused("what the build wrote cannot be read".into()).into())
+            }
         }
     }
 
@@ -213,6 +218,8 @@ impl PendingBuild {
             if let Some(built) = self.poll()? {
                 return Ok(built);
             }
+            // More was submitted, or another thread is about to call back.
+            std::thread::yield_now();
         }
     }
 
@@ -224,6 +231,10 @@ impl PendingBuild {
         let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
         let head = readback.get_mapped_range(..readback::TREE).map_err(refused)?.to_vec();
         let counters = counters_from(&head, self.swapped);
+        if counters[Counter::Overflow] & Overflow::Unfinished as u32 != 0 {
+            let what = "its driver ended a loop before its end; the scene is too large for it";
+            return Err(GpuError::Refused(what.into()).into());
+        }
         if counters[Counter::Overflow] != 0 {
             readback.unmap();
             let grown = self.capacities.grown(&counters, &config);

@@ -3,20 +3,25 @@
 //!
 //! Reads `DIR/verts.f32`, `DIR/index.u32` and `DIR/SET.rays` (8 `f32` a ray: origin, direction,
 //! t_min, t_max); writes `PREFIX.SET.hits` (`f32` t, infinity for a miss, and `u32` triangle) and
-//! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET`, then any of
-//! `-watertight|-leaky` (accuracy), `-K_T:K_I:W` (costs) and `-single|-batch` (path): `splitplane-fast`,
-//! `splitplane-fast-single`, `splitplane-fast-leaky`. A name that asks for what this version does
-//! not have is an error.
+//! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET` or
+//! `splitplane-wgpu-PRESET` (the GPU that `WGPU_ADAPTER_NAME` names, or the best one; `splitplane-wgpu`
+//! alone is preset `fast`), then any of `-watertight|-leaky` (accuracy), `-K_T:K_I:W` (costs) and
+//! `-single|-batch` (path): `splitplane-fast`, `splitplane-fast-single`, `splitplane-wgpu-fast-leaky`.
+//! A name that asks for what this version does not have is an error.
+//!
+//! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
+//! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use splitplane_wgpu::{Gpu, OpenOptions, WgpuAccelerator, WgpuBackend};
 
 const SETS: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
 /// Repeats stop once this much time has gone into one figure.
@@ -24,6 +29,7 @@ const ENOUGH_SECONDS: f64 = 4.0;
 
 /// What NAME asks for.
 struct Plan {
+    gpu: bool,
     config: BuildConfig,
     options: QueryOptions,
     single: bool,
@@ -31,16 +37,19 @@ struct Plan {
 
 impl Plan {
     fn parse(name: &str) -> Result<Plan, String> {
-        let mut words = name.split('-');
+        let mut words = name.split('-').peekable();
         if words.next() != Some("splitplane") {
             return Err(format!("{name}: names begin with splitplane-"));
         }
+        let gpu = words.next_if_eq(&"wgpu").is_some();
         let preset = match words.next() {
             Some("fast") => Preset::Fast,
+            None if gpu => Preset::Fast,
             Some(other) => return Err(format!("{name}: there is no preset {other}")),
             None => return Err(format!("{name}: name a preset, as in splitplane-fast")),
         };
         let mut plan = Plan {
+            gpu,
             config: BuildConfig { preset, ..BuildConfig::default() },
             options: QueryOptions::default(),
             single: false,
@@ -65,7 +74,52 @@ impl Plan {
                 _ => return Err(format!("{name}: this version does not know {word}")),
             }
         }
+        if plan.gpu && plan.single {
+            return Err(format!("{name}: single rays are answered on the CPU"));
+        }
         Ok(plan)
+    }
+}
+
+/// Who builds.
+enum Side {
+    Cpu(CpuBackend),
+    Gpu(WgpuBackend),
+}
+
+/// A tree that answers rays.
+enum Built {
+    Cpu(CpuAccelerator),
+    Gpu(WgpuAccelerator),
+}
+
+impl Side {
+    fn open(plan: &Plan) -> Result<Side, String> {
+        if !plan.gpu {
+            return Ok(Side::Cpu(CpuBackend::new()));
+        }
+        // Software takes its time.
+        let options = OpenOptions { timeout: Duration::from_secs(600), ..OpenOptions::default() };
+        let gpu = Gpu::open(&options).map_err(|error| error.to_string())?;
+        let backend = WgpuBackend::new(gpu).map_err(|error| error.to_string())?;
+        eprintln!("{}: {}", backend.gpu().info().name, backend.parity());
+        Ok(Side::Gpu(backend))
+    }
+
+    fn build(&self, mesh: &Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
+        Ok(match self {
+            Side::Cpu(backend) => Built::Cpu(backend.build_accelerator(mesh, options)?),
+            Side::Gpu(backend) => Built::Gpu(backend.build_accelerator(mesh, options)?),
+        })
+    }
+}
+
+impl Built {
+    fn accelerator(&self) -> &dyn Accelerator {
+        match self {
+            Built::Cpu(tree) => tree,
+            Built::Gpu(tree) => tree,
+        }
     }
 }
 
@@ -101,18 +155,18 @@ fn measure(
         .num_threads(threads)
         .build()
         .map_err(|error| error.to_string())?;
-    let backend = CpuBackend::new();
+    let backend = Side::open(&plan)?;
     let options = BuildOptions::from(plan.config);
-    let build = || pool.install(|| backend.build_accelerator(&mesh, &options));
+    let build = || pool.install(|| backend.build(&mesh, &options));
 
     // The first build warms up and is not counted.
-    let mut accelerator = build().map_err(|error| error.to_string())?;
-    let peak = accelerator.summary().peak_bytes + accelerator.query_bytes();
+    let mut built = build().map_err(|error| error.to_string())?;
+    let peak = built.accelerator().summary().peak_bytes + built.accelerator().query_bytes();
     let mut build_ms = Vec::new();
     for _ in 0..reps {
-        drop(accelerator);
+        drop(built);
         let start = Instant::now();
-        accelerator = build().map_err(|error| error.to_string())?;
+        built = build().map_err(|error| error.to_string())?;
         build_ms.push(start.elapsed().as_secs_f64() * 1e3);
     }
     let mut sets = Map::new();
@@ -126,10 +180,10 @@ fn measure(
             .collect();
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut any = vec![false; rays.len()];
-        closest(&pool, &accelerator, &plan, &rays, &mut hits);
-        let closest_s = repeat(reps, || closest(&pool, &accelerator, &plan, &rays, &mut hits));
-        occluded(&pool, &accelerator, &plan, &rays, &mut any);
-        let any_s = repeat(reps, || occluded(&pool, &accelerator, &plan, &rays, &mut any));
+        closest(&pool, &built, &plan, &rays, &mut hits);
+        let closest_s = repeat(reps, || closest(&pool, &built, &plan, &rays, &mut hits));
+        occluded(&pool, &built, &plan, &rays, &mut any);
+        let any_s = repeat(reps, || occluded(&pool, &built, &plan, &rays, &mut any));
         let records: Vec<[u32; 2]> =
             hits.iter().map(|hit| [hit.t.to_bits(), hit.triangle]).collect();
         write(&format!("{prefix}.{set}.hits"), bytemuck::cast_slice(&records))?;
@@ -142,44 +196,26 @@ fn measure(
     Ok(json!({
         "version": env!("CARGO_PKG_VERSION"),
         "build_ms": build_ms,
-        "struct_bytes": accelerator.query_bytes(),
+        "struct_bytes": built.accelerator().query_bytes(),
         "build_peak_bytes": peak,
         "sets": sets,
     }))
 }
 
-fn closest(
-    pool: &rayon::ThreadPool,
-    accelerator: &CpuAccelerator,
-    plan: &Plan,
-    rays: &[Ray],
-    hits: &mut [Hit],
-) {
-    let result = pool.install(|| {
-        if plan.single {
-            accelerator.closest_hits_singly(rays, hits, &plan.options)
-        } else {
-            accelerator.closest_hits(rays, hits, &plan.options)
-        }
+fn closest(pool: &rayon::ThreadPool, built: &Built, plan: &Plan, rays: &[Ray], hits: &mut [Hit]) {
+    let result = pool.install(|| match built {
+        Built::Cpu(tree) if plan.single => tree.closest_hits_singly(rays, hits, &plan.options),
+        _ => built.accelerator().closest_hits(rays, hits, &plan.options),
     });
-    result.expect("rays and hits are of equal length");
+    result.expect("rays and hits of equal length, a device that works");
 }
 
-fn occluded(
-    pool: &rayon::ThreadPool,
-    accelerator: &CpuAccelerator,
-    plan: &Plan,
-    rays: &[Ray],
-    any: &mut [bool],
-) {
-    let result = pool.install(|| {
-        if plan.single {
-            accelerator.any_hits_singly(rays, any, &plan.options)
-        } else {
-            accelerator.any_hits(rays, any, &plan.options)
-        }
+fn occluded(pool: &rayon::ThreadPool, built: &Built, plan: &Plan, rays: &[Ray], any: &mut [bool]) {
+    let result = pool.install(|| match built {
+        Built::Cpu(tree) if plan.single => tree.any_hits_singly(rays, any, &plan.options),
+        _ => built.accelerator().any_hits(rays, any, &plan.options),
     });
-    result.expect("rays and answers are of equal length");
+    result.expect("rays and answers of equal length, a device that works");
 }
 
 fn repeat(reps: usize, mut run: impl FnMut()) -> Vec<f64> {

@@ -60,6 +60,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("REFUSED_ALL", Only::Any, "a verdict within allocate_children"),
     ("NO_TRIANGLE", word(u32::MAX), "an `Option` on the CPU"),
     ("INFINITY_BITS", word(0x7f80_0000), "WGSL has no infinity; the bits of `f32::INFINITY`"),
+    ("UNFINISHED", word(u32::MAX - 1), "the CPU finishes every ray"),
     ("CULL_NONE", Only::Alias("CULLING_NONE"), "an enum on the CPU"),
     ("CULL_BACK", Only::Alias("CULLING_BACK"), "an enum on the CPU"),
     ("CULL_FRONT", Only::Alias("CULLING_FRONT"), "an enum on the CPU"),

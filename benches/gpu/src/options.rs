@@ -1,0 +1,63 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+
+/// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
+///
+/// Exit code 0: all equal; 1: something differs or a scene failed; 5: no GPU.
+#[derive(Parser, Debug)]
+#[command(version)]
+pub struct Options {
+    /// Part of an adapter's name, or its number in the list of `splitplane adapters`
+    #[arg(long, value_name = "NAME|INDEX")]
+    pub adapter: Option<String>,
+    /// .obj files or builtin:NAME[:SIZE], separated by commas
+    #[arg(long, value_name = "SCENES", value_delimiter = ',')]
+    scenes: Vec<String>,
+    /// Repeats of every figure; medians are reported
+    #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub reps: u32,
+    /// Rays of the set `primary` and of `chords`, about
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(64..=100_000_000))]
+    rays: Option<u32>,
+    /// Take the rays from DIR/{primary,shadow,bounce,chords}.rays: raw `ox oy oz dx dy dz tmin tmax`
+    #[arg(long, value_name = "DIR")]
+    pub rays_from: Option<PathBuf>,
+    /// Where the figures are written
+    #[arg(long, value_name = "DIR", default_value = "out/gpu")]
+    pub out: PathBuf,
+    /// Sizes for software adapters: fewer rays, small copies
+    #[arg(long)]
+    pub small: bool,
+    /// Compare only: nothing is timed, every ray is traced once on each side
+    #[arg(long)]
+    pub check: bool,
+    /// Builds only
+    #[arg(long)]
+    pub no_rays: bool,
+}
+
+impl Options {
+    /// The scenes to measure.
+    pub fn scenes(&self) -> Vec<String> {
+        match (&self.scenes[..], self.small) {
+            ([], false) => vec!["builtin:city:1000000".into()],
+            ([], true) => vec!["builtin:city:20000".into()],
+            (given, _) => given.to_vec(),
+        }
+    }
+
+    /// Width and height of the picture whose rays are `primary`, 16 to 9.
+    pub fn picture(&self) -> [u32; 2] {
+        let rays = self.rays.unwrap_or(if self.small { 480 * 270 } else { 1920 * 1080 });
+        let height = (f64::from(rays) * 9.0 / 16.0).sqrt().round().max(1.0) as u32;
+        [rays.div_ceil(height).max(1), height]
+    }
+
+    /// Bytes of the buffers that are copied to measure bandwidth.
+    pub fn copied_bytes(&self) -> u64 {
+        if self.small { 16 << 20 } else { 256 << 20 }
+    }
+}

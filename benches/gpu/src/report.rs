@@ -1,0 +1,271 @@
+//! JSON lines as they come, tables at the end.
+
+use std::fmt::Write as _;
+use std::fs::{self, File};
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use crate::Failure;
+use crate::build::Figures as Build;
+use crate::device::{Costs, Description};
+use crate::floor::KernelFloor;
+use crate::stats::median;
+use crate::trace::Figures as Trace;
+
+/// What is written so far.
+pub struct Report {
+    folder: PathBuf,
+    lines: File,
+    adapter: String,
+    builds: String,
+    sizes: String,
+    kernels: String,
+    traces: String,
+    checks: String,
+    notes: Vec<String>,
+}
+
+impl Report {
+    pub fn new(folder: &Path) -> Result<Report, Failure> {
+        let shown = |error| format!("{}: {error}", folder.display());
+        fs::create_dir_all(folder).map_err(shown)?;
+        let lines = File::create(folder.join("gpu.jsonl")).map_err(shown)?;
+        let empty = String::new;
+        Ok(Report {
+            folder: folder.to_owned(),
+            lines,
+            adapter: empty(),
+            builds: empty(),
+            sizes: empty(),
+            kernels: empty(),
+            traces: empty(),
+            checks: empty(),
+            notes: Vec::new(),
+        })
+    }
+
+    /// A line of raw figures: to the file and to standard output.
+    fn line(
+        &mut self,
+        kind: &str,
+        scene: Option<&str>,
+        raw: impl Serialize,
+    ) -> Result<(), Failure> {
+        let mut object = json!({"kind": kind});
+        if let Some(scene) = scene {
+            object["scene"] = scene.into();
+        }
+        if let (Value::Object(line), Value::Object(raw)) = (&mut object, serde_json::to_value(raw)?)
+        {
+            line.extend(raw);
+        }
+        println!("{object}");
+        writeln!(self.lines, "{object}")?;
+        Ok(())
+    }
+
+    pub fn adapter(&mut self, of: &Description) -> Result<(), Failure> {
+        self.line("adapter", None, of)?;
+        if let Some(difference) = &of.difference {
+            self.notes.push(format!("self-test: structural parity: {difference}"));
+        }
+        let driver = format!("{} {}", of.driver, of.driver_info);
+        self.adapter = format!(
+            "Adapter: {} ({}), {}, driver {}; {} {}, {} CPU threads. Parity of the self-test: {}. \
+             Timestamps: {}, {} ns a tick. Opening with self-test: {:.0} ms.\n",
+            of.adapter,
+            of.device_type,
+            of.backend,
+            driver.trim(),
+            of.os,
+            of.architecture,
+            of.cpu_threads,
+            of.parity,
+            if of.timestamps { "yes" } else { "no" },
+            of.timestamp_period_ns,
+            of.open_ms,
+        );
+        Ok(())
+    }
+
+    pub fn costs(&mut self, costs: &Costs) -> Result<(), Failure> {
+        self.line("costs", None, costs)?;
+        writeln!(
+            self.adapter,
+            "Copies from buffer to buffer ({} MiB): {:.1} GB/s read and written. A dispatch that \
+             waits for the one before: {:.2} us. A submission of nothing: {:.0} us.",
+            costs.copied_bytes >> 20,
+            costs.copy_gb_per_s,
+            costs.dispatch_us,
+            costs.submission_us,
+        )?;
+        Ok(())
+    }
+
+    pub fn build(
+        &mut self,
+        scene: &str,
+        of: &Build,
+        floor: Option<&[KernelFloor]>,
+        costs: &Costs,
+    ) -> Result<(), Failure> {
+        self.line("build", Some(scene), of)?;
+        if !of.equal {
+            let (cpu, gpu) = (&of.digest_cpu, &of.digest_gpu);
+            self.notes.push(format!("{scene}: digest {gpu}, the CPU's is {cpu}"));
+        }
+        writeln!(
+            self.sizes,
+            "| {scene} | {} | {} | {} | {} | {} | `{}` | {} | {} | {} | {} | {} | {} |",
+            of.triangles,
+            of.levels,
+            of.small_roots,
+            of.nodes,
+            of.references,
+            of.digest_gpu,
+            if of.equal { "yes" } else { "**no**" },
+            mib(of.build_bytes),
+            mib(of.tree_bytes),
+            of.dispatches,
+            of.submissions,
+            of.readbacks,
+        )?;
+        let Some(floor) = floor else { return Ok(()) };
+        let bytes: u64 = floor.iter().map(|kernel| kernel.bytes).sum();
+        let floor_ms = |bytes: u64| bytes as f64 / costs.copy_gb_per_s * 1e-6;
+        let launch_ms = f64::from(of.dispatches) * costs.dispatch_us * 1e-3;
+        writeln!(
+            self.builds,
+            "| {scene} | {:.2} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {} | {:.2} | {:.2} |",
+            of.first_ms,
+            of.rebuild(),
+            median(&of.submit_ms),
+            median(&of.upload_ms),
+            of.kernels_ms.map_or("-".into(), |ms| format!("{ms:.2}")),
+            of.with_host_copy_ms,
+            of.cpu(),
+            of.cpu() / of.rebuild(),
+            mib(bytes),
+            floor_ms(bytes),
+            launch_ms,
+        )?;
+        for kernel in floor {
+            self.line("kernel", Some(scene), kernel)?;
+            let Some(ms) = kernel.ms else { continue };
+            let least = floor_ms(kernel.bytes);
+            writeln!(
+                self.kernels,
+                "| {scene} | `{}` | {} | {ms:.3} | {:.1} % | {} | {least:.4} | {:.0} |",
+                kernel.kernel,
+                kernel.passes.unwrap_or(0),
+                1e2 * ms / of.kernels_ms.unwrap_or(f64::NAN),
+                mib(kernel.bytes),
+                ms / least,
+            )?;
+        }
+        Ok(())
+    }
+
+    pub fn trace(&mut self, scene: &str, of: &Trace) -> Result<(), Failure> {
+        self.line("trace", Some(scene), of)?;
+        let (set, query) = (of.set, of.query.name());
+        if let Some(first) = &of.first_difference {
+            let different = of.different + of.resident_different.unwrap_or(0);
+            self.notes.push(format!("{scene}, {set}, {query}: {different} differ; first: {first}"));
+        }
+        if of.left_out > 0 {
+            let left_out = of.left_out;
+            self.notes
+                .push(format!("{scene}, {set}: {left_out} rays left out, no binding holds all"));
+        }
+        writeln!(
+            self.checks,
+            "| {scene} | {set} | {query} | {} | {} | {} | {} | {} |",
+            of.rays,
+            of.hits,
+            of.different,
+            of.resident_different.map_or("-".into(), |different| different.to_string()),
+            of.unfinished
+        )?;
+        if !of.cpu_s.is_empty() {
+            let (resident, cpu) = (of.resident_mrays(), of.mrays(&of.cpu_s));
+            writeln!(
+                self.traces,
+                "| {scene} | {set} | {query} | {resident:.2} | {:.2} | {:.2} | {cpu:.2} | {:.3} | {} |",
+                of.mrays(&of.resident_wall_s),
+                of.mrays(&of.host_s),
+                resident / cpu,
+                of.dispatches,
+            )?;
+        }
+        Ok(())
+    }
+
+    pub fn failure(&mut self, scene: &str, why: &str) -> Result<(), Failure> {
+        self.line("failure", Some(scene), json!({"why": why}))?;
+        self.notes.push(format!("{scene}: not measured: {why}"));
+        Ok(())
+    }
+
+    /// Writes the tables. True when there is nothing to complain about.
+    pub fn finish(self, check: bool) -> Result<bool, Failure> {
+        let mut text = String::from("# GPU figures\n\n");
+        text.push_str(&self.adapter);
+        let mut table = |title: &str, head: &str, rows: &str| {
+            if rows.is_empty() {
+                return;
+            }
+            let columns = head.matches('|').count() - 1;
+            let rule = "---|".repeat(columns);
+            let _ = write!(text, "\n## {title}\n\n{head}\n|{rule}\n{rows}");
+        };
+        if !check {
+            table(
+                "Builds, milliseconds (medians; mesh in host memory, tree on the device)",
+                "| scene | first | rebuild | of it until submitted | mesh alone sent | sum of kernels \
+                 | with host copy | CPU | CPU / rebuild | moved at least, MiB | floor by bandwidth \
+                 | floor by dispatches |",
+                &self.builds,
+            );
+        }
+        table(
+            "Trees",
+            "| scene | triangles | levels | small roots | nodes | references | digest | equal \
+             | build, MiB | tree, MiB | dispatches | submissions | readbacks |",
+            &self.sizes,
+        );
+        table(
+            "Kernels",
+            "| scene | kernel | passes | ms | share | moved at least, MiB | floor, ms | over the floor |",
+            &self.kernels,
+        );
+        table(
+            "Queries, million rays a second (medians)",
+            "| scene | set | query | on the device | the same by the host's clock | from host memory \
+             | CPU | device / CPU | dispatches a submission |",
+            &self.traces,
+        );
+        table(
+            "Answers against the CPU's, all words",
+            "| scene | set | query | rays | hits | different | different on the device | unfinished |",
+            &self.checks,
+        );
+        if !self.notes.is_empty() {
+            text.push_str("\n## What is wrong\n\n");
+            for note in &self.notes {
+                let _ = writeln!(text, "- {note}");
+                eprintln!("{note}");
+            }
+        }
+        fs::write(self.folder.join("gpu.md"), &text)?;
+        println!("{text}");
+        Ok(self.notes.is_empty())
+    }
+}
+
+fn mib(bytes: u64) -> String {
+    format!("{:.1}", bytes as f64 / f64::from(1 << 20))
+}

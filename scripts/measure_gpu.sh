@@ -1,0 +1,117 @@
+#!/usr/bin/env bash
+# Measures splitplane on a GPU: what adapters there are, whether trees and hits are the CPU's bit for
+# bit, and how long builds and queries take. Works on any machine with a GPU.
+#
+#   scripts/measure_gpu.sh [SCENE...]
+#
+# SCENE           .obj files or builtin:NAME[:SIZE], measured before builtin:city of one and of ten
+#                 million triangles; without any those that SPLITPLANE_SCENES names, a list with
+#                 commas, or the folder of dragon.obj, sponza.obj and bathroom.obj
+# ADAPTER         part of an adapter's name or its number; the best one by default
+# OUT             where figures go; out/gpu-DATE by default
+# BIN_DIR         folder with the programs `splitplane` and `splitplane-measure-gpu`, for machines
+#                 without cargo; without it they are built
+# MEASURE_OPTIONS more options for `splitplane-measure-gpu`, such as "--reps 21 --rays 8000000"
+# SMALL=1         small scenes and few rays, for software adapters
+#
+# Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
+set -euo pipefail
+
+started=$PWD
+folder=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+out=${OUT:-out/gpu-$(date -u +%Y-%m-%d)}
+mkdir -p "$out"
+out=$(cd "$out" && pwd)
+failed=0
+
+# Without a desktop Mesa's layer that orders adapters prints errors that mean nothing here.
+export NODEVICE_SELECT=${NODEVICE_SELECT:-1}
+
+say() { printf 'measure_gpu.sh: %s\n' "$*" >&2; }
+
+if [ -n "${BIN_DIR:-}" ]; then
+    bin=$(cd "$BIN_DIR" && pwd)
+else
+    cd "$folder/.."
+    cargo build --locked --release --bin splitplane
+    cargo build --locked --release -p splitplane-measure-gpu
+    target=${CARGO_TARGET_DIR:-target}
+    bin=$(cd "$target/release" && pwd)
+    cd "$started"
+fi
+for program in splitplane splitplane-measure-gpu; do
+    [ -x "$bin/$program" ] || { say "there is no $bin/$program"; exit 2; }
+done
+
+scenes=("$@")
+if [ ${#scenes[@]} -eq 0 ] && [ -n "${SPLITPLANE_SCENES:-}" ]; then
+    if [ -d "$SPLITPLANE_SCENES" ]; then
+        for name in dragon sponza bathroom; do
+            file=$SPLITPLANE_SCENES/$name.obj
+            if [ -f "$file" ]; then
+                scenes+=("$file")
+            else
+                say "there is no $file: left out"
+            fi
+        done
+    else
+        IFS=, read -r -a scenes <<<"$SPLITPLANE_SCENES"
+    fi
+fi
+options=()
+if [ "${SMALL:-}" = 1 ]; then
+    scenes+=(builtin:city:20000)
+    options+=(--small)
+else
+    scenes+=(builtin:city:1000000 builtin:city:10000000)
+fi
+adapter=()
+if [ -n "${ADAPTER:-}" ]; then adapter=(--adapter "$ADAPTER"); fi
+read -r -a more <<<"${MEASURE_OPTIONS:-}"
+
+{
+    date -u +%Y-%m-%dT%H:%M:%SZ
+    uname -srm
+    grep -m 1 '^model name' /proc/cpuinfo 2>/dev/null || true
+    "$bin/splitplane" --version
+    git -C "$folder" rev-parse HEAD 2>/dev/null || true
+    if command -v nvidia-smi >/dev/null; then
+        nvidia-smi --query-gpu=name,driver_version,clocks.sm,clocks.mem,clocks.max.sm,clocks.max.mem,power.limit \
+            --format=csv || true
+    fi
+} | tee "$out/machine.txt"
+
+say "adapters, each with its self-test"
+"$bin/splitplane" adapters | tee "$out/adapters.txt"
+"$bin/splitplane" adapters --json >"$out/adapters.json"
+
+# The verb may be missing in older programs.
+if "$bin/splitplane" parity --help >/dev/null 2>&1; then
+    : >"$out/parity.jsonl"
+    for scene in "${scenes[@]}"; do
+        say "parity of $scene"
+        code=0
+        "$bin/splitplane" parity "$scene" ${adapter[@]+"${adapter[@]}"} --json |
+            tee -a "$out/parity.jsonl" || code=$?
+        case $code in
+        0) ;;
+        5) say "no GPU that can be used"; exit 5 ;;
+        *) say "parity of $scene: exit code $code"; failed=1 ;;
+        esac
+    done
+else
+    say "this program has no verb parity; the figures below compare too"
+fi
+
+say "figures"
+code=0
+list=$(IFS=,; printf '%s' "${scenes[*]}")
+"$bin/splitplane-measure-gpu" ${adapter[@]+"${adapter[@]}"} ${options[@]+"${options[@]}"} \
+    --scenes "$list" --out "$out" ${more[@]+"${more[@]}"} || code=$?
+case $code in
+0) ;;
+5) say "no GPU that can be used"; exit 5 ;;
+*) failed=1 ;;
+esac
+say "figures: $out/gpu.md, raw: $out/gpu.jsonl, machine: $out/machine.txt"
+exit "$failed"
