@@ -115,8 +115,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     encoder.copy_buffer_to_buffer(&picture, 0, &readback, 0, bytes);
     queue.submit([encoder.finish()]);
 
-    let light =
-        bytemuck::pod_collect_to_vec::<u8, f32>(&queries.gpu().read_mapped(&readback, bytes)?);
+    readback.map_async(wgpu::MapMode::Read, .., |result| result.expect("a mapped buffer"));
+    device.poll(wgpu::PollType::wait_indefinitely())?;
+    let light = bytemuck::pod_collect_to_vec::<u8, f32>(&readback.get_mapped_range(..)?);
     for row in light.chunks(WIDTH as usize) {
         let shade = |light: &f32| char::from(b" .:-=+*#%@"[(light * 9.99) as usize % 10]);
         println!("{}", row.iter().map(shade).collect::<String>());
