@@ -9,6 +9,9 @@ use crate::health::Health;
 use crate::needs;
 use crate::options::OpenOptions;
 
+/// Between two looks at a device that must be polled.
+const POLL_PAUSE: Duration = Duration::from_micros(100);
+
 /// A device, ready for work. Clones are the same device.
 #[derive(Clone, Debug)]
 pub struct Gpu {
@@ -312,17 +315,25 @@ impl Gpu {
             });
         })?;
         self.wait()?;
-        // Another thread that polls may be about to call back.
-        match receive.recv_timeout(self.timeout.saturating_sub(start.elapsed())) {
-            Ok(Ok(())) => Ok(()),
-            Ok(Err(_)) => {
-                self.check()?;
-                Err(GpuError::Refused("the buffer cannot be mapped".into()))
-            }
-            // The callback was forgotten in a panic of wgpu's: the buffer knows whether it is mapped.
-            Err(mpsc::RecvTimeoutError::Disconnected) => self.check(),
-            Err(mpsc::RecvTimeoutError::Timeout) => {
-                Err(GpuError::TimedOut { seconds: self.timeout.as_secs() })
+        // The callback comes with the last submission that uses the buffer. That may be one of the
+        // host's own, or another thread that polls may be about to call back.
+        loop {
+            match receive.try_recv() {
+                Ok(Ok(())) => return Ok(()),
+                Ok(Err(_)) => {
+                    self.check()?;
+                    return Err(GpuError::Refused("the buffer cannot be mapped".into()));
+                }
+                // The callback was forgotten in a panic of wgpu's: the buffer knows whether it is
+                // mapped.
+                Err(mpsc::TryRecvError::Disconnected) => return self.check(),
+                Err(mpsc::TryRecvError::Empty) if start.elapsed() >= self.timeout => {
+                    return Err(GpuError::TimedOut { seconds: self.timeout.as_secs() });
+                }
+                Err(mpsc::TryRecvError::Empty) => {
+                    self.poll()?;
+                    std::thread::sleep(POLL_PAUSE);
+                }
             }
         }
     }

@@ -41,7 +41,7 @@ pub const COORDINATE_MOST: f32 = 2.748_779e11; // 2^38
 const EXTENT_LEAST: f32 = 9.094_947e-13; // 2^-40
 /// Origin coordinates below this are zero, in scenes that are in range: 2^-60 is below what
 /// distinguishes their coordinates.
-pub const ORIGIN_LEAST: f32 = 8.673_617e-19; // 2^-60
+pub const ORIGIN_LEAST: f32 = 8.673_617_4e-19; // 2^-60
 /// Origins further than this many scene extents away are first moved along the ray.
 const FAR: f32 = 100.0;
 
@@ -590,7 +590,8 @@ fn depth_on_longest_edge<A: Arithmetic>(flat: &[[f32; 2]; 3], depths: &[f32; 3])
         let (p, q) = (flat[i], flat[j]);
         let edge = [A::difference(q[0], p[0]), A::difference(q[1], p[1])];
         let dot = |r: [f32; 2]| A::sum(A::product(edge[0], r[0]), A::product(edge[1], r[1]));
-        let squared = dot(edge);
+        // Snapped, since devices may flush it.
+        let squared = snap(dot(edge));
         if squared > longest.0 {
             let along = min(max(A::quotient(-dot(p), squared), 0.0), 1.0);
             let depth = A::product(along, A::difference(depths[j], depths[i]));

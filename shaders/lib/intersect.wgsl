@@ -17,7 +17,7 @@ const DIRECTION_LEAST: f32 = 0x1p-80f;
 // In range: no coordinate above this, origins included.
 const COORDINATE_MOST: f32 = 0x1p+38f;
 // Origin coordinates below this are zero, in scenes that are in range.
-const ORIGIN_LEAST: f32 = 0x1.fffffep-61f;
+const ORIGIN_LEAST: f32 = 0x1p-60f;
 // Origins further than this many scene extents away are first moved along the ray.
 const FAR: f32 = 100.0;
 // f32::MAX / FAR: what can be multiplied by FAR.

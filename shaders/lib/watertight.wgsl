@@ -273,7 +273,8 @@ fn longer_edge(
     q_depth: f32,
 ) -> LongestEdge {
     let edge = vec2<f32>(difference(q.x, p.x), difference(q.y, p.y));
-    let squared = along_edge(edge, edge);
+    // Snapped, since devices may flush it.
+    let squared = snap(along_edge(edge, edge));
     if squared > best.squared {
         let along = least(most(quotient(-along_edge(edge, p), squared), 0.0), 1.0);
         let depth = product(along, difference(q_depth, p_depth));
