@@ -17,7 +17,8 @@ use crate::build::capacities::Capacities;
 use crate::build::executor::Looking;
 use crate::build::kernels::Kernels;
 use crate::build::pending::{Pooled, first_counters};
-use crate::build::{DeviceBuild, PendingBuild, WgpuExecutor};
+use crate::build::source::Source;
+use crate::build::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::parity::Parity;
@@ -136,7 +137,30 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<PendingBuild, BuildError> {
-        PendingBuild::submit(Arc::clone(&self.shared), mesh, options, false, false)
+        self.submit(&Source::Host(*mesh), options, false, false)
+    }
+
+    /// As [`WgpuBackend::submit_build`], over a mesh that is on the device already: nothing of it
+    /// crosses to the host or back.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`]; [`BuildError::InvalidMesh`] for counts that do not fit the buffers.
+    pub fn submit_build_from(
+        &self,
+        mesh: &DeviceMesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<PendingBuild, BuildError> {
+        self.submit(&Source::Device(*mesh), options, false, false)
+    }
+
+    fn submit(
+        &self,
+        source: &Source<'_>,
+        options: &BuildOptions,
+        tree_to_host: bool,
+        profiled: bool,
+    ) -> Result<PendingBuild, BuildError> {
+        PendingBuild::submit(Arc::clone(&self.shared), source, options, tree_to_host, profiled)
     }
 
     /// As [`WgpuBackend::build_on_device`], with the time of every kernel where the device has
@@ -149,7 +173,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<DeviceBuild, BuildError> {
-        PendingBuild::submit(Arc::clone(&self.shared), mesh, options, false, true)?.wait()
+        self.submit(&Source::Host(*mesh), options, false, true)?.wait()
     }
 
     /// Gives the buffers of a tree that is no longer needed to the next build. Whoever rebuilds every
@@ -174,7 +198,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<WgpuAccelerator, BuildError> {
-        let pending = PendingBuild::submit(Arc::clone(&self.shared), mesh, options, true, false)?;
+        let pending = self.submit(&Source::Host(*mesh), options, true, false)?;
         // Meanwhile the device builds.
         let triangles = (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
         let built = pending.wait()?;
@@ -201,8 +225,9 @@ impl WgpuBackend {
         let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
         let mut buffers = Buffers::new(gpu)?;
         buffers.reserve(gpu, &capacities, false)?;
-        let first_index = buffers.upload(gpu, mesh)?;
-        buffers.write_parameters(gpu, &capacities.parameters(config, first_index));
+        let source = Source::Host(*mesh);
+        buffers.upload(gpu, &source)?;
+        buffers.write_parameters(gpu, &capacities.parameters(config, source.first_index()));
         let counters = first_counters(triangles);
         let bytes = bytemuck::bytes_of(&counters);
         gpu.queue().write_buffer(buffers.get(Buffer::Counters), 0, bytes);

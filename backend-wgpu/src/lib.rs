@@ -20,7 +20,7 @@ pub mod selftest;
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
-pub use build::{DeviceBuild, Effort, KernelTime, PendingBuild, WgpuExecutor};
+pub use build::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
 pub use error::{GpuError, OpenError};
 pub use gpu::Gpu;
 pub use health::panic_is_caught;

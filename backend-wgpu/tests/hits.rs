@@ -129,11 +129,11 @@ fn awkward_scenes() {
     let mut hits = 0;
     for (i, scene) in scenes::awkward().iter().enumerate() {
         let case = Case::new(scene);
-        let each = if scene.mesh().len() >= 20_000 { 3 } else { 100 };
+        let each = if scene.mesh().len() >= 20_000 { 2 } else { 40 };
         let rays = all_rays(scene, &case, each, 1000 * i as u64);
         hits += case.check(&rays, &QueryOptions::default(), "all kinds");
     }
-    assert!(hits > 20_000, "{hits}");
+    assert!(hits > 10_000, "{hits}");
 }
 
 /// Scenes in which options and limits are tried.
@@ -155,15 +155,15 @@ fn mixed_scenes() -> Vec<Scene> {
 fn culling_and_ignoring() {
     for scene in mixed_scenes() {
         let case = Case::new(&scene);
-        let rays = all_rays(&scene, &case, 60, 7);
+        let rays = all_rays(&scene, &case, 25, 7);
         let mut hits = Vec::new();
         for culling in [Culling::None, Culling::Back, Culling::Front] {
             let options = QueryOptions { culling, ..Default::default() };
             hits.push(case.check(&rays, &options, "culling"));
         }
         assert!(hits[1] < hits[0] && hits[2] < hits[0], "{}: {hits:?}", case.name);
-        for ignored in 0..6 {
-            let ignore = Some(ignored * case.triangles.len() as u32 / 6);
+        for ignored in 0..3 {
+            let ignore = Some(ignored * case.triangles.len() as u32 / 3);
             case.check(&rays, &QueryOptions { ignore, ..Default::default() }, "ignoring");
         }
         case.check(&rays, &QueryOptions { ignore: Some(u32::MAX), ..Default::default() }, "none");
@@ -202,7 +202,7 @@ fn limits_are_closed() {
 fn rays_of_random_bits() {
     let mut random = Random::new(9);
     let mut point = || [(); 3].map(|()| f32::from_bits(random.bits()));
-    let rays: Vec<Ray> = (0..20_000)
+    let rays: Vec<Ray> = (0..2_000)
         .map(|_| {
             let limits = point();
             Ray::new(point(), point()).with_limits(limits[0], limits[1])
@@ -218,7 +218,7 @@ fn more_rays_than_a_slice() {
     let scene = scenes::sphere(24, [0.0; 3], 1.0);
     let case = Case::new(&scene);
     let mesh = scene.mesh();
-    for count in [0, 1, 63, 64, 65, 300_001] {
+    for count in [0, 1, 63, 64, 65, 20_001] {
         let rays = aim::rays(&mesh, Kind::Faces, count, 10);
         assert_eq!(case.check(&rays, &QueryOptions::default(), "count") > count / 2, count > 0);
     }
@@ -301,7 +301,7 @@ fn recorded_queries() {
     let (queries, tree) = (queries(), case.device.device_tree());
     queries.record_closest_hits(&mut encoder, tree, &given, &hits, count, &options).expect("hits");
     queries.record_any_hits(&mut encoder, tree, &given, &occluded, count, &options).expect("any");
-    gpu.queue().submit([encoder.finish()]);
+    gpu.submit([encoder.finish()]).expect("commands");
     let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
     let any: Vec<u32> = bytemuck::pod_collect_to_vec(&common::read(&occluded));
     for (i, ray) in rays.iter().enumerate() {
@@ -382,7 +382,7 @@ fn hits_by_source(source: &str, case: &Case, rays: &[Ray]) -> Vec<Hit> {
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
     }
-    gpu.queue().submit([encoder.finish()]);
+    gpu.submit([encoder.finish()]).expect("commands");
     bytemuck::pod_collect_to_vec(&common::read(&hits))
 }
 
@@ -428,7 +428,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             pass.set_bind_group(1, &groups[1], &[]);
             pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
         }
-        gpu.queue().submit([encoder.finish()]);
+        gpu.submit([encoder.finish()]).expect("commands");
         let found: Vec<Hit> = bytemuck::pod_collect_to_vec(&common::read(&hits));
         if test == TriangleTest::Watertight {
             for (ray, hit) in rays.iter().zip(&found) {

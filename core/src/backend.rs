@@ -152,6 +152,12 @@ pub enum BuildError {
         /// What differs.
         reason: String,
     },
+    /// A mesh on a device whose counts do not fit its buffers.
+    #[error("the mesh cannot be used: {reason}")]
+    InvalidMesh {
+        /// What is wrong with it.
+        reason: String,
+    },
     /// A device failed.
     #[error("the device failed: {0}")]
     Device(String),

@@ -22,6 +22,10 @@ fn position(triangle: u32, corner: u32) -> vec3<u32> {
     var vertex = 3u * triangle + corner;
     if parameters.first_index != 0xffffffffu {
         vertex = input[parameters.first_index + vertex];
+        if vertex >= parameters.first_index / 3u {
+            // No such vertex: the bits of a NaN, for which the triangle is dropped.
+            return vec3<u32>(0x7fc00000u);
+        }
     }
     return vec3<u32>(input[3u * vertex], input[3u * vertex + 1u], input[3u * vertex + 2u]);
 }

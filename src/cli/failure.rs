@@ -93,7 +93,7 @@ impl From<BuildError> for Failure {
             | BuildError::TooLarge { .. }
             | BuildError::DeviceLimit { .. }
             | BuildError::DeviceMemory { .. } => LIMIT,
-            BuildError::WrongMesh { .. } => FILE,
+            BuildError::WrongMesh { .. } | BuildError::InvalidMesh { .. } => FILE,
             BuildError::Device(_) | BuildError::DeviceLost { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }

@@ -2,10 +2,10 @@
 
 use splitplane_core::kernel::Buffer;
 use splitplane_core::layout::Parameters;
-use splitplane_core::mesh::Mesh;
 use wgpu::BufferUsages as Usage;
 
 use super::capacities::Capacities;
+use super::source::Source;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 
@@ -124,18 +124,33 @@ impl Buffers {
         self.buffers.iter().flatten().chain([&self.readback]).map(wgpu::Buffer::size).sum()
     }
 
-    /// Sends the mesh, and returns the word where its indices begin: `u32::MAX` for a soup.
-    pub fn upload(&mut self, gpu: &Gpu, mesh: &Mesh<'_>) -> Result<u32, GpuError> {
-        let (positions, indices) = mesh.arrays();
-        let positions: &[u8] = bytemuck::cast_slice(positions);
-        let indices: Option<&[u8]> = indices.map(bytemuck::cast_slice);
-        let bytes = positions.len() + indices.map_or(0, <[u8]>::len);
-        self.grow(gpu, Buffer::Input, bytes as u64)?;
-        let input = self.get(Buffer::Input);
-        gpu.queue().write_buffer(input, 0, positions);
-        let Some(indices) = indices else { return Ok(u32::MAX) };
-        gpu.queue().write_buffer(input, positions.len() as u64, indices);
-        Ok((positions.len() / 4) as u32)
+    /// Makes room for a mesh and sends it, if it is in host memory.
+    pub fn upload(&mut self, gpu: &Gpu, source: &Source<'_>) -> Result<(), GpuError> {
+        let [positions, indices] = source.bytes();
+        self.grow(gpu, Buffer::Input, positions + indices)?;
+        if let Source::Host(mesh) = source {
+            let input = self.get(Buffer::Input);
+            let (positions, indices) = mesh.arrays();
+            let positions: &[u8] = bytemuck::cast_slice(positions);
+            gpu.queue().write_buffer(input, 0, positions);
+            if let Some(indices) = indices {
+                let bytes = bytemuck::cast_slice(indices);
+                gpu.queue().write_buffer(input, positions.len() as u64, bytes);
+            }
+        }
+        Ok(())
+    }
+
+    /// Records the copy of a mesh that is on the device.
+    pub fn copy_mesh(&self, encoder: &mut wgpu::CommandEncoder, source: &Source<'_>) {
+        if let Source::Device(mesh) = source {
+            let [positions, indices] = source.bytes();
+            let input = self.get(Buffer::Input);
+            encoder.copy_buffer_to_buffer(mesh.positions, 0, input, 0, positions);
+            if let Some(buffer) = mesh.indices {
+                encoder.copy_buffer_to_buffer(buffer, 0, input, positions, indices);
+            }
+        }
     }
 
     /// Writes parameters for whole grids and for every slice.

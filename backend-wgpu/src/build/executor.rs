@@ -44,12 +44,12 @@ pub struct WgpuExecutor<'a> {
 }
 
 /// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU, few
-/// enough to cost little where the list is short. Software does one after the other.
-const GROUPS: u32 = 2048;
-const GROUPS_IN_SOFTWARE: u32 = 64;
-/// Most small roots that one workgroup builds one after the other. A root takes some 450 rounds of
-/// loops, at most 900, and Mesa's llvmpipe ends an invocation's loops after 65,535 rounds together.
-const ROOTS_A_GROUP: u32 = 64;
+/// enough to cost little where the list is short. Software does one after the other: few for short
+/// lists. For long ones no fewer than one for 16 things, since Mesa's llvmpipe ends an invocation,
+/// in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
+fn most_groups(software: bool, things: u32) -> u32 {
+    if software { (things / 16).clamp(64, 65_535) } else { 2048 }
+}
 
 impl<'a> WgpuExecutor<'a> {
     pub(crate) fn new(
@@ -138,9 +138,22 @@ impl<'a> WgpuExecutor<'a> {
     /// # Errors
     /// The device's.
     pub(crate) fn submit(&mut self) -> Result<(), GpuError> {
+        self.submit_after(None)
+    }
+
+    /// Submits what is recorded, behind other commands.
+    ///
+    /// # Errors
+    /// The device's.
+    pub(crate) fn submit_after(
+        &mut self,
+        before: Option<wgpu::CommandBuffer>,
+    ) -> Result<(), GpuError> {
         self.pass = None;
         if let Some(encoder) = self.encoder.take() {
-            self.gpu.submit([encoder.finish()])?;
+            // What was recorded wrongly is refused here.
+            let recorded = self.gpu.guard(|| encoder.finish())?;
+            self.gpu.submit(before.into_iter().chain([recorded]))?;
         }
         Ok(())
     }
@@ -240,7 +253,6 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
         let group = self.bind_group(kernel)?.clone();
         let pipeline = self.kernels.get(self.gpu, kernel)?.pipeline.clone();
         let software = self.gpu.info().device_type == wgpu::DeviceType::Cpu;
-        let groups = if software { GROUPS_IN_SOFTWARE } else { GROUPS };
         // Parameters' offset and workgroups of each dispatch.
         let whole = self.buffers.whole(self.swapped);
         let dispatches: Vec<(u32, u32)> = match kernel.grid() {
@@ -249,8 +261,8 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
                 .step_by(ROOTS_A_SLICE as usize)
                 .map(|first| {
                     let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
-                    let groups = groups.max(roots / ROOTS_A_GROUP);
-                    (self.buffers.slice(first / ROOTS_A_SLICE), roots.min(groups))
+                    let groups = roots.min(most_groups(software, roots));
+                    (self.buffers.slice(first / ROOTS_A_SLICE), groups)
                 })
                 .collect(),
             Grid::Each(counter) => {
@@ -258,7 +270,7 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
                 // These two do one thing an invocation.
                 let by_invocation = matches!(kernel, Kernel::AssignChunks | Kernel::EmitTop);
                 let wanted = if by_invocation { things.div_ceil(256) } else { things };
-                vec![(whole, wanted.clamp(1, groups))]
+                vec![(whole, wanted.clamp(1, most_groups(software, wanted)))]
             }
         };
         if self.profile.is_some() {

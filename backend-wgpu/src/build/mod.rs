@@ -6,7 +6,9 @@ pub mod executor;
 pub(crate) mod kernels;
 pub mod pending;
 pub mod profile;
+pub mod source;
 
 pub use executor::WgpuExecutor;
 pub use pending::{DeviceBuild, Effort, PendingBuild};
 pub use profile::KernelTime;
+pub use source::DeviceMesh;

@@ -7,7 +7,6 @@ use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
 use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, LargeNode};
-use splitplane_core::mesh::Mesh;
 use splitplane_core::node::KdNode;
 use splitplane_core::schedule;
 use splitplane_core::tree::KdTree;
@@ -16,6 +15,7 @@ use super::buffers::{Buffers, readback};
 use super::capacities::Capacities;
 use super::executor::{Looking, WgpuExecutor, counters_from};
 use super::profile::{KernelTime, Profile};
+use super::source::Source;
 use crate::backend::Shared;
 use crate::error::GpuError;
 use crate::query::limits::limits_from;
@@ -61,6 +61,8 @@ pub struct PendingBuild {
     first_index: u32,
     input_bytes: u64,
     tree_to_host: bool,
+    /// The copy of a mesh that is on the device; goes with the first submission.
+    mesh_copy: Option<wgpu::CommandBuffer>,
     swapped: bool,
     mapped: Arc<AtomicU8>,
     profile: Option<Profile>,
@@ -73,19 +75,28 @@ const MAPPED: u8 = 1;
 const FAILED: u8 = 2;
 
 impl PendingBuild {
-    /// Sends the mesh and submits the build.
+    /// Sends the mesh, or has it copied, and submits the build.
     pub(crate) fn submit(
         shared: Arc<Shared>,
-        mesh: &Mesh<'_>,
+        source: &Source<'_>,
         options: &BuildOptions,
         tree_to_host: bool,
         profiled: bool,
     ) -> Result<PendingBuild, BuildError> {
         options.config.validate()?;
         let gpu = &shared.gpu;
-        let triangles = mesh.len() as u32;
-        let pooled = shared.take_buffers();
+        if let Source::Device(mesh) = source {
+            mesh.check().map_err(|reason| BuildError::InvalidMesh { reason })?;
+        }
+        let triangles = source.triangles();
+        let [position_bytes, index_bytes] = source.bytes();
         let mut capacities = Capacities::estimate(triangles, &options.config);
+        let input_bytes = position_bytes + index_bytes;
+        // What a greater scene left behind counts against the caller's limit too.
+        let pooled = shared.take_buffers().filter(|pooled| {
+            let together = capacities.union(pooled.capacities).bytes() + input_bytes;
+            options.max_memory.is_none_or(|limit| together <= limit)
+        });
         let mut levels = options.config.max_depth + 1;
         let buffers = match pooled {
             Some(pooled) => {
@@ -104,9 +115,10 @@ impl PendingBuild {
             buffers: Some(buffers),
             options: *options,
             capacities,
-            first_index: 0,
-            input_bytes: 0,
+            first_index: source.first_index(),
+            input_bytes,
             tree_to_host,
+            mesh_copy: None,
             swapped: false,
             mapped: Arc::new(AtomicU8::new(WAITING)),
             effort: Effort::default(),
@@ -115,8 +127,17 @@ impl PendingBuild {
         pending.reserve(None)?;
         let shared = Arc::clone(&pending.shared);
         let buffers = pending.buffers.as_mut().expect("until finished");
-        pending.first_index = buffers.upload(&shared.gpu, mesh)?;
-        pending.input_bytes = buffers.get(Buffer::Input).size();
+        let gpu = &shared.gpu;
+        gpu.guard(|| buffers.upload(gpu, source))??;
+        if matches!(source, Source::Device(_)) {
+            // Ahead of the build, so that a repeat need not do it again.
+            let commands = gpu.guard(|| {
+                let mut encoder = gpu.device().create_command_encoder(&Default::default());
+                buffers.copy_mesh(&mut encoder, source);
+                encoder.finish()
+            })?;
+            pending.mesh_copy = Some(commands);
+        }
         pending.begin(levels)?;
         Ok(pending)
     }
@@ -172,7 +193,7 @@ impl PendingBuild {
             executor.record_limits(&shared.queries, triangles)?;
         }
         executor.read_back(self.tree_to_host);
-        executor.submit()?;
+        executor.submit_after(self.mesh_copy.take())?;
         self.effort.dispatches += executor.dispatches();
         self.effort.submissions += 1;
         self.swapped = executor.swapped();

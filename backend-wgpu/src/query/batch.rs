@@ -1,6 +1,7 @@
 //! Batches of rays from host memory, in slices.
 
 use std::ops::Range;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -16,15 +17,18 @@ use crate::error::GpuError;
 
 /// Most rays of a submission. At a few hundred million rays a second this takes milliseconds.
 const MOST_RAYS: u32 = 1 << 20;
-/// Rays of the first submission, before it is known how fast the device is.
-const FIRST_RAYS: u32 = 1 << 17;
+/// Rays of the first submission, before it is known how fast the device is: a software rasteriser
+/// takes a second for them where a GPU takes microseconds.
+pub(super) const FIRST_RAYS: u32 = 1 << 13;
+/// Most rays of the first submission of a later batch, whose rays may be slower than those before.
+const MOST_FIRST_RAYS: u32 = 1 << 17;
 /// Fewest rays of a submission, however slow the device.
-const LEAST_RAYS: u32 = 1 << 12;
+const LEAST_RAYS: u32 = 1 << 10;
 /// A slice that takes longer is followed by one of half the rays: drivers end submissions that take
 /// seconds, and a later slice may hold slower rays.
 const TOO_LONG: Duration = Duration::from_millis(250);
-/// A slice that takes less is followed by one of twice the rays.
-const SHORT: Duration = Duration::from_millis(50);
+/// A slice that takes less is followed by one of four times the rays.
+const SHORT: Duration = Duration::from_millis(30);
 
 /// A slice that was submitted.
 struct Pending {
@@ -126,7 +130,7 @@ impl Queries {
         mut answer: impl FnMut(Range<usize>, &[u8]),
     ) -> Result<(), DeviceQueryError> {
         let most = self.slice_limit();
-        let mut size = FIRST_RAYS.min(most);
+        let mut size = self.slice_rays.load(Relaxed).min(most);
         let mut next = 0;
         let mut pending: Option<Pending> = None;
         while next < rays.len() || pending.is_some() {
@@ -142,7 +146,7 @@ impl Queries {
                 if *took > TOO_LONG {
                     size = (size / 2).max(LEAST_RAYS.min(most));
                 } else if *took < SHORT {
-                    size = (size * 2).min(most);
+                    size = size.saturating_mul(4).min(most);
                 }
             }
             if let Some(set) = uploaded {
@@ -154,6 +158,7 @@ impl Queries {
                 answer(range, &bytes);
             }
         }
+        self.slice_rays.store(size.min(MOST_FIRST_RAYS), Relaxed);
         Ok(())
     }
 

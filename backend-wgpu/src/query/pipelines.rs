@@ -1,10 +1,12 @@
 //! The pipelines of the queries, each compiled when it is first used.
 
+use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::traverse::Query;
 
+use super::batch::FIRST_RAYS;
 use super::staging::Staging;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
@@ -39,12 +41,19 @@ pub struct Queries {
     pipelines: [OnceLock<wgpu::ComputePipeline>; 5],
     /// Staging memory that no batch is using.
     pub(super) staging: Mutex<Vec<Staging>>,
+    /// Rays of the first slice of the next batch: what the device was fit for lately.
+    pub(super) slice_rays: AtomicU32,
 }
 
 impl Queries {
     /// Queries on a device. Compiles nothing yet.
     pub fn new(gpu: Arc<Gpu>) -> Queries {
-        Queries { gpu, pipelines: Default::default(), staging: Mutex::default() }
+        Queries {
+            gpu,
+            pipelines: Default::default(),
+            staging: Mutex::default(),
+            slice_rays: AtomicU32::new(FIRST_RAYS),
+        }
     }
 
     /// The device.

@@ -60,7 +60,7 @@ pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize)
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(items.div_ceil(64) as u32, 1, 1);
     }
-    gpu.queue().submit([encoder.finish()]);
+    gpu.submit([encoder.finish()]).expect("commands");
     bytemuck::pod_collect_to_vec(&read(&found))
 }
 
@@ -71,6 +71,6 @@ pub fn read(buffer: &wgpu::Buffer) -> Vec<u8> {
     let readback = gpu.buffer("read back", buffer.size(), usage).expect("a buffer");
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &readback, 0, buffer.size());
-    gpu.queue().submit([encoder.finish()]);
+    gpu.submit([encoder.finish()]).expect("commands");
     gpu.read_mapped(&readback, buffer.size()).expect("bytes")
 }
