@@ -14,6 +14,9 @@
 # MEASURE_OPTIONS more options for `splitplane-measure-gpu`, such as "--reps 21 --rays 8000000"
 # SMALL=1         small scenes and few rays, for software adapters
 #
+# Parity is compared after every dispatch, but for ten million triangles, where that takes too long and
+# the digests have to do.
+#
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
 set -euo pipefail
 
@@ -85,23 +88,22 @@ say "adapters, each with its self-test"
 "$bin/splitplane" adapters | tee "$out/adapters.txt"
 "$bin/splitplane" adapters --json >"$out/adapters.json"
 
-# The verb may be missing in older programs.
-if "$bin/splitplane" parity --help >/dev/null 2>&1; then
-    : >"$out/parity.jsonl"
-    for scene in "${scenes[@]}"; do
-        say "parity of $scene"
-        code=0
-        "$bin/splitplane" parity "$scene" ${adapter[@]+"${adapter[@]}"} --json |
-            tee -a "$out/parity.jsonl" || code=$?
-        case $code in
-        0) ;;
-        5) say "no GPU that can be used"; exit 5 ;;
-        *) say "parity of $scene: exit code $code"; failed=1 ;;
-        esac
-    done
-else
-    say "this program has no verb parity; the figures below compare too"
-fi
+: >"$out/parity.jsonl"
+for scene in "${scenes[@]}"; do
+    if [ "$scene" = builtin:city:10000000 ]; then
+        say "parity of $scene: by digest only, below"
+        continue
+    fi
+    say "parity of $scene"
+    code=0
+    "$bin/splitplane" parity "$scene" ${adapter[@]+"${adapter[@]}"} --json |
+        tee -a "$out/parity.jsonl" || code=$?
+    case $code in
+    0) ;;
+    5) say "no GPU that can be used"; exit 5 ;;
+    *) say "parity of $scene: exit code $code"; failed=1 ;;
+    esac
+done
 
 say "figures"
 code=0
@@ -111,7 +113,7 @@ list=$(IFS=,; printf '%s' "${scenes[*]}")
 case $code in
 0) ;;
 5) say "no GPU that can be used"; exit 5 ;;
-*) failed=1 ;;
+*) say "figures: exit code $code"; failed=1 ;;
 esac
 say "figures: $out/gpu.md, raw: $out/gpu.jsonl, machine: $out/machine.txt"
 exit "$failed"
