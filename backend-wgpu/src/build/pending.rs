@@ -85,7 +85,9 @@ impl PendingBuild {
         let gpu = &shared.gpu;
         let triangles = mesh.len() as u32;
         let pooled = shared.take_buffers();
-        let mut capacities = Capacities::estimate(triangles, &options.config);
+        let was_pooled = pooled.is_some();
+        let estimate = Capacities::estimate(triangles, &options.config);
+        let mut capacities = estimate;
         let mut levels = options.config.max_depth + 1;
         let buffers = match pooled {
             Some(pooled) => {
@@ -99,24 +101,32 @@ impl PendingBuild {
             }
             None => Buffers::new(gpu)?,
         };
+        let (positions, indices) = mesh.arrays();
         let mut pending = PendingBuild {
             profile: profiled.then(|| Profile::new(gpu)).flatten(),
             buffers: Some(buffers),
             options: *options,
             capacities,
             first_index: 0,
-            input_bytes: 0,
+            input_bytes: size_of_val(positions) as u64 + indices.map_or(0, size_of_val) as u64,
             tree_to_host,
             swapped: false,
             mapped: Arc::new(AtomicU8::new(WAITING)),
             effort: Effort::default(),
             shared,
         };
-        pending.reserve(None)?;
+        match pending.reserve(None) {
+            // Buffers of a larger scene: without them the limit may suffice.
+            Err(BuildError::OutOfMemory { .. }) if was_pooled => {
+                pending.buffers = Some(Buffers::new(&pending.shared.gpu)?);
+                pending.capacities = estimate;
+                pending.reserve(None)?;
+            }
+            reserved => reserved?,
+        }
         let shared = Arc::clone(&pending.shared);
         let buffers = pending.buffers.as_mut().expect("until finished");
         pending.first_index = buffers.upload(&shared.gpu, mesh)?;
-        pending.input_bytes = buffers.get(Buffer::Input).size();
         pending.begin(levels)?;
         Ok(pending)
     }
@@ -127,7 +137,8 @@ impl PendingBuild {
         let limits = gpu.device().limits();
         self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
         if let Some(limit) = self.options.max_memory {
-            let needed = self.capacities.bytes() + self.input_bytes;
+            let buffers = self.buffers.as_ref().expect("until finished");
+            let needed = buffers.bytes_with(&self.capacities, self.tree_to_host, self.input_bytes);
             if needed > limit {
                 return Err(BuildError::OutOfMemory { needed, limit });
             }
