@@ -39,6 +39,12 @@ pub(crate) struct Buffers {
 /// places.
 const WHOLE_BLOCKS: u32 = 2;
 
+/// Bytes of what is mapped after a build.
+fn readback_bytes(capacities: &Capacities, tree_to_host: bool) -> u64 {
+    let tree = capacities.bytes_of(Buffer::Nodes) + capacities.bytes_of(Buffer::LeafReferences);
+    readback::TREE + if tree_to_host { tree } else { 0 }
+}
+
 const READBACK: Usage = Usage::COPY_DST.union(Usage::MAP_READ);
 
 impl Buffers {
@@ -89,8 +95,7 @@ impl Buffers {
         capacities: &Capacities,
         tree_to_host: bool,
     ) -> Result<(), GpuError> {
-        let tree = capacities.bytes_of(Buffer::Nodes) + capacities.bytes_of(Buffer::LeafReferences);
-        let bytes = readback::TREE + if tree_to_host { tree } else { 0 };
+        let bytes = readback_bytes(capacities, tree_to_host);
         if self.readback.size() < bytes {
             self.readback = gpu.buffer("readback", bytes, READBACK)?;
         }
@@ -117,6 +122,21 @@ impl Buffers {
             *slot = Some(gpu.buffer(&format!("{buffer:?}"), bytes, usage)?);
         }
         Ok(())
+    }
+
+    /// Bytes held once there is room for so much, and for an input of so many bytes: what
+    /// [`Buffers::bytes`] will be.
+    pub fn bytes_with(&self, capacities: &Capacities, tree_to_host: bool, input: u64) -> u64 {
+        let held = |buffer: Buffer, wanted: u64| {
+            let held =
+                self.buffers[buffer.storage() as usize].as_ref().map_or(0, wgpu::Buffer::size);
+            held.max(wanted.max(16).next_multiple_of(4))
+        };
+        let growing = Capacities::BUFFERS.map(|buffer| held(buffer, capacities.bytes_of(buffer)));
+        growing.iter().sum::<u64>()
+            + held(Buffer::Counters, 64)
+            + held(Buffer::Input, input)
+            + self.readback.size().max(readback_bytes(capacities, tree_to_host))
     }
 
     /// Bytes held.

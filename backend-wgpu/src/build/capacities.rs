@@ -163,11 +163,6 @@ impl Capacities {
         Buffer::LeafReferences,
     ];
 
-    /// Bytes of all buffers.
-    pub fn bytes(&self) -> u64 {
-        Capacities::BUFFERS.iter().map(|&buffer| self.bytes_of(buffer)).sum()
-    }
-
     /// Rooms no larger than a device can bind. An estimate that is cut may still suffice; what grew
     /// because it did not (`needed`) may not be cut.
     ///

@@ -90,13 +90,10 @@ impl PendingBuild {
         }
         let triangles = source.triangles();
         let [position_bytes, index_bytes] = source.bytes();
-        let mut capacities = Capacities::estimate(triangles, &options.config);
-        let input_bytes = position_bytes + index_bytes;
-        // What a greater scene left behind counts against the caller's limit too.
-        let pooled = shared.take_buffers().filter(|pooled| {
-            let together = capacities.union(pooled.capacities).bytes() + input_bytes;
-            options.max_memory.is_none_or(|limit| together <= limit)
-        });
+        let pooled = shared.take_buffers();
+        let was_pooled = pooled.is_some();
+        let estimate = Capacities::estimate(triangles, &options.config);
+        let mut capacities = estimate;
         let mut levels = options.config.max_depth + 1;
         let buffers = match pooled {
             Some(pooled) => {
@@ -116,7 +113,7 @@ impl PendingBuild {
             options: *options,
             capacities,
             first_index: source.first_index(),
-            input_bytes,
+            input_bytes: position_bytes + index_bytes,
             tree_to_host,
             mesh_copy: None,
             swapped: false,
@@ -124,7 +121,15 @@ impl PendingBuild {
             effort: Effort::default(),
             shared,
         };
-        pending.reserve(None)?;
+        match pending.reserve(None) {
+            // Buffers of a larger scene: without them the limit may suffice.
+            Err(BuildError::OutOfMemory { .. }) if was_pooled => {
+                pending.buffers = Some(Buffers::new(&pending.shared.gpu)?);
+                pending.capacities = estimate;
+                pending.reserve(None)?;
+            }
+            reserved => reserved?,
+        }
         let shared = Arc::clone(&pending.shared);
         let buffers = pending.buffers.as_mut().expect("until finished");
         let gpu = &shared.gpu;
@@ -148,7 +153,8 @@ impl PendingBuild {
         let limits = gpu.device().limits();
         self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
         if let Some(limit) = self.options.max_memory {
-            let needed = self.capacities.bytes() + self.input_bytes;
+            let buffers = self.buffers.as_ref().expect("until finished");
+            let needed = buffers.bytes_with(&self.capacities, self.tree_to_host, self.input_bytes);
             if needed > limit {
                 return Err(BuildError::OutOfMemory { needed, limit });
             }

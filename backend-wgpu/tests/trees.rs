@@ -1,0 +1,200 @@
+//! Trees that the device builds are the CPU's, byte for byte, in one submission and one readback.
+
+mod common;
+
+use std::path::Path;
+
+use splitplane_core::backend::{Backend, BuildOptions, BuildSummary};
+use splitplane_core::config::BuildConfig;
+use splitplane_core::kernel::Kernel;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::tree::KdTree;
+use splitplane_cpu::CpuBackend;
+use splitplane_test_support::scenes;
+use splitplane_wgpu::{DeviceBuild, Effort, Gpu, WgpuBackend};
+
+fn backend() -> WgpuBackend {
+    WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend")
+}
+
+fn open(name: &str) -> (String, splitplane::scene::Scene) {
+    let spec = format!("builtin:{name}");
+    let scene = splitplane::scene::Scene::open(&spec).expect("a built-in scene");
+    (spec, scene)
+}
+
+/// What does not depend on who builds.
+fn facts(summary: &BuildSummary) -> [u32; 5] {
+    let BuildSummary { triangles, dropped, snapped, large_levels, small_roots, .. } = *summary;
+    [triangles, dropped, snapped, large_levels, small_roots]
+}
+
+/// Holds a tree that stayed on the device against the CPU's.
+fn check_tree(
+    backend: &WgpuBackend,
+    built: &DeviceBuild,
+    expected: &(KdTree, BuildSummary),
+    name: &str,
+) {
+    let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
+    assert_eq!(tree.digest(), expected.0.digest(), "{name}");
+    assert!(tree == expected.0, "{name}: one digest, two trees");
+    assert_eq!(facts(&built.summary), facts(&expected.1), "{name}");
+}
+
+/// One submission, one readback, nothing repeated; gives the dispatches.
+fn dispatches(effort: Effort, name: &str) -> u32 {
+    let Effort { submissions, readbacks, dispatches, repeats } = effort;
+    assert_eq!((submissions, readbacks, repeats), (1, 1, 0), "{name}");
+    dispatches
+}
+
+/// Scenes of more triangles are built once.
+const LARGE: usize = 80_000;
+
+/// A scene that fits its capacities: on a fresh backend, again with pooled buffers, and as users of
+/// the traits build it.
+fn check(mesh: &Mesh<'_>, name: &str) {
+    let options = BuildOptions::default();
+    let expected = CpuBackend::new().build_tree(mesh, &options).expect("a tree");
+    let backend = backend();
+
+    let first = backend.build_on_device(mesh, &options).expect("a tree");
+    check_tree(&backend, &first, &expected, name);
+    let all = dispatches(first.effort, name);
+    backend.recycle(first.tree);
+
+    if mesh.len() <= LARGE {
+        check_rebuild(&backend, mesh, all, &expected, name);
+        check_trait(&backend, mesh, &expected, name);
+    }
+}
+
+/// With buffers of an earlier build of as many triangles: the same tree, and levels that the first
+/// build recorded in vain are left out. `all` is how many dispatches that one took.
+fn check_rebuild(
+    backend: &WgpuBackend,
+    mesh: &Mesh<'_>,
+    all: u32,
+    expected: &(KdTree, BuildSummary),
+    name: &str,
+) {
+    let again = backend.build_on_device(mesh, &BuildOptions::default()).expect("a tree");
+    check_tree(backend, &again, expected, name);
+    let few = dispatches(again.effort, name);
+    // Two levels are to spare.
+    let spared = BuildConfig::default().max_depth + 1 - (expected.1.large_levels + 2);
+    assert!(spared > 0, "{name}: too deep for this test");
+    assert_eq!(all - few, LEVEL_DISPATCHES * spared, "{name}: {all} and {few} dispatches");
+    // Before and after the levels: three and five kernels, slices of small roots, and the limits of
+    // the triangles.
+    assert!(all - LEVEL_DISPATCHES * (spared + expected.1.large_levels + 2) <= 16, "{name}: {all}");
+}
+
+/// Dispatches of a level of the large-node stage.
+const LEVEL_DISPATCHES: u32 = 8;
+
+fn check_trait(
+    backend: &dyn Backend,
+    mesh: &Mesh<'_>,
+    expected: &(KdTree, BuildSummary),
+    name: &str,
+) {
+    let built = backend.build(mesh, &BuildOptions::default()).expect("a tree");
+    assert_eq!(built.tree().digest(), expected.0.digest(), "{name}: through the trait");
+    assert!(*built.tree() == expected.0, "{name}: through the trait: one digest, two trees");
+    assert_eq!(facts(built.summary()), facts(&expected.1), "{name}: through the trait");
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn built_in_scenes() {
+    for name in ["cornell", "spheres", "stadium", "city:1000", "city"] {
+        let (name, scene) = open(name);
+        check(&scene.mesh().expect("a mesh"), &name);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn real_scenes() {
+    for name in ["horse", "bunny", "robots", "stadium", "kitchen", "sponza", "dragon"] {
+        if let Some(scene) = scenes::real(name) {
+            check(&scene.mesh(), name);
+        }
+    }
+}
+
+/// A million triangles, within WebGPU's default limits.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_million_triangles() {
+    let limits = wgpu::Limits::default();
+    assert!(
+        common::gpu().limits().max_storage_buffer_binding_size
+            <= limits.max_storage_buffer_binding_size
+    );
+    let (name, scene) = open("city:1000000");
+    let mesh = scene.mesh().expect("a mesh");
+    let options = BuildOptions::default();
+    let expected = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
+    let fresh = backend();
+    let built = fresh.build_on_device(&mesh, &options).expect("a tree");
+    check_tree(&fresh, &built, &expected, &name);
+    dispatches(built.effort, &name);
+    // The buffers are there: another scene goes through the trait.
+    if let Some(scene) = scenes::real("bathroom") {
+        let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
+        check_trait(&fresh, &scene.mesh(), &expected, "bathroom");
+    }
+}
+
+/// The digest in a snapshot of the CPU's trees.
+fn pinned(name: &str) -> Option<String> {
+    let name = name.replace(',', "").replace(' ', "-");
+    let path = format!("../tests/snapshots/trees__{name}.snap");
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+    let text = std::fs::read_to_string(path).ok()?;
+    let digest = text.lines().find_map(|line| line.strip_prefix("digest "));
+    Some(digest.expect("a snapshot of a tree").to_owned())
+}
+
+/// What the snapshots of the CPU's trees pin is what the device builds, one scene after the other with
+/// the buffers of the one before; also where the estimate of the room is too low.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn awkward_scenes_have_the_pinned_digests() {
+    let backend = backend();
+    let (mut seen, mut repeated) = (0, 0);
+    for scene in scenes::awkward() {
+        let Some(pinned) = pinned(&scene.name) else { continue };
+        let built = backend.build_on_device(&scene.mesh(), &BuildOptions::default());
+        let built = built.unwrap_or_else(|error| panic!("{}: {error}", scene.name));
+        let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
+        assert_eq!(tree.digest().to_string(), pinned, "{}", scene.name);
+        let Effort { submissions, readbacks, repeats, .. } = built.effort;
+        assert_eq!((submissions, readbacks), (repeats + 1, repeats + 1), "{}", scene.name);
+        seen += 1;
+        repeated += u32::from(repeats > 0);
+    }
+    assert!(seen >= 30, "only {seen} snapshots were found");
+    assert!(repeated > 0, "no scene outgrew its estimate");
+}
+
+/// The comparison sees a tree that differs in one leaf.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+#[should_panic(expected = "left == right")]
+fn a_planted_fault_is_seen() {
+    let scene = scenes::soup(500, 0.1, 3);
+    let kernel = Kernel::EmitSmall;
+    let source = splitplane_shaders::KERNELS[kernel as usize].source();
+    let place = "put_reference(first + rank_in(mask, lane)";
+    let planted = source.replace(place, "put_reference(first + rank_in(mask, lane ^ 1u)");
+    assert!(planted != source, "the text to change is gone");
+    let gpu = Gpu::clone(&common::gpu());
+    let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
+    let options = BuildOptions::default();
+    let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
+    check_trait(&backend, &scene.mesh(), &expected, "planted");
+}
