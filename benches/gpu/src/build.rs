@@ -1,7 +1,7 @@
 //! Builds: the device's and the CPU's by turns, the device's by kernels, and whether the trees are equal.
 
 use serde::Serialize;
-use splitplane::gpu::{Effort, GpuError, KernelTime, WgpuAccelerator, WgpuBackend};
+use splitplane::gpu::{DeviceBuild, Effort, GpuError, KernelTime, WgpuAccelerator, WgpuBackend};
 use splitplane::{Accelerator, BuildOptions, CpuBackend, Mesh};
 use splitplane_cpu::CpuAccelerator;
 use wgpu::BufferUsages as Usage;
@@ -75,6 +75,8 @@ pub fn measure(
     figures.first_ms = first_ms;
     figures.first_repeats = first.effort.repeats;
     figures.first_dispatches = first.effort.dispatches;
+    // What the rebuilds say replaces this.
+    figures.asked(&first);
     backend.recycle(first.tree);
     let mut times = Vec::new();
     if !run.check {
@@ -128,10 +130,7 @@ fn rebuild(
     let built = built?;
     figures.rebuild_ms.push(ms);
     figures.submit_ms.push(submit_ms);
-    figures.build_bytes = built.summary.peak_bytes;
-    let Effort { submissions, readbacks, dispatches, repeats } = built.effort;
-    (figures.submissions, figures.readbacks) = (submissions, readbacks);
-    (figures.dispatches, figures.repeats) = (dispatches, repeats);
+    figures.asked(&built);
     backend.recycle(built.tree);
     Ok(())
 }
@@ -192,6 +191,14 @@ fn mesh_bytes<'a>(mesh: &Mesh<'a>) -> Vec<&'a [u8]> {
 }
 
 impl Figures {
+    /// What a build asked of the device.
+    fn asked(&mut self, built: &DeviceBuild) {
+        self.build_bytes = built.summary.peak_bytes;
+        let Effort { submissions, readbacks, dispatches, repeats } = built.effort;
+        (self.submissions, self.readbacks) = (submissions, readbacks);
+        (self.dispatches, self.repeats) = (dispatches, repeats);
+    }
+
     /// Median of a rebuild.
     pub fn rebuild(&self) -> f64 {
         median(&self.rebuild_ms)
