@@ -37,7 +37,8 @@ pub struct OpenOptions {
     pub allow_structural: bool,
     /// Request no more than WebGPU's default limits, whatever the adapter offers.
     pub default_limits: bool,
-    /// How long to wait for a device before it counts as hanging; a minute when `None`.
+    /// How long to wait for a device before it counts as hanging. When `None`, a minute for hardware
+    /// and half an hour for software.
     pub timeout: Option<Duration>,
 }
 

@@ -65,7 +65,8 @@ impl Shared {
 #[derive(Debug)]
 pub struct WgpuBackend {
     shared: Arc<Shared>,
-    parity: Parity,
+    /// `None` before the self-test.
+    parity: Option<Parity>,
 }
 
 impl WgpuBackend {
@@ -77,19 +78,18 @@ impl WgpuBackend {
     pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
         gpu.check_limits()?;
         let mut backend = WgpuBackend::untested(gpu, Kernels::default());
-        backend.parity = selftest::run(&backend)?;
+        backend.parity = Some(selftest::run(&backend)?);
         Ok(backend)
     }
 
     /// A backend without the self-test, which would refuse a device that builds broken trees: for
-    /// finding out what is wrong with one. Its parity is unknown, which counts as structural.
+    /// finding out what is wrong with one.
     pub fn without_selftest(gpu: Gpu) -> WgpuBackend {
         WgpuBackend::untested(gpu, Kernels::default())
     }
 
     fn untested(gpu: Gpu, kernels: Kernels) -> WgpuBackend {
-        let parity = Parity::Structural("not tested".into());
-        WgpuBackend { shared: Arc::new(Shared::new(gpu, kernels)), parity }
+        WgpuBackend { shared: Arc::new(Shared::new(gpu, kernels)), parity: None }
     }
 
     /// A backend in which one build kernel has another text, without a self-test: for tests that
@@ -99,9 +99,9 @@ impl WgpuBackend {
         WgpuBackend::untested(gpu, Kernels::with_replaced(kernel, source))
     }
 
-    /// What the self-test found.
-    pub fn parity(&self) -> &Parity {
-        &self.parity
+    /// What the self-test found; `None` for a backend made without it.
+    pub fn parity(&self) -> Option<&Parity> {
+        self.parity.as_ref()
     }
 
     /// The device.
@@ -249,7 +249,7 @@ impl Backend for WgpuBackend {
                 "{}, driver {}, parity {}",
                 info.backend.to_str(),
                 driver.trim(),
-                self.parity.name()
+                self.parity.as_ref().map_or("not tested", Parity::name)
             ),
         }
     }

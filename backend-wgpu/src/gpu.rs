@@ -7,7 +7,7 @@ use crate::adapters::Adapters;
 use crate::error::{GpuError, OpenError};
 use crate::health::Health;
 use crate::needs;
-use crate::options::OpenOptions;
+use crate::options::{OpenOptions, default_timeout};
 
 /// Between two looks at a device that must be polled.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
@@ -43,8 +43,9 @@ impl Gpu {
     }
 
     /// A device that belongs to nobody else, so its callbacks are free to use.
-    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, timeout: Duration) -> Gpu {
-        let gpu = Gpu { timeout, ..Gpu::borrow(device, queue) };
+    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, timeout: Option<Duration>) -> Gpu {
+        let mut gpu = Gpu::borrow(device, queue);
+        gpu.timeout = timeout.unwrap_or(gpu.timeout);
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -60,7 +61,7 @@ impl Gpu {
     pub fn borrow(device: wgpu::Device, queue: wgpu::Queue) -> Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
-        let timeout = OpenOptions::DEFAULT_TIMEOUT;
+        let timeout = default_timeout(info.device_type);
         let (health, last) = Default::default();
         Gpu { device, queue, info, limits, health, timeout, last }
     }

@@ -303,7 +303,7 @@ const INVOCATIONS: u32 = 64 * 64;
 
 /// A device of this machine, with a buffer that can be read and work under way that fills it.
 fn busy(timeout: Duration) -> (Gpu, wgpu::Buffer) {
-    let gpu = Gpu::open(&OpenOptions { timeout, ..OpenOptions::default() })
+    let gpu = Gpu::open(&OpenOptions { timeout: Some(timeout), ..OpenOptions::default() })
         .expect("a GPU adapter is needed; scripts/test.sh sets up a software one");
     let bytes = u64::from(INVOCATIONS) * 4;
     let out = gpu.buffer("out", bytes, Usage::STORAGE | Usage::COPY_SRC).unwrap();

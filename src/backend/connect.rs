@@ -6,6 +6,6 @@ use splitplane_wgpu::{Gpu, GpuError, Parity, WgpuBackend};
 /// The backend over an opened device, and what its self-test found.
 pub(super) fn connect(gpu: Gpu) -> Result<(Box<dyn Backend>, Parity), GpuError> {
     let backend = WgpuBackend::new(gpu)?;
-    let parity = backend.parity().clone();
+    let parity = backend.parity().cloned().expect("`new` has tested it");
     Ok((Box::new(backend), parity))
 }

@@ -121,7 +121,7 @@ fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
     splitplane_wgpu::OpenOptions {
         adapter: None,
         default_limits: options.default_limits,
-        timeout: options.timeout.unwrap_or(splitplane_wgpu::OpenOptions::DEFAULT_TIMEOUT),
+        timeout: options.timeout,
     }
 }
 

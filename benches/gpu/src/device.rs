@@ -50,10 +50,10 @@ pub fn describe(backend: &WgpuBackend, open_ms: f64) -> Description {
         driver_info: info.driver_info.clone(),
         vendor: info.vendor,
         device: info.device,
-        parity: backend.parity().name(),
+        parity: backend.parity().map_or("not tested", Parity::name),
         difference: match backend.parity() {
-            Parity::Bitwise => None,
-            Parity::Structural(difference) => Some(difference.clone()),
+            None | Some(Parity::Bitwise) => None,
+            Some(Parity::Structural(difference)) => Some(difference.clone()),
         },
         timestamps: gpu.has_timestamps(),
         timestamp_period_ns: gpu.queue().get_timestamp_period(),

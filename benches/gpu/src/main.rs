@@ -67,7 +67,7 @@ fn run(options: &Options) -> Result<bool, Failure> {
 fn open(options: &Options) -> Result<(WgpuBackend, f64), Failure> {
     let asked = OpenOptions {
         adapter: options.adapter.clone(),
-        timeout: PATIENCE,
+        timeout: Some(PATIENCE),
         ..OpenOptions::default()
     };
     let (opened, open_ms) =

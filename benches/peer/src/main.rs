@@ -99,10 +99,12 @@ impl Side {
             return Ok(Side::Cpu(CpuBackend::new()));
         }
         // Software takes its time.
-        let options = OpenOptions { timeout: Duration::from_secs(600), ..OpenOptions::default() };
+        let options =
+            OpenOptions { timeout: Some(Duration::from_secs(600)), ..OpenOptions::default() };
         let gpu = Gpu::open(&options).map_err(|error| error.to_string())?;
         let backend = WgpuBackend::new(gpu).map_err(|error| error.to_string())?;
-        eprintln!("{}: {}", backend.gpu().info().name, backend.parity());
+        let parity = backend.parity().map_or("not tested", splitplane_wgpu::Parity::name);
+        eprintln!("{}: parity {parity}", backend.gpu().info().name);
         Ok(Side::Gpu(backend))
     }
 
