@@ -18,6 +18,7 @@ use super::executor::{Looking, WgpuExecutor, counters_from};
 use super::profile::{KernelTime, Profile};
 use crate::backend::Shared;
 use crate::error::GpuError;
+use crate::gpu::Gpu;
 use crate::query::limits::limits_from;
 use crate::query::{DeviceTree, TreeParts};
 
@@ -125,9 +126,11 @@ impl PendingBuild {
             reserved => reserved?,
         }
         let shared = Arc::clone(&pending.shared);
-        let buffers = pending.buffers.as_mut().expect("until finished");
-        pending.first_index = buffers.upload(&shared.gpu, mesh)?;
-        pending.begin(levels)?;
+        guarded(&shared.gpu, || {
+            let buffers = pending.buffers.as_mut().expect("until finished");
+            pending.first_index = buffers.upload(&shared.gpu, mesh)?;
+            pending.begin(levels)
+        })?;
         Ok(pending)
     }
 
@@ -206,14 +209,15 @@ impl PendingBuild {
     /// # Panics
     /// After the tree was given.
     pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
-        self.shared.gpu.poll()?;
+        let gpu = Arc::clone(&self.shared.gpu);
+        gpu.poll()?;
         match self.mapped.load(Ordering::Acquire) {
             // Only the callback holds the other reference; when wgpu has forgotten it, the buffer
             // itself knows whether it is mapped.
             WAITING if Arc::strong_count(&self.mapped) > 1 => Ok(None),
-            WAITING | MAPPED => self.look(),
+            WAITING | MAPPED => guarded(&gpu, || self.look()),
             _ => {
-                self.shared.gpu.check()?;
+                gpu.check()?;
                 Err(GpuError::Refused("what the build wrote cannot be read".into()).into())
             }
         }
@@ -327,6 +331,12 @@ impl PendingBuild {
     pub fn effort(&self) -> Effort {
         self.effort
     }
+}
+
+/// Runs calls of wgpu; what it refuses meanwhile becomes an error here and does not reach the
+/// callback of a host.
+fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result<T, BuildError> {
+    gpu.guard(work)?
 }
 
 /// Levels recorded beyond those of the last build of as many triangles: moving scenes change theirs
