@@ -18,6 +18,7 @@ use super::profile::{KernelTime, Profile};
 use super::source::Source;
 use crate::backend::Shared;
 use crate::error::GpuError;
+use crate::gpu::Gpu;
 use crate::query::limits::limits_from;
 use crate::query::{DeviceTree, TreeParts};
 
@@ -131,19 +132,17 @@ impl PendingBuild {
             reserved => reserved?,
         }
         let shared = Arc::clone(&pending.shared);
-        let buffers = pending.buffers.as_mut().expect("until finished");
-        let gpu = &shared.gpu;
-        gpu.guard(|| buffers.upload(gpu, source))??;
-        if matches!(source, Source::Device(_)) {
-            // Ahead of the build, so that a repeat need not do it again.
-            let commands = gpu.guard(|| {
-                let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        guarded(&shared.gpu, || {
+            let buffers = pending.buffers.as_mut().expect("until finished");
+            buffers.upload(&shared.gpu, source)?;
+            if matches!(source, Source::Device(_)) {
+                // Ahead of the build, so that a repeat need not do it again.
+                let mut encoder = shared.gpu.device().create_command_encoder(&Default::default());
                 buffers.copy_mesh(&mut encoder, source);
-                encoder.finish()
-            })?;
-            pending.mesh_copy = Some(commands);
-        }
-        pending.begin(levels)?;
+                pending.mesh_copy = Some(encoder.finish());
+            }
+            pending.begin(levels)
+        })?;
         Ok(pending)
     }
 
@@ -222,14 +221,15 @@ impl PendingBuild {
     /// # Panics
     /// After the tree was given.
     pub fn poll(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
-        self.shared.gpu.poll()?;
+        let gpu = Arc::clone(&self.shared.gpu);
+        gpu.poll()?;
         match self.mapped.load(Ordering::Acquire) {
             // Only the callback holds the other reference; when wgpu has forgotten it, the buffer
             // itself knows whether it is mapped.
             WAITING if Arc::strong_count(&self.mapped) > 1 => Ok(None),
-            WAITING | MAPPED => self.look(),
+            WAITING | MAPPED => guarded(&gpu, || self.look()),
             _ => {
-                self.shared.gpu.check()?;
+                gpu.check()?;
                 Err(GpuError::Refused("what the build wrote cannot be read".into()).into())
             }
         }
@@ -347,6 +347,12 @@ impl PendingBuild {
     pub fn effort(&self) -> Effort {
         self.effort
     }
+}
+
+/// Runs calls of wgpu; what it refuses meanwhile becomes an error here and does not reach the
+/// callback of a host.
+fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result<T, BuildError> {
+    gpu.guard(work)?
 }
 
 /// Levels recorded beyond those of the last build of as many triangles: moving scenes change theirs

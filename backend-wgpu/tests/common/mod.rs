@@ -24,6 +24,26 @@ pub fn gpu() -> Arc<Gpu> {
     GPU.get_or_init(open).clone()
 }
 
+/// Two other devices on the adapter of [`gpu`], of one instance, as a host has them: with limits of
+/// their own.
+///
+/// # Panics
+/// If the adapter gives no device with these limits.
+pub fn host_devices(limits: &wgpu::Limits) -> [(wgpu::Device, wgpu::Queue); 2] {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+    let same = |adapter: &wgpu::Adapter| {
+        let (info, used) = (adapter.get_info(), gpu().info().clone());
+        (info.name, info.backend) == (used.name, used.backend)
+    };
+    let adapter = adapters.into_iter().find(same).expect("the adapter of the tests");
+    let description = wgpu::DeviceDescriptor {
+        required_limits: limits.clone(),
+        ..wgpu::DeviceDescriptor::default()
+    };
+    [(); 2].map(|()| pollster::block_on(adapter.request_device(&description)).expect("a device"))
+}
+
 /// Whether the device is Mesa's software rasteriser.
 pub fn is_llvmpipe() -> bool {
     gpu().info().name.contains("llvmpipe")
