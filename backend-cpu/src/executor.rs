@@ -71,7 +71,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             Some(bytemuck::cast_slice(vector.get(..length)?))
         }
         match buffer {
-            Buffer::Input | Buffer::ChunkState => None,
+            Buffer::Input | Buffer::Subtrees | Buffer::ChunkState => None,
             Buffer::Counters => Some(bytemuck::bytes_of(&b.counters)),
             Buffer::Triangles => bytes(b.triangles.as_flattened().as_flattened(), length * 9),
             Buffer::References => bytes(&b.references, length),

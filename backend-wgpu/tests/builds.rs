@@ -300,7 +300,7 @@ fn recycled_buffers_hold_nothing_stale() {
     let loaded = DeviceTree::upload(
         backend.queries(),
         &expected[6].view(),
-        &scene.positions.as_chunks::<3>().0.to_vec(),
+        scene.positions.as_chunks::<3>().0,
     );
     backend.recycle(loaded.unwrap());
     check(&backend, &scenes[0], BuildConfig::default());

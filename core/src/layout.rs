@@ -292,8 +292,10 @@ pub struct Parameters {
     pub tree_node_room: u32,
     /// Room for references of the tree.
     pub leaf_reference_room: u32,
+    /// Room for subtrees.
+    pub subtree_room: u32,
     /// Zero.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 const _: () = {

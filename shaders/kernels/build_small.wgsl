@@ -1,7 +1,8 @@
 // Builds the subtree of every small root and measures it.
 // One workgroup a small root, one invocation a triangle.
 // Reads: small roots and their references.
-// Writes: how many nodes and references each root's subtree has.
+// Writes: how many nodes and references each root's subtree has; the subtree, where it is small enough
+// to be kept.
 // Ties: least cost, then axis, then position.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
@@ -9,13 +10,31 @@
 @group(0) @binding(2) var<storage, read> small_roots: array<SmallRoot>;
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
 @group(0) @binding(4) var<storage, read_write> small_sizes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> subtrees: array<u32>;
 
-// Sizes alone are wanted.
-fn put_node(index: u32, words: vec2<u32>) {}
+// Where the subtree at hand is kept, and whether there is room for it.
+var<private> slot: u32;
+var<private> kept: bool;
 
-fn put_right(parent: u32, axis: u32, right: u32) {}
+// Indices count from the subtree's start.
+fn put_node(index: u32, words: vec2<u32>) {
+    if kept && index < SUBTREE_NODES {
+        subtrees[slot + 2u * index] = words.x;
+        subtrees[slot + 2u * index + 1u] = words.y;
+    }
+}
 
-fn put_reference(index: u32, triangle: u32) {}
+fn put_right(parent: u32, axis: u32, right: u32) {
+    if kept && parent < SUBTREE_NODES {
+        subtrees[slot + 2u * parent + 1u] = (right << 2u) | axis;
+    }
+}
+
+fn put_reference(index: u32, triangle: u32) {
+    if kept && index < SUBTREE_REFERENCES {
+        subtrees[slot + 2u * SUBTREE_NODES + index] = triangle;
+    }
+}
 
 @compute @workgroup_size(64)
 fn main(
@@ -26,6 +45,8 @@ fn main(
     opaque_zero = parameters.zero;
     let end = slice_end(live(COUNTER_SMALL_ROOTS));
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
+        slot = SUBTREE_WORDS * index;
+        kept = index < parameters.subtree_room;
         let size = build_subtree(small_roots[index], lane);
         if lane == 0u {
             small_sizes[index] = size;

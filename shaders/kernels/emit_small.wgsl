@@ -1,6 +1,7 @@
-// Writes the subtrees of the small roots: builds each again, now that its place is known.
+// Writes the subtrees of the small roots: copies those that were kept, builds the others again, now that
+// their places are known.
 // One workgroup a small root, one invocation a triangle.
-// Reads: small roots, their references, their addresses.
+// Reads: small roots, their references, sizes, kept subtrees and addresses.
 // Writes: nodes and references of their subtrees.
 // Ties: least cost, then axis, then position.
 
@@ -8,9 +9,11 @@
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
 @group(0) @binding(2) var<storage, read> small_roots: array<SmallRoot>;
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
-@group(0) @binding(4) var<storage, read> top_addresses: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read_write> nodes: array<vec2<u32>>;
-@group(0) @binding(6) var<storage, read_write> leaf_references: array<u32>;
+@group(0) @binding(4) var<storage, read> small_sizes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> subtrees: array<u32>;
+@group(0) @binding(6) var<storage, read> top_addresses: array<vec2<u32>>;
+@group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
+@group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
 
 // Where the root at hand begins in the output.
 var<private> address: vec2<u32>;
@@ -30,6 +33,19 @@ fn put_reference(index: u32, triangle: u32) {
     leaf_references[address.y + index] = triangle;
 }
 
+// Copies a subtree that was kept: indices become addresses.
+fn copy_subtree(slot: u32, size: vec2<u32>, lane: u32) {
+    for (var i = lane; i < size.x; i += 64u) {
+        let words = vec2<u32>(subtrees[slot + 2u * i], subtrees[slot + 2u * i + 1u]);
+        let is_leaf = (words.y & 3u) == 3u;
+        nodes[address.x + i] = words
+            + select(vec2<u32>(0u, address.x << 2u), vec2<u32>(address.y, 0u), is_leaf);
+    }
+    for (var i = lane; i < size.y; i += 64u) {
+        leaf_references[address.y + i] = subtrees[slot + 2u * SUBTREE_NODES + i];
+    }
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -41,6 +57,11 @@ fn main(
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let root = small_roots[index];
         address = top_addresses[root.node];
-        _ = build_subtree(root, lane);
+        let size = small_sizes[index];
+        if index < parameters.subtree_room && size.x <= SUBTREE_NODES && size.y <= SUBTREE_REFERENCES {
+            copy_subtree(SUBTREE_WORDS * index, size, lane);
+        } else {
+            _ = build_subtree(root, lane);
+        }
     }
 }

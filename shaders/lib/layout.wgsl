@@ -90,5 +90,6 @@ struct Parameters {
     level_room: u32,
     tree_node_room: u32,
     leaf_reference_room: u32,
-    padding: vec2<u32>,
+    subtree_room: u32,
+    padding: u32,
 }

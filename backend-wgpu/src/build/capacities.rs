@@ -15,6 +15,8 @@ pub(crate) struct Capacities {
     pub references: u32,
     pub small_roots: u32,
     pub small_references: u32,
+    /// Small roots whose subtrees are kept; others are built twice.
+    pub subtrees: u32,
     pub top_nodes: u32,
     pub levels: u32,
     pub tree_nodes: u32,
@@ -38,6 +40,7 @@ impl Capacities {
             references: share(triangles, 3, 2, 4096),
             small_roots: share(triangles, 1, 12, 1024),
             small_references: share(triangles, 3, 1, 4096),
+            subtrees: share(triangles, 1, 12, 1024),
             top_nodes: share(triangles, 1, 4, 4096),
             levels: config.max_depth + 2,
             tree_nodes: share(triangles, 1, 1, 8192),
@@ -106,6 +109,7 @@ impl Capacities {
             references: self.references.max(other.references),
             small_roots: self.small_roots.max(other.small_roots),
             small_references: self.small_references.max(other.small_references),
+            subtrees: self.subtrees.max(other.subtrees),
             top_nodes: self.top_nodes.max(other.top_nodes),
             levels: self.levels.max(other.levels),
             tree_nodes: self.tree_nodes.max(other.tree_nodes),
@@ -133,6 +137,7 @@ impl Capacities {
             Buffer::SmallRoots | Buffer::SmallSizes => self.small_roots,
             Buffer::Nodes => self.tree_nodes,
             Buffer::LeafReferences => self.leaf_references,
+            Buffer::Subtrees => self.subtrees,
         }
     }
 
@@ -142,7 +147,7 @@ impl Capacities {
     }
 
     /// The buffers that grow, each storage once.
-    pub const BUFFERS: [Buffer; 18] = [
+    pub const BUFFERS: [Buffer; 19] = [
         Buffer::Triangles,
         Buffer::References,
         Buffer::NextReferences,
@@ -157,6 +162,7 @@ impl Capacities {
         Buffer::LevelStarts,
         Buffer::SmallRoots,
         Buffer::SmallSizes,
+        Buffer::Subtrees,
         Buffer::TopSizes,
         Buffer::TopAddresses,
         Buffer::Nodes,
@@ -178,7 +184,7 @@ impl Capacities {
         let most = |buffer: Buffer| {
             u32::try_from(limit / buffer.element_size() as u64).unwrap_or(u32::MAX)
         };
-        let rooms: [(&mut u32, Buffer); 7] = [
+        let rooms: [(&mut u32, Buffer); 8] = [
             (&mut self.references, Buffer::References),
             (&mut self.small_roots, Buffer::SmallRoots),
             (&mut self.small_references, Buffer::SmallReferences),
@@ -186,10 +192,13 @@ impl Capacities {
             (&mut self.tree_nodes, Buffer::Nodes),
             (&mut self.leaf_references, Buffer::LeafReferences),
             (&mut self.triangles, Buffer::Triangles),
+            // Never needed.
+            (&mut self.subtrees, Buffer::Subtrees),
         ];
         for (room, buffer) in rooms {
             let needed = match buffer {
                 Buffer::Triangles => *room,
+                Buffer::Subtrees => 0,
                 _ => needed.map_or(0, |needed| needed.of(buffer)),
             };
             if needed > most(buffer) {
@@ -230,7 +239,8 @@ impl Capacities {
             level_room: self.levels,
             tree_node_room: self.tree_nodes,
             leaf_reference_room: self.leaf_references,
-            padding: [0; 2],
+            subtree_room: self.subtrees,
+            padding: 0,
         }
     }
 }

@@ -114,7 +114,7 @@ pub fn records() -> Vec<Record> {
             zero swapped first count traversal_cost intersection_cost block_width small_node_limit
             empty_cutoff max_depth reference_cap node_cap first_index chunk_room node_room
             reference_room small_root_room small_reference_room top_node_room level_room
-            tree_node_room leaf_reference_room padding
+            tree_node_room leaf_reference_room subtree_room padding
         }),
         record!(Aabb { lo hi }),
         record!(Ray { origin t_min direction t_max }),
