@@ -14,9 +14,7 @@ use splitplane_core::tree::KdTree;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{
-    DeviceQueryError, Gpu, GpuError, OpenOptions, Parity, Queries, WgpuBackend,
-};
+use splitplane_wgpu::{DeviceQueryError, Gpu, GpuError, OpenOptions, Parity, Queries, WgpuBackend};
 
 /// Longer than anything here takes by far; what takes longer hangs.
 const PATIENCE: Duration = Duration::from_secs(60);

@@ -479,7 +479,9 @@ pub const SUBTREE_NODES: u32 = 24;
 /// References of such a subtree.
 pub const SUBTREE_REFERENCES: u32 = 80;
 /// Words of a subtree that is kept: two a node, then one a reference.
-pub const SUBTREE_WORDS: u32 = 2 * SUBTREE_NODES + SUBTREE_REFERENCES;
+pub const SUBTREE_WORDS: u32 = 128;
+
+const _: () = assert!(SUBTREE_WORDS == 2 * SUBTREE_NODES + SUBTREE_REFERENCES);
 
 /// What kernels count, and where in [`Counters::words`].
 #[repr(u32)]
