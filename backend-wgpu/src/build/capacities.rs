@@ -237,7 +237,7 @@ impl Capacities {
 
 /// The greatest size of a storage buffer, and the limit that says so.
 pub(crate) fn binding_limit(limits: &wgpu::Limits) -> (u64, &'static str) {
-    let binding = u64::from(limits.max_storage_buffer_binding_size);
+    let binding = limits.max_storage_buffer_binding_size;
     if binding <= limits.max_buffer_size {
         (binding, "max_storage_buffer_binding_size")
     } else {
