@@ -140,7 +140,7 @@ fn builds_in_flight_do_not_disturb_one_another() {
     let backend = backend();
     let scenes = [
         scenes::soup(3_000, 0.1, 3).named("a"),
-        scenes::fan(5_000).named("b, which outgrows its estimate"),
+        scenes::fan(3_000).named("b, which outgrows its estimate"),
         scenes::grid_boxes(6).named("c"),
         scenes::soup(200, 0.5, 4).named("d"),
         scenes::none().named("e, empty"),
@@ -278,7 +278,7 @@ fn recycled_buffers_hold_nothing_stale() {
         scenes::grid_boxes(5),
         scenes::bad_vertices(),
         scenes::soup(65, 0.1, 13).named("small"),
-        scenes::identical(3_000),
+        scenes::identical(1_500),
     ];
     let expected: Vec<KdTree> =
         scenes.iter().map(|scene| expected(scene, BuildConfig::default()).0).collect();
