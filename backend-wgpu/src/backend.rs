@@ -198,7 +198,7 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<WgpuAccelerator, BuildError> {
-        let pending = self.submit(&Source::Host(*mesh), options, true, false)?;
+        let mut pending = self.submit(&Source::Host(*mesh), options, true, false)?;
         // Meanwhile the device builds.
         let triangles = (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
         let built = pending.wait()?;
@@ -223,6 +223,18 @@ impl WgpuBackend {
         let gpu = &self.shared.gpu;
         let triangles = mesh.len() as u32;
         let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
+        gpu.guard(|| self.run_executor(mesh, config, capacities, run))?
+    }
+
+    fn run_executor<T>(
+        &self,
+        mesh: &Mesh<'_>,
+        config: &BuildConfig,
+        capacities: Capacities,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, BuildError> {
+        let gpu = &self.shared.gpu;
+        let triangles = mesh.len() as u32;
         let mut buffers = Buffers::new(gpu)?;
         buffers.reserve(gpu, &capacities, false)?;
         let source = Source::Host(*mesh);

@@ -78,6 +78,12 @@ pub enum GpuError {
         /// What the compiler says.
         reason: String,
     },
+    /// The driver ended a loop before its end, as Mesa's llvmpipe does after 65,535 rounds.
+    #[error("the device's driver ended a loop before its end: {what} is too large for it")]
+    Unfinished {
+        /// What was asked.
+        what: String,
+    },
     /// wgpu or the driver refused something that should be right: a bug here or there.
     #[error("the device refused a command: {0}")]
     Refused(String),
@@ -106,7 +112,8 @@ impl From<GpuError> for BuildError {
                 BuildError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
             }
             GpuError::OutOfMemory { what, needed } => BuildError::DeviceMemory { what, needed },
-            GpuError::TimedOut { .. } | GpuError::Shader { .. } | GpuError::Refused(_) => {
+            GpuError::TimedOut { seconds } => BuildError::DeviceTimedOut { seconds },
+            GpuError::Shader { .. } | GpuError::Unfinished { .. } | GpuError::Refused(_) => {
                 BuildError::Device(error.to_string())
             }
         }
@@ -121,7 +128,8 @@ impl From<GpuError> for QueryError {
                 QueryError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
             }
             GpuError::OutOfMemory { what, needed } => QueryError::DeviceMemory { what, needed },
-            GpuError::TimedOut { .. } | GpuError::Shader { .. } | GpuError::Refused(_) => {
+            GpuError::TimedOut { seconds } => QueryError::DeviceTimedOut { seconds },
+            GpuError::Shader { .. } | GpuError::Unfinished { .. } | GpuError::Refused(_) => {
                 QueryError::Device(error.to_string())
             }
         }

@@ -71,6 +71,11 @@ impl Gpu {
         Gpu { timeout, ..self }
     }
 
+    /// How long to wait before the device counts as hanging.
+    pub fn timeout(&self) -> Duration {
+        self.timeout
+    }
+
     /// The device.
     pub fn device(&self) -> &wgpu::Device {
         &self.device

@@ -1,12 +1,14 @@
 //! What a device is asked when it is opened: the guarded operations, one small tree, a few rays, all
 //! compared with the bits of the CPU.
 
+use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::{Query, trace};
+use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::validate::validate_mesh;
 use wgpu::BufferUsages as Usage;
@@ -15,6 +17,7 @@ use crate::backend::WgpuBackend;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
 use crate::parity::Parity;
+use crate::query::{DeviceQueryError, DeviceTree};
 
 /// Pairs of operands that the guarded operations are tried on.
 const PAIRS: u32 = 4096;
@@ -95,10 +98,10 @@ fn expected(x: f32, y: f32) -> [u32; 8] {
 /// The first operation whose result is not the CPU's.
 fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
     let mut sequence = Sequence(1);
-    // Half of them near one another, where sums cancel; none whose results leave the range.
+    // A third of them near one another, where sums cancel; none whose results leave the range.
     let pairs: Vec<[f32; 2]> = (0..PAIRS)
         .map(|i| {
-            let reach = if i % 2 == 0 { 1 } else { 30 };
+            let reach = [1, 30, 50][i as usize % 3];
             [sequence.float(reach), sequence.float(reach)]
         })
         .collect();
@@ -171,17 +174,20 @@ pub fn triangles() -> Vec<Triangle> {
         .collect()
 }
 
+/// Rays in the scale of the triangles, some of them from far away.
 fn rays(triangles: &[Triangle]) -> Vec<Ray> {
     let mut sequence = Sequence(23);
+    let scale = Aabb::of_points(triangles.as_flattened()).hi[0];
     (0..RAYS)
         .map(|i| {
-            let origin = [0.0; 3].map(|_: f32| 3.0 * sequence.unit() - 1.0);
+            let reach = if i % 8 == 7 { 5000.0 } else { 3.0 } * scale;
+            let origin = [0.0; 3].map(|_: f32| reach * (sequence.unit() - 0.4));
             // At a corner, at an edge, or anywhere.
             let [a, b, _] = triangles[sequence.next() as usize % triangles.len()];
             let target = match i % 3 {
                 0 => a,
                 1 => [0, 1, 2].map(|k| 0.5 * (a[k] + b[k])),
-                _ => [0.0; 3].map(|_: f32| sequence.unit()),
+                _ => [0.0; 3].map(|_: f32| scale * sequence.unit()),
             };
             Ray::new(origin, [0, 1, 2].map(|k| target[k] - origin[k]))
         })
@@ -201,22 +207,51 @@ fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
     if tree.digest() != DIGEST {
         return Ok(Some(format!("a small tree is {}, not {DIGEST}", tree.digest())));
     }
-    let rays = rays(&triangles);
-    let mut hits = vec![Hit::MISS; rays.len()];
+    if let Some(difference) = check_rays(backend, &built.tree, &tree, &triangles)? {
+        return Ok(Some(difference));
+    }
+    // So small that every triangle is scaled before the test.
+    let tiny: Vec<Triangle> =
+        triangles.iter().map(|t| t.map(|corner| corner.map(|x| x * TINY))).collect();
+    let soup = Mesh::soup(&tiny).map_err(|error| GpuError::Refused(error.to_string()))?;
+    let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;
+    let tree = built.tree.read(backend.gpu())?;
+    validate_mesh(&tree.view(), &soup)
+        .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
+    check_rays(backend, &built.tree, &tree, &tiny)
+}
+
+/// Scale of the second scene.
+const TINY: f32 = 1.0 / (1u64 << 50) as f32;
+
+/// The first ray that a device answers otherwise than the CPU, on the same tree.
+fn check_rays(
+    backend: &WgpuBackend,
+    device: &DeviceTree,
+    tree: &KdTree,
+    triangles: &[Triangle],
+) -> Result<Option<String>, GpuError> {
+    let rays = rays(triangles);
     let options = QueryOptions::default();
-    backend.queries().closest_hits(&built.tree, &rays, &mut hits, &options).map_err(|error| {
-        match error {
-            crate::query::DeviceQueryError::Gpu(error) => error,
-            other => GpuError::Refused(other.to_string()),
-        }
-    })?;
+    let failed = |error| match error {
+        DeviceQueryError::Gpu(error) => error,
+        other => GpuError::Refused(other.to_string()),
+    };
+    let mut hits = vec![Hit::MISS; rays.len()];
+    backend.queries().closest_hits(device, &rays, &mut hits, &options).map_err(failed)?;
+    let mut any = vec![false; rays.len()];
+    backend.queries().any_hits(device, &rays, &mut any, &options).map_err(failed)?;
     let corners: Vec<Triangle> = triangles.iter().map(|t| prepare(t).corners).collect();
-    let scale = built.tree.scene_scale();
-    for (ray, found) in rays.iter().zip(&hits) {
-        let expected =
-            trace::<Strict>(&tree.view(), &corners[..], scale, ray, &options, Query::Closest);
+    let scale = device.scene_scale();
+    for ((ray, found), any) in rays.iter().zip(&hits).zip(any) {
+        let trace =
+            |query| trace::<Strict>(&tree.view(), &corners[..], scale, ray, &options, query);
+        let expected = trace(Query::Closest);
         if bytemuck::bytes_of(found) != bytemuck::bytes_of(&expected) {
             return Ok(Some(format!("the hit of {ray:?} is {found:?}, not {expected:?}")));
+        }
+        if any != trace(Query::Any).is_hit() {
+            return Ok(Some(format!("whether {ray:?} hits anything is {any}")));
         }
     }
     Ok(None)

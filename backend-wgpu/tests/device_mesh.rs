@@ -46,7 +46,7 @@ fn the_same_tree_as_from_host_memory() {
             DeviceMesh { positions: &loose, vertices: 3 * triangles, indices: None, triangles },
         ];
         for form in forms {
-            let pending = backend.submit_build_from(&form, &options).expect("a build");
+            let mut pending = backend.submit_build_from(&form, &options).expect("a build");
             // Overwritten at once, as the next frame of an engine does.
             gpu.queue().write_buffer(form.positions, 0, &[0xff; 36]);
             let built = pending.wait().expect("a tree");

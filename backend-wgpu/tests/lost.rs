@@ -141,7 +141,7 @@ fn between_submitting_a_build_and_asking_for_it() {
         let scene = scenes::soup(30_000, 0.02, 53);
         let options = BuildOptions::default();
         let mut polled = backend.submit_build(&scene.mesh(), &options).expect("submitted");
-        let waited = backend.submit_build(&scene.mesh(), &options).expect("submitted");
+        let mut waited = backend.submit_build(&scene.mesh(), &options).expect("submitted");
         let dropped = backend.submit_build(&scene.mesh(), &options).expect("submitted");
         backend.gpu().device().destroy();
         drop(dropped);

@@ -187,6 +187,12 @@ pub enum BuildError {
         /// What the driver says.
         reason: String,
     },
+    /// The device did not finish in time; it may still be at work.
+    #[error("the device did not finish within {seconds} seconds")]
+    DeviceTimedOut {
+        /// How long was waited, in whole seconds.
+        seconds: u64,
+    },
 }
 
 /// Why a query was refused.
@@ -228,5 +234,11 @@ pub enum QueryError {
     DeviceLost {
         /// What the driver says.
         reason: String,
+    },
+    /// The device did not finish in time; it may still be at work.
+    #[error("the device did not finish within {seconds} seconds")]
+    DeviceTimedOut {
+        /// How long was waited, in whole seconds.
+        seconds: u64,
     },
 }

@@ -43,6 +43,10 @@ pub fn traversal_bindings(group: u32, first_binding: u32) -> String {
 ///   a miss `triangle` is `NO_TRIANGLE`;
 /// - `any_hit(ray: Ray, options: QueryOptions) -> bool`.
 ///
+/// Some drivers end long loops early, as Mesa's llvmpipe does after 65,535 rounds. The `triangle` of a
+/// ray that was not followed to its end is `UNFINISHED`; for `is_hit` and `any_hit` it hits nothing.
+/// A shader that must know calls `trace_ray(ray, options, any) -> Hit` and compares with `UNFINISHED`.
+///
 /// `Ray(origin, t_min, direction, t_max)` is as [`Ray` in Rust][ray]; `GREATEST` serves as a
 /// `t_max` without limit. `default_options()` gives options under which both sides of a triangle
 /// count and none is ignored. All names of the text are taken; they are those of the files in `lib/`.

@@ -94,7 +94,9 @@ impl From<BuildError> for Failure {
             | BuildError::DeviceLimit { .. }
             | BuildError::DeviceMemory { .. } => LIMIT,
             BuildError::WrongMesh { .. } | BuildError::InvalidMesh { .. } => FILE,
-            BuildError::Device(_) | BuildError::DeviceLost { .. } => DEVICE,
+            BuildError::Device(_)
+            | BuildError::DeviceLost { .. }
+            | BuildError::DeviceTimedOut { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
     }
@@ -105,7 +107,9 @@ impl From<QueryError> for Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
             QueryError::DeviceLimit { .. } | QueryError::DeviceMemory { .. } => LIMIT,
-            QueryError::Device(_) | QueryError::DeviceLost { .. } => DEVICE,
+            QueryError::Device(_)
+            | QueryError::DeviceLost { .. }
+            | QueryError::DeviceTimedOut { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
     }

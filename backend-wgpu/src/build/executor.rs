@@ -7,7 +7,7 @@ use splitplane_core::schedule::Executor;
 use wgpu::BufferUsages as Usage;
 
 use super::buffers::{Buffers, ROOTS_A_SLICE, readback};
-use super::capacities::Capacities;
+use super::capacities::{Capacities, binding_limit};
 use super::kernels::Kernels;
 use super::profile::Profile;
 use crate::error::GpuError;
@@ -331,6 +331,12 @@ impl Inspect<TreeBuilder> for WgpuExecutor<'_> {
         let counters = self.counters()?;
         if buffer == Buffer::Counters {
             return Ok(bytemuck::bytes_of(&counters).to_vec());
+        }
+        if counters[Counter::Overflow] != 0 {
+            // The rooms were made as large as the device allows: counts now go beyond them.
+            let (allowed, limit) = binding_limit(self.gpu.limits());
+            let what = "a list of this scene".into();
+            return Err(GpuError::Limit { what, limit, needed: allowed + 1, allowed });
         }
         let Some(length) = buffer.live() else { return Ok(Vec::new()) };
         let bytes = u64::from(counters[length]) * buffer.element_size() as u64;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::Instant;
 
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
 use splitplane_core::intersect::Limits;
@@ -95,7 +96,9 @@ impl PendingBuild {
         let was_pooled = pooled.is_some();
         let estimate = Capacities::estimate(triangles, &options.config);
         let mut capacities = estimate;
-        let mut levels = options.config.max_depth + 1;
+        // A root that is small is no level's work but one.
+        let one_level = triangles <= options.config.small_node_limit;
+        let mut levels = if one_level { 1 } else { options.config.max_depth + 1 };
         let buffers = match pooled {
             Some(pooled) => {
                 // Rooms that an earlier build needed are there already.
@@ -152,14 +155,30 @@ impl PendingBuild {
         let limits = gpu.device().limits();
         self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
         if let Some(limit) = self.options.max_memory {
-            let buffers = self.buffers.as_ref().expect("until finished");
-            let needed = buffers.bytes_with(&self.capacities, self.tree_to_host, self.input_bytes);
+            if self.needed_bytes() > limit {
+                // Nothing is lost but time: what is not kept is built twice.
+                self.capacities.subtrees = 0;
+            }
+            let needed = self.needed_bytes();
             if needed > limit {
                 return Err(BuildError::OutOfMemory { needed, limit });
             }
         }
         let buffers = self.buffers.as_mut().expect("until finished");
         Ok(buffers.reserve(gpu, &self.capacities, self.tree_to_host)?)
+    }
+
+    /// Bytes of all buffers, and of the copies of tree and corners that the host is to have.
+    fn needed_bytes(&self) -> u64 {
+        let buffers = self.buffers.as_ref().expect("until finished");
+        let on_host = if self.tree_to_host {
+            let c = &self.capacities;
+            [Buffer::Nodes, Buffer::LeafReferences, Buffer::Triangles].map(|b| c.bytes_of(b))
+        } else {
+            [0; 3]
+        };
+        buffers.bytes_with(&self.capacities, self.tree_to_host, self.input_bytes)
+            + on_host.iter().sum::<u64>()
     }
 
     /// Records and submits a build from its start.
@@ -238,14 +257,26 @@ impl PendingBuild {
     /// Waits until the device is done.
     ///
     /// # Errors
-    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out.
-    pub fn wait(mut self) -> Result<DeviceBuild, BuildError> {
+    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out. After that one
+    /// the build may still be asked for.
+    ///
+    /// # Panics
+    /// After the tree was given.
+    pub fn wait(&mut self) -> Result<DeviceBuild, BuildError> {
+        let mut submitted = Instant::now();
         loop {
+            let submissions = self.effort.submissions;
             self.shared.gpu.wait()?;
             if let Some(built) = self.poll()? {
                 return Ok(built);
             }
             // More was submitted, or another thread is about to call back.
+            if self.effort.submissions > submissions {
+                submitted = Instant::now();
+            } else if submitted.elapsed() > self.shared.gpu.timeout() {
+                let seconds = self.shared.gpu.timeout().as_secs();
+                return Err(GpuError::TimedOut { seconds }.into());
+            }
             std::thread::yield_now();
         }
     }
@@ -259,8 +290,7 @@ impl PendingBuild {
         let head = readback.get_mapped_range(..readback::TREE).map_err(refused)?.to_vec();
         let counters = counters_from(&head, self.swapped);
         if counters[Counter::Overflow] & Overflow::Unfinished as u32 != 0 {
-            let what = "its driver ended a loop before its end; the scene is too large for it";
-            return Err(GpuError::Refused(what.into()).into());
+            return Err(GpuError::Unfinished { what: "the scene".into() }.into());
         }
         if counters[Counter::Overflow] != 0 {
             readback.unmap();

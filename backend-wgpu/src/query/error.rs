@@ -56,6 +56,7 @@ impl From<DeviceQueryError> for QueryError {
             DeviceQueryError::LengthMismatch { rays, results } => {
                 QueryError::LengthMismatch { rays, results }
             }
+            DeviceQueryError::Gpu(error) => error.into(),
             other => QueryError::Device(other.to_string()),
         }
     }

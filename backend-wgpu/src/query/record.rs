@@ -149,7 +149,7 @@ impl Queries {
         }
         let allowed = self.gpu().device().limits().max_storage_buffer_binding_size;
         if needed > allowed {
-            let limit = "maxStorageBufferBindingSize";
+            let limit = "max_storage_buffer_binding_size";
             return Err(GpuError::Limit { what: what.into(), limit, needed, allowed }.into());
         }
         Ok(())

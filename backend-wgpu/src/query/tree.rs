@@ -244,7 +244,7 @@ impl DeviceTree {
 fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
     let allowed = gpu.device().limits().max_storage_buffer_binding_size;
     if needed > allowed {
-        let limit = "maxStorageBufferBindingSize";
+        let limit = "max_storage_buffer_binding_size";
         return Err(GpuError::Limit { what: what.to_string(), limit, needed, allowed });
     }
     Ok(())
