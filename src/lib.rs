@@ -29,15 +29,21 @@
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
 //! - **[`Accuracy`]** is a knob: watertight by default, a faster test that may leak by choice.
+//! - **GPUs** give the CPU's trees and watertight hits bit for bit, or say that they do not:
+//!   opening one runs a self-test. `Auto` takes only an adapter that is hardware and passes it;
+//!   [`BackendKind::Wgpu`] takes software too, and with [`OpenOptions::allow_structural`] also one
+//!   that differs in some bits.
+//!   Engines with a device of their own use the types in `gpu`.
 //! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
 //!   [`Digest`]: equal input gives an equal digest on any machine.
 //!
 //! # Features
 //!
-//! `cpu` (default) is the rayon backend, `wgpu` (default) the one for GPUs. `scene`, `obj`, `render` and `verify` are what the program
-//! is made of: scenes and cameras, Wavefront files, pictures, and checks against a reference. `cli`
-//! (default) is the program and needs all of them; an embedder writes
-//! `default-features = false, features = ["cpu"]` and compiles none of it.
+//! `cpu` (default) is the rayon backend, `wgpu` (default) the GPU backend. `scene`, `obj`, `render`
+//! and `verify` are what the program is made of: scenes and cameras, Wavefront files, pictures, and
+//! checks against a reference. `cli` (default) is the program and needs all of them; an embedder
+//! writes `default-features = false` and `features = ["cpu"]`, `["wgpu"]` or both, and compiles none
+//! of it.
 
 #![forbid(unsafe_code)]
 

@@ -1,9 +1,4 @@
-//! The GPU backend of splitplane: the build schedule and the queries in WGSL, through wgpu.
-//!
-//! [`Gpu`] is a device, opened headless or borrowed from a host; [`adapters()`] lists what could be
-//! opened. Whatever goes wrong on a device comes back as a [`GpuError`]: it does not panic, and a
-//! device that is lost or hangs ends in an error.
-
+#![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
 pub mod adapters;

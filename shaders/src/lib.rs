@@ -1,9 +1,4 @@
-//! WGSL twins of splitplane's kernels, as text for any engine.
-//!
-//! A shader is a list of parts: modules of `lib/` that several kernels share, then the kernel. Joined
-//! in order they are one WGSL module. Module `x` of `lib/` is the twin of `core/src/x.rs`, kernel `k`
-//! of `kernels/` that of `backend-cpu/src/kernels/k.rs`.
-
+#![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
 
