@@ -69,6 +69,12 @@ pub trait Accelerator: Send + Sync {
         options: &QueryOptions,
     ) -> Result<(), QueryError>;
 
+    /// Rays of batches that a device's driver did not follow to their end and that the CPU answered
+    /// instead, so far. 0 for whoever answers all.
+    fn answered_by_cpu(&self) -> u64 {
+        0
+    }
+
     /// The closest hit of a single ray.
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit>;
 

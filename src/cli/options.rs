@@ -9,7 +9,7 @@ use splitplane::{
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
 pub(super) struct Common {
-    /// What does the work; `wgpu` never falls back to the CPU
+    /// What does the work; a GPU asked for is never replaced by the CPU
     #[arg(long, value_name = "auto|cpu|wgpu", default_value = "auto")]
     pub(super) backend: BackendKind,
     /// The GPU, by part of its name or by its number in the list of `splitplane adapters`

@@ -50,6 +50,7 @@ struct QueryReport {
     build_ms: f64,
     trace_ms: f64,
     mrays_per_s: f64,
+    answered_by_cpu: u64,
     digest: String,
 }
 
@@ -96,8 +97,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: rays.len() as f64 / trace_ms.max(1e-6) / 1e3,
+            answered_by_cpu: prepared.accelerator.answered_by_cpu(),
             digest: prepared.accelerator.tree().digest().to_string(),
         };
+        if report.answered_by_cpu > 0 && !common.quiet {
+            output::note(&format!(
+                "note: the driver did not follow {} to the end; the CPU answered instead",
+                counted(report.answered_by_cpu, "ray")
+            ));
+        }
         if common.json {
             return print_json(&report);
         }

@@ -1,6 +1,7 @@
 //! A tree on the device behind the core's `Accelerator`.
 
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -16,8 +17,9 @@ use crate::error::GpuError;
 ///
 /// Batches are traced on the device. Single rays are answered from the host copy by the core's
 /// reference traversal: a round trip to the device takes longer than the ray. Under watertight
-/// accuracy both give the same bits. Rays that the driver does not let finish (see
-/// [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too.
+/// accuracy both give the same bits where the device's parity is bitwise. Rays that the driver does
+/// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
+/// counted ([`Accelerator::answered_by_cpu`]).
 #[derive(Debug)]
 pub struct WgpuAccelerator {
     queries: Arc<Queries>,
@@ -25,6 +27,7 @@ pub struct WgpuAccelerator {
     tree: KdTree,
     triangles: Vec<Triangle>,
     summary: BuildSummary,
+    answered_by_cpu: AtomicU64,
 }
 
 impl WgpuAccelerator {
@@ -39,7 +42,8 @@ impl WgpuAccelerator {
     ) -> WgpuAccelerator {
         debug_assert_eq!(device.node_count() as usize, tree.nodes.len());
         debug_assert_eq!(device.triangle_count() as usize, triangles.len());
-        WgpuAccelerator { queries, device, tree, triangles, summary }
+        let answered_by_cpu = AtomicU64::new(0);
+        WgpuAccelerator { queries, device, tree, triangles, summary, answered_by_cpu }
     }
 
     /// Uploads a tree built elsewhere; see [`DeviceTree::upload`].
@@ -96,6 +100,7 @@ impl Accelerator for WgpuAccelerator {
         options: &QueryOptions,
     ) -> Result<(), QueryError> {
         let marked = self.queries.closest_hits_marking(&self.device, rays, hits, options)?;
+        self.answered_by_cpu.fetch_add(marked.len() as u64, Ordering::Relaxed);
         for ray in marked {
             hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
         }
@@ -109,10 +114,15 @@ impl Accelerator for WgpuAccelerator {
         options: &QueryOptions,
     ) -> Result<(), QueryError> {
         let marked = self.queries.any_hits_marking(&self.device, rays, occluded, options)?;
+        self.answered_by_cpu.fetch_add(marked.len() as u64, Ordering::Relaxed);
         for ray in marked {
             occluded[ray] = self.any_hit(&rays[ray], options);
         }
         Ok(())
+    }
+
+    fn answered_by_cpu(&self) -> u64 {
+        self.answered_by_cpu.load(Ordering::Relaxed)
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
