@@ -199,11 +199,13 @@ impl Adapter {
             return Err(self.refuse(reason));
         }
         let offered = self.adapter.limits();
-        // Limits of textures and the like may be below the defaults; no kernel notices.
-        let limits = match options.default_limits {
-            true => wgpu::Limits::default().or_worse_values_from(&offered),
-            false => offered,
-        };
+        // Limits of textures and the like may be below the defaults; no kernel notices. Above them
+        // only the sizes of buffers are of use.
+        let mut limits = wgpu::Limits::default().or_worse_values_from(&offered);
+        if !options.default_limits {
+            limits.max_buffer_size = offered.max_buffer_size;
+            limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
+        }
         let opened = pollster::block_on(self.adapter.request_device(&wgpu::DeviceDescriptor {
             label: Some("splitplane"),
             required_features: self.adapter.features() & wgpu::Features::TIMESTAMP_QUERY,

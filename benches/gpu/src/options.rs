@@ -13,7 +13,7 @@ pub struct Options {
     /// Part of an adapter's name, or its number in the list of `splitplane adapters`
     #[arg(long, value_name = "NAME|INDEX")]
     pub adapter: Option<String>,
-    /// .obj files or builtin:NAME[:SIZE], separated by commas
+    /// .obj files or `builtin:NAME[:SIZE]`, separated by commas
     #[arg(long, value_name = "SCENES", value_delimiter = ',')]
     scenes: Vec<String>,
     /// Repeats of every figure; medians are reported
