@@ -3,6 +3,7 @@
 mod common;
 
 use std::path::Path;
+use std::time::Duration;
 
 use splitplane_core::backend::{Backend, BuildOptions, BuildSummary};
 use splitplane_core::config::BuildConfig;
@@ -13,8 +14,11 @@ use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
 use splitplane_wgpu::{DeviceBuild, Effort, Gpu, WgpuBackend};
 
+/// A backend with patience: a device in software takes a minute for the largest scenes when the
+/// machine is busy.
 fn backend() -> WgpuBackend {
-    WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend")
+    let gpu = Gpu::clone(&common::gpu()).with_timeout(Duration::from_secs(900));
+    WgpuBackend::new(gpu).expect("a backend")
 }
 
 fn open(name: &str) -> (String, splitplane::scene::Scene) {
@@ -50,7 +54,7 @@ fn dispatches(effort: Effort, name: &str) -> u32 {
 }
 
 /// Scenes of more triangles are built once.
-const LARGE: usize = 80_000;
+const LARGE: usize = 70_000;
 
 /// A scene that fits its capacities: on a fresh backend, again with pooled buffers, and as users of
 /// the traits build it.

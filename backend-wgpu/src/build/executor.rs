@@ -24,7 +24,7 @@ pub(crate) enum Looking {
 }
 
 /// The GPU executor: one build over a mesh that is already in its buffers. Dispatches are recorded;
-/// [`WgpuExecutor::finish`] submits them.
+/// submitting them is up to whoever made it.
 #[derive(Debug)]
 pub struct WgpuExecutor<'a> {
     gpu: &'a Gpu,
