@@ -266,8 +266,17 @@ fn raw_rays_give_raw_hits() {
     fs::write(folder.path().join("in.bin"), raw(&rays)).unwrap();
     let query = ["query", "square.obj", "--rays", "in.bin", "--json", "--repeat", "3"];
     let report = json(&folder, &[&query[..], &["--hits", "out.bin"]].concat());
-    let want =
-        ["rays", "hits", "kind", "accuracy", "build_ms", "trace_ms", "mrays_per_s", "digest"];
+    let want = [
+        "rays",
+        "hits",
+        "kind",
+        "accuracy",
+        "build_ms",
+        "trace_ms",
+        "mrays_per_s",
+        "answered_by_cpu",
+        "digest",
+    ];
     assert_eq!(keys(&report), sorted(&want));
     assert_eq!((&report["rays"], &report["hits"]), (&3.into(), &2.into()));
     assert_eq!((&report["kind"], &report["accuracy"]), (&"closest".into(), &"watertight".into()));

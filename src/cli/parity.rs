@@ -71,6 +71,10 @@ mod compare {
             let message = "parity compares a GPU with the CPU; leave --backend cpu out";
             return Err(Failure::usage(message));
         }
+        if common.accuracy_name() != "watertight" {
+            let message = "only answers of accuracy `watertight` are equal on every backend";
+            return Err(Failure::usage(message));
+        }
         in_pool(common, || {
             let gpu = open_gpu(&common.open_options())?;
             let options = common.build_options();
