@@ -6,7 +6,7 @@
 #
 # SCENE           .obj files or builtin:NAME[:SIZE], measured before builtin:city of one and of ten
 #                 million triangles; without any those that SPLITPLANE_SCENES names, a list with
-#                 commas, or the folder of dragon.obj, sponza.obj and bathroom.obj
+#                 commas, or a folder: of that dragon.obj, sponza.obj and bathroom.obj
 # ADAPTER         part of an adapter's name or its number; the best one by default
 # OUT             where figures go; out/gpu-DATE by default
 # BIN_DIR         folder with the programs `splitplane` and `splitplane-measure-gpu`, for machines
@@ -14,8 +14,9 @@
 # MEASURE_OPTIONS more options for `splitplane-measure-gpu`, such as "--reps 21 --rays 8000000"
 # SMALL=1         small scenes and few rays, for software adapters
 #
-# Parity is compared after every dispatch, but for ten million triangles, where that takes too long and
-# the digests have to do.
+# Parity is compared on more scenes than are measured: on those, on every .obj file of the folder and on
+# all built-in scenes; after every dispatch, but for ten million triangles, where that takes too long
+# and the digests have to do.
 #
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
 set -euo pipefail
@@ -47,6 +48,8 @@ for program in splitplane splitplane-measure-gpu; do
 done
 
 scenes=("$@")
+# Scenes that are compared and not measured.
+compared=()
 if [ ${#scenes[@]} -eq 0 ] && [ -n "${SPLITPLANE_SCENES:-}" ]; then
     if [ -d "$SPLITPLANE_SCENES" ]; then
         for name in dragon sponza bathroom; do
@@ -57,10 +60,17 @@ if [ ${#scenes[@]} -eq 0 ] && [ -n "${SPLITPLANE_SCENES:-}" ]; then
                 say "there is no $file: left out"
             fi
         done
+        for file in "$SPLITPLANE_SCENES"/*.obj; do
+            case $(basename "$file") in
+            dragon.obj | sponza.obj | bathroom.obj | '*.obj') ;;
+            *) compared+=("$file") ;;
+            esac
+        done
     else
         IFS=, read -r -a scenes <<<"$SPLITPLANE_SCENES"
     fi
 fi
+compared+=(builtin:cornell builtin:spheres builtin:stadium builtin:city)
 options=()
 if [ "${SMALL:-}" = 1 ]; then
     scenes+=(builtin:city:20000)
@@ -89,7 +99,7 @@ say "adapters, each with its self-test"
 "$bin/splitplane" adapters --json >"$out/adapters.json"
 
 : >"$out/parity.jsonl"
-for scene in "${scenes[@]}"; do
+for scene in "${scenes[@]}" "${compared[@]}"; do
     if [ "$scene" = builtin:city:10000000 ]; then
         say "parity of $scene: by digest only, below"
         continue

@@ -6,6 +6,7 @@ mod connect;
 mod gpu;
 
 use splitplane_core::backend::Backend;
+use std::ffi::OsString;
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
@@ -31,6 +32,7 @@ pub enum BackendKind {
 pub struct OpenOptions {
     /// Part of a GPU adapter's name in any case, or its index in the list of adapters. When `None`,
     /// the environment variable `WGPU_ADAPTER_NAME` decides, and without it the kind of adapter.
+    /// [`BackendKind::Auto`] passes over a variable that names no adapter.
     pub adapter: Option<String>,
     /// Take an adapter whose trees or hits differ from the CPU's in some bits.
     /// [`BackendKind::Auto`] never takes one.
@@ -76,7 +78,10 @@ pub enum OpenError {
     #[error("the adapter `{0}` was asked for, but the backend `cpu` uses none; ask for `wgpu`")]
     AdapterForCpu(String),
     /// A GPU was asked for, but there is none.
-    #[error("no GPU adapter was found; use the backend `cpu`, or `auto` to take what there is")]
+    #[error(
+        "no GPU adapter was found{}; use the backend `cpu`, or `auto` to take what there is",
+        in_environment()
+    )]
     NoAdapter,
     /// A GPU adapter was asked for by a name or an index that none has.
     #[error("no GPU adapter is called `{asked}`; there are {}", listed(.seen))]
@@ -113,6 +118,26 @@ pub enum OpenError {
         /// What happened.
         reason: String,
     },
+}
+
+/// The environment variables that restrict which adapters are found or taken, for a message; empty
+/// where none is set.
+fn in_environment() -> String {
+    let set = ["WGPU_BACKEND", "WGPU_ADAPTER_NAME"].map(|name| (name, std::env::var_os(name)));
+    environment_text(&set)
+}
+
+/// As [`in_environment`], of these values.
+fn environment_text(variables: &[(&str, Option<OsString>)]) -> String {
+    let set = variables.iter().filter_map(|(name, value)| {
+        let value = value.as_ref().filter(|value| !value.is_empty())?;
+        Some(format!("{name}={}", value.to_string_lossy()))
+    });
+    let set: Vec<String> = set.collect();
+    match set.is_empty() {
+        true => String::new(),
+        false => format!(" (the environment has {})", set.join(" and ")),
+    }
 }
 
 /// Names with their indices, for a message.
@@ -244,6 +269,23 @@ mod tests {
         assert_eq!(BackendKind::Wgpu.open().unwrap_err(), OpenError::NoGpuBackend);
         let named = OpenOptions { adapter: Some("0".into()), ..OpenOptions::default() };
         assert_eq!(BackendKind::Auto.open_with(&named).unwrap_err(), OpenError::NoGpuBackend);
+    }
+
+    #[test]
+    fn variables_that_are_set_are_named() {
+        let text = |backend: Option<&str>, name: Option<&str>| {
+            environment_text(&[
+                ("WGPU_BACKEND", backend.map(OsString::from)),
+                ("WGPU_ADAPTER_NAME", name.map(OsString::from)),
+            ])
+        };
+        assert_eq!(text(None, None), "");
+        assert_eq!(text(Some(""), None), "");
+        assert_eq!(text(None, Some("radeon")), " (the environment has WGPU_ADAPTER_NAME=radeon)");
+        assert_eq!(
+            text(Some("dx12"), Some("radeon")),
+            " (the environment has WGPU_BACKEND=dx12 and WGPU_ADAPTER_NAME=radeon)"
+        );
     }
 
     #[test]

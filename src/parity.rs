@@ -8,7 +8,7 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::schedule;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
-use splitplane_wgpu::{Effort, WgpuBackend, WgpuExecutor};
+use splitplane_wgpu::{DeviceTree, Effort, Queries, WgpuBackend, WgpuExecutor};
 use thiserror::Error;
 
 /// Rays of a batch.
@@ -17,7 +17,7 @@ const BATCH: usize = 1 << 16;
 /// What a comparison of CPU and GPU found.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Parity {
+pub struct Comparison {
     /// Dispatches after which all that was written was compared, and found equal.
     pub dispatches: u32,
     /// The first kernel, buffer and index that differ.
@@ -28,14 +28,18 @@ pub struct Parity {
     pub effort: Effort,
     /// Rays traced through both, for the closest hit and for any hit.
     pub rays: u64,
-    /// Answers that differ in some bit.
+    /// Rays of which an answer of the GPU differs in some bit.
     pub unequal: u64,
+    /// Rays of which the driver left one of the two traversals, or both, unfinished. What it left
+    /// unfinished was not compared.
+    pub unfinished: u64,
     /// The first of them, in words that allow to repeat it.
     pub first_unequal: Option<String>,
 }
 
-impl Parity {
-    /// True when nothing differs.
+impl Comparison {
+    /// True when nothing of what was compared differs; [`Comparison::unfinished`] says how many rays
+    /// were not, or not in full.
     pub fn is_bitwise(&self) -> bool {
         self.difference.is_none() && self.digests[0] == self.digests[1] && self.unequal == 0
     }
@@ -66,28 +70,30 @@ pub fn compare(
     rays: &[Ray],
     query: &QueryOptions,
     progress: &dyn Fn(u64),
-) -> Result<Parity, ParityError> {
+) -> Result<Comparison, ParityError> {
     let (dispatches, difference) = in_step(gpu, mesh, options)?;
     let expected = CpuBackend::new().build(mesh, options)?;
     let built = gpu.build_on_device(mesh, options)?;
     let tree = built.tree.read(gpu.gpu()).map_err(BuildError::from)?;
     let digests = [expected.tree().digest(), tree.digest()];
     let effort = built.effort;
-    let accelerator = gpu.build_accelerator(mesh, options)?;
-    let mut parity = Parity {
+    let mut comparison = Comparison {
         dispatches,
         difference,
         digests,
         effort,
         rays: rays.len() as u64,
         unequal: 0,
+        unfinished: 0,
         first_unequal: None,
     };
     for batch in rays.chunks(BATCH) {
-        parity.compare_rays(expected.as_ref(), &accelerator, batch, query)?;
+        let cpu = Answers::on_cpu(expected.as_ref(), batch, query)?;
+        let gpu = Answers::on_gpu(gpu.queries(), &built.tree, batch, query)?;
+        comparison.add(batch, &cpu, &gpu);
         progress(batch.len() as u64);
     }
-    Ok(parity)
+    Ok(comparison)
 }
 
 /// Runs both executors step by step.
@@ -113,34 +119,119 @@ fn in_step(
     })?
 }
 
-impl Parity {
-    fn compare_rays(
-        &mut self,
-        expected: &dyn Accelerator,
-        found: &dyn Accelerator,
+/// The answers of a batch; `None` where the driver left the ray unfinished.
+struct Answers {
+    closest: Vec<Option<Hit>>,
+    any: Vec<Option<bool>>,
+}
+
+impl Answers {
+    fn on_cpu(
+        accelerator: &dyn Accelerator,
         rays: &[Ray],
         query: &QueryOptions,
-    ) -> Result<(), QueryError> {
-        let mut hits = [vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]];
-        let mut any = [vec![false; rays.len()], vec![false; rays.len()]];
-        for (side, accelerator) in [expected, found].into_iter().enumerate() {
-            accelerator.closest_hits(rays, &mut hits[side], query)?;
-            accelerator.any_hits(rays, &mut any[side], query)?;
-        }
-        let bits = |hit: &Hit| [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
+    ) -> Result<Answers, QueryError> {
+        let (mut closest, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        accelerator.closest_hits(rays, &mut closest, query)?;
+        accelerator.any_hits(rays, &mut any, query)?;
+        Ok(Answers { closest: marked(closest, &[]), any: marked(any, &[]) })
+    }
+
+    /// From the device alone: its accelerator would answer unfinished rays on the CPU.
+    fn on_gpu(
+        queries: &Queries,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        query: &QueryOptions,
+    ) -> Result<Answers, QueryError> {
+        let (mut closest, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+        let not_closest = queries.closest_hits_marking(tree, rays, &mut closest, query)?;
+        let not_any = queries.any_hits_marking(tree, rays, &mut any, query)?;
+        Ok(Answers { closest: marked(closest, &not_closest), any: marked(any, &not_any) })
+    }
+}
+
+/// The answers without those at the places in `unfinished`.
+fn marked<T>(answers: Vec<T>, unfinished: &[usize]) -> Vec<Option<T>> {
+    let mut marked: Vec<Option<T>> = answers.into_iter().map(Some).collect();
+    for &place in unfinished {
+        marked[place] = None;
+    }
+    marked
+}
+
+/// A hit as words, so that zeros of either sign differ.
+fn bits(hit: Hit) -> [u32; 4] {
+    [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
+}
+
+/// Whether both are there and differ.
+fn differ<T: PartialEq>(cpu: Option<T>, gpu: Option<T>) -> bool {
+    matches!((cpu, gpu), (Some(cpu), Some(gpu)) if cpu != gpu)
+}
+
+impl Comparison {
+    /// Counts what differs in a batch, and what is unfinished.
+    fn add(&mut self, rays: &[Ray], cpu: &Answers, gpu: &Answers) {
         for (i, ray) in rays.iter().enumerate() {
-            let [cpu, gpu] = [&hits[0][i], &hits[1][i]];
-            if bits(cpu) == bits(gpu) && any[0][i] == any[1][i] {
+            let closest = [cpu.closest[i], gpu.closest[i]];
+            let any = [cpu.any[i], gpu.any[i]];
+            self.unfinished += u64::from(closest[1].is_none() || any[1].is_none());
+            let [of_cpu, of_gpu] = closest.map(|hit| hit.map(bits));
+            if !differ(of_cpu, of_gpu) && !differ(any[0], any[1]) {
                 continue;
             }
             self.unequal += 1;
             self.first_unequal.get_or_insert_with(|| {
                 format!(
-                    "{ray:?}: {cpu:?}, any hit {}, on the CPU; {gpu:?}, any hit {}, on the GPU",
-                    any[0][i], any[1][i]
+                    "{ray:?}: {}, any hit {}, on the CPU; {}, any hit {}, on the GPU",
+                    told(closest[0]),
+                    told(any[0]),
+                    told(closest[1]),
+                    told(any[1])
                 )
             });
         }
-        Ok(())
+    }
+}
+
+/// An answer in words.
+fn told<T: std::fmt::Debug>(answer: Option<T>) -> String {
+    answer.map_or_else(|| "unfinished".into(), |answer| format!("{answer:?}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn unfinished_answers_are_neither_equal_nor_different() {
+        let hit = |t| Hit { t, triangle: 3, u: 0.25, v: 0.5 };
+        let rays = [Ray::new([0.0; 3], [0.0, 0.0, 1.0]); 5];
+        let cpu = Answers { closest: vec![Some(hit(0.0)); 5], any: vec![Some(true); 5] };
+        let gpu = Answers {
+            closest: vec![Some(hit(0.0)), Some(hit(-0.0)), None, None, Some(hit(0.0))],
+            any: vec![Some(true), Some(true), Some(true), Some(false), None],
+        };
+        let mut found = Comparison {
+            dispatches: 1,
+            difference: None,
+            digests: [CpuBackend::new()
+                .build_tree(&Mesh::soup(&[]).unwrap(), &BuildOptions::default())
+                .unwrap()
+                .0
+                .digest(); 2],
+            effort: Effort::default(),
+            rays: 5,
+            unequal: 0,
+            unfinished: 0,
+            first_unequal: None,
+        };
+        found.add(&rays[..1], &cpu, &gpu);
+        assert!(found.is_bitwise());
+        found.add(&rays, &cpu, &gpu);
+        assert_eq!((found.unequal, found.unfinished), (2, 3));
+        assert!(!found.is_bitwise());
+        assert!(found.first_unequal.unwrap().contains("t: -0.0"));
     }
 }

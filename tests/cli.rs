@@ -423,8 +423,8 @@ fn a_gpu_that_is_not_there_is_5_and_never_the_cpu() {
         let why = fail(&folder, 5, &[&scene[..], backend].concat());
         assert_eq!(
             why,
-            "splitplane: no GPU adapter was found; use the backend `cpu`, or `auto` to take what \
-             there is"
+            "splitplane: no GPU adapter was found (the environment has WGPU_BACKEND=vulkan); use \
+             the backend `cpu`, or `auto` to take what there is"
         );
     }
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -437,10 +437,13 @@ fn a_wrong_adapter_is_5_and_those_there_are_are_listed() {
         let build = ["build", "builtin:cornell", "--backend", backend];
         for wrong in ["abacus", "1"] {
             let named = [&build[..], &["--adapter", wrong]].concat();
-            let by_option = fails(program_with_adapter(folder.path(), &named), 5, &named);
-            let mut by_environment = program_with_adapter(folder.path(), &build);
-            by_environment.env("WGPU_ADAPTER_NAME", wrong);
-            for why in [by_option, fails(by_environment, 5, &build)] {
+            let mut found = vec![fails(program_with_adapter(folder.path(), &named), 5, &named)];
+            if backend == "wgpu" {
+                let mut by_environment = program_with_adapter(folder.path(), &build);
+                by_environment.env("WGPU_ADAPTER_NAME", wrong);
+                found.push(fails(by_environment, 5, &build));
+            }
+            for why in found {
                 assert_eq!(
                     why,
                     format!(
@@ -451,6 +454,42 @@ fn a_wrong_adapter_is_5_and_those_there_are_are_listed() {
             }
         }
     }
+}
+
+#[test]
+fn auto_passes_over_a_name_in_the_environment_that_no_adapter_has() {
+    let folder = folder();
+    let arguments = ["build", "builtin:cornell", "--json"];
+    let mut program = program_with_adapter(folder.path(), &arguments);
+    let output = program.env("WGPU_ADAPTER_NAME", "abacus").output().unwrap();
+    let notes = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{notes}");
+    let why = "auto: the CPU, since no GPU adapter is called `abacus` (WGPU_ADAPTER_NAME); `noop \
+               wgpu backend` is software";
+    assert!(notes.contains(why), "{notes}");
+}
+
+#[test]
+fn parity_needs_a_gpu() {
+    let folder = folder();
+    let parity = ["parity", "builtin:cornell"];
+    for more in [&[][..], &["--backend", "wgpu"], &["--adapter", "0"], &["--json"]] {
+        let why = fail(&folder, 5, &[&parity[..], more].concat());
+        assert!(why.starts_with("splitplane: no GPU adapter was found"), "{why}");
+        assert!(why.contains("WGPU_BACKEND=vulkan"), "{why}");
+    }
+    let wrong = ["parity", "builtin:cornell", "--adapter", "abacus"];
+    let why = fails(program_with_adapter(folder.path(), &wrong), 5, &wrong);
+    assert!(why.contains("no GPU adapter is called `abacus`"), "{why}");
+}
+
+#[test]
+fn parity_with_the_cpu_or_without_a_scene_is_wrong_usage() {
+    let folder = folder();
+    let why = fail(&folder, 2, &["parity", "builtin:cornell", "--backend", "cpu"]);
+    assert!(why.contains("leave --backend cpu out"), "{why}");
+    assert_eq!(run(&folder, &["parity"]).status.code(), Some(2));
+    assert_eq!(run(&folder, &["parity", "x.obj", "--rays", "-1"]).status.code(), Some(2));
 }
 
 #[test]

@@ -120,13 +120,22 @@ impl Adapters {
         let from_env = std::env::var("WGPU_ADAPTER_NAME").ok().filter(|name| !name.is_empty());
         let names: Vec<&str> = self.list.iter().map(Adapter::name).collect();
         let found = matching(&names, asked.or(from_env.as_deref()))?;
-        let mut ranked: Vec<&Adapter> = found.into_iter().map(|index| &self.list[index]).collect();
-        let low_power = wgpu::PowerPreference::from_env() == Some(wgpu::PowerPreference::LowPower);
-        ranked.sort_by_key(|adapter| {
-            (adapter.unusable.is_some(), rank(adapter.info.device_type, low_power), adapter.index)
-        });
-        Ok(ranked)
+        Ok(best_first(found.into_iter().map(|index| &self.list[index]).collect()))
     }
+
+    /// All adapters, best first, whatever `WGPU_ADAPTER_NAME` says. What cannot be used comes last.
+    pub fn all_ranked(&self) -> Vec<&Adapter> {
+        best_first(self.list.iter().collect())
+    }
+}
+
+/// Puts what can be used first, and of that the best.
+fn best_first(mut adapters: Vec<&Adapter>) -> Vec<&Adapter> {
+    let low_power = wgpu::PowerPreference::from_env() == Some(wgpu::PowerPreference::LowPower);
+    adapters.sort_by_key(|adapter| {
+        (adapter.unusable.is_some(), rank(adapter.info.device_type, low_power), adapter.index)
+    });
+    adapters
 }
 
 /// The indices of the names that are meant. A number is an index where the list is that long, and

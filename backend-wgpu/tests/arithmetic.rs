@@ -178,6 +178,7 @@ fn finite_double(double: Double) -> Option<[u32; 2]> {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn rounded_operations() {
     let one = |call: &str| format!("r = vec2<u32>(bitcast<u32>({call}), 0u);");
     let check = |call: &str, reference: &dyn Fn(f32, f32) -> Option<[u32; 2]>| {
@@ -201,6 +202,7 @@ fn rounded_operations() {
 
 /// These are exact words, signs of zeros included.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn operations_on_bits() {
     let check = |name: &str, statement: &str, reference: &dyn Fn(f32, f32) -> [u32; 2]| {
         same(name, statement, Form::Words, ALL, &|a, b| Some(reference(a, b)));
@@ -235,6 +237,7 @@ fn scale(x: f32, power: i32) -> f32 {
 
 /// Powers in reach of rays and triangles; operands of every kind, subnormal and infinite included.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn scaling() {
     let mut pairs = pairs(ALL, 22);
     let mut random = Random::new(23);
@@ -260,6 +263,7 @@ fn scaling() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn operations_without_error() {
     let two = "r = vec2<u32>(bitcast<u32>(d.high), bitcast<u32>(d.low));";
     let check = |call: &str, range, reference: &dyn Fn(f32, f32) -> Option<[u32; 2]>| {
@@ -279,6 +283,7 @@ fn operations_without_error() {
 
 /// Doubles made of a pair: their products and sums.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn doubles() {
     let two = "r = vec2<u32>(bitcast<u32>(d.high), bitcast<u32>(d.low));";
     let given = "let p = two_product(a, b); let q = two_sum(b, a);";
@@ -301,6 +306,7 @@ fn doubles() {
 /// The same sum of three products, raw and guarded: guarded it is Rust's everywhere. Raw, a compiler
 /// may fuse or factor it, and llvmpipe's does; so this comparison is seen to fail.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn raw_arithmetic_differs_and_guarded_does_not() {
     let pairs = pairs(MIDDLE, 24);
     let reference = |x: f32, y: f32| {
@@ -323,6 +329,7 @@ fn raw_arithmetic_differs_and_guarded_does_not() {
 
 /// Faults in the text of the arithmetic change results.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_seen() {
     let two = "r = vec2<u32>(bitcast<u32>(d.high), bitcast<u32>(d.low));";
     let pair = |call: &str| format!("let d = {call}; {two}");

@@ -125,6 +125,7 @@ fn on_corners(case: &Case, count: usize, seed: u64) -> Vec<Ray> {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn awkward_scenes() {
     let mut hits = 0;
     for (i, scene) in scenes::awkward().iter().enumerate() {
@@ -152,6 +153,7 @@ fn mixed_scenes() -> Vec<Scene> {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn culling_and_ignoring() {
     for scene in mixed_scenes() {
         let case = Case::new(&scene);
@@ -171,6 +173,7 @@ fn culling_and_ignoring() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn limits_are_closed() {
     for scene in mixed_scenes() {
         let case = Case::new(&scene);
@@ -199,6 +202,7 @@ fn limits_are_closed() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn rays_of_random_bits() {
     let mut random = Random::new(9);
     let mut point = || [(); 3].map(|()| f32::from_bits(random.bits()));
@@ -214,6 +218,7 @@ fn rays_of_random_bits() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn more_rays_than_a_slice() {
     let scene = scenes::sphere(24, [0.0; 3], 1.0);
     let case = Case::new(&scene);
@@ -226,6 +231,7 @@ fn more_rays_than_a_slice() {
 
 /// The fast test need not give the same bits; away from edges it gives the same triangles.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn fast_accuracy() {
     let options = QueryOptions { accuracy: Accuracy::Fast, ..Default::default() };
     for scene in [scenes::nested_spheres(), scenes::soup(500, 0.2, 91)] {
@@ -248,6 +254,7 @@ fn fast_accuracy() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn limits_of_the_triangles_and_the_tree_read_back() {
     let mut scenes = scenes::awkward();
     scenes.push(scenes::all_bad());
@@ -268,6 +275,7 @@ fn limits_of_the_triangles_and_the_tree_read_back() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn lengths_must_be_equal() {
     let case = Case::new(&scenes::one());
     let ray = Ray::new([0.0; 3], [1.0; 3]);
@@ -286,6 +294,7 @@ fn storage(bytes: usize) -> wgpu::Buffer {
 
 /// Rays and hits that stay on the device give the same hits.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn recorded_queries() {
     let scene = scenes::soup(300, 0.3, 12);
     let case = Case::new(&scene);
@@ -314,6 +323,7 @@ fn recorded_queries() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn buffers_that_do_not_suit() {
     let case = Case::new(&scenes::one());
     let (queries, tree) = (queries(), case.device.device_tree());
@@ -339,6 +349,7 @@ fn buffers_that_do_not_suit() {
 
 /// Where a driver ends traversals early, the batch says so, and the accelerator finishes on the CPU.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn traversals_that_the_driver_ends() {
     let scene = scenes::identical(70_000);
     let case = Case::new(&scene);
@@ -388,6 +399,7 @@ fn hits_by_source(source: &str, case: &Case, rays: &[Ray]) -> Vec<Hit> {
 
 /// The traversal as a library, bound elsewhere than in the kernels, in a shader of a host's own.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_shader_of_a_hosts_own() {
     let own = "
 @group(0) @binding(0) var<storage, read> given: array<vec4<u32>>;
@@ -443,6 +455,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 
 /// The constants of the WGSL are those of the core.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn constants_are_the_cores() {
     let constants: [(&str, f32); 9] = [
         ("PLANE_SLACK", intersect::PLANE_SLACK),
@@ -477,6 +490,7 @@ fn main(@builtin(local_invocation_index) index: u32) {
 
 /// Each fault in the text of the kernel changes hits; the text as it is changes none.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_seen() {
     let twice = scenes::soup(200, 0.4, 15);
     let scenes = [

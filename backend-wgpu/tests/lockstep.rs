@@ -139,14 +139,16 @@ fn planted_faults_are_named() {
     assert!(missed.is_empty(), "{missed:#?}");
 }
 
-/// Real scenes, where they are at hand.
+/// Those of the real scenes that the folder holds.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+#[cfg_attr(no_scenes, ignore = "no scenes folder; set SPLITPLANE_SCENES")]
 fn real_scenes() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
-    for name in ["horse", "bunny", "kitchen"] {
-        if let Some(scene) = scenes::real(name) {
-            check(&backend, &scene, &BuildConfig::default());
-        }
+    let scenes: Vec<Scene> =
+        ["horse", "bunny", "kitchen"].into_iter().filter_map(scenes::real).collect();
+    assert!(!scenes.is_empty(), "the scenes folder holds none of the scenes");
+    for scene in &scenes {
+        check(&backend, scene, &BuildConfig::default());
     }
 }

@@ -121,12 +121,17 @@ fn built_in_scenes() {
 
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+#[cfg_attr(no_scenes, ignore = "no scenes folder; set SPLITPLANE_SCENES")]
 fn real_scenes() {
-    for name in ["horse", "bunny", "robots", "stadium", "kitchen", "sponza", "dragon"] {
+    let names = ["horse", "bunny", "robots", "stadium", "kitchen", "sponza", "dragon"];
+    let mut checked = 0;
+    for name in names {
         if let Some(scene) = scenes::real(name) {
             check(&scene.mesh(), name);
+            checked += 1;
         }
     }
+    assert!(checked > 0, "the scenes folder holds none of {names:?}");
 }
 
 /// A million triangles, within WebGPU's default limits.
@@ -146,10 +151,19 @@ fn a_million_triangles() {
     let built = fresh.build_on_device(&mesh, &options).expect("a tree");
     check_tree(&fresh, &built, &expected, &name);
     dispatches(built.effort, &name);
-    // The buffers are there: another scene goes through the trait.
-    if let Some(scene) = scenes::real("bathroom") {
-        let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
-        check_trait(&fresh, &scene.mesh(), &expected, "bathroom");
+}
+
+/// Through the trait, first with buffers of its own and then with those of the first build.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+#[cfg_attr(no_scenes, ignore = "no scenes folder; set SPLITPLANE_SCENES")]
+fn a_large_real_scene() {
+    let scene = scenes::real("bathroom").expect("bathroom.obj in the scenes folder");
+    let options = BuildOptions::default();
+    let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");
+    let backend = backend();
+    for _ in 0..2 {
+        check_trait(&backend, &scene.mesh(), &expected, "bathroom");
     }
 }
 

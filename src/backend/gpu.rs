@@ -1,7 +1,7 @@
 //! Opening a GPU: the one that was asked for, or one good enough for `auto`.
 
 use super::connect::connect;
-use super::{OpenError, OpenOptions, Opened};
+use super::{OpenError, OpenOptions, Opened, in_environment};
 use splitplane_core::backend::Backend;
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
 use splitplane_wgpu::{Adapters, Gpu, GpuError, Parity};
@@ -56,16 +56,22 @@ struct Candidate<'a> {
     unusable: Option<&'a str>,
 }
 
-/// Opens the best adapter that is hardware and bitwise equal, or says why there is none.
+/// Opens the best adapter that is hardware and bitwise equal, or says why there is none. A name in the
+/// environment that no adapter has is passed over: it may be meant for another program.
 ///
 /// # Errors
-/// An adapter that was named and is not there.
+/// An adapter that was named in `options` and is not there.
 pub(super) fn open_hardware(options: &OpenOptions) -> Result<Result<Opened, String>, OpenError> {
     let adapters = Adapters::find();
-    let ranked = match adapters.ranked(options.adapter.as_deref()) {
-        Ok(ranked) => ranked,
-        Err(splitplane_wgpu::OpenError::NoAdapter) if options.adapter.is_none() => Vec::new(),
-        Err(error) => return Err(error.into()),
+    let mut passed_over = Vec::new();
+    let ranked = match (adapters.ranked(options.adapter.as_deref()), &options.adapter) {
+        (Ok(ranked), _) => ranked,
+        (Err(splitplane_wgpu::OpenError::NoAdapter), None) => Vec::new(),
+        (Err(splitplane_wgpu::OpenError::WrongAdapter { asked, .. }), None) => {
+            passed_over.push(format!("no GPU adapter is called `{asked}` (WGPU_ADAPTER_NAME)"));
+            adapters.all_ranked()
+        }
+        (Err(error), _) => return Err(error.into()),
     };
     let candidates: Vec<Candidate<'_>> = ranked
         .iter()
@@ -75,15 +81,16 @@ pub(super) fn open_hardware(options: &OpenOptions) -> Result<Result<Opened, Stri
             unusable: adapter.unusable(),
         })
         .collect();
-    Ok(first_bitwise(&candidates, |index| open_adapter(ranked[index], options)))
+    Ok(first_bitwise(&candidates, passed_over, |index| open_adapter(ranked[index], options)))
 }
 
-/// Opens the first candidate that will do; otherwise says, of each, why it will not.
+/// Opens the first candidate that will do; otherwise says, of each, why it will not. `passed_over`
+/// holds what there is to say before that.
 fn first_bitwise(
     candidates: &[Candidate<'_>],
+    mut passed_over: Vec<String>,
     open: impl Fn(usize) -> Result<Connected, OpenError>,
 ) -> Result<Opened, String> {
-    let mut passed_over = Vec::new();
     for (index, candidate) in candidates.iter().enumerate() {
         let name = candidate.name;
         if candidate.software {
@@ -106,7 +113,7 @@ fn first_bitwise(
         }
     }
     match passed_over.is_empty() {
-        true => Err("no GPU adapter was found".into()),
+        true => Err(format!("no GPU adapter was found{}", in_environment())),
         false => Err(passed_over.join("; ")),
     }
 }
@@ -173,7 +180,7 @@ mod tests {
             candidate("good"),
             candidate("good too"),
         ];
-        let opened = first_bitwise(&candidates, |index| match index {
+        let opened = first_bitwise(&candidates, Vec::new(), |index| match index {
             1 => connected(Parity::Structural("quotients".into())),
             2 => Err(failed("broken", &GpuError::Lost { reason: "gone".into() })),
             3 => connected(Parity::Bitwise),
@@ -190,10 +197,22 @@ mod tests {
     #[test]
     fn auto_never_opens_software() {
         let software = [Candidate { software: true, ..candidate("llvmpipe") }];
-        let why = first_bitwise(&software, |_| panic!("it is opened")).unwrap_err();
+        let why = first_bitwise(&software, Vec::new(), |_| panic!("it is opened")).unwrap_err();
         assert_eq!(why, "`llvmpipe` is software");
-        let why = first_bitwise(&[], |_| panic!("there is none")).unwrap_err();
-        assert_eq!(why, "no GPU adapter was found");
+        let why = first_bitwise(&[], Vec::new(), |_| panic!("there is none")).unwrap_err();
+        assert!(why.starts_with("no GPU adapter was found"), "{why}");
+    }
+
+    #[test]
+    fn auto_says_that_it_passed_over_a_name_in_the_environment() {
+        let passed_over = || vec!["no GPU adapter is called `radeon` (WGPU_ADAPTER_NAME)".into()];
+        let opened =
+            first_bitwise(&[candidate("good")], passed_over(), |_| connected(Parity::Bitwise));
+        assert_eq!(
+            opened.unwrap().reason,
+            "auto: `good` is hardware; parity: bitwise; no GPU adapter is called `radeon` \
+             (WGPU_ADAPTER_NAME)"
+        );
     }
 
     #[test]

@@ -38,7 +38,7 @@ mod compare {
     use serde::Serialize;
     use splitplane::backend::open_gpu;
     use splitplane::gpu::WgpuBackend;
-    use splitplane::parity::{self, Parity};
+    use splitplane::parity::{self, Comparison};
     use splitplane::scene::Scene;
     use splitplane::{Backend, BackendKind, verify};
 
@@ -62,6 +62,7 @@ mod compare {
         build_dispatches: u32,
         rays: u64,
         unequal_hits: u64,
+        unfinished: u64,
         equal: bool,
     }
 
@@ -114,7 +115,7 @@ mod compare {
         triangles: usize,
         adapter: &str,
         detail: &str,
-        found: &Parity,
+        found: &Comparison,
     ) -> Report {
         let difference = found.difference.as_ref();
         Report {
@@ -136,11 +137,12 @@ mod compare {
             build_dispatches: found.effort.dispatches,
             rays: found.rays,
             unequal_hits: found.unequal,
+            unfinished: found.unfinished,
             equal: found.is_bitwise(),
         }
     }
 
-    fn describe(scene: &str, triangles: usize, adapter: &str, found: &Parity) -> String {
+    fn describe(scene: &str, triangles: usize, adapter: &str, found: &Comparison) -> String {
         let steps = match &found.difference {
             None => format!("all {} dispatches equal", found.dispatches),
             Some(difference) => format!("equal up to {difference}"),
@@ -153,12 +155,13 @@ mod compare {
              steps    {steps}\n\
              tree     CPU {cpu}, GPU {gpu}\n\
              build    {}, {}, {}\n\
-             rays     {} traced, {} answers differ\n",
+             rays     {} traced, {} answers differ; {} left unfinished by the driver, not compared\n",
             counted(effort.submissions.into(), "submission"),
             counted(effort.readbacks.into(), "readback"),
             counted(effort.dispatches.into(), "dispatch").replace("dispatchs", "dispatches"),
             found.rays,
             found.unequal,
+            counted(found.unfinished, "ray"),
         )
     }
 }

@@ -71,9 +71,12 @@ impl Queries {
         finished(&self.any_hits_marking(tree, rays, occluded, options)?)
     }
 
-    /// Closest hits, and the numbers of the rays that the driver did not let finish: their hits are
-    /// not to be used.
-    pub(super) fn closest_hits_marking(
+    /// As [`Queries::closest_hits`], but rays that the driver did not let finish are no error: gives
+    /// their places in the batch. Their `hits` are not to be used.
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length, or a device that fails.
+    pub fn closest_hits_marking(
         &self,
         tree: &DeviceTree,
         rays: &[Ray],
@@ -92,8 +95,12 @@ impl Queries {
         Ok(unfinished)
     }
 
-    /// Answers of any hit, and the numbers of the rays that the driver did not let finish.
-    pub(super) fn any_hits_marking(
+    /// As [`Queries::any_hits`], but rays that the driver did not let finish are no error: gives their
+    /// places in the batch. Their answers are not to be used.
+    ///
+    /// # Errors
+    /// `rays` and `occluded` of different length, or a device that fails.
+    pub fn any_hits_marking(
         &self,
         tree: &DeviceTree,
         rays: &[Ray],
