@@ -1,14 +1,10 @@
-//! Rays traced from a host's own compute shader: the host owns the device, puts a tree on it, and its
-//! shader calls `closest_hit` and `any_hit` to shade a picture, which is printed as text.
+//! Rays traced from a host's own compute shader: the host owns the device, has a tree built there, and
+//! its shader calls `closest_hit` and `any_hit` to shade a picture, which is printed as text.
 
-use std::sync::Arc;
-
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::BuildOptions;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::triangle::{Triangle, prepare};
-use splitplane_cpu::CpuBackend;
 use splitplane_shaders::{TriangleTest, traversal};
-use splitplane_wgpu::{DeviceTree, Gpu, Queries};
+use splitplane_wgpu::{Gpu, WgpuBackend};
 
 const WIDTH: u32 = 64;
 const HEIGHT: u32 = 24;
@@ -60,12 +56,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let indices = [[0, 2, 1], [0, 3, 2], [4, 5, 8], [5, 6, 8], [6, 7, 8], [7, 4, 8]];
     let mesh = Mesh::indexed(&positions, &indices)?;
 
-    // The tree, built on the CPU and uploaded.
-    let built = CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default())?;
-    let corners: Vec<Triangle> =
-        (0..mesh.len()).map(|index| prepare(&mesh.triangle(index)).corners).collect();
-    let queries = Queries::new(Arc::new(Gpu::borrow(device.clone(), queue.clone())));
-    let tree = DeviceTree::upload(&queries, &built.tree().view(), &corners)?;
+    // The tree is built on the host's device and stays there. Each frame may ask whether it is done;
+    // here is nothing else to do.
+    let backend = WgpuBackend::new(Gpu::borrow(device.clone(), queue.clone()))?;
+    let mut build = backend.submit_build(&mesh, &BuildOptions::default())?;
+    let tree = loop {
+        match build.poll()? {
+            Some(built) => break built.tree,
+            None => std::thread::yield_now(),
+        }
+    };
 
     // The traversal's text comes first; its bindings are the first four of group 0.
     let source = traversal(0, 0, TriangleTest::Watertight) + SHADER;
@@ -122,5 +122,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let shade = |light: &f32| char::from(b" .:-=+*#%@"[(light * 9.99) as usize % 10]);
         println!("{}", row.iter().map(shade).collect::<String>());
     }
+    // The next build reuses the tree's buffers.
+    backend.recycle(tree);
     Ok(())
 }

@@ -54,15 +54,10 @@ fn assert_build_lost<T>(result: Result<T, BuildError>, what: &str) {
     }
 }
 
-/// A query on a lost device; which of the two depends on who noticed.
+/// A query on a lost device.
 #[track_caller]
 fn assert_query_lost(result: &Result<(), QueryError>, what: &str) {
-    let lost = match result {
-        Err(QueryError::DeviceLost { .. }) => true,
-        Err(QueryError::Device(reason)) => reason.contains("lost"),
-        _ => false,
-    };
-    assert!(lost, "{what}: {result:?}");
+    assert!(matches!(result, Err(QueryError::DeviceLost { .. })), "{what}: {result:?}");
 }
 
 fn scene() -> Scene {
@@ -253,10 +248,11 @@ fn in_the_middle_of_a_batch() {
         if query.is_err() {
             assert_query_lost(&query, "the batch");
             losses += 1;
-            assert_query_lost(&again, "the batch after it");
         }
+        assert_query_lost(&again, "the batch after it");
     }
-    println!("{losses} of 4 batches met the loss");
+    // The first loss comes at once; no device traces so many rays before it.
+    assert!(losses > 0);
 }
 
 #[test]
