@@ -124,8 +124,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// Bytes held once there is room for so much, and for an input of so many bytes: what
-    /// [`Buffers::bytes`] will be.
+    /// Bytes held once there is room for so much, and for an input of so many bytes.
     pub fn bytes_with(&self, capacities: &Capacities, tree_to_host: bool, input: u64) -> u64 {
         let held = |buffer: Buffer, wanted: u64| {
             let held =
@@ -137,11 +136,6 @@ impl Buffers {
             + held(Buffer::Counters, 64)
             + held(Buffer::Input, input)
             + self.readback.size().max(readback_bytes(capacities, tree_to_host))
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        self.buffers.iter().flatten().chain([&self.readback]).map(wgpu::Buffer::size).sum()
     }
 
     /// Makes room for a mesh and sends it, if it is in host memory.

@@ -339,6 +339,7 @@ impl PendingBuild {
             Some(profile) => Some(profile.read(&self.shared.gpu)?),
             None => None,
         };
+        let peak_bytes = self.needed_bytes();
         let mut buffers = self.buffers.take().expect("until finished");
         let summary = BuildSummary {
             triangles,
@@ -346,7 +347,7 @@ impl PendingBuild {
             snapped: counters[Counter::Snapped],
             large_levels: counters[Counter::Levels],
             small_roots: counters[Counter::SmallRoots],
-            peak_bytes: buffers.bytes(),
+            peak_bytes,
         };
         let parts = TreeParts {
             nodes: buffers.take(Buffer::Nodes),
