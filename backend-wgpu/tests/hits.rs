@@ -520,15 +520,15 @@ fn planted_faults_are_seen() {
             (case, rays, expected)
         })
         .collect();
-    let differences = |source: &str| -> usize {
-        let count = |(case, rays, expected): &(Case, Vec<Ray>, Vec<Hit>)| {
+    // The first scene that shows a difference suffices: compiling takes longer than tracing.
+    let differs = |source: &str| {
+        cases.iter().any(|(case, rays, expected)| {
             let found = hits_by_source(source, case, rays);
-            found.iter().zip(expected).filter(|(a, b)| bits(a) != bits(b)).count()
-        };
-        cases.iter().map(count).sum()
+            found.iter().zip(expected).any(|(a, b)| bits(a) != bits(b))
+        })
     };
     let source = splitplane_shaders::find("closest_hit").expect("a kernel").source();
-    assert_eq!(differences(&source), 0, "without a fault");
+    assert!(!differs(&source), "without a fault");
     let mut unseen = Vec::new();
     for (name, right, wrong) in [
         ("edges swapped", "edge_function(seen.c, seen.b)", "edge_function(seen.b, seen.c)"),
@@ -547,9 +547,7 @@ fn planted_faults_are_seen() {
     ] {
         let faulty = source.replacen(right, wrong, 1);
         assert_ne!(faulty, source, "{name}: the text is not there");
-        let count = differences(&faulty);
-        println!("{name}: {count} hits differ");
-        if count == 0 {
+        if !differs(&faulty) {
             unseen.push(name);
         }
     }
