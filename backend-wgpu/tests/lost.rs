@@ -315,7 +315,6 @@ fn a_device_that_takes_too_long() {
         match WgpuBackend::new(hasty.clone()) {
             Err(GpuError::TimedOut { seconds: 0 }) => {}
             Ok(_) => println!("note: a self-test in no time"),
-            Err(GpuError::Refused(reason)) => assert!(reason.contains("0 seconds"), "{reason}"),
             Err(other) => panic!("{other}"),
         }
         let backend = WgpuBackend::with_replaced_kernel(hasty, kernel, source.clone());
@@ -323,10 +322,7 @@ fn a_device_that_takes_too_long() {
         let mut timed_out = 0;
         for round in 0..2 {
             match backend.build_on_device(&large.mesh(), &options) {
-                Err(BuildError::Device(reason)) => {
-                    assert!(reason.contains("within 0 seconds"), "{reason}");
-                    timed_out += 1;
-                }
+                Err(BuildError::DeviceTimedOut { seconds: 0 }) => timed_out += 1,
                 Err(other) => panic!("{other:?}"),
                 Ok(built) => {
                     let tree = built.tree.read(&patient).expect("a tree");
