@@ -7,9 +7,12 @@ pub enum Light {
     Point {
         /// Where it is.
         position: [f32; 3],
-        /// Radiant intensity, linear red, green and blue: at distance `d` a surface that faces the
-        /// light receives the irradiance `intensity / d^2`.
-        intensity: [f32; 3],
+        /// Irradiance of a surface that faces the light at `distance`, linear red, green and blue;
+        /// elsewhere it falls off with the square of the distance.
+        irradiance: [f32; 3],
+        /// The distance that `irradiance` is for, more than 0. Given so, and not as a radiant
+        /// intensity `irradiance * distance^2`, scenes of any size stay within the range of `f32`.
+        distance: f32,
     },
     /// A light so far away that its rays are parallel, such as the sun.
     Directional {
