@@ -47,7 +47,8 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
                     unfinished += 1.0;
                 }
                 for _ in 0..surface.shadow_rays() {
-                    let [r, g, b, w] = input.lights[light];
+                    // Beyond the room of a frame that is void there is none.
+                    let [r, g, b, w] = input.lights.get(light).copied().unwrap_or_default();
                     sum = add(sum, [r, g, b]);
                     unfinished += w;
                     light += 1;
