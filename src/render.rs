@@ -8,7 +8,7 @@
 //!
 //! Pixels that differ from a neighbour get four more rays.
 
-use crate::scene::{Camera, Placement, Scene};
+use crate::scene::{Camera, Light, Placement, Scene};
 use crate::surface::Surface;
 use glam::{DVec3, Vec3};
 use image::RgbImage;
@@ -103,7 +103,7 @@ pub fn render(
         accelerator,
         scene,
         camera: &placement.camera,
-        light: DVec3::from_array(placement.light.map(f64::from)),
+        light: main_light(placement),
         options,
         primary: Duration::ZERO,
         covered: 0,
@@ -122,6 +122,15 @@ pub fn render(
     let bytes = linear.par_iter().flat_map_iter(|&colour| encode(colour)).collect();
     let image = RgbImage::from_raw(width, height, bytes).unwrap_or_default();
     Ok(Rendered { image, primary, covered, rays: painter.rays })
+}
+
+/// Where the light is that casts shadows: the first point light, else the eye.
+fn main_light(placement: &Placement) -> DVec3 {
+    let point = placement.lights.iter().find_map(|light| match *light {
+        Light::Point { position, .. } => Some(position),
+        Light::Directional { .. } => None,
+    });
+    DVec3::from_array(point.unwrap_or(placement.camera.eye()).map(f64::from))
 }
 
 struct Painter<'a> {

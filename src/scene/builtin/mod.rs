@@ -4,6 +4,9 @@ mod angle;
 mod builder;
 mod city;
 mod cornell;
+mod gallery;
+mod paint;
+mod shape;
 mod spheres;
 mod stadium;
 
@@ -11,9 +14,10 @@ use super::Scene;
 use thiserror::Error;
 
 /// The names of the built-in scenes with what they show, in the order a help text lists them.
-pub const ALL: [(&str, &str); 4] = [
+pub const ALL: [(&str, &str); 5] = [
     ("cornell", "a box with two blocks, open to the front"),
-    ("spheres", "a field of spheres"),
+    ("spheres", "a field of spheres, glass and metal among them"),
+    ("gallery", "a room of mirrors, glass, water and textures under a shining panel"),
     ("stadium", "a small, finely tessellated knot in a huge, sparse arena"),
     ("city", "streets and towers; city:N has about N triangles, 1000 to 10000000"),
 ];
@@ -51,6 +55,7 @@ pub fn open(name: &str) -> Result<Scene, BuiltinError> {
     let one_size: fn() -> Scene = match name {
         "city" => return city::open(size),
         "cornell" => cornell::make,
+        "gallery" => gallery::make,
         "spheres" => spheres::make,
         "stadium" => stadium::make,
         _ => return Err(BuiltinError::Unknown(name.to_owned())),
