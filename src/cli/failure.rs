@@ -1,6 +1,8 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
+use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::SceneError;
+use splitplane::tracer::TracerError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 use std::process::ExitCode;
 
@@ -112,6 +114,26 @@ impl From<QueryError> for Failure {
             | QueryError::DeviceTimedOut { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<TracerError> for Failure {
+    fn from(error: TracerError) -> Failure {
+        match error {
+            TracerError::Mesh(error) => error.into(),
+            TracerError::Build(error) => error.into(),
+            TracerError::Render(RenderError::Query(error)) => error.into(),
+            TracerError::Render(error) => {
+                let code = match error {
+                    RenderError::Plan(PlanError::TooLarge { .. }) | RenderError::PixelTooDeep { .. } => LIMIT,
+                    RenderError::Appearance(_) => LIMIT,
+                    RenderError::Plan(_) => USAGE,
+                    _ => BUG,
+                };
+                Failure { message: error.to_string(), code }
+            }
+            other => Failure { message: other.to_string(), code: BUG },
+        }
     }
 }
 

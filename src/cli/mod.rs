@@ -5,15 +5,18 @@ mod bug;
 mod build;
 mod failure;
 mod hit_file;
+mod look;
 mod npy;
 mod options;
 mod output;
 mod parity;
+mod percentiles;
 mod prepared;
 mod progress;
 mod query;
 mod ray_file;
 mod render;
+mod stage;
 mod tree;
 mod verify;
 
