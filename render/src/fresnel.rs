@@ -87,11 +87,11 @@ mod tests {
     #[test]
     fn paths_are_reversible_and_the_critical_angle_is_kept() {
         for i in 1..100 {
-            let cosine = i as f32 / 100.0;
+            let cosine = i as f32 * 0.01;
             let there = part(cosine, 1.0 / 1.5);
             let back = part(there.cosine, 1.5);
-            assert!((there.reflectance - back.reflectance).abs() < 2e-5, "{cosine}");
-            assert!((back.cosine - cosine).abs() < 2e-4, "{cosine}");
+            assert!((there.reflectance - back.reflectance).abs() < 1e-4, "{cosine}");
+            assert!((back.cosine - cosine).abs() < 1e-4, "{cosine}");
             assert!((0.0..=1.0).contains(&there.reflectance));
         }
         let critical = (1.0f32 - 1.0 / (1.5 * 1.5)).sqrt();

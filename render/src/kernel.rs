@@ -58,6 +58,8 @@ pub enum Kernel {
     Accumulate,
     /// The reflected and refracted rays of the next wave.
     NextPaths,
+    /// Makes the next wave this one.
+    BeginWave,
     /// Notes what the first ray of every pixel met.
     FirstHits,
     /// Notes what the traversal of the first ray of every pixel cost.
@@ -68,7 +70,7 @@ pub enum Kernel {
 
 impl Kernel {
     /// All kernels, in the order of the schedule.
-    pub const ALL: [Kernel; 13] = [
+    pub const ALL: [Kernel; 14] = [
         Kernel::BeginSlice,
         Kernel::CameraRays,
         Kernel::FirstCosts,
@@ -81,6 +83,7 @@ impl Kernel {
         Kernel::ShadowHitsThroughGlass,
         Kernel::Accumulate,
         Kernel::NextPaths,
+        Kernel::BeginWave,
         Kernel::Resolve,
     ];
 
@@ -97,6 +100,7 @@ impl Kernel {
             Kernel::ShadowHitsThroughGlass => "shadow_hits_through_glass",
             Kernel::Accumulate => "accumulate",
             Kernel::NextPaths => "next_paths",
+            Kernel::BeginWave => "begin_wave",
             Kernel::FirstHits => "first_hits",
             Kernel::FirstCosts => "first_costs",
             Kernel::Resolve => "resolve",
@@ -106,7 +110,7 @@ impl Kernel {
     /// What the kernel's workgroups stand for.
     pub const fn grid(self) -> Grid {
         match self {
-            Kernel::BeginSlice | Kernel::ScanSpawned => Grid::One,
+            Kernel::BeginSlice | Kernel::ScanSpawned | Kernel::BeginWave => Grid::One,
             Kernel::CameraRays
             | Kernel::ClosestHits
             | Kernel::Shade
@@ -129,7 +133,7 @@ impl Kernel {
         use Access::{Read, ReadWrite, Write};
         use Buffer as B;
         match self {
-            Kernel::BeginSlice => &[],
+            Kernel::BeginSlice | Kernel::BeginWave => &[],
             Kernel::CameraRays => &[(B::Rays, Write), (B::Paths, Write)],
             Kernel::ClosestHits => &[(B::Rays, Read), (B::Hits, Write)],
             Kernel::Shade => &[
@@ -172,9 +176,13 @@ impl Kernel {
                 (B::NextRays, Write),
                 (B::NextPaths, Write),
             ],
-            Kernel::FirstHits => {
-                &[(B::Rays, Read), (B::Paths, Read), (B::Hits, Read), (B::Triangles, Read), (B::FirstHits, ReadWrite)]
-            }
+            Kernel::FirstHits => &[
+                (B::Rays, Read),
+                (B::Paths, Read),
+                (B::Hits, Read),
+                (B::Triangles, Read),
+                (B::FirstHits, ReadWrite),
+            ],
             Kernel::FirstCosts => &[(B::Rays, Read), (B::Paths, Read), (B::FirstCosts, ReadWrite)],
             // The scene holds the table of sRGB.
             Kernel::Resolve => &[(B::Radiance, Read), (B::Scene, Read), (B::Pixels, Write)],
@@ -194,7 +202,7 @@ impl Kernel {
 
     /// Whether the kernel writes counters. Only kernels of one workgroup do.
     pub const fn writes_counters(self) -> bool {
-        matches!(self, Kernel::BeginSlice | Kernel::ScanSpawned)
+        matches!(self, Kernel::BeginSlice | Kernel::ScanSpawned | Kernel::BeginWave)
     }
 }
 
@@ -309,7 +317,7 @@ pub enum Counter {
     PixelsLeft,
     /// First pixel of this slice.
     FirstPixel,
-    /// Waves of this slice that are done.
+    /// Number of this wave in its slice, from 0.
     Wave,
     /// Paths of this wave.
     Paths,
@@ -357,6 +365,14 @@ impl Counter {
         Counter::Spare14,
         Counter::Spare15,
     ];
+}
+
+/// The counters that a frame starts with.
+pub fn first_counters(pixels: u32) -> Counters {
+    let mut counters = Counters::default();
+    counters[Counter::Pixels] = pixels;
+    counters[Counter::PixelsLeft] = pixels;
+    counters
 }
 
 /// The bits of [`Counter::Overflow`]: queues that outgrew their room.

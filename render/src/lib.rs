@@ -10,6 +10,7 @@ mod camera;
 #[cfg(feature = "cpu")]
 pub mod cpu;
 mod environment;
+mod error;
 mod fresnel;
 pub mod kernel;
 pub mod layout;
@@ -28,6 +29,7 @@ mod tone;
 mod vector;
 
 pub use camera::Pinhole;
+pub use error::RenderError;
 pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};

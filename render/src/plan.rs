@@ -1,10 +1,10 @@
 //! What a frame does and holds: only what its scene, its settings and its outputs need.
 
+use crate::Pinhole;
 use crate::kernel::{Buffer, Kernel};
 use crate::layout::Frame;
 use crate::scene_data::SceneData;
 use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
-use crate::Pinhole;
 use core::fmt::Write;
 use thiserror::Error;
 
@@ -267,7 +267,7 @@ impl Plan {
             Kernel::ShadowHits | Kernel::ShadowHitsThroughGlass => {
                 self.casts_shadows() && kernel == self.shadow_kernel()
             }
-            Kernel::NextPaths => self.recursive(),
+            Kernel::NextPaths | Kernel::BeginWave => self.recursive(),
             Kernel::Resolve => self.outputs.pixels,
         }
     }

@@ -70,7 +70,10 @@ pub struct Appearance<'a> {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AppearanceError {
     /// More words than 32 bits can address.
-    #[error("materials, normals and textures would need {words} words of 4 bytes, more than {}", u32::MAX)]
+    #[error(
+        "materials, normals and textures would need {words} words of 4 bytes, more than {}",
+        u32::MAX
+    )]
     TooLarge {
         /// Words needed.
         words: u64,
@@ -174,9 +177,10 @@ impl SceneData {
             let coordinate = |i: u32| looks.texcoords.get(i as usize).copied().unwrap_or_default();
             self.words.extend((0..mesh.len()).flat_map(|t| {
                 let corners = looks.texcoord_indices.get(t).copied().unwrap_or([NONE; 3]);
-                corners.into_iter().flat_map(coordinate).map(|part| {
-                    if part.is_finite() { part.to_bits() } else { 0 }
-                })
+                corners
+                    .into_iter()
+                    .flat_map(coordinate)
+                    .map(|part| if part.is_finite() { part.to_bits() } else { 0 })
             }));
         }
         self.sections.texels = self.here();
@@ -336,15 +340,13 @@ fn normal_words<'a>(
 fn area(corners: &[[f32; 3]; 3]) -> f64 {
     let [a, b, c] = corners.map(|corner| corner.map(f64::from));
     let [x, y] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
-    let normal =
-        [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
     0.5 * normal.iter().map(|part| part * part).sum::<f64>().sqrt()
 }
 
 /// sRGB to linear light (IEC 61966-2-1).
 fn linear(shown: f64) -> f32 {
-    let value =
-        if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) };
+    let value = if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) };
     value as f32
 }
 

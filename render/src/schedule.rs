@@ -48,6 +48,7 @@ fn waves<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<(), E:
             break;
         }
         executor.dispatch(Kernel::NextPaths)?;
+        executor.dispatch(Kernel::BeginWave)?;
         executor.swap(Buffer::Rays, Buffer::NextRays)?;
         executor.swap(Buffer::Paths, Buffer::NextPaths)?;
     }

@@ -21,6 +21,9 @@ const OFFSET_UNITS: f32 = 64.0;
 /// Half a unit in the last place of 1.
 const UNIT: f32 = 1.0 / 16_777_216.0;
 
+/// Clear surfaces that a shadow ray passes; behind more of them it is dark.
+pub(crate) const MOST_CLEAR_LAYERS: u32 = 16;
+
 /// A triangle's edges, brought near 1 by a power of two, and its unit normal.
 #[derive(Clone, Copy)]
 pub(crate) struct Plane {

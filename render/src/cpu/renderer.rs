@@ -1,0 +1,129 @@
+//! Frames, one after the other, in the same memory.
+
+use super::buffers::Buffers;
+use super::executor::CpuExecutor;
+use crate::camera::Pinhole;
+use crate::error::RenderError;
+use crate::kernel::Counter;
+use crate::layout::{Counters, FirstCost, FirstHit};
+use crate::plan::{Outputs, Plan, Room};
+use crate::scene_data::SceneData;
+use crate::schedule;
+use crate::settings::{RenderSettings, Size};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::QueryOptions;
+use std::time::Duration;
+
+/// What a frame is made from.
+#[derive(Clone, Copy, Debug)]
+pub struct FrameInput<'a> {
+    /// The triangles, as the tree was built over them.
+    pub mesh: Mesh<'a>,
+    /// What they look like.
+    pub scene: &'a SceneData,
+    /// From where they are seen.
+    pub camera: Pinhole,
+    /// The picture's size, which `camera` is for.
+    pub size: Size,
+    /// The knobs.
+    pub settings: &'a RenderSettings,
+    /// What is wanted.
+    pub outputs: Outputs,
+    /// How rays are traced. What it ignores, the picture lacks.
+    pub query: QueryOptions,
+}
+
+/// What a frame took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrameStats {
+    /// The plan it was made by.
+    pub plan: Plan,
+    /// Camera, reflected and refracted rays.
+    pub paths: u64,
+    /// Rays towards lights.
+    pub shadow_rays: u64,
+    /// Time spent in queries; `None` where it is not measured.
+    pub tracing: Option<Duration>,
+}
+
+impl FrameStats {
+    pub(crate) fn new(plan: Plan, counters: &Counters, tracing: Option<Duration>) -> FrameStats {
+        let sum = |low, high| u64::from(counters[low]) | (u64::from(counters[high]) << 32);
+        FrameStats {
+            plan,
+            paths: sum(Counter::TotalPathsLow, Counter::TotalPathsHigh),
+            shadow_rays: sum(Counter::TotalShadowRaysLow, Counter::TotalShadowRaysHigh),
+            tracing,
+        }
+    }
+
+    /// All rays.
+    pub fn rays(&self) -> u64 {
+        self.paths + self.shadow_rays
+    }
+}
+
+/// Makes frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept between
+/// frames and grows only when a frame needs more than all before.
+#[derive(Debug, Default)]
+pub struct CpuRenderer {
+    buffers: Buffers,
+}
+
+impl CpuRenderer {
+    /// A renderer that holds nothing yet.
+    pub fn new() -> CpuRenderer {
+        CpuRenderer::default()
+    }
+
+    /// Makes a frame. `accelerator` must be built over the mesh of `input`.
+    ///
+    /// # Errors
+    /// Settings out of range, looks of another mesh, a backend that fails.
+    pub fn render(
+        &mut self,
+        accelerator: &dyn Accelerator,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        let FrameInput { scene, size, settings, outputs, .. } = *input;
+        let mut plan = Plan::new(scene, size, settings, outputs, Room::CPU)?;
+        loop {
+            let mut executor = CpuExecutor::new(*input, accelerator, plan, &mut self.buffers)?;
+            schedule::frame(&mut executor, &plan)?;
+            let (counters, tracing) = (*executor.counters(), executor.tracing());
+            if counters[Counter::Overflow] == 0 {
+                return Ok(FrameStats::new(plan, &counters, Some(tracing)));
+            }
+            plan = plan.halved().ok_or(RenderError::PixelTooDeep {
+                paths: plan.path_room(),
+                shadow_rays: plan.shadow_room(),
+            })?;
+        }
+    }
+
+    /// What a screen shows, from the top left: red in the low byte, green, blue, 255.
+    pub fn pixels(&self) -> &[u32] {
+        &self.buffers.pixels
+    }
+
+    /// Linear radiance by pixel; the fourth component is 0.
+    pub fn radiance(&self) -> &[[f32; 4]] {
+        &self.buffers.radiance
+    }
+
+    /// What the first ray of each pixel met.
+    pub fn first_hits(&self) -> &[FirstHit] {
+        &self.buffers.first_hits
+    }
+
+    /// What the traversal of the first ray of each pixel cost.
+    pub fn first_costs(&self) -> &[FirstCost] {
+        &self.buffers.first_costs
+    }
+
+    /// Bytes that are held between frames.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.bytes()
+    }
+}
