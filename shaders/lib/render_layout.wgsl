@@ -36,12 +36,12 @@ struct Frame {
     normals_at: u32,
     texcoords_at: u32,
     texels_at: u32,
-    swapped: u32,
+    culling: u32,
+    ignore: u32,
     // Arrays of a uniform have elements of 16 bytes.
     padding_0: u32,
     padding_1: u32,
-    padding_2: u32,
-    padding_3: array<vec4<u32>, 3>,
+    padding_2: array<vec4<u32>, 3>,
 }
 
 struct Path {

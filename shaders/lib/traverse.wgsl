@@ -43,6 +43,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     var node = 0u;
     var cut_short = false;
     loop {
+        observe_node();
         let words = nodes[node];
         let tag = words.y & 3u;
         let payload = words.y >> 2u;
@@ -73,6 +74,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             if triangle == options.ignore {
                 continue;
             }
+            observe_triangle();
             let candidate = test_triangle(prepared, corners_of(triangle), options.culling);
             if !candidate.some {
                 continue;
