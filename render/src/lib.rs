@@ -11,6 +11,7 @@ mod camera;
 pub mod cpu;
 mod environment;
 mod error;
+mod frame;
 mod fresnel;
 pub mod kernel;
 pub mod layout;
@@ -30,6 +31,7 @@ mod vector;
 
 pub use camera::Pinhole;
 pub use error::RenderError;
+pub use frame::{FrameInput, FrameStats};
 pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};

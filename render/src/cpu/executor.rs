@@ -2,8 +2,8 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
-use super::renderer::FrameInput;
 use crate::error::RenderError;
+use crate::frame::FrameInput;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
 use crate::layout::{Counters, Frame};
 use crate::plan::Plan;

@@ -9,4 +9,4 @@ mod scatter;
 
 pub use buffers::Buffers;
 pub use executor::CpuExecutor;
-pub use renderer::{CpuRenderer, FrameInput, FrameStats};
+pub use renderer::CpuRenderer;
