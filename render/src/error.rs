@@ -15,6 +15,24 @@ pub enum RenderError {
     /// The scene's looks cannot be described.
     #[error(transparent)]
     Appearance(#[from] AppearanceError),
+    /// The device failed.
+    #[cfg(feature = "wgpu")]
+    #[error(transparent)]
+    Gpu(#[from] splitplane_wgpu::GpuError),
+    /// A buffer that the picture is to be written to does not suit.
+    #[cfg(feature = "wgpu")]
+    #[error("the buffer for the picture {reason}")]
+    Target {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The frame that was asked for has no such output.
+    #[cfg(feature = "wgpu")]
+    #[error("there is no {what}: no frame was made, or it was made without")]
+    NoOutput {
+        /// What was asked for.
+        what: &'static str,
+    },
     /// Rays could not be traced.
     #[error(transparent)]
     Query(#[from] QueryError),

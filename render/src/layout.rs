@@ -206,8 +206,12 @@ pub struct Frame {
     pub texcoords_at: u32,
     /// Where the texels start.
     pub texels_at: u32,
+    /// Which side of a triangle rays ignore: 0 none, 1 the back, 2 the front. Read by devices.
+    pub culling: u32,
+    /// The triangle that rays ignore; [`crate::scene_data::NONE`] for none. Read by devices.
+    pub ignore: u32,
     /// Not used: fills 256 bytes.
-    pub padding: [[u32; 4]; 4],
+    pub padding: [u32; 14],
 }
 
 const _: () = assert!(size_of::<Path>() == 32 && size_of::<Surface>() == 80);

@@ -28,6 +28,8 @@ mod surface;
 mod texture;
 mod tone;
 mod vector;
+#[cfg(feature = "wgpu")]
+pub mod wgpu;
 
 pub use camera::Pinhole;
 pub use error::RenderError;

@@ -3,9 +3,10 @@
 use crate::Pinhole;
 use crate::kernel::{Buffer, Kernel};
 use crate::layout::Frame;
-use crate::scene_data::SceneData;
+use crate::scene_data::{NONE, SceneData};
 use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
 use core::fmt::Write;
+use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
 /// What is wanted of a frame.
@@ -303,7 +304,7 @@ impl Plan {
     }
 
     /// The uniform of the frame.
-    pub fn frame(&self, scene: &SceneData, camera: &Pinhole) -> Frame {
+    pub fn frame(&self, scene: &SceneData, camera: &Pinhole, query: &QueryOptions) -> Frame {
         let settings = &self.settings;
         let mut frame = Frame {
             eye: camera.eye,
@@ -328,6 +329,12 @@ impl Plan {
             slice_pixels: self.slice_pixels,
             path_room: self.path_room,
             shadow_room: self.shadow_room,
+            culling: match query.culling {
+                Culling::None => 0,
+                Culling::Back => 1,
+                Culling::Front => 2,
+            },
+            ignore: query.ignore.unwrap_or(NONE),
             ..Frame::default()
         };
         scene.describe(&mut frame);

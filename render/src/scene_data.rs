@@ -20,6 +20,8 @@ use crate::material::Material;
 use crate::plan::Needs;
 use crate::texture::Texture;
 use crate::vector::normalized;
+use core::ops::Range;
+use core::sync::atomic::{AtomicU64, Ordering};
 use splitplane_core::mesh::Mesh;
 use thiserror::Error;
 
@@ -101,6 +103,14 @@ pub struct SceneData {
     needs: Needs,
     materials: u32,
     triangles: u32,
+    revision: u64,
+    normals_revision: u64,
+}
+
+/// A number that no call has given before.
+fn next_revision() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    LAST.fetch_add(1, Ordering::Relaxed) + 1
 }
 
 impl SceneData {
@@ -141,6 +151,7 @@ impl SceneData {
             return Err(AppearanceError::TooLarge { words });
         }
         self.words.clear();
+        self.revision = next_revision();
         self.triangles = mesh.len() as u32;
         self.materials = materials.len() as u32;
         for material in materials {
@@ -207,6 +218,7 @@ impl SceneData {
         if self.needs.smooth_normals && mesh.len() as u32 == self.triangles {
             let first = self.sections.normals as usize;
             let last = first + 9 * mesh.len();
+            self.normals_revision = next_revision();
             for (word, new) in self.words[first..last].iter_mut().zip(normal_words(mesh, looks)) {
                 *word = new;
             }
@@ -216,6 +228,22 @@ impl SceneData {
     /// The words.
     pub fn words(&self) -> &[u32] {
         &self.words
+    }
+
+    /// Changes with every description. Executors that keep the words elsewhere send them again when it
+    /// does. Equal numbers mean equal words, but for normals.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Changes with every [`SceneData::update_normals`].
+    pub fn normals_revision(&self) -> u64 {
+        self.normals_revision
+    }
+
+    /// Where the normals are among the words.
+    pub fn normal_words(&self) -> Range<usize> {
+        self.sections.normals as usize..self.sections.texcoords as usize
     }
 
     /// Triangles described.

@@ -54,7 +54,7 @@ impl<'a> CpuExecutor<'a> {
             return Err(RenderError::WrongMesh { described, triangles });
         }
         buffers.prepare(&plan);
-        let frame = plan.frame(input.scene, &input.camera);
+        let frame = plan.frame(input.scene, &input.camera, &input.query);
         let tracing = Duration::ZERO;
         Ok(CpuExecutor { input, accelerator, plan, frame, buffers, scale: None, tracing })
     }
