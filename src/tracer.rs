@@ -9,7 +9,7 @@ use splitplane_core::mesh::MeshError;
 use splitplane_core::ray::QueryOptions;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::{
-    AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings, Room,
+    AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings,
     SceneData, Size,
 };
 use std::borrow::Cow;
@@ -110,6 +110,18 @@ pub enum TracerError {
     /// Nothing was built yet.
     #[error("there is no tree yet: build one before anything is traced")]
     NothingBuilt,
+    /// No frame was made yet, or it was made without what is asked for.
+    #[error("there is no frame yet: make one before its picture is asked for")]
+    NoFrame,
+    /// A device's driver did not follow some rays to their end.
+    #[error(
+        "the device's driver ended the work on {pixels} pixels before it was done; use the backend \
+         `cpu`, or another device"
+    )]
+    Unfinished {
+        /// Pixels whose light is not complete.
+        pixels: usize,
+    },
     /// The scene's looks were not described.
     #[error("the scene's looks are not known yet: describe them before frames are made")]
     NothingDescribed,
@@ -187,7 +199,6 @@ impl Tracer {
         self.described = false;
         self.looks.describe_again(&scene.mesh()?, &scene.appearance())?;
         self.described = true;
-        on!(&mut self.on, on => on.looks_changed());
         Ok(())
     }
 
@@ -199,7 +210,6 @@ impl Tracer {
     pub fn update_normals(&mut self, scene: &Scene) -> Result<(), TracerError> {
         if self.looks.needs().smooth_normals {
             self.looks.update_normals(&scene.mesh()?, &scene.appearance());
-            on!(&mut self.on, on => on.looks_changed());
         }
         Ok(())
     }
@@ -266,23 +276,27 @@ impl Tracer {
     /// 255.
     ///
     /// # Errors
-    /// A device that fails.
+    /// No frame with a picture, a device that fails, or one that did not follow all rays.
     pub fn pixels(&self) -> Result<Cow<'_, [u32]>, TracerError> {
-        on!(&self.on, on => on.pixels())
+        let pixels = on!(&self.on, on => on.pixels())?;
+        check_finished(pixels.iter().filter(|pixel| **pixel >> 24 == 0).count())?;
+        Ok(pixels)
     }
 
     /// Linear radiance of the last frame that asked for it, red, green, blue, 0.
     ///
     /// # Errors
-    /// A device that fails.
+    /// As for [`Tracer::pixels`].
     pub fn radiance(&self) -> Result<Cow<'_, [[f32; 4]]>, TracerError> {
-        on!(&self.on, on => on.radiance())
+        let radiance = on!(&self.on, on => on.radiance())?;
+        check_finished(radiance.iter().filter(|radiance| radiance[3] > 0.0).count())?;
+        Ok(radiance)
     }
 
     /// What the first ray of each pixel met, of the last frame that asked for it.
     ///
     /// # Errors
-    /// A device that fails.
+    /// No such frame, or a device that fails.
     pub fn first_hits(&self) -> Result<Cow<'_, [FirstHit]>, TracerError> {
         on!(&self.on, on => on.first_hits())
     }
@@ -290,11 +304,12 @@ impl Tracer {
     /// What the traversal of the first ray of each pixel cost, of the last frame that asked for it.
     ///
     /// # Errors
-    /// A device that fails.
+    /// No such frame, or a device that fails.
     pub fn first_costs(&self) -> Result<Cow<'_, [FirstCost]>, TracerError> {
         on!(&self.on, on => on.first_costs())
     }
 }
 
-/// The room that frames have where nothing else limits it.
-pub(crate) const HOST_ROOM: Room = Room::CPU;
+fn check_finished(unfinished: usize) -> Result<(), TracerError> {
+    if unfinished > 0 { Err(TracerError::Unfinished { pixels: unfinished }) } else { Ok(()) }
+}

@@ -1,6 +1,6 @@
 //! Frames on the cores of this machine.
 
-use super::{FrameRequest, HOST_ROOM, TracerError};
+use super::{FrameRequest, TracerError};
 use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
@@ -27,7 +27,7 @@ impl OnCpu {
     }
 
     pub(super) fn room(&self) -> Room {
-        HOST_ROOM
+        Room::CPU
     }
 
     pub(super) fn build(
@@ -49,8 +49,6 @@ impl OnCpu {
     ) -> Result<(), TracerError> {
         self.build(mesh, options)
     }
-
-    pub(super) fn looks_changed(&mut self) {}
 
     pub(super) fn accelerator(&self) -> Option<&dyn Accelerator> {
         Some(self.accelerator.as_ref()?)
