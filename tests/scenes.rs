@@ -266,7 +266,9 @@ fn digest(scene: &Scene) -> String {
 #[test]
 fn built_in_scenes_are_the_same_everywhere() {
     let mut lines = Vec::new();
-    for name in ["cornell", "spheres", "stadium", "gallery", "city", "city:1000", "city:50000"] {
+    for name in
+        ["cornell", "spheres", "stadium", "gallery", "carousel", "city", "city:1000", "city:50000"]
+    {
         let scene = Scene::open(&format!("builtin:{name}")).unwrap();
         assert_eq!(scene.material_of.len(), scene.indices.len());
         assert!(scene.mesh().is_ok() && scene.camera.is_some() && scene.is_lit());

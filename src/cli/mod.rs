@@ -54,7 +54,7 @@ enum Verb {
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
-builtin:city[:TRIANGLES]
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \

@@ -1,5 +1,7 @@
 //! Scenes: triangles with materials, a camera and lights, from files or made here.
 
+#[cfg(feature = "animation")]
+pub mod animation;
 pub mod builtin;
 mod camera;
 mod normals;
@@ -8,6 +10,8 @@ pub mod obj;
 mod options;
 mod placement;
 
+#[cfg(feature = "animation")]
+pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};

@@ -20,15 +20,7 @@ const TOWER: f64 = 40.0;
 const WINDOW: u64 = 18;
 
 pub(super) fn open(size: Option<&str>) -> Result<Scene, BuiltinError> {
-    let triangles = match size {
-        None => DEFAULT,
-        Some(text) => text
-            .parse()
-            .ok()
-            .filter(|n| (LEAST..=MOST).contains(n))
-            .ok_or_else(|| BuiltinError::BadSize(text.to_owned()))?,
-    };
-    Ok(make(triangles))
+    Ok(make(super::size("city", size, DEFAULT, [LEAST, MOST])?))
 }
 
 /// One storey block of a tower.
