@@ -1,7 +1,7 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
 use splitplane::render::{PlanError, RenderError};
-use splitplane::scene::SceneError;
+use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 use std::process::ExitCode;
@@ -114,6 +114,18 @@ impl From<QueryError> for Failure {
             | QueryError::DeviceTimedOut { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<AnimationError> for Failure {
+    fn from(error: AnimationError) -> Failure {
+        match error {
+            AnimationError::Scene(error) => error.into(),
+            AnimationError::NoFrames(_) | AnimationError::NotFrames(_) => {
+                Failure::usage(error.to_string())
+            }
+            error => Failure::file(error.to_string()),
+        }
     }
 }
 
