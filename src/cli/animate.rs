@@ -9,13 +9,13 @@ use super::stage::{Stage, open_tracer};
 use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
-use splitplane::picture::movie::{Format, Movie};
-use splitplane::picture::screen;
+use splitplane::picture::{self, Movie, MovieFormat};
 use splitplane::render::Outputs;
 use splitplane::scene::{Animation, Camera, Change};
 use splitplane::tracer::FrameRequest;
 use std::fs;
 use std::io::BufWriter;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -43,8 +43,8 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = fps)]
     fps: f64,
     /// How many frames to make, from the first on and over again; all of them once when left out
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    count: Option<u32>,
+    #[arg(long, value_name = "N")]
+    count: Option<NonZeroU32>,
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
@@ -98,12 +98,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     in_pool(&arguments.common, || arguments.animate(format))
 }
 
-fn format_of(path: &Path) -> Result<Format, Failure> {
+fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
     let ends_in = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     if ends_in("png") {
-        Ok(Format::Png)
+        Ok(MovieFormat::Apng)
     } else if ends_in("gif") {
-        Ok(Format::Gif)
+        Ok(MovieFormat::Gif)
     } else {
         let shown = path.display();
         Err(Failure::usage(format!("`{shown}` does not end in .png or .gif; these are the movies")))
@@ -111,7 +111,7 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
 }
 
 impl Arguments {
-    fn animate(&self, format: Option<Format>) -> Result<(), Failure> {
+    fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
         let opened = open_tracer(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
@@ -127,8 +127,10 @@ impl Arguments {
         let mut stage = Stage::set(scene, opened, look, common)?;
         let first_build = stage.built()?.report();
         let described = stage.built()?.describe() + &stage.describe_placed();
-        let mut movie = self.open_movie(format)?;
-        let count = self.count.map_or(animation.frames(), |count| count as usize);
+        let all = u32::try_from(animation.frames()).unwrap_or(u32::MAX);
+        let count = self.count.or(NonZeroU32::new(all)).unwrap_or(NonZeroU32::MIN);
+        let mut movie = self.open_movie(format, count)?;
+        let count = count.get() as usize;
         let bar = progress::bar(common.quiet, "rendering", count as u64);
         let mut times = Vec::with_capacity(count);
         for number in 0..count {
@@ -149,13 +151,16 @@ impl Arguments {
 
     fn open_movie(
         &self,
-        format: Option<Format>,
+        format: Option<MovieFormat>,
+        frames: NonZeroU32,
     ) -> Result<Option<Movie<BufWriter<fs::File>>>, Failure> {
         let (Some(format), Some(path)) = (format, &self.movie) else { return Ok(None) };
         let file = fs::File::create(path).map_err(|error| {
             Failure::file(format!("cannot write `{}`: {error}", path.display()))
         })?;
-        Ok(Some(Movie::new(BufWriter::new(file), format, self.look.size, 1000.0 / self.fps)?))
+        let dimensions = (self.look.size.width(), self.look.size.height());
+        let delay = (1000.0 / self.fps).round() as u16;
+        Ok(Some(Movie::new(BufWriter::new(file), format, dimensions, frames, delay)?))
     }
 
     /// Makes a frame; the picture stays in the tracer.
@@ -212,13 +217,13 @@ impl Arguments {
         if self.out.is_none() && movie.is_none() {
             return Ok(());
         }
-        let pixels = stage.tracer.pixels()?;
+        let screen = picture::screen(self.look.size, &stage.tracer.pixels()?)?;
         if let Some(folder) = &self.out {
             let path = folder.join(format!("frame-{number:04}.png"));
-            output::file(&path, &screen::png(self.look.size, &pixels)?)?;
+            output::file(&path, &picture::encode_png(&screen)?)?;
         }
         if let Some(movie) = movie {
-            movie.push(&screen::image(self.look.size, &pixels)?)?;
+            movie.push(&screen)?;
         }
         Ok(())
     }

@@ -8,12 +8,12 @@ use super::stage::{Stage, open_tracer};
 use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use splitplane::picture::aov::{self, Aov};
-use splitplane::picture::heat::{HeatMap, Quantity};
-use splitplane::picture::{exr, screen};
+use splitplane::picture::{self, Aov, HeatMap, Quantity};
 use splitplane::render::{FrameStats, Outputs};
 use splitplane::scene::Scene;
 use splitplane::tracer::FrameRequest;
+use std::borrow::Cow;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     heatmap: Option<QuantityName>,
     /// The value at the top of the scale; chosen to suit the picture when left out
     #[arg(long, value_name = "COUNT", requires = "heatmap")]
-    heatmap_top: Option<u32>,
+    heatmap_top: Option<NonZeroU32>,
     /// Print how the frame would be made, and the bytes of every buffer, and make none
     #[arg(long)]
     explain: bool,
@@ -58,8 +58,10 @@ enum AovName {
     Normal,
     /// Index of the triangle
     Triangle,
-    /// Nodes visited and triangles tested
-    Cost,
+    /// Nodes visited
+    Nodes,
+    /// Triangles tested
+    Tests,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -135,7 +137,9 @@ impl Arguments {
             pixels: self.heatmap.is_none() && !exr,
             radiance: exr,
             first_hits: hits.into_iter().any(|name| self.wants(name)),
-            first_costs: self.heatmap.is_some() || self.wants(AovName::Cost),
+            first_costs: self.heatmap.is_some()
+                || self.wants(AovName::Nodes)
+                || self.wants(AovName::Tests),
         }
     }
 
@@ -147,43 +151,44 @@ impl Arguments {
         if let Some(quantity) = self.heatmap {
             let quantity = match quantity {
                 QuantityName::Nodes => Quantity::Nodes,
-                QuantityName::Triangles => Quantity::Triangles,
+                QuantityName::Triangles => Quantity::Tests,
             };
             let map = HeatMap::new(size, &tracer.first_costs()?, quantity, self.heatmap_top)?;
-            output::file(path, &map.png()?)?;
+            output::file(path, &picture::encode_png(&map.image)?)?;
+            let of = &map.statistics;
             written.heat = Some(format!(
                 "cost     {} a ray: mean {:.1}, median {}, 95 % at most {}, greatest {}\n",
                 quantity.name(),
-                map.mean,
-                map.p50,
-                map.p95,
-                map.max
+                of.mean,
+                of.p50,
+                of.p95,
+                of.max
             ));
             return Ok(written);
         }
-        let (hits, costs) = (tracer.first_hits()?, tracer.first_costs()?);
-        if ends_in(path, "exr") {
-            let channels = exr::Channels {
-                depth: self.wants(AovName::Depth).then_some(&*hits),
-                normal: self.wants(AovName::Normal).then_some(&*hits),
-                triangle: self.wants(AovName::Triangle).then_some(&*hits),
-                cost: self.wants(AovName::Cost).then_some(&*costs),
-            };
-            output::file(path, &exr::encode(size, &tracer.radiance()?, &channels)?)?;
-            return Ok(written);
-        }
-        output::file(path, &screen::png(size, &tracer.pixels()?)?)?;
-        for (name, kind) in [
+        let outputs = self.outputs(path);
+        let hits = if outputs.first_hits { tracer.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { tracer.first_costs()? } else { Cow::default() };
+        let aovs: Vec<Aov<'_>> = [
             (AovName::Depth, Aov::Depth(&hits)),
             (AovName::Normal, Aov::Normal(&hits)),
             (AovName::Triangle, Aov::Triangle(&hits)),
-            (AovName::Cost, Aov::Cost(&costs)),
-        ] {
-            if self.wants(name) {
-                let beside = path.with_extension(format!("{}.png", kind.name()));
-                output::file(&beside, &aov::png(size, &kind)?)?;
-                written.files.push(beside);
-            }
+            (AovName::Nodes, Aov::Nodes(&costs)),
+            (AovName::Tests, Aov::Tests(&costs)),
+        ]
+        .into_iter()
+        .filter_map(|(name, aov)| self.wants(name).then_some(aov))
+        .collect();
+        if outputs.radiance {
+            output::file(path, &picture::encode_exr(size, &tracer.radiance()?, &aovs)?)?;
+            return Ok(written);
+        }
+        let screen = picture::screen(size, &tracer.pixels()?)?;
+        output::file(path, &picture::encode_png(&screen)?)?;
+        for aov in aovs {
+            let beside = path.with_extension(format!("{}.png", aov.name()));
+            output::file(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
+            written.files.push(beside);
         }
         Ok(written)
     }
