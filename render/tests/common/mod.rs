@@ -44,7 +44,8 @@ pub struct Both {
 
 /// Builds the tree of a scene on both sides.
 pub fn both(scene: scenes::Scene) -> Both {
-    let backend = WgpuBackend::without_selftest(Gpu::clone(&gpu()));
+    static BACKEND: OnceLock<WgpuBackend> = OnceLock::new();
+    let backend = BACKEND.get_or_init(|| WgpuBackend::without_selftest(Gpu::clone(&gpu())));
     let cpu = CpuBackend::new().build_accelerator(&scene.mesh(), &options()).expect("a tree");
     let device = backend.build_on_device(&scene.mesh(), &options()).expect("a tree").tree;
     Both { scene, cpu, device }
