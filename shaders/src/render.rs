@@ -2,9 +2,9 @@
 
 use alloc::vec::Vec;
 
+use crate::Part;
 use crate::embed::TriangleTest;
 use crate::table::{RENDER, SUBSTITUTES};
-use crate::Part;
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
 /// covers what the scene has.

@@ -84,8 +84,8 @@ impl Buffers {
 
     /// Takes note of the tree to trace.
     pub(super) fn set_tree(&mut self, tree: &DeviceTree) {
-        let held =
-            [tree.nodes(), tree.leaf_references(), tree.triangles(), tree.scene()].map(Clone::clone);
+        let held = [tree.nodes(), tree.leaf_references(), tree.triangles(), tree.scene()]
+            .map(Clone::clone);
         if self.tree.as_ref() != Some(&held) {
             self.tree = Some(held);
             self.groups = Default::default();
@@ -151,7 +151,10 @@ impl Buffers {
         }
         let entries: Vec<BindGroupEntry<'_>> = (0..)
             .zip(bound)
-            .map(|(binding, buffer)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })
+            .map(|(binding, buffer)| BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            })
             .collect();
         let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.name()),

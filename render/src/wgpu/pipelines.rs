@@ -67,9 +67,10 @@ impl Pipelines {
         // The table holds every kernel; a test of the shaders holds it to that.
         let parts = splitplane_shaders::render_parts(kernel.name(), features).unwrap_or_default();
         let names = parts.iter().map(|part| part.name);
-        let held = self.compiled.iter().find(|held| {
-            held.kernel == kernel && held.parts.iter().copied().eq(names.clone())
-        });
+        let held = self
+            .compiled
+            .iter()
+            .find(|held| held.kernel == kernel && held.parts.iter().copied().eq(names.clone()));
         if let Some(held) = held {
             return Ok(held.pipeline.clone());
         }

@@ -125,11 +125,7 @@ impl WgpuRenderer {
     ///
     /// # Errors
     /// As for [`WgpuRenderer::render`].
-    pub fn submit(
-        &mut self,
-        tree: &DeviceTree,
-        input: &FrameInput<'_>,
-    ) -> Result<(), RenderError> {
+    pub fn submit(&mut self, tree: &DeviceTree, input: &FrameInput<'_>) -> Result<(), RenderError> {
         let plan = self.plan(input)?;
         self.buffers.set_target(None);
         self.begin(tree, input, plan)
