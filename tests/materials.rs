@@ -1,5 +1,6 @@
 //! What .mtl files become.
 
+use proptest::prelude::*;
 use splitplane::scene::obj::{read, read_with};
 use splitplane::scene::{Dielectric, Material, MaterialRule, Scene, SceneOptions};
 use std::fs;
@@ -138,4 +139,43 @@ fn the_scenes_of_real_files_have_their_materials() {
     };
     assert_eq!(mirrors(MaterialRule::Illum), 0);
     assert!(mirrors(MaterialRule::Specular) > 50);
+}
+
+/// Lines that look like those of .mtl files, with every kind of mistake.
+fn line() -> impl Strategy<Value = String> {
+    let keyword = prop::sample::select(vec![
+        "newmtl", "Kd", "Ks", "Ke", "Tf", "Ni", "d", "Tr", "illum", "map_Kd", "#", "x", "",
+    ]);
+    let word = prop_oneof![
+        any::<f32>().prop_map(|x| x.to_string()),
+        (-2i64..11).prop_map(|x| x.to_string()),
+        prop::sample::select(vec![
+            "-s", "-o", "-mm", "-clamp", "on", "m", "a.obj", "\\", "\"", "nan"
+        ])
+        .prop_map(str::to_owned),
+    ];
+    (keyword, prop::collection::vec(word, 0..5))
+        .prop_map(|(keyword, words)| format!("{keyword} {}\n", words.join(" ")))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn text_like_mtl_gives_materials_within_range(lines in prop::collection::vec(line(), 0..20)) {
+        for rule in [MaterialRule::Illum, MaterialRule::Specular] {
+            for material in scene(&lines.concat(), rule).materials {
+                let parts = [material.diffuse, material.mirror];
+                prop_assert!(parts.as_flattened().iter().all(|part| (0.0..=1.0).contains(part)));
+                let mut sums = material.diffuse.iter().zip(material.mirror).map(|(a, b)| a + b);
+                prop_assert!(sums.all(|sum| sum <= 1.0));
+                prop_assert!(material.emission.iter().all(|part| *part >= 0.0 && part.is_finite()));
+                if let Some(body) = material.dielectric {
+                    prop_assert!(Dielectric::INDEX_RANGE.contains(&body.refractive_index));
+                    prop_assert!(body.tint.iter().all(|part| (0.0..=1.0).contains(part)));
+                }
+                prop_assert!(material.texture.is_none());
+            }
+        }
+    }
 }

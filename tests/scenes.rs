@@ -322,6 +322,71 @@ fn closed_surfaces_are_closed() {
     }
 }
 
+/// Bodies light goes through have their outside where the corners run counter-clockwise, and so
+/// have gears and knots; water is open below.
+#[test]
+fn bodies_face_outwards() {
+    let mut bodies = 0;
+    for name in ["spheres", "gallery", "carousel"] {
+        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        for (number, material) in scene.materials.iter().enumerate() {
+            let solid = ["bronze", "red lead", "steel"].contains(&material.name.as_str());
+            if material.dielectric.is_none() && !solid {
+                continue;
+            }
+            let triangles = scene.triangles().zip(&scene.material_of);
+            let (mut volume, mut up) = (0.0, 0.0);
+            for (corners, _) in triangles.filter(|(_, of)| **of as usize == number) {
+                let [a, b, c] = corners.map(|p| p.map(f64::from));
+                let minor = |i: usize, j: usize| {
+                    (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i])
+                };
+                let normal = [minor(1, 2), minor(2, 0), minor(0, 1)];
+                volume += (0..3).map(|k| a[k] * normal[k]).sum::<f64>() / 6.0;
+                up += normal[1] / 2.0;
+            }
+            bodies += 1;
+            match material.name.as_str() {
+                "water" => assert!(up > 3.0, "{up}"),
+                // Counted exactly: 0.9 by 1.148 by 0.4.
+                "green glass" => assert!((volume - 0.41328).abs() < 1e-5, "{volume}"),
+                other => assert!(volume > 0.05, "{other} of {name}: {volume}"),
+            }
+        }
+    }
+    assert_eq!(bodies, 9);
+}
+
+#[test]
+fn normals_and_texture_coordinates_of_built_in_scenes_fit() {
+    for (name, textures) in [("spheres", 0), ("gallery", 3), ("carousel", 0), ("stadium", 0)] {
+        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        assert_eq!(scene.textures.len(), textures, "{name}");
+        assert_eq!(scene.normal_indices.is_empty(), name == "stadium");
+        for (i, (corners, named)) in scene.triangles().zip(&scene.normal_indices).enumerate() {
+            let [a, b, c] = corners.map(|p| p.map(f64::from));
+            let minor =
+                |i: usize, j: usize| (b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i]);
+            let face = [minor(1, 2), minor(2, 0), minor(0, 1)];
+            for &normal in named.iter().filter(|normal| **normal != Scene::NONE) {
+                let normal = scene.normals[normal as usize].map(f64::from);
+                let length = normal.iter().map(|x| x * x).sum::<f64>();
+                assert!((length - 1.0).abs() < 1e-5);
+                let along: f64 = normal.iter().zip(face).map(|(n, f)| n * f).sum();
+                assert!(along > 0.0, "{name}, triangle {i}: {normal:?} {face:?}");
+            }
+        }
+        for (i, material) in scene.materials.iter().enumerate() {
+            let of = |t: &usize| scene.material_of[*t] as usize == i;
+            let triangles = (0..scene.indices.len()).filter(of);
+            let placed = |t: usize| !scene.texcoord_indices[t].contains(&Scene::NONE);
+            if material.texture.is_some() {
+                assert!(triangles.map(placed).all(|placed| placed), "{}", material.name);
+            }
+        }
+    }
+}
+
 #[test]
 fn the_stadium_is_ten_thousand_times_its_knot() {
     let scene = Scene::open("builtin:stadium").unwrap();

@@ -295,10 +295,10 @@ fn gear(b: &mut Builder, material: u32, centre: Point, teeth: u32, radius: f64, 
     let front = [ring(b, half, None), ring(b, half, Some(hole))];
     let back = [ring(b, -half, None), ring(b, -half, Some(hole))];
     // Seen from outside, every band runs around its own way.
-    b.band(material, &front[1], &front[0]);
-    b.band(material, &back[0], &back[1]);
-    b.band(material, &front[0], &back[0]);
-    b.band(material, &back[1], &front[1]);
+    b.band(material, &front[0], &front[1]);
+    b.band(material, &back[1], &back[0]);
+    b.band(material, &back[0], &front[0]);
+    b.band(material, &front[1], &back[1]);
 }
 
 fn balls(b: &mut Builder, parts: &mut Vec<(Range<usize>, Move)>, rings: u32) {

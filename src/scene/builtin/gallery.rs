@@ -151,7 +151,7 @@ fn vase(b: &mut Builder, material: u32, base: Point) {
     ];
     // Catmull and Rom's curve through the points, so that the wall is smooth.
     let at = |i: isize| shape[i.clamp(0, shape.len() as isize - 1) as usize];
-    let mut profile = vec![[0.17, 1.03]];
+    let mut profile = Vec::new();
     for i in 0..shape.len() as isize - 1 {
         for step in 0..4 {
             let t = f64::from(step) / 4.0;
@@ -166,10 +166,13 @@ fn vase(b: &mut Builder, material: u32, base: Point) {
     let start = b.mark();
     b.turned(material, base, &profile, 48);
     b.smooth(start);
-    // The neck's inside, closed below.
-    let start = b.mark();
-    b.turned(material, base, &[[0.0, 0.75], [0.09, 0.80], [0.10, 0.88], [0.17, 1.03]], 48);
-    b.smooth(start);
+    // The neck's inside, closed below, and the lip, sharp on both sides.
+    let inside = [[0.0, 0.75], [0.09, 0.80], [0.10, 0.88], [0.17, 1.03]];
+    for part in [&inside[..], &[[0.17, 1.03], [0.20, 1.05]]] {
+        let start = b.mark();
+        b.turned(material, base, part, 48);
+        b.smooth(start);
+    }
 }
 
 /// Ten balls in three layers.

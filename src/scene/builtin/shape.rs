@@ -41,7 +41,7 @@ impl Builder {
             })
             .collect();
         for i in 0..rows.len() {
-            self.band(material, &rows[(i + 1) % rows.len()], &rows[i]);
+            self.band(material, &rows[i], &rows[(i + 1) % rows.len()]);
         }
     }
 
