@@ -8,6 +8,8 @@ use common::{Both, both};
 use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_render::cpu::{Buffers, CpuExecutor};
 use splitplane_render::wgpu::WgpuRenderer;
+use splitplane_core::ray::Culling;
+use splitplane_render::kernel::Kernel;
 use splitplane_render::{Plan, Room, schedule};
 
 /// Runs both executors in step; the number of dispatches that were compared.
@@ -52,4 +54,83 @@ fn every_kind_of_surface_and_light() {
     ] {
         check(&mut renderer, scene, Room::GPU);
     }
+}
+
+/// Trees and distances at both ends of what floats can do.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn scenes_of_any_size() {
+    let mut renderer = WgpuRenderer::new(common::gpu()).expect("a renderer");
+    for (name, factor) in [("tiny", 1e-20), ("huge", 1e15)] {
+        check(&mut renderer, scenes::all().scaled(name, factor), Room::GPU);
+    }
+}
+
+/// Many samples; slices that end in the middle of rows and chunks; queues of several chunks.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn slices_and_samples() {
+    let mut renderer = WgpuRenderer::new(common::gpu()).expect("a renderer");
+    check(&mut renderer, scenes::all().with_samples("many samples", 9), Room::GPU);
+    let room = Room { paths: 700, ..Room::GPU };
+    check(&mut renderer, scenes::mirrors().with_samples("slices", 3), room);
+    let mut accuracy = scenes::diffuse();
+    accuracy.name = "culled";
+    accuracy.query.culling = Culling::Back;
+    accuracy.query.ignore = Some(3);
+    check(&mut renderer, accuracy, room);
+}
+
+/// Glass that needs more room than there is: both executors stop in the same state.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn overflow() {
+    let mut renderer = WgpuRenderer::new(common::gpu()).expect("a renderer");
+    let scene = scenes::overflowing();
+    let room = Room { paths: 64, ..Room::GPU };
+    check(&mut renderer, scene, room);
+}
+
+/// A fault in any kernel is seen, at the first dispatch of that kernel.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_named() {
+    use Kernel as K;
+    let plants = [
+        (K::BeginSlice, "counters[COUNTER_WAVE] = 0u", "counters[COUNTER_WAVE] = 1u"),
+        (K::CameraRays, "0x91e10da5u", "0x91e10da4u"),
+        (K::FirstCosts, "counted.y += 1u", "counted.y += 2u"),
+        (K::ClosestHits, "triangle < best.triangle", "triangle > best.triangle"),
+        (K::FirstHits, "dot3(normal, direction) > 0.0", "dot3(normal, direction) < 0.0"),
+        (K::Shade, "OFFSET_UNITS: f32 = 64.0", "OFFSET_UNITS: f32 = 32.0"),
+        (K::ScanSpawned, "spawned[chunk] = Spawned(before.x", "spawned[chunk] = Spawned(total.x"),
+        (K::ShadowRays, "ONE_OVER_PI: f32 = 0.31830988", "ONE_OVER_PI: f32 = 0.31830978"),
+        (K::ShadowHits, "trace_ray(ray, options, true)", "trace_ray(ray, default_options(), true)"),
+        (K::ShadowHitsThroughGlass, "bitcast<u32>(t) + 1u", "bitcast<u32>(t) + 0u"),
+        (K::Accumulate, "scaled3(light.xyz, frame.sample_weight)", "light.xyz"),
+        (K::NextPaths, "product(2.0, cosine)", "product(1.9999999, cosine)"),
+        (K::BeginWave, "COUNTER_WAVE] += 1u", "COUNTER_WAVE] += 2u"),
+        (K::Resolve, "product(x, 0.25)", "product(x, 0.2500001)"),
+    ];
+    let glass = both(scenes::all().with_samples("faults", 2));
+    // Without glass shadow rays end at what they meet; and of two equal triangles the first is hit.
+    let opaque = both(scenes::doubled());
+    let room = Room { paths: 600, ..Room::GPU };
+    let mut missed = Vec::new();
+    for (kernel, text, fault) in plants {
+        let shader = splitplane_shaders::find(kernel.name()).expect("a kernel");
+        let source = shader.source();
+        let planted = source.replace(text, fault);
+        assert!(planted != source, "{kernel:?}: the text to change is gone");
+        let mut renderer =
+            WgpuRenderer::with_replaced_kernel(common::gpu(), kernel, planted).expect("a renderer");
+        let needs_opaque = matches!(kernel, K::ShadowHits | K::ClosestHits);
+        let scene = if needs_opaque { &opaque } else { &glass };
+        match in_step(&mut renderer, scene, room) {
+            Ok(_) => missed.push(format!("{kernel:?}: the fault was not seen")),
+            Err(difference) if difference.kernel == format!("{kernel:?}") => {}
+            Err(difference) => missed.push(format!("{kernel:?}: {difference}")),
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
 }

@@ -314,6 +314,7 @@ impl WgpuRenderer {
         let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
         let out = gpu.guard(|| {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+            buffers.fill(&gpu, plan);
             let looking = Looking::Always;
             run(WgpuExecutor::new(&gpu, pipelines, buffers, *plan, features, looking))
         })?;

@@ -290,3 +290,31 @@ pub fn degenerate() -> Scene {
     scene.sun();
     scene
 }
+
+/// Every triangle twice, and one that rays ignore.
+pub fn doubled() -> Scene {
+    let mut scene = base("doubled", Material::new("ball", [0.4; 3]));
+    scene.triangles.extend_from_within(..);
+    scene.material_of.extend_from_within(..);
+    // A lid under the light, which casts a shadow where it is not ignored.
+    scene.query.ignore = Some(scene.triangles.len() as u32);
+    scene.triangle([[-3.0, 1.9, 3.0], [3.0, 1.9, 3.0], [0.0, 1.9, -6.0]], BALL);
+    scene.point_light([0.5, 2.5, 1.0]);
+    scene
+}
+
+/// A block of glass plates: a path becomes far more than two.
+pub fn overflowing() -> Scene {
+    let mut scene = Scene::new("glass plates");
+    scene.materials =
+        vec![Material::new("glass", [0.0; 3]).with_dielectric(1.8, [1.0; 3]), Material::clay()];
+    for plate in 0..4 {
+        let z = -0.5 * plate as f32;
+        scene.quad([-6.0, -6.0, z], [6.0, -6.0, z], [6.0, 6.0, z], 0);
+    }
+    scene.quad([-6.0, -6.0, -3.0], [6.0, -6.0, -3.0], [6.0, 6.0, -3.0], 1);
+    scene.point_light([1.0, 2.0, 3.0]);
+    scene.settings.minimum_weight = 0.0;
+    scene.size = [12, 8];
+    scene
+}
