@@ -57,6 +57,15 @@ impl Scene {
 
     /// The looks, with a normal and a texture coordinate for every corner where there are any.
     pub fn data(&self) -> SceneData {
+        self.with_looks(|looks| SceneData::new(&self.mesh(), looks).expect("not too many words"))
+    }
+
+    /// Gives looks that were described before the normals that the scene has now.
+    pub fn update_normals(&self, data: &mut SceneData) {
+        self.with_looks(|looks| data.update_normals(&self.mesh(), looks));
+    }
+
+    fn with_looks<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
         let corners = |any: bool| -> Vec<[u32; 3]> {
             let count = if any { self.triangles.len() as u32 } else { 0 };
             (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
@@ -73,7 +82,7 @@ impl Scene {
             texcoords: &self.texcoords,
             texcoord_indices: &texcoord_indices,
         };
-        SceneData::new(&self.mesh(), &looks).expect("not too many words")
+        run(&looks)
     }
 
     /// The frame of looks that were described before.
