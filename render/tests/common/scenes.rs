@@ -324,6 +324,7 @@ pub fn overflowing() -> Scene {
     scene.quad([-6.0, -6.0, -3.0], [6.0, -6.0, -3.0], [6.0, 6.0, -3.0], 1);
     scene.point_light([1.0, 2.0, 3.0]);
     scene.settings.minimum_weight = 0.0;
-    scene.size = [12, 8];
+    scene.settings.depth = 3;
+    scene.size = [12, 4];
     scene
 }
