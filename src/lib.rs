@@ -39,8 +39,9 @@
 //!
 //! # Features
 //!
-//! `cpu` (default) is the rayon backend, `wgpu` (default) the GPU backend. `scene`, `obj`, `render`
-//! and `verify` are what the program is made of: scenes and cameras, Wavefront files, pictures, and
+//! `cpu` (default) is the rayon backend, `wgpu` (default) the GPU backend. `scene`, `obj`,
+//! `textures`, `animation`, `render` and `verify` are what the program is made of: scenes and
+//! cameras, Wavefront files, the pictures on their surfaces, scenes that move, pictures of them, and
 //! checks against a reference. `cli` (default) is the program and needs all of them; an embedder
 //! writes `default-features = false` and `features = ["cpu"]`, `["wgpu"]` or both, and compiles none
 //! of it.
@@ -53,11 +54,13 @@ pub mod parity;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]
-pub mod render;
+pub use splitplane_render as render;
 #[cfg(feature = "scene")]
 pub mod scene;
 #[cfg(feature = "scene")]
 mod surface;
+#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
+pub mod tracer;
 #[cfg(feature = "verify")]
 pub mod verify;
 

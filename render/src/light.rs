@@ -23,6 +23,22 @@ pub enum Light {
     },
 }
 
+impl Light {
+    /// The irradiance that lights chosen for a scene give together to what is looked at, warm white:
+    /// a white surface that faces them shows a radiance of about 1.1.
+    pub const DAYLIGHT: [f32; 3] = [3.7, 3.45, 3.05];
+
+    /// A point light at `position` that gives a surface at `look_at` which faces it the given
+    /// irradiance. Where the two are the same, or too near or far for `f32`, the distance is the
+    /// nearest that a light can have.
+    pub fn point_for(position: [f32; 3], look_at: [f32; 3], irradiance: [f32; 3]) -> Light {
+        let offset = |axis: usize| f64::from(position[axis]) - f64::from(look_at[axis]);
+        let squared: f64 = (0..3).map(|axis| offset(axis) * offset(axis)).sum();
+        let distance = squared.sqrt().clamp(f64::from(f32::MIN_POSITIVE), f64::from(f32::MAX));
+        Light::Point { position, irradiance, distance: distance as f32 }
+    }
+}
+
 /// Light from everywhere: radiance by direction, linear red, green and blue. Between the horizon and
 /// the two poles it runs linearly with the height (the `y` of the direction).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,5 +71,22 @@ impl Environment {
 impl Default for Environment {
     fn default() -> Environment {
         Environment::SKY
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_point_light_is_given_by_what_it_does() {
+        let light = Light::point_for([1.0, 2.0, 5.0], [1.0, 2.0, 2.0], [1.0, 2.0, 0.5]);
+        let want =
+            Light::Point { position: [1.0, 2.0, 5.0], irradiance: [1.0, 2.0, 0.5], distance: 3.0 };
+        assert_eq!(light, want);
+        for (at, least) in [([0.0; 3], f32::MIN_POSITIVE), ([3e38; 3], 3e38)] {
+            let light = Light::point_for(at, [0.0; 3], [1.0; 3]);
+            assert!(matches!(light, Light::Point { distance, .. } if distance >= least));
+        }
     }
 }

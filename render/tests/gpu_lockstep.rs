@@ -1,10 +1,10 @@
 //! CPU and GPU executors side by side over whole frames: equal live buffers after every dispatch, with
 //! WebGPU's default limits requested.
 
-mod common;
+mod device;
 
-use common::scenes::{self, Scene};
-use common::{Both, both};
+use device::scenes::{self, Scene};
+use device::{Both, both};
 use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::ray::Culling;
 use splitplane_render::cpu::{Buffers, CpuExecutor};
@@ -53,7 +53,7 @@ fn check(renderer: &mut WgpuRenderer, scene: Scene, room: Room) -> InStep {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn every_kind_of_surface_and_light() {
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     for scene in [
         scenes::diffuse(),
         scenes::mirrors(),
@@ -73,7 +73,7 @@ fn every_kind_of_surface_and_light() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn scenes_of_any_size() {
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     for (name, factor) in [("tiny", 1e-20), ("huge", 1e15)] {
         check(&mut renderer, scenes::all().scaled(name, factor), Room::GPU);
     }
@@ -83,7 +83,7 @@ fn scenes_of_any_size() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn slices_and_samples() {
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     check(&mut renderer, scenes::all().with_samples("many samples", 9), Room::GPU);
     let room = Room { paths: 700, ..Room::GPU };
     check(&mut renderer, scenes::mirrors().with_samples("slices", 3), room);
@@ -98,7 +98,7 @@ fn slices_and_samples() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn overflow() {
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     let room = Room { paths: 64, ..Room::GPU };
     assert!(check(&mut renderer, scenes::overflowing(), room).void);
 }
@@ -128,7 +128,7 @@ fn planted_faults_are_named() {
     // Without glass shadow rays end at what they meet; and of two equal triangles the first is hit.
     let opaque = both(scenes::doubled());
     let room = Room { paths: 600, ..Room::GPU };
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     let mut missed = Vec::new();
     for (kernel, text, fault) in plants {
         let shader = splitplane_shaders::find(kernel.name()).expect("a kernel");

@@ -1,10 +1,10 @@
 //! Pictures of the GPU are those of the CPU, bit for bit, by the way that callers take: one submission,
 //! read back on request.
 
-mod common;
+mod device;
 
-use common::scenes::{self, Scene};
-use common::{Both, both, gpu};
+use device::scenes::{self, Scene};
+use device::{Both, both, gpu};
 use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::wgpu::WgpuRenderer;
@@ -36,7 +36,7 @@ fn sized(mut scene: Scene, size: [u32; 2]) -> Scene {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn pictures_have_the_bits_of_the_cpus() {
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     same(&mut renderer, &both(sized(scenes::diffuse(), [96, 64])));
     for scene in [scenes::all(), scenes::empty()] {
         same(&mut renderer, &both(sized(scene, [48, 32])));
@@ -54,7 +54,7 @@ fn the_fast_test_gives_nearly_the_same_picture() {
     let both = both(scene);
     let data = both.scene.data();
     let input = both.scene.input(&data);
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     renderer.render(&both.device, &input).expect("a frame");
     let mut cpu = CpuRenderer::new();
     cpu.render(&both.cpu, &input).expect("a frame");
@@ -86,7 +86,7 @@ fn pictures_go_to_buffers_of_the_caller() {
     let both = both(scenes::diffuse());
     let data = both.scene.data();
     let input = both.scene.input(&data);
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     renderer.render(&both.device, &input).expect("a frame");
     let expected = renderer.pixels().expect("pixels");
     let bytes = 4 * u64::from(input.size.pixels());
@@ -166,7 +166,7 @@ fn looks_of_another_mesh_are_refused() {
     let small = both(scenes::empty());
     let large = both(scenes::diffuse());
     let data = large.scene.data();
-    let mut renderer = common::renderer();
+    let mut renderer = device::renderer();
     let error = renderer.render(&small.device, &large.scene.input(&data)).expect_err("another");
     assert!(matches!(error, RenderError::WrongMesh { .. }), "{error}");
 }

@@ -1,15 +1,21 @@
-//! Scenes: triangles with materials, a camera and a light, from files or made here.
+//! Scenes: triangles with materials, a camera and lights, from files or made here.
 
+#[cfg(feature = "animation")]
+pub mod animation;
 pub mod builtin;
 mod camera;
-mod material;
+mod normals;
 #[cfg(feature = "obj")]
 pub mod obj;
+mod options;
 mod placement;
 
+#[cfg(feature = "animation")]
+pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
-pub use material::Material;
+pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
+pub use splitplane_render::{Dielectric, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
@@ -25,14 +31,27 @@ pub struct Scene {
     pub positions: Vec<[f32; 3]>,
     /// Corners of every triangle, as indices of `positions`, in the order of the file.
     pub indices: Vec<[u32; 3]>,
+    /// Unit normals; those of a scene from a file are in the order of the file, and one that the
+    /// file gives without a direction is as it stands there, and used by no corner.
+    pub normals: Vec<[f32; 3]>,
+    /// The normals at the corners of every triangle, as indices of `normals`, [`Scene::NONE`] for a
+    /// corner without one. Empty when no corner has one, else in step with `indices`.
+    pub normal_indices: Vec<[u32; 3]>,
+    /// Texture coordinates, (0, 0) being the lower left corner of a texture.
+    pub texcoords: Vec<[f32; 2]>,
+    /// The texture coordinates at the corners of every triangle, as indices of `texcoords`, by the
+    /// rules of `normal_indices`.
+    pub texcoord_indices: Vec<[u32; 3]>,
     /// For every triangle, the index of its material.
     pub material_of: Vec<u32>,
     /// The materials; never empty when there are triangles.
     pub materials: Vec<Material>,
+    /// The pictures that materials name by index.
+    pub textures: Vec<Texture>,
     /// The view the scene was made for; files have none, see [`Placement::of`].
     pub camera: Option<Camera>,
-    /// The point light that casts shadows; files have none, see [`Placement::of`].
-    pub light: Option<[f32; 3]>,
+    /// Its lights, besides surfaces that shine; files have none, see [`Placement::of`].
+    pub lights: Vec<Light>,
     /// What was left out or looked odd while reading.
     pub notes: Notes,
 }
@@ -46,6 +65,10 @@ pub struct Notes {
     pub skipped_freeform: u64,
     /// Vertices with a coordinate that is NaN or infinite; triangles that use one cannot be hit.
     pub non_finite_vertices: u64,
+    /// Normals that are zero or not finite; corners that name one have no normal.
+    pub unusable_normals: u64,
+    /// Texture coordinates that are not finite; corners that name one have none.
+    pub unusable_texcoords: u64,
     /// Whatever else a reader should know, a sentence each.
     pub warnings: Vec<String>,
 }
@@ -57,6 +80,11 @@ impl Notes {
             (self.skipped_elements, "points, lines or faces of fewer than three corners skipped"),
             (self.skipped_freeform, "lines of free-form curves or surfaces skipped"),
             (self.non_finite_vertices, "vertices are not finite; their triangles cannot be hit"),
+            (self.unusable_normals, "normals are zero or not finite; their corners have none"),
+            (
+                self.unusable_texcoords,
+                "texture coordinates are not finite; their corners have none",
+            ),
         ];
         let counts = counted.iter().filter(|(count, _)| *count > 0);
         counts.map(|(count, what)| format!("{count} {what}")).chain(self.warnings.clone()).collect()
@@ -83,18 +111,31 @@ pub enum SceneError {
 }
 
 impl Scene {
+    /// What stands for a normal or a texture coordinate at a corner that has none.
+    pub const NONE: u32 = u32::MAX;
+
     /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`.
     ///
     /// # Errors
     /// There is no such scene, or its file is broken.
     pub fn open(spec: &str) -> Result<Scene, SceneError> {
+        Scene::open_with(spec, &SceneOptions::default())
+    }
+
+    /// As [`Scene::open`], with a say in how files are read; built-in scenes are as they are.
+    ///
+    /// # Errors
+    /// There is no such scene, or its file is broken.
+    pub fn open_with(spec: &str, options: &SceneOptions) -> Result<Scene, SceneError> {
+        #[cfg(not(feature = "obj"))]
+        let _ = options;
         if let Some(name) = spec.strip_prefix("builtin:") {
             return Ok(builtin::open(name)?);
         }
         let path = Path::new(spec);
         #[cfg(feature = "obj")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
-            return Ok(obj::read(path)?);
+            return Ok(obj::read_with(path, options)?);
         }
         Err(SceneError::UnknownFormat(path.display().to_string()))
     }
@@ -105,6 +146,20 @@ impl Scene {
     /// The arrays were changed to something that is not a mesh, or hold too many triangles.
     pub fn mesh(&self) -> Result<Mesh<'_>, MeshError> {
         Mesh::indexed(&self.positions, &self.indices)
+    }
+
+    /// What the scene looks like, borrowed.
+    pub fn appearance(&self) -> splitplane_render::Appearance<'_> {
+        splitplane_render::Appearance {
+            materials: &self.materials,
+            material_of: &self.material_of,
+            lights: &self.lights,
+            textures: &self.textures,
+            normals: &self.normals,
+            normal_indices: &self.normal_indices,
+            texcoords: &self.texcoords,
+            texcoord_indices: &self.texcoord_indices,
+        }
     }
 
     /// The least box that holds every triangle with finite corners; empty when there is none.
@@ -125,6 +180,22 @@ impl Scene {
             let [a, b, c] = corners.map(position);
             Some([a?, b?, c?])
         })
+    }
+
+    /// The corners of a triangle; `None` when there is no such triangle, or it names a vertex that
+    /// does not exist.
+    pub fn corners(&self, triangle: u32) -> Option<[[f32; 3]; 3]> {
+        let position = |vertex: u32| self.positions.get(vertex as usize).copied();
+        let [a, b, c] = self.indices.get(triangle as usize)?.map(position);
+        Some([a?, b?, c?])
+    }
+
+    /// Whether the scene brings light: lights of its own, or triangles that shine.
+    pub fn is_lit(&self) -> bool {
+        let shines = |material: &u32| {
+            self.materials.get(*material as usize).is_some_and(|material| material.shines())
+        };
+        !self.lights.is_empty() || self.material_of.iter().any(shines)
     }
 
     /// The material of a triangle; clay where there is none.

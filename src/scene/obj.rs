@@ -1,48 +1,52 @@
-//! Wavefront OBJ: `v`, `f`, `usemtl`, `mtllib`; groups, normals and texture coordinates are read
-//! over.
+//! Wavefront OBJ: `v`, `vn`, `vt`, `f`, `usemtl`, `mtllib`; groups are read over.
 //!
 //! The reader is our own, because what a user gets back are indices: vertices keep the order of the
 //! file, unused ones included, and triangle `i` is the `i`-th one of the file, a face of more
-//! corners being the fan around its first. The `tobj` crate, which reads the `.mtl` files, renumbers
-//! vertices by first use, and may panic on a negative index before the first vertex.
+//! corners being the fan around its first. Positions, normals and texture coordinates keep indices
+//! of their own, as the file has them: nothing is merged, split or renumbered.
+//!
+//! What a surface looks like comes from .mtl files, by the rule at [`MaterialRule`].
 
+mod corner;
 mod error;
+mod library;
 mod lines;
-mod materials;
+mod mtl;
 mod reader;
+mod rule;
+#[cfg(feature = "textures")]
+mod textures;
 
-pub use error::{ObjError, ObjProblem};
+pub use error::{Element, ObjError, ObjProblem};
 
-use super::Scene;
-use std::fs;
+#[cfg(doc)]
+use super::MaterialRule;
+use super::{Scene, SceneOptions};
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::Path;
 
 /// Reads an OBJ file and the .mtl files it names. A missing or broken .mtl file is a warning in
-/// [`Scene::notes`], and its surfaces are clay.
+/// [`Scene::notes`], and its surfaces are clay; so is a texture that cannot be read, and its surface
+/// keeps its colour.
 ///
 /// # Errors
 /// The file cannot be read, or is not OBJ; the error names the file, and the line where there is
 /// one.
 pub fn read(path: &Path) -> Result<Scene, ObjError> {
-    let fail = |problem| ObjError { file: path.to_owned(), line: None, problem };
-    let about = fs::metadata(path).map_err(|error| fail(ObjProblem::unreadable(&error)))?;
-    if about.is_dir() {
-        return Err(fail(ObjProblem::Folder));
-    }
-    if !about.is_file() {
-        // A pipe or a device may never end.
-        return Err(fail(ObjProblem::NotAFile));
-    }
-    let bytes = fs::read(path).map_err(|error| fail(ObjProblem::unreadable(&error)))?;
-    let text = String::from_utf8(bytes).map_err(|error| {
-        let before = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64;
-        ObjError { file: path.to_owned(), line: Some(line), problem: ObjProblem::NotUtf8 }
-    })?;
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
-    let located = |(line, problem)| ObjError { file: path.to_owned(), line, problem };
-    let (mut scene, libraries) = reader::read(&text, &name).map_err(located)?;
-    materials::paint(&mut scene, &libraries, path.parent().unwrap_or(Path::new("")));
+    read_with(path, &SceneOptions::default())
+}
+
+/// As [`read`], with a say in what materials and textures become.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError> {
+    let mut bytes = Vec::new();
+    let (mut scene, libraries) = geometry(path, &mut bytes, Scene::default())?;
+    // Textures may be large; the text is not needed any more.
+    drop(bytes);
+    paint(&mut scene, &libraries, path, options);
     Ok(scene)
 }
 
@@ -52,5 +56,44 @@ pub fn read(path: &Path) -> Result<Scene, ObjError> {
 /// The text is not OBJ; `name` stands for the file in the error.
 pub fn parse(text: &str, name: &str) -> Result<Scene, ObjError> {
     let located = |(line, problem)| ObjError { file: name.into(), line, problem };
-    Ok(reader::read(text, name).map_err(located)?.0)
+    Ok(reader::read(text, name, Scene::default()).map_err(located)?.0)
+}
+
+/// Gives the materials of a scene read from `path` what their libraries say.
+pub(super) fn paint(scene: &mut Scene, libraries: &[String], path: &Path, options: &SceneOptions) {
+    library::paint(scene, libraries, path.parent().unwrap_or(Path::new("")), options);
+}
+
+/// What an OBJ file says by itself: the scene, its materials not yet coloured, and what follows
+/// every `mtllib`. `bytes` and `memory` are used again.
+pub(super) fn geometry(
+    path: &Path,
+    bytes: &mut Vec<u8>,
+    memory: Scene,
+) -> Result<(Scene, Vec<String>), ObjError> {
+    let fail = |problem| ObjError { file: path.to_owned(), line: None, problem };
+    let about = fs::metadata(path).map_err(|error| fail(ObjProblem::unreadable(&error)))?;
+    if about.is_dir() {
+        return Err(fail(ObjProblem::Folder));
+    }
+    if !about.is_file() {
+        // A pipe or a device may never end.
+        return Err(fail(ObjProblem::NotAFile));
+    }
+    bytes.clear();
+    let length = usize::try_from(about.len()).unwrap_or(usize::MAX);
+    bytes
+        .try_reserve_exact(length)
+        .map_err(|error| fail(ObjProblem::Unreadable(error.to_string())))?;
+    File::open(path)
+        .and_then(|mut file| file.read_to_end(bytes))
+        .map_err(|error| fail(ObjProblem::unreadable(&error)))?;
+    let text = std::str::from_utf8(bytes).map_err(|error| {
+        let before = &bytes[..error.valid_up_to()];
+        let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64;
+        ObjError { file: path.to_owned(), line: Some(line), problem: ObjProblem::NotUtf8 }
+    })?;
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy();
+    let located = |(line, problem)| ObjError { file: path.to_owned(), line, problem };
+    reader::read(text, &name, memory).map_err(located)
 }

@@ -1,22 +1,22 @@
-//! Where to stand and where to put the light when a scene does not say.
+//! Where to stand and where to put lights when a scene does not say.
 
 mod inside;
 mod outside;
 
-use super::{Camera, Scene};
+use super::{Camera, Light, Scene};
 use crate::random::unit;
 use crate::surface::Surface;
 use glam::DVec3;
 use splitplane_core::backend::{Accelerator, QueryError};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 
-/// A camera and a light for a scene.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A camera and lights for a scene.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Placement {
     /// From where to look.
     pub camera: Camera,
-    /// The point light that casts shadows.
-    pub light: [f32; 3],
+    /// The lights without a size. Empty for a scene that only its surfaces light.
+    pub lights: Vec<Light>,
     /// Why the camera is where it is.
     pub view: View,
 }
@@ -48,15 +48,13 @@ impl Placement {
     /// 0.3 to 0.4 go (half the rays start into the object), an open arena 0.08, rooms 0.02 and less.
     pub const INTERIOR_ESCAPES: f64 = 0.045;
 
-    /// A camera and a light for the scene.
-    ///
-    /// A scene that brings both keeps them. Else rays that leave sampled triangles in random
-    /// directions decide: where less than [`Placement::INTERIOR_ESCAPES`] of them get away, the
-    /// scene is an interior. Outside, the camera stands to the front right above, at the distance
-    /// from which everything just fits, ground planes left out. Inside, the best of some hundred
-    /// places and directions is taken: far sight, much detail, nothing right before the lens. The
-    /// light is above and to the left of the eye, inside at a place that reaches what the eye sees.
-    /// `aspect` is the picture's width over its height.
+    /// Most lights that are placed.
+    pub const MAX_LIGHTS: usize = 8;
+
+    /// Part of the irradiance that comes from the first of several lights.
+    pub const FIRST_LIGHT: f32 = 0.6;
+
+    /// A camera and one light for the scene; see [`Placement::of_with`].
     ///
     /// # Errors
     /// The accelerator refuses the rays.
@@ -65,15 +63,74 @@ impl Placement {
         accelerator: &dyn Accelerator,
         aspect: f64,
     ) -> Result<Placement, QueryError> {
-        if let (Some(camera), Some(light)) = (scene.camera, scene.light) {
-            return Ok(Placement { camera, light, view: View::Given });
-        }
-        let interior = is_interior(scene, accelerator)?;
-        if interior && let Some(placement) = inside::place(scene, accelerator)? {
-            return Ok(placement);
-        }
-        Ok(outside::place(scene, aspect))
+        Placement::of_with(scene, accelerator, aspect, 1)
     }
+
+    /// A camera and lights for the scene.
+    ///
+    /// A camera that the scene brings stays, and so do its lights: when it brings any, or has
+    /// surfaces that shine, none is added.
+    ///
+    /// Else rays that leave sampled triangles in random directions decide: where less than
+    /// [`Placement::INTERIOR_ESCAPES`] of them get away, the scene is an interior. Outside, the
+    /// camera stands to the front right above, at the distance from which everything just fits,
+    /// ground planes left out. Inside, the best of some hundred places and directions is taken: far
+    /// sight, much detail, nothing right before the lens. `aspect` is the picture's width over its
+    /// height.
+    ///
+    /// `lights`, from 1 to [`Placement::MAX_LIGHTS`], is how many point lights are placed. The first
+    /// is above and to the left of the eye, inside at a place that reaches what the eye sees.
+    /// Further ones stand outside at equal angles around the point looked at, inside where they
+    /// reach most of what is seen and not yet lit; there may be fewer then. Together they give
+    /// [`Light::DAYLIGHT`] to a surface that faces them: outside at the point looked at, inside at
+    /// the median of the seen points that a light reaches; [`Placement::FIRST_LIGHT`] of it comes
+    /// from the first, the rest in equal parts from the others.
+    ///
+    /// # Errors
+    /// The accelerator refuses the rays.
+    pub fn of_with(
+        scene: &Scene,
+        accelerator: &dyn Accelerator,
+        aspect: f64,
+        lights: usize,
+    ) -> Result<Placement, QueryError> {
+        let is_lit = scene.is_lit();
+        if let (Some(camera), true) = (scene.camera, is_lit) {
+            return Ok(Placement { camera, lights: scene.lights.clone(), view: View::Given });
+        }
+        let lights = lights.clamp(1, Placement::MAX_LIGHTS);
+        let interior = is_interior(scene, accelerator)?;
+        let inner = match scene.camera {
+            Some(camera) if interior => Some(camera),
+            None if interior => inside::camera(scene, accelerator)?,
+            _ => None,
+        };
+        let (camera, view, placed) = match inner {
+            Some(camera) if is_lit => (camera, View::Inside, Vec::new()),
+            Some(camera) => {
+                (camera, View::Inside, inside::lights(scene, accelerator, &camera, lights)?)
+            }
+            None => {
+                let outer = outside::camera(scene, aspect);
+                (outer, View::Outside, outside::lights(&outer, lights))
+            }
+        };
+        Ok(Placement {
+            camera: scene.camera.unwrap_or(camera),
+            lights: if is_lit { scene.lights.clone() } else { placed },
+            view: if scene.camera.is_some() { View::Given } else { view },
+        })
+    }
+}
+
+/// What one of several lights gives.
+fn share(number: usize, count: usize) -> [f32; 3] {
+    let part = match (number, count) {
+        (_, 1) => 1.0,
+        (0, _) => Placement::FIRST_LIGHT,
+        _ => (1.0 - Placement::FIRST_LIGHT) / (count - 1) as f32,
+    };
+    Light::DAYLIGHT.map(|whole| part * whole)
 }
 
 const SEED: u64 = 11;

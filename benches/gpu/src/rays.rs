@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use splitplane::scene::{Placement, Scene};
+use splitplane::scene::{Light, Placement, Scene};
 use splitplane::{Accelerator, Hit, QueryOptions, Ray};
 
 use crate::Failure;
@@ -50,7 +50,7 @@ pub fn made(
     let [lo, hi] = [bounds.lo, bounds.hi].map(wide);
     let diagonal = length(sub(hi, lo));
     let centre = add(lo, hi).map(|x| 0.5 * x);
-    let light = wide(placement.light);
+    let light = wide(light_of(placement));
     let (mut shadow, mut bounce) = (Vec::new(), Vec::new());
     for (pixel, (ray, hit)) in primary.iter().zip(&hits).enumerate() {
         let Some((start, normal)) = surface(scene, ray, hit, 1e-4 * diagonal) else { continue };
@@ -80,6 +80,15 @@ pub fn made(
 }
 
 /// Where a ray meets a surface, moved off it towards the ray, and the normal on that side.
+/// Where shadow rays end: at the first point light, else at the eye.
+fn light_of(placement: &Placement) -> [f32; 3] {
+    let point = placement.lights.iter().find_map(|light| match *light {
+        Light::Point { position, .. } => Some(position),
+        Light::Directional { .. } => None,
+    });
+    point.unwrap_or(placement.camera.eye())
+}
+
 fn surface(scene: &Scene, ray: &Ray, hit: &Hit, offset: f64) -> Option<([f64; 3], [f64; 3])> {
     let corners = scene.indices.get(hit.triangle as usize)?;
     let [a, b, c] = corners.map(|corner| wide(scene.positions[corner as usize]));

@@ -12,15 +12,27 @@ use splitplane_core::backend::Accelerator;
 
 /// Makes frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept between
 /// frames and grows only when a frame needs more than all before.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct CpuRenderer {
     buffers: Buffers,
+    room: Room,
+}
+
+impl Default for CpuRenderer {
+    fn default() -> CpuRenderer {
+        CpuRenderer::with_room(Room::CPU)
+    }
 }
 
 impl CpuRenderer {
     /// A renderer that holds nothing yet.
     pub fn new() -> CpuRenderer {
         CpuRenderer::default()
+    }
+
+    /// A renderer whose queues have other room. Pictures do not depend on it.
+    pub fn with_room(room: Room) -> CpuRenderer {
+        CpuRenderer { buffers: Buffers::default(), room }
     }
 
     /// Makes a frame. `accelerator` must be built over the mesh of `input`.
@@ -33,7 +45,7 @@ impl CpuRenderer {
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
         let FrameInput { scene, size, settings, outputs, .. } = *input;
-        let mut plan = Plan::new(scene, size, settings, outputs, Room::CPU)?;
+        let mut plan = Plan::new(scene, size, settings, outputs, self.room)?;
         loop {
             let mut executor = CpuExecutor::new(*input, accelerator, plan, &mut self.buffers)?;
             schedule::frame(&mut executor, &plan)?;

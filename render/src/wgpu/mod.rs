@@ -15,3 +15,8 @@ mod room;
 
 pub use executor::WgpuExecutor;
 pub use renderer::WgpuRenderer;
+
+/// What limits the queues of a frame on a device, for plans that are made before a renderer is.
+pub fn room(gpu: &splitplane_wgpu::Gpu) -> crate::Room {
+    room::of(gpu)
+}

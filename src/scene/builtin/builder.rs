@@ -1,7 +1,7 @@
 //! Puts triangles together. Sides are counter-clockwise seen from outside.
 
 use super::angle::sin_cos;
-use crate::scene::{Material, Scene};
+use crate::scene::{Camera, Light, Material, Scene, Texture, normals};
 
 /// A point; rounded to f32 once, when it becomes a vertex.
 pub(super) type Point = [f64; 3];
@@ -10,6 +10,13 @@ pub(super) type Point = [f64; 3];
 #[derive(Default)]
 pub(super) struct Builder {
     scene: Scene,
+}
+
+/// Where a part of a scene begins.
+#[derive(Clone, Copy)]
+pub(super) struct Mark {
+    pub(super) vertex: usize,
+    pub(super) triangle: usize,
 }
 
 /// A box by its lower and upper corner.
@@ -24,7 +31,14 @@ impl Builder {
         Builder { scene: Scene { name: format!("builtin:{name}"), ..Scene::default() } }
     }
 
-    pub(super) fn finish(self) -> Scene {
+    pub(super) fn finish(mut self) -> Scene {
+        let triangles = self.scene.indices.len();
+        let Scene { normal_indices, texcoord_indices, .. } = &mut self.scene;
+        for corners in [normal_indices, texcoord_indices] {
+            if !corners.is_empty() {
+                corners.resize(triangles, [Scene::NONE; 3]);
+            }
+        }
         self.scene
     }
 
@@ -33,8 +47,27 @@ impl Builder {
     }
 
     pub(super) fn material(&mut self, name: &str, diffuse: [f32; 3]) -> u32 {
-        self.scene.materials.push(Material::new(name, diffuse));
+        self.add_material(Material::new(name, diffuse))
+    }
+
+    pub(super) fn add_material(&mut self, material: Material) -> u32 {
+        self.scene.materials.push(material);
         self.scene.materials.len() as u32 - 1
+    }
+
+    /// A diffuse material under a texture.
+    pub(super) fn textured(&mut self, name: &str, texture: Option<Texture>) -> u32 {
+        let index = self.scene.textures.len() as u32;
+        let texture = texture.map(|texture| {
+            self.scene.textures.push(texture);
+            index
+        });
+        self.add_material(Material { texture, ..Material::new(name, [1.0; 3]) })
+    }
+
+    /// Places reached so far, for what is done to a part afterwards.
+    pub(super) fn mark(&self) -> Mark {
+        Mark { vertex: self.scene.positions.len(), triangle: self.scene.indices.len() }
     }
 
     pub(super) fn vertex(&mut self, point: Point) -> u32 {
@@ -95,6 +128,42 @@ impl Builder {
         self.band(material, &above, &vec![south; around as usize]);
     }
 
+    /// A sphere as [`Builder::sphere`] makes it, with the normals of a true one.
+    pub(super) fn round_sphere(&mut self, material: u32, centre: Point, radius: f64, rings: u32) {
+        let start = self.mark();
+        self.sphere(material, centre, radius, rings);
+        self.give_normals(start, |point| {
+            let offset: Point = std::array::from_fn(|k| f64::from(point[k]) - centre[k]);
+            unit(offset).map(|x| x as f32)
+        });
+    }
+
+    /// Gives the part since `start` the normals that follow from its triangles, one a vertex.
+    pub(super) fn smooth(&mut self, start: Mark) {
+        self.give_normals(start, |_| [0.0, 1.0, 0.0]);
+        normals::smooth(&mut self.scene, start.triangle, &mut Vec::new());
+    }
+
+    /// Gives every vertex since `start` a normal, and the triangles since use them.
+    fn give_normals(&mut self, start: Mark, normal: impl Fn([f32; 3]) -> [f32; 3]) {
+        let scene = &mut self.scene;
+        let shift = |vertex: u32| vertex - start.vertex as u32 + scene.normals.len() as u32;
+        scene.normal_indices.resize(start.triangle, [Scene::NONE; 3]);
+        let corners = scene.indices[start.triangle..].iter().map(|corners| corners.map(shift));
+        scene.normal_indices.extend(corners);
+        scene.normals.extend(scene.positions[start.vertex..].iter().map(|&point| normal(point)));
+    }
+
+    /// Gives the corners since `start` texture coordinates by their positions.
+    pub(super) fn give_texcoords(&mut self, start: Mark, of: impl Fn([f32; 3]) -> [f32; 2]) {
+        let scene = &mut self.scene;
+        let shift = |vertex: u32| vertex - start.vertex as u32 + scene.texcoords.len() as u32;
+        scene.texcoord_indices.resize(start.triangle, [Scene::NONE; 3]);
+        let corners = scene.indices[start.triangle..].iter().map(|corners| corners.map(shift));
+        scene.texcoord_indices.extend(corners);
+        scene.texcoords.extend(scene.positions[start.vertex..].iter().map(|&point| of(point)));
+    }
+
     /// Triangles between two rings of equal length, the first above the second; where a ring is one
     /// and the same vertex, only the triangle that is not flat.
     pub(super) fn band(&mut self, material: u32, above: &[u32], below: &[u32]) {
@@ -110,9 +179,18 @@ impl Builder {
         }
     }
 
-    /// The view the scene is made for, and its light.
-    pub(super) fn look(&mut self, eye: [f32; 3], at: [f32; 3], fov: f32, light: [f32; 3]) {
-        self.scene.camera = crate::scene::Camera::new(eye, at, [0.0, 1.0, 0.0], fov).ok();
-        self.scene.light = Some(light);
+    /// The view the scene is made for.
+    pub(super) fn look(&mut self, eye: [f32; 3], at: [f32; 3], fov: f32) {
+        self.scene.camera = Camera::new(eye, at, [0.0, 1.0, 0.0], fov).ok();
     }
+
+    /// A point light that lights `at` as the daylight of scenes without lights does.
+    pub(super) fn light(&mut self, position: [f32; 3], at: [f32; 3]) {
+        self.scene.lights.push(Light::point_for(position, at, Light::DAYLIGHT));
+    }
+}
+
+pub(super) fn unit(a: Point) -> Point {
+    let length = (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sqrt();
+    a.map(|x| x / length)
 }

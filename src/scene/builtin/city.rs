@@ -20,15 +20,7 @@ const TOWER: f64 = 40.0;
 const WINDOW: u64 = 18;
 
 pub(super) fn open(size: Option<&str>) -> Result<Scene, BuiltinError> {
-    let triangles = match size {
-        None => DEFAULT,
-        Some(text) => text
-            .parse()
-            .ok()
-            .filter(|n| (LEAST..=MOST).contains(n))
-            .ok_or_else(|| BuiltinError::BadSize(text.to_owned()))?,
-    };
-    Ok(make(triangles))
+    Ok(make(super::size("city", size, DEFAULT, [LEAST, MOST])?))
 }
 
 /// One storey block of a tower.
@@ -79,12 +71,9 @@ fn make(target: u64) -> Scene {
         facades(&mut b, &paint, tier, cell);
     }
     let edge = half as f32;
-    b.look(
-        [0.62 * edge + 60.0, 0.34 * edge + 90.0, 1.02 * edge + 70.0],
-        [-0.04 * edge, 24.0, 0.06 * edge],
-        42.0,
-        [-2.2 * edge - 200.0, 1.6 * edge + 420.0, 1.3 * edge + 200.0],
-    );
+    let at = [-0.04 * edge, 24.0, 0.06 * edge];
+    b.look([0.62 * edge + 60.0, 0.34 * edge + 90.0, 1.02 * edge + 70.0], at, 42.0);
+    b.light([-2.2 * edge - 200.0, 1.6 * edge + 420.0, 1.3 * edge + 200.0], at);
     b.finish()
 }
 

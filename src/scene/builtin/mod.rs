@@ -2,8 +2,12 @@
 
 mod angle;
 mod builder;
+pub(super) mod carousel;
 mod city;
 mod cornell;
+mod gallery;
+mod paint;
+mod shape;
 mod spheres;
 mod stadium;
 
@@ -11,10 +15,12 @@ use super::Scene;
 use thiserror::Error;
 
 /// The names of the built-in scenes with what they show, in the order a help text lists them.
-pub const ALL: [(&str, &str); 4] = [
+pub const ALL: [(&str, &str); 6] = [
     ("cornell", "a box with two blocks, open to the front"),
-    ("spheres", "a field of spheres"),
+    ("spheres", "a field of spheres, glass and metal among them"),
+    ("gallery", "a room of mirrors, glass, water and textures under a shining panel"),
     ("stadium", "a small, finely tessellated knot in a huge, sparse arena"),
+    ("carousel", "a merry-go-round, which moves; carousel:N has about N triangles, from 4000"),
     ("city", "streets and towers; city:N has about N triangles, 1000 to 10000000"),
 ];
 
@@ -29,9 +35,19 @@ pub enum BuiltinError {
     #[error("the built-in scene `{0}` comes in one size; leave the size out")]
     OneSize(String),
     /// The size is not a number in range.
-    #[error("`{0}` is not a size of a city; give a number of triangles from {least} to {most}",
-        least = city::LEAST, most = city::MOST)]
-    BadSize(String),
+    #[error(
+        "`{size}` is not a size of builtin:{scene}; give a number of triangles from {least} to {most}"
+    )]
+    BadSize {
+        /// The scene's name.
+        scene: &'static str,
+        /// The size as written.
+        size: String,
+        /// Fewest triangles it can have.
+        least: u64,
+        /// Most triangles it can have.
+        most: u64,
+    },
 }
 
 /// The names of the built-in scenes, for messages.
@@ -39,18 +55,48 @@ pub(super) fn names() -> String {
     ALL.map(|(name, _)| format!("builtin:{name}")).join(", ")
 }
 
+/// The number of triangles that a user asks for.
+fn size(
+    scene: &'static str,
+    text: Option<&str>,
+    default: u64,
+    [least, most]: [u64; 2],
+) -> Result<u64, BuiltinError> {
+    let Some(text) = text else { return Ok(default) };
+    let size = text.parse().ok().filter(|size| (least..=most).contains(size));
+    size.ok_or_else(|| BuiltinError::BadSize { scene, size: text.to_owned(), least, most })
+}
+
+/// The scene of this name in its first frame and how it moves; `None` for one that stands still.
+#[cfg(feature = "animation")]
+pub(super) fn moving(name: &str) -> Result<Option<(Scene, carousel::Motion)>, BuiltinError> {
+    let (known, size) = parts(name);
+    match known {
+        "carousel" => carousel::open(size).map(Some),
+        _ if ALL.iter().any(|(other, _)| *other == known) => Ok(None),
+        _ => Err(BuiltinError::Unknown(known.to_owned())),
+    }
+}
+
+/// Name and size.
+fn parts(name: &str) -> (&str, Option<&str>) {
+    match name.split_once(':') {
+        Some((name, size)) => (name, Some(size)),
+        None => (name, None),
+    }
+}
+
 /// Makes the scene called `NAME` or `NAME:SIZE`.
 ///
 /// # Errors
 /// No scene has this name, or it cannot have this size.
 pub fn open(name: &str) -> Result<Scene, BuiltinError> {
-    let (name, size) = match name.split_once(':') {
-        Some((name, size)) => (name, Some(size)),
-        None => (name, None),
-    };
+    let (name, size) = parts(name);
     let one_size: fn() -> Scene = match name {
+        "carousel" => return carousel::open(size).map(|(scene, _)| scene),
         "city" => return city::open(size),
         "cornell" => cornell::make,
+        "gallery" => gallery::make,
         "spheres" => spheres::make,
         "stadium" => stadium::make,
         _ => return Err(BuiltinError::Unknown(name.to_owned())),

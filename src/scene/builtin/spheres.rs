@@ -2,7 +2,7 @@
 
 use super::builder::Builder;
 use crate::random::unit;
-use crate::scene::Scene;
+use crate::scene::{Material, Scene};
 
 const SEED: u64 = 7;
 /// Places tried; those that meet a sphere placed before are left out.
@@ -24,6 +24,12 @@ pub(super) fn make() -> Scene {
     let ground = b.material("ground", [0.42, 0.40, 0.36]);
     let colours: Vec<u32> =
         (0..COLOURS.len()).map(|i| b.material(&format!("colour {i}"), COLOURS[i])).collect();
+    let glass = Material::new("glass", [0.0; 3]).with_dielectric(1.5, [0.97, 0.99, 0.98]);
+    let mirror = Material::new("mirror", [0.0; 3]).with_mirror([0.92, 0.92, 0.94]);
+    // Among the small ones: metals, and lacquer that mirrors a little.
+    let gold = Material::new("gold", [0.10, 0.06, 0.01]).with_mirror([0.85, 0.60, 0.22]);
+    let lacquer = Material::new("lacquer", [0.45, 0.03, 0.03]).with_mirror([0.10; 3]);
+    let [glass, mirror, gold, lacquer] = [glass, mirror, gold, lacquer].map(|m| b.add_material(m));
     let edge = 60.0;
     b.quad(ground, [[-edge, 0., -edge], [-edge, 0., edge], [edge, 0., edge], [edge, 0., -edge]]);
     // Three large ones are where the eye goes; the rest falls into place around them.
@@ -43,15 +49,20 @@ pub(super) fn make() -> Scene {
     }
     for (i, [x, z, radius]) in placed.into_iter().enumerate() {
         let rings = if i < 3 { 36 } else { 6 + (radius * 14.0) as u32 };
-        let colour = match i {
-            0 => 0,
-            1 => 4,
-            2 => 2,
-            _ => (unit(SEED, &[i as u64, 3]) * COLOURS.len() as f64) as usize,
+        let material = match i {
+            0 => glass,
+            1 => mirror,
+            2 => colours[2],
+            _ => match unit(SEED, &[i as u64, 4]) {
+                x if x < 0.06 => gold,
+                x if x < 0.14 => lacquer,
+                _ => colours[(unit(SEED, &[i as u64, 3]) * COLOURS.len() as f64) as usize],
+            },
         };
-        b.sphere(colours[colour], [x, radius, z], radius, rings);
+        b.round_sphere(material, [x, radius, z], radius, rings);
     }
-    b.look([1.5, 3.4, 13.5], [0.0, 1.0, 0.0], 34.0, [-12.0, 16.0, 12.0]);
+    b.look([1.5, 3.4, 13.5], [0.0, 1.0, 0.0], 34.0);
+    b.light([-12.0, 16.0, 12.0], [0.0, 1.0, 0.0]);
     b.finish()
 }
 

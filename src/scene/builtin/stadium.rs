@@ -2,7 +2,8 @@
 //! of an arena of a few hundred triangles and five kilometres of ground. Sizes in metres.
 
 use super::angle::sin_cos;
-use super::builder::{Block, Builder, Point};
+use super::builder::{Block, Builder, Point, unit};
+use super::shape::{cross, dot, sub};
 use crate::scene::Scene;
 
 /// Steps along the knot and around its tube.
@@ -36,7 +37,8 @@ pub(super) fn make() -> Scene {
     }
     b.block(stone, stone, Block { lo: [-0.09, -0.05, -0.07], hi: [0.09, 0.10, 0.07] }, false);
     knot(&mut b, copper, [0.0, 0.262, 0.0], 0.044);
-    b.look([0.26, 0.36, 0.62], [0.0, 0.225, 0.0], 38.0, [-1.6, 2.2, 1.9]);
+    b.look([0.26, 0.36, 0.62], [0.0, 0.225, 0.0], 38.0);
+    b.light([-1.6, 2.2, 1.9], [0.0, 0.225, 0.0]);
     b.finish()
 }
 
@@ -89,21 +91,4 @@ fn knot(b: &mut Builder, material: u32, centre: Point, scale: f64) {
     for i in 0..rows.len() {
         b.band(material, &rows[(i + 1) % rows.len()], &rows[i]);
     }
-}
-
-fn sub(a: Point, b: Point) -> Point {
-    std::array::from_fn(|k| a[k] - b[k])
-}
-
-fn dot(a: Point, b: Point) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-fn cross(a: Point, b: Point) -> Point {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-fn unit(a: Point) -> Point {
-    let length = dot(a, a).sqrt();
-    a.map(|x| x / length)
 }

@@ -51,44 +51,85 @@ pub enum ObjProblem {
     /// A coordinate that is not a number.
     #[error("`{0}` is not a number")]
     BadNumber(String),
-    /// A vertex of fewer than three coordinates.
-    #[error("a vertex needs three coordinates, this one has {0}")]
-    FewCoordinates(usize),
+    /// A vertex, normal or texture coordinate of too few numbers.
+    #[error("a {of} needs {} numbers, this one has {found}", of.numbers())]
+    FewNumbers {
+        /// What the line gives.
+        of: Element,
+        /// How many numbers it has.
+        found: usize,
+    },
     /// A corner that is not an index.
     #[error("`{0}` is not a face corner; it should look like 7, 7/1, 7//3 or 7/1/3")]
     BadCorner(String),
     /// Index 0.
     #[error(
-        "a face names vertex 0, but OBJ counts from 1; the file may have been written counting from 0"
+        "a face names {0} 0, but OBJ counts from 1; the file may have been written counting from 0"
     )]
-    ZeroIndex,
-    /// A vertex past the end.
-    #[error("a face names vertex {index}, but the file has {vertices}; it may be cut short")]
+    ZeroIndex(Element),
+    /// An index past the end.
+    #[error("a face names {of} {index}, but the file has {count}; it may be cut short")]
     PastEnd {
-        /// The vertex, counted from 1.
+        /// What is named.
+        of: Element,
+        /// The index, counted from 1.
         index: u64,
-        /// How many vertices the file has.
-        vertices: u64,
+        /// How many the file has.
+        count: u64,
     },
-    /// A relative index before the first vertex.
-    #[error(
-        "a face names vertex {index}, counted back from here, but there are only {vertices} so far"
-    )]
+    /// A relative index before the first one.
+    #[error("a face names {of} {index}, counted back from here, but there are only {count} so far")]
     PastStart {
+        /// What is named.
+        of: Element,
         /// The index as written.
         index: i64,
-        /// How many vertices come before the line.
-        vertices: u64,
+        /// How many come before the line.
+        count: u64,
     },
-    /// More vertices than 32-bit indices can name.
-    #[error("it has more vertices than the {} that 32-bit indices can name; split it", u32::MAX)]
-    TooManyVertices,
+    /// More than 32-bit indices can name.
+    #[error(
+        "it has more than the {most} of one kind ({0}) that 32-bit indices can name; split it",
+        most = u32::MAX
+    )]
+    TooMany(Element),
     /// More triangles than one tree can hold.
     #[error(
         "it has more than the {} triangles that one tree can hold; split it",
         splitplane_core::mesh::MAX_TRIANGLES
     )]
     TooManyTriangles,
+}
+
+/// What the corners of a face name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Element {
+    /// A position, `v`.
+    Vertex,
+    /// A texture coordinate, `vt`.
+    TextureCoordinate,
+    /// A normal, `vn`.
+    Normal,
+}
+
+impl Element {
+    /// The least count of numbers that make one.
+    const fn numbers(self) -> usize {
+        match self {
+            Element::Vertex | Element::Normal => 3,
+            Element::TextureCoordinate => 1,
+        }
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Element::Vertex => "vertex",
+            Element::TextureCoordinate => "texture coordinate",
+            Element::Normal => "normal",
+        })
+    }
 }
 
 impl ObjProblem {

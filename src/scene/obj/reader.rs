@@ -1,17 +1,20 @@
 //! Text to triangles.
 
-use super::error::ObjProblem;
+use super::corner::{Corner, Elements};
+use super::error::{Element, ObjProblem};
 use super::lines::Lines;
-use crate::scene::{Material, Scene};
+use crate::scene::{Material, Notes, Scene};
+use glam::DVec3;
 use splitplane_core::mesh::MAX_TRIANGLES;
 use std::collections::HashMap;
 
 /// Where a problem is, and what.
 pub(super) type Located = (Option<u64>, ObjProblem);
 
-/// The scene, its materials not yet coloured, and what follows every `mtllib`.
-pub(super) fn read(text: &str, name: &str) -> Result<(Scene, Vec<String>), Located> {
-    let mut reader = Reader::new(name);
+/// The scene, its materials not yet coloured, and what follows every `mtllib`. `memory` is a scene
+/// whose arrays are used again; nothing else of it stays.
+pub(super) fn read(text: &str, name: &str, memory: Scene) -> Result<(Scene, Vec<String>), Located> {
+    let mut reader = Reader::new(name, memory);
     for (line, content) in Lines::new(text) {
         reader.line(line, &content).map_err(|problem| (Some(line), problem))?;
     }
@@ -26,17 +29,28 @@ struct Reader {
     /// The material in use; `None` before the first `usemtl`.
     material: Option<u32>,
     /// Corners of the face being read, kept to spare allocations.
-    corners: Vec<u32>,
-    /// Vertices named before they were read: index counted from 1, and line. Only those above all
-    /// before are kept, so the first one that stays out of range is in the list.
-    ahead: Vec<(u64, u64)>,
+    corners: Vec<Corner>,
+    elements: Elements,
     /// How many lines had an unknown keyword, and the first of them.
     unknown: (u64, Option<(u64, String)>),
 }
 
 impl Reader {
-    fn new(name: &str) -> Reader {
-        let scene = Scene { name: name.to_owned(), ..Scene::default() };
+    fn new(name: &str, mut scene: Scene) -> Reader {
+        scene.name.clear();
+        scene.name.push_str(name);
+        scene.positions.clear();
+        scene.indices.clear();
+        scene.normals.clear();
+        scene.normal_indices.clear();
+        scene.texcoords.clear();
+        scene.texcoord_indices.clear();
+        scene.material_of.clear();
+        scene.materials.clear();
+        scene.textures.clear();
+        scene.lights.clear();
+        scene.camera = None;
+        scene.notes = Notes::default();
         Reader { scene, ..Reader::default() }
     }
 
@@ -47,16 +61,18 @@ impl Reader {
         };
         match keyword {
             "v" => self.vertex(rest)?,
+            "vt" => self.texcoord(rest)?,
+            "vn" => self.normal(rest)?,
             "f" | "fo" => self.face(line, rest)?,
             "usemtl" => self.use_material(rest),
             "mtllib" => self.libraries.push(rest.to_owned()),
             "p" | "l" => self.scene.notes.skipped_elements += 1,
             "curv" | "curv2" | "surf" => self.scene.notes.skipped_freeform += 1,
-            // What says nothing about where triangles are.
-            "" | "vn" | "vt" | "vp" | "g" | "o" | "s" | "mg" | "bevel" | "c_interp"
-            | "d_interp" | "lod" | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "cstype"
-            | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end"
-            | "con" | "ctech" | "stech" => {}
+            // What says nothing about triangles.
+            "" | "vp" | "g" | "o" | "s" | "mg" | "bevel" | "c_interp" | "d_interp" | "lod"
+            | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "cstype" | "deg" | "bmat"
+            | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech"
+            | "stech" => {}
             _ => {
                 self.unknown.0 += 1;
                 self.unknown.1.get_or_insert_with(|| (line, shorten(keyword)));
@@ -66,19 +82,8 @@ impl Reader {
     }
 
     fn vertex(&mut self, rest: &str) -> Result<(), ObjProblem> {
-        let mut position = [0.0f32; 3];
-        let mut words = rest.split_ascii_whitespace();
-        for (axis, coordinate) in position.iter_mut().enumerate() {
-            let word = words.next().ok_or(ObjProblem::FewCoordinates(axis))?;
-            *coordinate = word.parse().map_err(|_| ObjProblem::BadNumber(shorten(word)))?;
-        }
-        // A weight or a colour may follow.
-        if let Some(word) = words.find(|word| word.parse::<f32>().is_err()) {
-            return Err(ObjProblem::BadNumber(shorten(word)));
-        }
-        if self.scene.positions.len() >= u32::MAX as usize {
-            return Err(ObjProblem::TooManyVertices);
-        }
+        let position: [f32; 3] = numbers(Element::Vertex, rest, 3)?;
+        self.elements.positions.add()?;
         if !position.iter().all(|x| x.is_finite()) {
             self.scene.notes.non_finite_vertices += 1;
         }
@@ -86,11 +91,26 @@ impl Reader {
         Ok(())
     }
 
+    fn texcoord(&mut self, rest: &str) -> Result<(), ObjProblem> {
+        // One of one number lies on a line; a third one is depth in a solid texture.
+        let texcoord: [f32; 2] = numbers(Element::TextureCoordinate, rest, 1)?;
+        self.elements.texcoords.add()?;
+        self.scene.texcoords.push(texcoord);
+        Ok(())
+    }
+
+    fn normal(&mut self, rest: &str) -> Result<(), ObjProblem> {
+        let normal: [f32; 3] = numbers(Element::Normal, rest, 3)?;
+        self.elements.normals.add()?;
+        let wide = DVec3::from_array(normal.map(f64::from));
+        self.scene.normals.push(wide.try_normalize().map_or(normal, |n| n.as_vec3().to_array()));
+        Ok(())
+    }
+
     fn face(&mut self, line: u64, rest: &str) -> Result<(), ObjProblem> {
         self.corners.clear();
         for word in rest.split_ascii_whitespace() {
-            let corner = self.corner(line, word)?;
-            self.corners.push(corner);
+            self.corners.push(self.elements.corner(line, word)?);
         }
         let [first, others @ ..] = &self.corners[..] else {
             self.scene.notes.skipped_elements += 1;
@@ -110,38 +130,23 @@ impl Reader {
                 *self.material.insert(self.scene.materials.len() as u32 - 1)
             }
         };
+        let scene = &mut self.scene;
+        let before = scene.indices.len();
         for pair in others.windows(2) {
-            self.scene.indices.push([*first, pair[0], pair[1]]);
-            self.scene.material_of.push(material);
+            scene.indices.push([*first, pair[0], pair[1]].map(|corner| corner.position));
+            scene.material_of.push(material);
+        }
+        let fan = || others.windows(2).map(|pair| [*first, pair[0], pair[1]]);
+        // Most large files have neither: an array begins with the first face that needs it.
+        if self.corners.iter().any(|corner| corner.texcoord != Scene::NONE) {
+            scene.texcoord_indices.resize(before, [Scene::NONE; 3]);
+            scene.texcoord_indices.extend(fan().map(|corners| corners.map(|c| c.texcoord)));
+        }
+        if self.corners.iter().any(|corner| corner.normal != Scene::NONE) {
+            scene.normal_indices.resize(before, [Scene::NONE; 3]);
+            scene.normal_indices.extend(fan().map(|corners| corners.map(|c| c.normal)));
         }
         Ok(())
-    }
-
-    /// The vertex that a corner names, counted from 0. It may come later in the file.
-    fn corner(&mut self, line: u64, word: &str) -> Result<u32, ObjProblem> {
-        let bad = || ObjProblem::BadCorner(shorten(word));
-        let mut parts = word.split('/');
-        let index: i64 = parts.next().and_then(|part| part.parse().ok()).ok_or_else(bad)?;
-        let numeric =
-            |part: &str| part.bytes().all(|b| b.is_ascii_digit() || b == b'-' || b == b'+');
-        if parts.clone().count() > 2 || !parts.all(numeric) {
-            return Err(bad());
-        }
-        let vertices = self.scene.positions.len() as u64;
-        if index == 0 {
-            return Err(ObjProblem::ZeroIndex);
-        }
-        if index < 0 {
-            let place = vertices.checked_sub(index.unsigned_abs());
-            let place = place.ok_or(ObjProblem::PastStart { index, vertices })?;
-            return u32::try_from(place).map_err(|_| ObjProblem::TooManyVertices);
-        }
-        let index = index.unsigned_abs();
-        if index > vertices && self.ahead.last().is_none_or(|(last, _)| index > *last) {
-            self.ahead.push((index, line));
-        }
-        // Too great for 32 bits is past the end of any file that can be read: the end will tell.
-        Ok(u32::try_from(index - 1).unwrap_or(u32::MAX))
     }
 
     fn use_material(&mut self, name: &str) {
@@ -154,14 +159,21 @@ impl Reader {
     }
 
     fn finish(mut self) -> Result<(Scene, Vec<String>), Located> {
-        let vertices = self.scene.positions.len() as u64;
-        let past = self.ahead.iter().find(|(index, _)| *index > vertices);
-        if let Some(&(index, line)) = past {
-            return Err((Some(line), ObjProblem::PastEnd { index, vertices }));
+        if let Some((line, problem)) = self.elements.missing() {
+            return Err((Some(line), problem));
         }
         if self.scene.indices.is_empty() {
             return Err((None, ObjProblem::NoTriangles));
         }
+        let Scene { indices, normals, normal_indices, texcoords, texcoord_indices, notes, .. } =
+            &mut self.scene;
+        let unusable = |normal: &[f32; 3]| {
+            let wide = DVec3::from_array(normal.map(f64::from));
+            !(wide.is_finite() && wide != DVec3::ZERO)
+        };
+        notes.unusable_normals = leave_out(normals, normal_indices, unusable, indices.len());
+        let unusable = |texcoord: &[f32; 2]| !texcoord.iter().all(|x| x.is_finite());
+        notes.unusable_texcoords = leave_out(texcoords, texcoord_indices, unusable, indices.len());
         if let (count, Some((line, keyword))) = self.unknown {
             self.scene.notes.warnings.push(format!(
                 "{count} lines with unknown keywords skipped, the first is line {line}: `{keyword}`"
@@ -171,8 +183,50 @@ impl Reader {
     }
 }
 
+/// The numbers of a line, of which the first `least` must be there; the rest are 0. More may follow:
+/// a weight, a colour, a depth.
+fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32; N], ObjProblem> {
+    let mut values = [0.0f32; N];
+    let mut words = rest.split_ascii_whitespace();
+    for (found, value) in values.iter_mut().enumerate() {
+        match words.next() {
+            Some(word) => {
+                *value = word.parse().map_err(|_| ObjProblem::BadNumber(shorten(word)))?;
+            }
+            None if found >= least => break,
+            None => return Err(ObjProblem::FewNumbers { of, found }),
+        }
+    }
+    match words.find(|word| word.parse::<f32>().is_err()) {
+        Some(word) => Err(ObjProblem::BadNumber(shorten(word))),
+        None => Ok(values),
+    }
+}
+
+/// Brings the corners' indices to one entry a triangle, if there are any, and takes away those of
+/// values that cannot be used. Returns how many such values there are.
+fn leave_out<T>(
+    values: &[T],
+    corners: &mut Vec<[u32; 3]>,
+    unusable: impl Fn(&T) -> bool,
+    triangles: usize,
+) -> u64 {
+    if !corners.is_empty() {
+        corners.resize(triangles, [Scene::NONE; 3]);
+    }
+    let count = values.iter().filter(|value| unusable(value)).count() as u64;
+    if count > 0 {
+        for corner in corners.as_flattened_mut() {
+            if values.get(*corner as usize).is_some_and(&unusable) {
+                *corner = Scene::NONE;
+            }
+        }
+    }
+    count
+}
+
 /// Enough of a word for a message.
-fn shorten(word: &str) -> String {
+pub(super) fn shorten(word: &str) -> String {
     let mut short: String = word.chars().take(24).flat_map(char::escape_debug).collect();
     if word.chars().nth(24).is_some() {
         short.push_str("...");

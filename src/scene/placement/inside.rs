@@ -1,7 +1,7 @@
 //! A view from within: the best of many places and directions, judged by small previews.
 
-use super::{Placement, View};
-use crate::scene::{Camera, Scene};
+use super::share;
+use crate::scene::{Camera, Light, Scene};
 use crate::surface::Surface;
 use glam::DVec3;
 use splitplane_core::backend::{Accelerator, QueryError};
@@ -18,13 +18,11 @@ const OUTLIERS: f64 = 0.03;
 const DIRECTIONS: u32 = 12;
 
 /// `None` when no place inside sees anything.
-pub(super) fn place(
+pub(super) fn camera(
     scene: &Scene,
     accelerator: &dyn Accelerator,
-) -> Result<Option<Placement>, QueryError> {
+) -> Result<Option<Camera>, QueryError> {
     let bounds = scene.bounds();
-    let lo = DVec3::from_array(bounds.lo.map(f64::from));
-    let size = DVec3::from_array(bounds.hi.map(f64::from)) - lo;
     let [near, far] = crowded(scene);
     let mut best: Option<(f64, Camera)> = None;
     for height in HEIGHTS {
@@ -39,9 +37,7 @@ pub(super) fn place(
             }
         }
     }
-    let Some((_, camera)) = best else { return Ok(None) };
-    let light = light(scene, accelerator, &camera, lo, size)?;
-    Ok(Some(Placement { camera, light, view: View::Inside }))
+    Ok(best.map(|(_, camera)| camera))
 }
 
 /// The box that holds the middles of nearly all triangles: where there is something to see.
@@ -119,34 +115,95 @@ fn score(scene: &Scene, hits: &[Hit], diagonal: f64) -> f64 {
     near * sight * (0.2 + detail) * (1.0 + 0.5 * entropy) * (1.0 - missed).max(0.0)
 }
 
-/// The first light, from high to low and from the eye forward, that reaches a fair part of what the
-/// eye sees; else the one that reaches most.
-fn light(
+/// A place for a light, and which of the seen points it reaches.
+struct Spot {
+    at: DVec3,
+    reaches: Vec<bool>,
+}
+
+/// The first light is the first place, from high to low and from the eye forward, that reaches a
+/// fair part of what the eye sees; else the one that reaches most. Every further one is the place
+/// that adds most: a point that `n` lights reach already counts `1 / (1 + n)^2`.
+pub(super) fn lights(
     scene: &Scene,
     accelerator: &dyn Accelerator,
     camera: &Camera,
-    lo: DVec3,
-    size: DVec3,
-) -> Result<[f32; 3], QueryError> {
+    count: usize,
+) -> Result<Vec<Light>, QueryError> {
+    let seen = seen(scene, accelerator, camera)?;
+    let mut spots: Vec<Spot> = Vec::new();
+    let mut first = None;
+    for at in places(scene, camera, &seen) {
+        let reaches = reached(accelerator, &seen, at)?;
+        let part = reaches.iter().filter(|reached| **reached).count() as f64;
+        spots.push(Spot { at, reaches });
+        let good = part > 0.6 * seen.len() as f64;
+        if good && first.is_none() {
+            first = Some(spots.len() - 1);
+            if count == 1 {
+                break;
+            }
+        }
+    }
+    let mut lit = vec![0u32; seen.len()];
+    let mut chosen: Vec<Spot> = Vec::new();
+    while chosen.len() < count && !spots.is_empty() {
+        let gain = |spot: &Spot| -> f64 {
+            let reached = spot.reaches.iter().zip(&lit).filter(|(reached, _)| **reached);
+            reached.map(|(_, lit)| 1.0 / f64::from((1 + lit) * (1 + lit))).sum()
+        };
+        // The first of the best.
+        let best = spots.iter().map(gain).enumerate().rev().max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((best, gain)) = best else { break };
+        let place = match first.take() {
+            Some(place) => place,
+            // A place that adds nothing is no place, unless nothing is seen at all.
+            None if gain > 0.0 || chosen.is_empty() => best,
+            None => break,
+        };
+        let spot = spots.swap_remove(place);
+        for (lit, reached) in lit.iter_mut().zip(&spot.reaches) {
+            *lit += u32::from(*reached);
+        }
+        chosen.push(spot);
+    }
+    let count = chosen.len();
+    let light = |(number, spot): (usize, Spot)| {
+        let middle = median_reached(&seen, &spot);
+        let [at, middle] = [spot.at, middle].map(|p| p.as_vec3().to_array());
+        Light::point_for(at, middle, share(number, count))
+    };
+    Ok(chosen.into_iter().enumerate().map(light).collect())
+}
+
+/// What a coarse picture shows.
+fn seen(
+    scene: &Scene,
+    accelerator: &dyn Accelerator,
+    camera: &Camera,
+) -> Result<Vec<Surface>, QueryError> {
     let rays = camera.rays(48, 32);
     let mut hits = vec![Hit::MISS; rays.len()];
     accelerator.closest_hits(&rays, &mut hits, &QueryOptions::default())?;
-    let seen: Vec<Surface> = rays
-        .iter()
-        .zip(&hits)
-        .filter_map(|(ray, hit)| {
-            let corners = scene.triangles().nth(hit.is_hit().then_some(hit.triangle as usize)?)?;
-            Surface::new(corners, hit, ray.direction)
-        })
-        .collect();
+    let surface = |(ray, hit): (&Ray, &Hit)| {
+        let corners = scene.corners(hit.is_hit().then_some(hit.triangle)?)?;
+        Surface::new(corners, hit, ray.direction)
+    };
+    Ok(rays.iter().zip(&hits).filter_map(surface).collect())
+}
+
+/// Where a light may hang, the best guesses first.
+fn places(scene: &Scene, camera: &Camera, seen: &[Surface]) -> Vec<DVec3> {
+    let bounds = scene.bounds();
+    let lo = DVec3::from_array(bounds.lo.map(f64::from));
+    let size = DVec3::from_array(bounds.hi.map(f64::from)) - lo;
     let eye = DVec3::from_array(camera.eye().map(f64::from));
     let ahead = DVec3::from_array(camera.look_at().map(f64::from)) - eye;
     let ahead = DVec3::new(ahead.x, 0.0, ahead.z).normalize_or(DVec3::X);
     let side = ahead.cross(DVec3::Y);
-    let mut distances: Vec<f64> = hits.iter().map(|hit| f64::from(hit.t)).collect();
+    let mut distances: Vec<f64> = seen.iter().map(|s| (s.point - eye).length()).collect();
     distances.sort_by(f64::total_cmp);
-    let middle = distances[distances.len() / 2].min(size.length());
-    let mut best = (-1.0, eye);
+    let middle = distances.get(distances.len() / 2).map_or(0.0, |d| d.min(size.length()));
     let above = [0.9, 0.8, 0.7, 0.6, 0.5].into_iter().flat_map(|height| {
         let spots = [(0.5, 0.25), (0.5, 0.0), (0.25, 0.2), (0.8, 0.0), (0.0, 0.0)];
         spots.map(|(forward, left)| {
@@ -156,20 +213,29 @@ fn light(
     });
     // Over the left shoulder, for narrow places under high roofs.
     let shoulder = eye - side * (0.12 * middle) + DVec3::Y * (0.2 * middle);
-    for light in above.chain([shoulder]) {
-        let target = light.as_vec3().to_array();
-        let rays: Vec<Ray> = seen.iter().map(|s| Ray::segment(s.start(), target)).collect();
-        let mut dark = vec![false; rays.len()];
-        accelerator.any_hits(&rays, &mut dark, &QueryOptions::default())?;
-        let faces = |s: &Surface| s.normal.dot(light - s.point) > 0.0;
-        let lit = dark.iter().zip(&seen).filter(|(dark, s)| !**dark && faces(s)).count();
-        let part = lit as f64 / seen.len().max(1) as f64;
-        if part > best.0 {
-            best = (part, light);
-        }
-        if part > 0.6 {
-            break;
-        }
-    }
-    Ok(best.1.as_vec3().to_array())
+    above.chain([shoulder]).collect()
+}
+
+/// Which of the points a light would reach: on its side of the surface, with nothing between.
+fn reached(
+    accelerator: &dyn Accelerator,
+    seen: &[Surface],
+    light: DVec3,
+) -> Result<Vec<bool>, QueryError> {
+    let target = light.as_vec3().to_array();
+    let rays: Vec<Ray> = seen.iter().map(|s| Ray::segment(s.start(), target)).collect();
+    let mut dark = vec![false; rays.len()];
+    accelerator.any_hits(&rays, &mut dark, &QueryOptions::default())?;
+    let faces = |s: &Surface| s.normal.dot(light - s.point) > 0.0;
+    Ok(dark.iter().zip(seen).map(|(dark, s)| !dark && faces(s)).collect())
+}
+
+/// The point at the median distance of those that a light reaches: half of them get more light than
+/// it, half less.
+fn median_reached(seen: &[Surface], spot: &Spot) -> DVec3 {
+    let reached = seen.iter().zip(&spot.reaches).filter(|(_, reached)| **reached);
+    let mut points: Vec<DVec3> = reached.map(|(surface, _)| surface.point).collect();
+    let distance = |p: &DVec3| (*p - spot.at).length_squared();
+    points.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    points.get(points.len() / 2).copied().unwrap_or(spot.at + DVec3::Y)
 }

@@ -1,7 +1,6 @@
 //! The three-quarter view of an object.
 
-use super::{Placement, View};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Light, Scene};
 use glam::DVec3;
 use splitplane_core::aabb::Aabb;
 
@@ -11,7 +10,7 @@ const FOV: f64 = 35.0;
 /// Part of the picture left free around the object.
 const MARGIN: f64 = 1.08;
 
-pub(super) fn place(scene: &Scene, aspect: f64) -> Placement {
+pub(super) fn camera(scene: &Scene, aspect: f64) -> Camera {
     let towards = TOWARDS_EYE.normalize();
     let right = DVec3::Y.cross(towards).normalize();
     let up = towards.cross(right);
@@ -38,17 +37,33 @@ pub(super) fn place(scene: &Scene, aspect: f64) -> Placement {
     let distance = distance.max(least);
     let centre = right * middle.x + up * middle.y + towards * middle.z;
     let eye = centre + towards * distance;
-    let light = centre + (towards * 0.6 - right * 0.9 + up * 0.9) * 1.5 * distance;
-    Placement {
-        camera: camera(eye, centre),
-        light: light.as_vec3().to_array(),
-        view: View::Outside,
-    }
+    at(eye, centre)
+}
+
+/// Lights around the point that the camera looks at: the first above and to its left, the others at
+/// equal angles from there.
+pub(super) fn lights(camera: &Camera, count: usize) -> Vec<Light> {
+    let [eye, centre] =
+        [camera.eye(), camera.look_at()].map(|p| DVec3::from_array(p.map(f64::from)));
+    let distance = (eye - centre).length();
+    let towards = TOWARDS_EYE.normalize();
+    let right = DVec3::Y.cross(towards).normalize();
+    let up = towards.cross(right);
+    let first = (towards * 0.6 - right * 0.9 + up * 0.9) * 1.5 * distance;
+    (0..count)
+        .map(|number| {
+            let (sin, cos) = (std::f64::consts::TAU * number as f64 / count as f64).sin_cos();
+            let turned =
+                DVec3::new(cos * first.x + sin * first.z, first.y, cos * first.z - sin * first.x);
+            let position = (centre + turned).as_vec3().to_array();
+            Light::point_for(position, camera.look_at(), super::share(number, count))
+        })
+        .collect()
 }
 
 /// Positions near the end of the range of f32 leave no room for an eye outside; then any camera
 /// does.
-fn camera(eye: DVec3, centre: DVec3) -> Camera {
+fn at(eye: DVec3, centre: DVec3) -> Camera {
     let [eye, at] = [eye, centre].map(|p| p.as_vec3().to_array());
     let up = [0.0, 1.0, 0.0];
     Camera::new(eye, at, up, FOV as f32)

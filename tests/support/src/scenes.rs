@@ -489,18 +489,27 @@ pub fn nested_spheres() -> Scene {
     sphere(16, [0.25, -0.5, 0.125], 1.5).joined(&outer, "nested spheres")
 }
 
-/// A real scene by file name without extension, from the folder that the environment variable
-/// `SPLITPLANE_SCENES` names, else from `../shared/scenes` beside the workspace. `None`, with a
-/// note, when it is not there.
-///
-/// # Panics
-/// If the file is there and is no OBJ.
-pub fn real(name: &str) -> Option<Scene> {
+/// The folder of real scenes: the one that the environment variable `SPLITPLANE_SCENES` names, else
+/// `../shared/scenes` beside the workspace. `None`, with a note, when it is not there.
+pub fn folder() -> Option<PathBuf> {
     let folder = std::env::var_os("SPLITPLANE_SCENES").map_or_else(
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes"),
         PathBuf::from,
     );
-    let path = folder.join(name).with_extension("obj");
+    if !folder.is_dir() {
+        println!("note: real scenes are not used: there is no {}", folder.display());
+        return None;
+    }
+    Some(folder)
+}
+
+/// A real scene by file name without extension, from [`folder`]. `None`, with a note, when it is not
+/// there.
+///
+/// # Panics
+/// If the file is there and is no OBJ.
+pub fn real(name: &str) -> Option<Scene> {
+    let path = folder()?.join(name).with_extension("obj");
     match std::fs::read_to_string(&path) {
         Ok(text) => Some(parse_obj(name, &text)),
         Err(error) => {

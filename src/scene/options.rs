@@ -1,0 +1,58 @@
+//! How files become scenes.
+
+/// How files become scenes. Built-in scenes do not depend on it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SceneOptions {
+    /// Which surfaces are mirrors.
+    pub materials: MaterialRule,
+    /// Whether the textures that materials name are read.
+    pub textures: bool,
+    /// Most bytes that the texels of all textures together may take, four a texel. Textures are
+    /// halved, the largest first, until they fit.
+    pub texture_limit: u64,
+}
+
+impl SceneOptions {
+    /// Texels of 96 MiB: with the rest of a scene's tables they fit in one buffer of 128 MiB, the
+    /// most that every GPU can bind.
+    pub const TEXTURE_LIMIT: u64 = 96 << 20;
+}
+
+impl Default for SceneOptions {
+    fn default() -> SceneOptions {
+        SceneOptions {
+            materials: MaterialRule::default(),
+            textures: true,
+            texture_limit: SceneOptions::TEXTURE_LIMIT,
+        }
+    }
+}
+
+/// What the materials of an .mtl file become.
+///
+/// The first that applies:
+///
+/// 1. **Clear**: `illum` 4, 6, 7 or 9, or `d` of 1/2 and less (`Tr` of 1/2 and more), is the boundary
+///    of a clear body of refractive index `Ni`; where that is 1 or missing, light goes straight
+///    through. By `illum` its tint is `Tf`, by `d` it is `(1 - d) Tf + d Kd`: what could not be
+///    scattered goes through; without `Tf`, white stands for it. Two exceptions: an `illum` that asks
+///    for refraction says nothing where `Ni` is 1, `Tf` white and `d` 1, since some programs write
+///    that for every opaque surface; and a surface of which more is opaque than clear is opaque.
+/// 2. **Mirror and diffuse**: `illum` 3, 5 or 8 scatters `Kd` and mirrors `Ks`, alike at all angles.
+/// 3. **Mirror**: where `Kd` is black and there is no texture, the colour of a mirror or metal is all
+///    in `Ks`, which is mirrored.
+/// 4. **Diffuse**: everything else scatters `Kd`, times the texture `map_Kd`.
+///
+/// `Ke` shines whatever else applies. `d` counts where both `d` and `Tr` are given. A black or
+/// missing `Kd` under a texture is white, else the texture could not be seen. Where mirrored and
+/// scattered light together would be more than comes in, less is scattered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MaterialRule {
+    /// As above: `Ks` is a mirror only where `illum` says so, since most files give every surface a
+    /// `Ks`, for highlights.
+    #[default]
+    Illum,
+    /// Every `Ks` above 0.05 in some channel is mirrored, whatever `illum` says: rule 2 for all that
+    /// is not clear. What scenes made for ray tracers mean by it.
+    Specular,
+}
