@@ -43,7 +43,7 @@
 //! and `verify` are what the program is made of: scenes and cameras, Wavefront files, pictures, and
 //! checks against a reference. `cli` (default) is the program and needs all of them; an embedder
 //! writes `default-features = false` and `features = ["cpu"]`, `["wgpu"]` or both, and compiles none
-//! of it.
+//! of it. `viewer` adds the program's verb `view`, an interactive window; it needs Rust 1.95.
 
 #![forbid(unsafe_code)]
 
@@ -60,6 +60,8 @@ pub mod scene;
 mod surface;
 #[cfg(feature = "verify")]
 pub mod verify;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;

@@ -127,6 +127,38 @@ impl From<splitplane::parity::ParityError> for Failure {
     }
 }
 
+#[cfg(feature = "viewer")]
+impl From<splitplane::viewer::ViewerError> for Failure {
+    fn from(error: splitplane::viewer::ViewerError) -> Failure {
+        use splitplane::viewer::ViewerError;
+        let code = match error {
+            ViewerError::Adapter(error) => return error.into(),
+            ViewerError::Frame(error) => return error.into(),
+            ViewerError::NoDisplay(_) | ViewerError::Window(_) | ViewerError::NoSurface(_) => {
+                NO_GPU
+            }
+            ViewerError::DeviceLost(_) | ViewerError::Device(_) => DEVICE,
+            ViewerError::Screenshot(_) => FILE,
+            _ => BUG,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+#[cfg(feature = "viewer")]
+impl From<splitplane::viewer::FrameError> for Failure {
+    fn from(error: splitplane::viewer::FrameError) -> Failure {
+        use splitplane::viewer::FrameError;
+        match error {
+            FrameError::Open(error) => error.into(),
+            FrameError::Mesh(error) => error.into(),
+            FrameError::Build(error) => error.into(),
+            FrameError::Query(error) => error.into(),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -16,6 +16,8 @@ mod ray_file;
 mod render;
 mod tree;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -47,6 +49,9 @@ enum Verb {
     Adapters(adapters::Arguments),
     /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
     Parity(parity::Arguments),
+    /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
+    #[cfg(feature = "viewer")]
+    View(view::Arguments),
 }
 
 const EXIT_CODES: &str = "\
@@ -74,6 +79,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        #[cfg(feature = "viewer")]
+        Some(Verb::View(arguments)) => view::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -44,7 +44,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     if let Some(path) = &arguments.output {
-        check_ending(path)?;
+        output::check_ending(path)?;
     }
     in_pool(common, || {
         let prepared = Prepared::open(&arguments.scene, common)?;
@@ -135,14 +135,6 @@ struct RenderReport {
     height: u32,
     primary_ms: f64,
     output: String,
-}
-
-fn check_ending(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return Ok(());
-    }
-    let shown = path.display();
-    Err(Failure::usage(format!("`{shown}` does not end in .png; pictures are written as PNG")))
 }
 
 /// A name in the current folder that no scene file has.
