@@ -126,6 +126,7 @@ struct ViewReport<'a> {
     sah_cost: f64,
     bytes: u64,
     rays: u64,
+    build_ms: Option<f64>,
     trace_ms: f64,
     total_ms: f64,
 }
@@ -145,6 +146,7 @@ impl<'a> ViewReport<'a> {
             sah_cost: tree.sah_cost,
             bytes: tree.bytes,
             rays: report.rays,
+            build_ms: report.build_ms,
             trace_ms: report.trace_ms,
             total_ms: report.total_ms,
         }

@@ -20,7 +20,7 @@ pub(super) const KEYS: [(&str, &str); 13] = [
     ("E Q", "fly up, down"),
     ("Shift", "fly faster"),
     ("R", "reset the camera"),
-    ("1 to 6", "views"),
+    ("1 2 3 …", "views"),
     ("B", "boxes of the tree"),
     ("PgUp PgDn", "boxes one level up, down"),
     ("H", "hide or show the panel"),

@@ -38,6 +38,8 @@ pub struct HostSource {
     pool: rayon::ThreadPool,
     gpu: Option<WgpuBackend>,
     built: Option<Built>,
+    /// Time of a build that no frame has reported yet.
+    build_ms: Option<f64>,
     placement: Option<Placement>,
 }
 
@@ -68,7 +70,16 @@ impl HostSource {
         build: BuildOptions,
         pool: rayon::ThreadPool,
     ) -> HostSource {
-        HostSource { scene, open, build, pool, gpu: None, built: None, placement: None }
+        HostSource {
+            scene,
+            open,
+            build,
+            pool,
+            gpu: None,
+            built: None,
+            build_ms: None,
+            placement: None,
+        }
     }
 
     /// The backend over the window's own device, opened and tested when first asked for.
@@ -117,17 +128,17 @@ impl HostSource {
         }
     }
 
-    /// Builds the tree that is asked for, unless it is there. Gives the time the build took.
+    /// Builds the tree that is asked for, unless it is there.
     fn prepare(
         &mut self,
         backend: BackendKind,
         preset: Preset,
         target: &FrameDevice,
-    ) -> Result<Option<f64>, FrameError> {
+    ) -> Result<(), FrameError> {
         if let Some(built) = &self.built
             && (built.backend, built.preset) == (backend, preset)
         {
-            return Ok(None);
+            return Ok(());
         }
         if backend == BackendKind::Wgpu {
             self.connect(target)?;
@@ -144,7 +155,7 @@ impl HostSource {
         let (info, accelerator) =
             pool.install(|| (builder.describe(), builder.build(&mesh, &options)));
         let accelerator = accelerator?;
-        let took = milliseconds(start);
+        self.build_ms = Some(milliseconds(start));
         let stats = TreeStats::of(&accelerator.tree().view());
         let tree = TreeReport {
             nodes: stats.nodes,
@@ -162,7 +173,7 @@ impl HostSource {
             (None, None) => info.name,
         };
         self.built = Some(Built { backend, preset, name, accelerator, tree, scale: None });
-        Ok(Some(took))
+        Ok(())
     }
 }
 
@@ -182,7 +193,9 @@ impl FrameSource for HostSource {
         let mut distance = length(camera.eye(), camera.look_at());
         if placement.view == crate::scene::View::Inside {
             let ahead = camera.through(1, 1, [[0.5, 0.5]]);
-            let hit = ahead.first().and_then(|ray| accelerator.closest_hit(ray, &QueryOptions::default()));
+            let hit = ahead
+                .first()
+                .and_then(|ray| accelerator.closest_hit(ray, &QueryOptions::default()));
             distance = hit.map_or(distance, |hit| f64::from(hit.t));
         }
         let abilities = Abilities {
@@ -211,22 +224,20 @@ impl FrameSource for HostSource {
         target: &FrameTarget<'_>,
     ) -> Result<FrameReport, FrameError> {
         let start = Instant::now();
-        let device =
-            FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
-        let build_ms = self.prepare(request.backend, request.preset, &device)?;
+        let device = FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
+        self.prepare(request.backend, request.preset, &device)?;
         let (Some(built), Some(placement)) = (&mut self.built, self.placement) else {
             return Err(FrameError::Superseded);
         };
         let traced = Instant::now();
         let placement = Placement { camera: request.camera, ..placement };
         let scene = &self.scene;
-        let shown =
-            self.pool.install(|| show(scene, built, &placement, request, target))?;
+        let shown = self.pool.install(|| show(scene, built, &placement, request, target))?;
         let trace_ms = milliseconds(traced);
         target.queue.write_buffer(target.pixels, 0, bytemuck::cast_slice(&shown.words));
         Ok(FrameReport {
             update_ms: 0.0,
-            build_ms,
+            build_ms: self.build_ms.take(),
             trace_ms,
             total_ms: milliseconds(start),
             rays: shown.rays,

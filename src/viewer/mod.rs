@@ -33,6 +33,7 @@ use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;
 use state::Choices;
 use window::{App, Event};
+use winit::error::EventLoopError;
 use winit::event_loop::EventLoop;
 
 /// What the viewer starts with.
@@ -94,9 +95,16 @@ pub struct Ended {
 /// There is no display, no adapter that can draw on it, or no first frame; the device is lost.
 pub fn run(source: Box<dyn FrameSource>, settings: Settings) -> Result<Ended, ViewerError> {
     let built = EventLoop::<Event>::with_user_event().build();
-    let event_loop = built.map_err(|error| ViewerError::NoDisplay(error.to_string()))?;
+    let event_loop = built.map_err(|error| ViewerError::NoDisplay(reason(&error)))?;
     let mut app = App::new(settings, source, event_loop.create_proxy());
     let ran = event_loop.run_app(&mut app);
     ran.map_err(|error| ViewerError::Window(error.to_string()))?;
     app.outcome
+}
+
+/// What winit says, without the place in its source text.
+fn reason(error: &EventLoopError) -> String {
+    let text = error.to_string();
+    let place = text.strip_prefix("os error at ").and_then(|rest| rest.split_once(": "));
+    place.map_or(text.as_str(), |(_, reason)| reason).trim_end_matches('.').to_owned()
 }

@@ -46,26 +46,25 @@ impl Painter {
     }
 
     /// Draws on a texture of the format.
-    pub(super) fn draw(&mut self, gpu: &FrameDevice, target: &wgpu::Texture, content: &Content<'_>) {
+    pub(super) fn draw(
+        &mut self,
+        gpu: &FrameDevice,
+        target: &wgpu::Texture,
+        content: &Content<'_>,
+    ) {
         let device = &gpu.device;
         let view = target.create_view(&wgpu::TextureViewDescriptor::default());
         let label = Some("window");
-        let mut encoder =
-            device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
+        let mut encoder = device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label });
         let screen = egui_wgpu::ScreenDescriptor {
             size_in_pixels: content.size,
             pixels_per_point: content.points,
         };
-        let mut commands = self.egui.update_buffers(
-            device,
-            &gpu.queue,
-            &mut encoder,
-            content.interface,
-            &screen,
-        );
-        let place = content.picture.map(|(picture, place)| {
-            (self.blit.prepare(device, &gpu.queue, picture, place), place)
-        });
+        let mut commands =
+            self.egui.update_buffers(device, &gpu.queue, &mut encoder, content.interface, &screen);
+        let place = content
+            .picture
+            .map(|(picture, place)| (self.blit.prepare(device, &gpu.queue, picture, place), place));
         let pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             label,
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -126,8 +125,11 @@ impl Painter {
             mapped_at_creation: false,
         });
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
-        let rows =
-            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(stride), rows_per_image: None };
+        let rows = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(stride),
+            rows_per_image: None,
+        };
         encoder.copy_texture_to_buffer(
             texture.as_image_copy(),
             wgpu::TexelCopyBufferInfo { buffer: &buffer, layout: rows },
@@ -135,9 +137,7 @@ impl Painter {
         );
         gpu.queue.submit([encoder.finish()]);
         buffer.map_async(wgpu::MapMode::Read, .., |_| {});
-        gpu.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|error| error.to_string())?;
+        gpu.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|error| error.to_string())?;
         let bytes = buffer.get_mapped_range(..).map_err(|error| error.to_string())?;
         let mut image = RgbaImage::new(width, height);
         for (x, y, pixel) in image.enumerate_pixels_mut() {

@@ -29,6 +29,19 @@ pub(super) fn show(ui: &mut Ui, state: &mut State) {
     }
 }
 
+/// How the window looks: dark around the picture, with text that stays legible.
+pub(super) fn style(context: &egui::Context) {
+    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        style.visuals.panel_fill = Color32::from_rgb(24, 26, 30);
+        style.visuals.window_fill = Color32::from_rgb(30, 32, 37);
+        style.visuals.override_text_color = Some(Color32::from_gray(222));
+        style.visuals.weak_text_color = Some(Color32::from_gray(150));
+        // What cannot be edited is not to be selected either: drags are for the camera.
+        style.interaction.selectable_labels = false;
+    });
+}
+
 /// The list of keys, in a window of its own.
 pub(super) fn keys(ctx: &egui::Context, state: &mut State) {
     egui::Window::new("Keys")
@@ -101,24 +114,29 @@ fn boxes(ui: &mut Ui, state: &mut State) {
     heading(ui, "Boxes of the tree");
     let deepest = frame.report.tree.max_depth;
     ui.horizontal(|ui| {
-        ui.checkbox(&mut state.choices.boxes, "");
-        ui.add(Slider::new(&mut state.choices.level, 0..=deepest).text("depth"));
+        ui.checkbox(&mut state.choices.boxes, "show");
+        if deepest > 0 {
+            ui.add(Slider::new(&mut state.choices.level, 0..=deepest).text("depth"));
+        } else {
+            ui.label(RichText::new("the root is a leaf").weak());
+        }
     });
     if !state.choices.boxes {
         return;
     }
     if let Some(boxes) = &frame.boxes {
-        let text = if boxes.total > MOST {
-            format!("the {MOST} largest of {} boxes", boxes.total)
-        } else {
-            format!("{} boxes", boxes.total)
+        let text = match boxes.total {
+            1 => "1 box:".to_owned(),
+            total if total > MOST => format!("the {MOST} largest of {}:", grouped(total as u64)),
+            total => format!("{total} boxes:"),
         };
         ui.horizontal(|ui| {
             ui.label(RichText::new(text).weak());
-        });
-        ui.horizontal(|ui| {
-            let parts =
-                [("nodes", Content::Interior), ("leaves", Content::Leaf), ("empty", Content::Empty)];
+            let parts = [
+                ("nodes", Content::Interior),
+                ("leaves", Content::Leaf),
+                ("empty", Content::Empty),
+            ];
             for (name, content) in parts {
                 ui.label(RichText::new(name).color(colour_of(content).to_opaque()));
             }
@@ -183,22 +201,15 @@ fn figures(ui: &mut Ui, state: &State) {
     let report = &frame.report;
     heading(ui, "Frame");
     let request = frame.job.request;
-    let row = |ui: &mut Ui, what: &str, value: String| {
-        ui.label(RichText::new(what).weak());
-        ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
-            ui.add(egui::Label::new(RichText::new(value).monospace().size(12.0)).truncate());
-        });
-        ui.end_row();
-    };
-    let grid = |name: &str| Grid::new(name).num_columns(2).spacing([12.0, 3.0]).min_col_width(88.0);
-    grid("frame").show(ui, |ui| {
+    figures_grid(ui, "frame", |ui| {
         row(ui, "by", report.backend.clone());
-        row(ui, "picture", format!("{} x {}", request.width, request.height));
-        row(ui, "trace and shade", format!("{:.1} ms", report.trace_ms));
+        let coarse = if frame.job.step > 1 { " (moving)" } else { "" };
+        row(ui, "picture", format!("{} x {}{coarse}", request.width, request.height));
+        row(ui, "trace, shade", format!("{:.1} ms", report.trace_ms));
         if report.update_ms > 0.0 {
             row(ui, "update", format!("{:.1} ms", report.update_ms));
         }
-        row(ui, "frame", format!("{:.1} ms", report.total_ms));
+        row(ui, "whole frame", format!("{:.1} ms", report.total_ms));
         row(ui, "rays", format!("{} ({})", grouped(report.rays), rate(report)));
         if let Some(build_ms) = state.build_ms {
             row(ui, "last build", format!("{build_ms:.1} ms"));
@@ -206,16 +217,34 @@ fn figures(ui: &mut Ui, state: &State) {
     });
     heading(ui, "Tree");
     let tree = &report.tree;
-    grid("tree").show(ui, |ui| {
+    figures_grid(ui, "tree", |ui| {
         row(ui, "triangles", grouped(u64::from(report.triangles)));
         row(ui, "nodes", grouped(tree.nodes as u64));
-        row(ui, "leaves", grouped(tree.leaves as u64));
-        row(ui, "empty leaves", grouped(tree.empty_leaves as u64));
+        let [leaves, empty] = [tree.leaves, tree.empty_leaves].map(|count| grouped(count as u64));
+        row(ui, "leaves", format!("{leaves} ({empty} empty)"));
         row(ui, "references", grouped(tree.references as u64));
         row(ui, "depth", tree.max_depth.to_string());
         row(ui, "SAH cost", format!("{:.2}", tree.sah_cost));
         row(ui, "memory", bytes(tree.bytes));
     });
+}
+
+fn figures_grid(ui: &mut Ui, name: &str, rows: impl FnOnce(&mut Ui)) {
+    ui.scope(|ui| {
+        // Text only: rows need not be as high as buttons.
+        ui.spacing_mut().interact_size.y = 15.0;
+        let grid = Grid::new(name).num_columns(2).spacing([10.0, 2.0]).min_col_width(76.0);
+        grid.show(ui, rows);
+    });
+}
+
+/// A figure: its name on the left, its value on the right.
+fn row(ui: &mut Ui, what: &str, value: String) {
+    ui.label(RichText::new(what).weak());
+    ui.with_layout(egui::Layout::right_to_left(egui::Align::Center), |ui| {
+        ui.add(egui::Label::new(RichText::new(value).monospace().size(12.0)).truncate());
+    });
+    ui.end_row();
 }
 
 fn name_of(accuracy: Accuracy) -> &'static str {

@@ -4,6 +4,7 @@ use super::error::ViewerError;
 use super::source::FrameDevice;
 use crate::backend::OpenError;
 use splitplane_wgpu::Adapters;
+use splitplane_wgpu::adapters::Adapter;
 use std::sync::Arc;
 use winit::event_loop::OwnedDisplayHandle;
 use winit::window::Window;
@@ -38,17 +39,19 @@ impl Screen {
         window: Arc<Window>,
         asked: Option<&str>,
     ) -> Result<Screen, ViewerError> {
-        let description =
-            wgpu::InstanceDescriptor::new_with_display_handle_from_env(Box::new(display));
-        let mut description = description;
+        let display = Box::new(display);
+        let mut description = wgpu::InstanceDescriptor::new_with_display_handle_from_env(display);
         // As for splitplane's own instances: nothing is dispatched indirectly, and the check would
         // keep buffers below 4 GiB.
         description.flags.remove(wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL);
         let instance = wgpu::Instance::new(description);
+        let adapters = Adapters::find_in(&instance);
+        // Without any, there is no surface to be had either, and for a reason less clear.
+        let ranked = adapters.ranked(asked).map_err(OpenError::from)?;
         let surface = instance
             .create_surface(Arc::clone(&window))
             .map_err(|error| ViewerError::Window(error.to_string()))?;
-        let adapter = choose(&instance, &surface, asked)?;
+        let adapter = choose(&instance, &surface, &ranked)?;
         let gpu = open_device(&adapter)?;
         let size = window.inner_size();
         let mut config = surface
@@ -119,18 +122,16 @@ impl Screen {
     }
 }
 
-/// The adapter to take: the best of those that may be taken and can draw on the surface.
+/// The adapter to take: the first that can be used and can draw on the surface.
 fn choose(
     instance: &wgpu::Instance,
     surface: &wgpu::Surface<'_>,
-    asked: Option<&str>,
+    ranked: &[&Adapter],
 ) -> Result<wgpu::Adapter, ViewerError> {
-    let adapters = Adapters::find_in(instance);
-    let ranked = adapters.ranked(asked).map_err(OpenError::from)?;
     // Both lists are in the order of the instance.
     let all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let mut unusable = None;
-    for candidate in &ranked {
+    for candidate in ranked {
         if let Some(reason) = candidate.unusable() {
             let (adapter, reason) = (candidate.name().to_owned(), reason.to_owned());
             unusable.get_or_insert(OpenError::Unusable { adapter, reason });

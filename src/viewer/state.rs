@@ -122,12 +122,10 @@ impl State {
     /// last.
     pub(super) fn wants(&mut self, [width, height]: [u32; 2]) -> Option<Job> {
         let scene = self.scene.as_ref()?;
-        let fleeting = self.playing || self.settles_in().is_some();
-        let step = if fleeting { self.resolution.step() } else { 1 };
         let choices = &self.choices;
-        let request = FrameRequest {
-            width: reduced(width, step),
-            height: reduced(height, step),
+        let whole = FrameRequest {
+            width,
+            height,
             camera: scene.rig.camera(),
             backend: choices.backend,
             preset: choices.preset,
@@ -137,6 +135,13 @@ impl State {
             view: choices.view,
             time: self.time,
         };
+        let coarse = self.resolution.step();
+        // Where a whole picture takes long, a coarse one of the same is shown before.
+        let is_new = coarse > 1 && !self.shows(&whole);
+        let fleeting = self.playing || self.settles_in().is_some() || is_new;
+        let step = if fleeting { coarse } else { 1 };
+        let request =
+            FrameRequest { width: reduced(width, step), height: reduced(height, step), ..whole };
         let job = Job { request, level: choices.boxes.then_some(choices.level), step, fleeting };
         // A picture that was made in haste, and turned out whole, need not be made again.
         let same = |asked: Job| (asked.request, asked.level) == (job.request, job.level);
@@ -145,6 +150,14 @@ impl State {
         }
         self.asked = Some(job);
         Some(job)
+    }
+
+    /// Whether the window shows this already, if perhaps coarser.
+    fn shows(&self, whole: &FrameRequest) -> bool {
+        let (width, height) = (whole.width, whole.height);
+        self.frame
+            .as_ref()
+            .is_some_and(|frame| FrameRequest { width, height, ..frame.job.request } == *whole)
     }
 
     /// True while a frame is on its way.
@@ -202,9 +215,19 @@ mod tests {
         assert_eq!((choices.depth, choices.samples), (0, 1));
     }
 
+    /// As the thread would, without a picture: a frame that took so long.
+    fn made(state: &mut State, trace_ms: f64) {
+        let job = state.asked.unwrap();
+        state.resolution.learn(trace_ms, job.step);
+    }
+
     #[test]
-    fn a_still_picture_is_asked_for_once() {
+    fn a_picture_that_is_made_fast_is_asked_for_once() {
         let mut state = state();
+        let first = state.wants([640, 480]).unwrap();
+        assert!(first.fleeting && first.step > 1 && first.request.width < 640, "{first:?}");
+        assert_eq!(state.wants([640, 480]), None);
+        made(&mut state, 0.1);
         let job = state.wants([640, 480]).unwrap();
         assert_eq!((job.step, job.fleeting, job.request.width), (1, false, 640));
         assert_eq!(state.wants([640, 480]), None);
@@ -214,18 +237,16 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_one_is_coarser_and_then_made_whole() {
+    fn a_slow_one_is_coarse_while_the_camera_moves() {
         let mut state = state();
         assert!(state.wants([640, 480]).is_some());
+        made(&mut state, 1000.0);
         if let Some(scene) = &mut state.scene {
             scene.rig.turn(0.1, 0.0);
         }
         state.touch();
         let job = state.wants([640, 480]).unwrap();
-        assert!(job.fleeting && job.step > 1 && job.request.width < 640);
-        state.moved = None;
-        let job = state.wants([640, 480]).unwrap();
-        assert!(!job.fleeting && job.request.width == 640);
+        assert!(job.fleeting && job.step == 8 && job.request.width == 80, "{job:?}");
         assert_eq!(state.wants([640, 480]), None);
     }
 }

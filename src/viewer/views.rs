@@ -1,7 +1,7 @@
 //! Debug pictures: what hits say, as colours.
 
-use crate::surface::Surface;
 use crate::scene::Scene;
+use crate::surface::Surface;
 use rayon::prelude::*;
 use splitplane_core::ray::{Hit, Ray};
 

@@ -103,7 +103,7 @@ impl App {
         }));
         let painter = Painter::new(device, screen.format());
         let context = egui::Context::default();
-        context.set_theme(egui::Theme::Dark);
+        panel::style(&context);
         let egui = egui_winit::State::new(
             context,
             egui::ViewportId::ROOT,
@@ -249,8 +249,7 @@ impl Open {
                     .frame(frame)
                     .show(ui, |ui| panel::show(ui, state));
             }
-            egui::CentralPanel::no_frame()
-                .show(ui, |ui| rect = area::show(ui, state));
+            egui::CentralPanel::no_frame().show(ui, |ui| rect = area::show(ui, state));
             panel::keys(&context, state);
         });
         let delay = output
@@ -345,11 +344,7 @@ fn place_of(rect: egui::Rect, points: f32, [width, height]: [u32; 2]) -> Option<
     let pixel = |at: f32, most: u32| ((at * points).round().max(0.0) as u32).min(most);
     let (left, right) = (pixel(rect.left(), width), pixel(rect.right(), width));
     let (top, bottom) = (pixel(rect.top(), height), pixel(rect.bottom(), height));
-    let place = Place {
-        left,
-        top,
-        width: right.saturating_sub(left),
-        height: bottom.saturating_sub(top),
-    };
+    let place =
+        Place { left, top, width: right.saturating_sub(left), height: bottom.saturating_sub(top) };
     (place.width > 0 && place.height > 0).then_some(place)
 }

@@ -84,13 +84,8 @@ impl Worker {
         tell: impl Fn(News) + Send + 'static,
     ) -> std::io::Result<Worker> {
         let shared = Arc::new(Shared::default());
-        let maker = Maker {
-            source,
-            gpu,
-            shared: Arc::clone(&shared),
-            pictures: Vec::new(),
-            last: None,
-        };
+        let maker =
+            Maker { source, gpu, shared: Arc::clone(&shared), pictures: Vec::new(), last: None };
         let thread = std::thread::Builder::new()
             .name("frames".into())
             .spawn(move || maker.run(&first, &tell))?;
