@@ -135,7 +135,11 @@ fn overlay(ui: &egui::Ui, rect: Rect, state: &State) {
     if state.choices.boxes
         && let Some(boxes) = &frame.boxes
     {
-        draw_boxes(&painter, rect, scene, boxes);
+        // Through the camera of the picture, which may be a little behind the hand.
+        let near = scene.rig.distance() * 1e-4;
+        let aspect = f64::from(rect.width()) / f64::from(rect.height().max(1.0));
+        let projection = Projection::new(&frame.job.request.camera, aspect, near);
+        draw_boxes(&painter, rect, &projection, boxes);
     }
     let view = frame.job.request.view;
     let mut text = view.title().to_owned();
@@ -157,10 +161,7 @@ fn caption(painter: &egui::Painter, rect: Rect, text: &str) {
     painter.galley(at + Vec2::new(8.0, 4.0), galley, Color32::WHITE);
 }
 
-fn draw_boxes(painter: &egui::Painter, rect: Rect, scene: &Scene, boxes: &LevelBoxes) {
-    let aspect = f64::from(rect.width()) / f64::from(rect.height().max(1.0));
-    let near = scene.rig.distance() * 1e-4;
-    let projection = Projection::new(&scene.rig.camera(), aspect, near);
+fn draw_boxes(painter: &egui::Painter, rect: Rect, projection: &Projection, boxes: &LevelBoxes) {
     // Many boxes are thin lines, few are clear ones.
     let width = if boxes.boxes.len() > 200 { 0.7 } else { 1.2 };
     let place = |[x, y]: [f64; 2]| rect.lerp_inside(Vec2::new(x as f32, y as f32));

@@ -48,7 +48,7 @@ pub(super) fn keys(ctx: &egui::Context, state: &mut State) {
         .open(&mut state.shows_keys)
         .collapsible(false)
         .resizable(false)
-        .default_pos([24.0, 24.0])
+        .default_pos([24.0, 52.0])
         .show(ctx, |ui| {
             Grid::new("keys").num_columns(2).spacing([18.0, 4.0]).show(ui, |ui| {
                 for (key, what) in KEYS {

@@ -111,16 +111,8 @@ impl Rig {
             return;
         }
         let target = self.target();
-        match self.mode {
-            Mode::Orbit => {
-                self.yaw -= right * TURN;
-                self.pitch -= down * TURN;
-            }
-            Mode::Fly => {
-                self.yaw += right * TURN;
-                self.pitch -= down * TURN;
-            }
-        }
+        self.yaw += right * TURN;
+        self.pitch -= down * TURN;
         self.yaw %= std::f64::consts::TAU;
         self.pitch = self.pitch.clamp(-STEEPEST, STEEPEST);
         if self.mode == Mode::Orbit {
@@ -211,10 +203,11 @@ mod tests {
         for scale in [1e-6, 1.0, 1e9] {
             let mut rig = rig(scale);
             let scale = f64::from(scale);
+            let at = rig.target();
             for (right, down) in [(0.3, 0.1), (-2.0, 0.7), (5.0, -9.0), (0.001, 0.0)] {
                 rig.turn(right, down);
-                assert!(close(rig.target(), DVec3::ZERO, scale), "{scale} {}", rig.target());
-                let distance = rig.eye.length() / scale;
+                assert!(close(rig.target(), at, scale), "{scale} {}", rig.target());
+                let distance = rig.eye.distance(at) / scale;
                 assert!((distance - 5.0).abs() < 1e-6, "{scale} {distance}");
             }
         }
