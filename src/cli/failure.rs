@@ -163,6 +163,26 @@ impl From<splitplane::viewer::FrameError> for Failure {
 mod tests {
     use super::*;
 
+    /// What a window cannot be made to do at will.
+    #[cfg(feature = "viewer")]
+    #[test]
+    fn ends_of_the_window_have_their_codes() {
+        use splitplane::viewer::{FrameError, ViewerError};
+        let text = || "gone".to_owned();
+        assert_eq!(Failure::from(ViewerError::DeviceLost(text())).code, DEVICE);
+        assert_eq!(Failure::from(ViewerError::Device(text())).code, DEVICE);
+        assert_eq!(Failure::from(ViewerError::NoSurface(vec![text()])).code, NO_GPU);
+        assert_eq!(Failure::from(ViewerError::Window(text())).code, NO_GPU);
+        assert_eq!(Failure::from(ViewerError::Adapter(OpenError::NoAdapter)).code, NO_GPU);
+        let lost = FrameError::Query(QueryError::DeviceLost { reason: text() });
+        assert!(lost.is_device_loss());
+        assert_eq!(Failure::from(ViewerError::Frame(lost)).code, DEVICE);
+        let memory = FrameError::Build(BuildError::OutOfMemory { needed: 2, limit: 1 });
+        assert!(!memory.is_device_loss());
+        assert_eq!(Failure::from(ViewerError::Frame(memory)).code, LIMIT);
+        assert_eq!(Failure::from(ViewerError::Frame(FrameError::Superseded)).code, BUG);
+    }
+
     /// Codes that no run of this build can reach from outside.
     #[test]
     fn limits_and_failing_devices_have_their_codes() {

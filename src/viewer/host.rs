@@ -175,18 +175,35 @@ impl HostSource {
         self.built = Some(Built { backend, preset, name, accelerator, tree, scale: None });
         Ok(())
     }
+
+    /// What [`HostSource::prepare`] has built.
+    fn built(&self) -> &Built {
+        self.built.as_ref().unwrap_or_else(not_built)
+    }
+
+    /// Camera and light of the scene, found when first asked for.
+    fn place(&mut self, aspect: f64) -> Result<Placement, FrameError> {
+        if let Some(placement) = self.placement {
+            return Ok(placement);
+        }
+        let accelerator = self.built().accelerator.as_ref();
+        let placement = self.pool.install(|| Placement::of(&self.scene, accelerator, aspect))?;
+        self.placement = Some(placement);
+        Ok(placement)
+    }
+}
+
+fn not_built<T>() -> T {
+    unreachable!("`prepare` comes first")
 }
 
 impl FrameSource for HostSource {
     fn open(&mut self, target: &FrameDevice, first: &FirstFrame) -> Result<Opening, FrameError> {
         let (backend, reason) = self.choose(first.backend, target)?;
         self.prepare(backend, first.preset, target)?;
-        let (Some(built), scene) = (&self.built, &self.scene) else {
-            return Err(FrameError::Superseded);
-        };
+        let placement = self.place(first.aspect)?;
+        let built = self.built();
         let accelerator = built.accelerator.as_ref();
-        let placement = self.pool.install(|| Placement::of(scene, accelerator, first.aspect))?;
-        self.placement = Some(placement);
         let camera = placement.camera;
         // A scene's own camera looks at what it turns about, and so does one from outside; one from
         // inside only looks somewhere.
@@ -214,7 +231,7 @@ impl FrameSource for HostSource {
             seconds: None,
         };
         let bounds = built.accelerator.tree().bounds;
-        let scene = scene.name.clone();
+        let scene = self.scene.name.clone();
         Ok(Opening { scene, bounds, camera, distance, backend, reason, abilities })
     }
 
@@ -226,12 +243,10 @@ impl FrameSource for HostSource {
         let start = Instant::now();
         let device = FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
         self.prepare(request.backend, request.preset, &device)?;
-        let (Some(built), Some(placement)) = (&mut self.built, self.placement) else {
-            return Err(FrameError::Superseded);
-        };
+        let aspect = f64::from(request.width) / f64::from(request.height.max(1));
+        let placement = Placement { camera: request.camera, ..self.place(aspect)? };
         let traced = Instant::now();
-        let placement = Placement { camera: request.camera, ..placement };
-        let scene = &self.scene;
+        let (scene, built) = (&self.scene, self.built.as_mut().unwrap_or_else(not_built));
         let shown = self.pool.install(|| show(scene, built, &placement, request, target))?;
         let trace_ms = milliseconds(traced);
         target.queue.write_buffer(target.pixels, 0, bytemuck::cast_slice(&shown.words));

@@ -155,6 +155,10 @@ fn rendering(ui: &mut Ui, state: &mut State) {
             for &backend in &can.backends {
                 ui.selectable_value(&mut choices.backend, backend, backend.name());
             }
+            if choices.backend == scene.opening.backend {
+                let reason = RichText::new(&scene.opening.reason).weak().size(11.0);
+                ui.add(egui::Label::new(reason).truncate());
+            }
         });
         ui.end_row();
         ui.label("preset");

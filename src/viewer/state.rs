@@ -107,6 +107,14 @@ impl State {
         }
     }
 
+    /// Lets the animation go on by some seconds, from its start again after its end.
+    pub(super) fn advance(&mut self, seconds: f64) {
+        let length = self.scene.as_ref().and_then(|scene| scene.opening.abilities.seconds);
+        if let Some(length) = length.filter(|length| self.playing && *length > 0.0) {
+            self.time = (self.time + seconds).rem_euclid(length);
+        }
+    }
+
     /// The camera was moved just now.
     pub(super) fn touch(&mut self) {
         self.moved = Some(Instant::now());
@@ -234,6 +242,26 @@ mod tests {
         assert!(state.wants([320, 480]).is_some());
         state.choices.boxes = true;
         assert_eq!(state.wants([320, 480]).unwrap().level, Some(3));
+    }
+
+    #[test]
+    fn animations_start_again() {
+        let mut state = state();
+        state.playing = true;
+        state.advance(1.0);
+        assert_eq!(state.time, 0.0, "this scene stands still");
+        if let Some(scene) = &mut state.scene {
+            scene.opening.abilities.seconds = Some(2.0);
+        }
+        state.advance(1.5);
+        assert_eq!(state.time, 1.5);
+        state.advance(1.0);
+        assert_eq!(state.time, 0.5);
+        let job = state.wants([640, 480]).unwrap();
+        assert!(job.fleeting && job.request.time == 0.5);
+        state.playing = false;
+        state.advance(1.0);
+        assert_eq!(state.time, 0.5);
     }
 
     #[test]

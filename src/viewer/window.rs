@@ -54,6 +54,8 @@ struct Open {
     window: Arc<Window>,
     /// When to draw next although nothing happens.
     wake: Option<Instant>,
+    /// When it was drawn last.
+    drawn: Instant,
     retries: u32,
     /// Frames shown that were finished.
     finished: u32,
@@ -132,6 +134,7 @@ impl App {
             screen,
             window,
             wake: None,
+            drawn: Instant::now(),
             retries: 0,
             finished: 0,
         });
@@ -210,6 +213,7 @@ impl ApplicationHandler<Event> for App {
                 open.screen.resize(size.width, size.height);
                 open.window.request_redraw();
             }
+            WindowEvent::Occluded(false) => open.window.request_redraw(),
             WindowEvent::RedrawRequested => self.redraw(event_loop),
             _ if response.repaint => open.window.request_redraw(),
             _ => {}
@@ -238,6 +242,9 @@ impl Open {
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
         let state = &mut self.state;
+        let now = Instant::now();
+        state.advance(now.duration_since(self.drawn).as_secs_f64());
+        self.drawn = now;
         let mut rect = egui::Rect::ZERO;
         let output = context.run_ui(input, |ui| {
             area::keys(ui, state);
