@@ -8,6 +8,7 @@ use std::collections::HashSet;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// The window's size; the screen's is larger.
@@ -17,14 +18,19 @@ const PANEL: u32 = 292;
 /// How long to wait for what must happen at last, on the slowest machine.
 const PATIENCE: Duration = Duration::from_secs(300);
 
+/// One X server at a time: two that start together may take the same number.
+static ONE: Mutex<()> = Mutex::new(());
+
 /// An X server without hardware, ended when dropped.
 struct Display {
     server: Child,
     name: String,
+    _one: MutexGuard<'static, ()>,
 }
 
 impl Display {
     fn start() -> Display {
+        let one = ONE.lock().unwrap_or_else(PoisonError::into_inner);
         let mut server = Command::new("Xvfb")
             .args(["-displayfd", "1", "-screen", "0", "1000x700x24", "-nolisten", "tcp"])
             .stdout(Stdio::piped())
@@ -34,7 +40,7 @@ impl Display {
         let mut number = String::new();
         let out = server.stdout.as_mut().expect("a pipe");
         BufReader::new(out).read_line(&mut number).expect("the display's number");
-        Display { server, name: format!(":{}", number.trim()) }
+        Display { server, name: format!(":{}", number.trim()), _one: one }
     }
 
     /// The program on this display.
@@ -42,6 +48,11 @@ impl Display {
         let mut command = view(folder, arguments);
         command.env("DISPLAY", &self.name);
         command
+    }
+
+    /// The program, left to itself.
+    fn start_view(&self, folder: &Path) -> Running {
+        Running(self.view(folder, &["builtin:cornell"]).spawn().expect("it starts"))
     }
 
     /// What the screen shows where the window is.
@@ -54,10 +65,17 @@ impl Display {
         window(&read_dump(&dump.stdout))
     }
 
-    /// Waits until the window shows what is expected.
-    fn wait(&self, what: &str, seen: impl Fn(&RgbaImage) -> bool) -> RgbaImage {
+    /// Waits until the window of the program shows what is expected.
+    fn wait(
+        &self,
+        running: &mut Running,
+        what: &str,
+        seen: impl Fn(&RgbaImage) -> bool,
+    ) -> RgbaImage {
         let start = Instant::now();
         loop {
+            let ended = running.0.try_wait().expect("it is our child");
+            assert_eq!(ended, None, "{what}: the program has ended");
             let screen = self.screen();
             if seen(&screen) {
                 return screen;
@@ -94,6 +112,7 @@ impl Display {
     }
 }
 
+/// Ends the server before the next one may start: fields are dropped afterwards.
 impl Drop for Display {
     fn drop(&mut self) {
         let _ = self.server.kill();
@@ -207,10 +226,9 @@ fn fails(mut command: Command, code: i32) -> String {
 fn scene_panel_keys_and_mouse_in_a_window() {
     let folder = tempfile::tempdir().expect("a folder");
     let display = Display::start();
-    let running = display.view(folder.path(), &["builtin:cornell"]).spawn().expect("it starts");
-    let _running = Running(running);
+    let mut running = display.start_view(folder.path());
     let finished = |window: &RgbaImage| shows_cornell_box(window) && shows_panel(window);
-    let shaded = display.wait("the scene and the panel", finished);
+    let shaded = display.wait(&mut running, "the scene and the panel", finished);
 
     // The second view is depth: shades of grey.
     display.press("2");
@@ -219,7 +237,7 @@ fn scene_panel_keys_and_mouse_in_a_window() {
         let all = (picture.width() * picture.height()) as usize;
         count(&picture, is_grey) == all && colours(&picture) > 100
     };
-    let depth = display.wait("depth, in shades of grey", grey);
+    let depth = display.wait(&mut running, "depth, in shades of grey", grey);
     assert!(differing(&shaded, &depth) > 100_000);
 
     // The third is normals: the walls are red, green and blue.
@@ -229,7 +247,7 @@ fn scene_panel_keys_and_mouse_in_a_window() {
         let faces = [[255, 128, 128], [128, 255, 128], [128, 128, 255]];
         faces.iter().all(|face| count(&picture, |[r, g, b, _]| [r, g, b] == *face) > 1000)
     };
-    let before = display.wait("normals", normals);
+    let before = display.wait(&mut running, "normals", normals);
 
     // Dragging turns. A drag that begins and ends between two frames is a click, so it is tried
     // again until it is seen.
@@ -240,14 +258,16 @@ fn scene_panel_keys_and_mouse_in_a_window() {
         }
         seen
     };
-    display.wait("the scene turned", turned);
+    display.wait(&mut running, "the scene turned", turned);
     display.press("r");
     let [home, _] = parts(&before);
-    display.wait("the camera where it was", |window| differing(&parts(window)[0], &home) == 0);
+    display.wait(&mut running, "the camera where it was", |window| {
+        differing(&parts(window)[0], &home) == 0
+    });
 
     // Without the panel the picture takes all of the window.
     display.press("h");
-    display.wait("no panel", |window| !shows_panel(window) && normals(window));
+    display.wait(&mut running, "no panel", |window| !shows_panel(window) && normals(window));
 }
 
 #[test]
@@ -278,10 +298,9 @@ fn a_screenshot_is_what_the_window_shows() {
     assert_eq!([shot.width(), shot.height()], SIZE);
     assert!(shows_cornell_box(&shot) && shows_panel(&shot));
     // Seen from outside, the same scene is the same picture to the last bit.
-    let running = display.view(folder.path(), &["builtin:cornell"]).spawn().expect("it starts");
-    let _running = Running(running);
+    let mut running = display.start_view(folder.path());
     let [picture, _] = parts(&shot);
-    display.wait("the picture of the screenshot", |window| {
+    display.wait(&mut running, "the picture of the screenshot", |window| {
         differing(&parts(window)[0], &picture) == 0 && shows_panel(window)
     });
 }
