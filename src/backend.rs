@@ -2,6 +2,7 @@
 
 #[cfg(feature = "wgpu")]
 mod connect;
+mod engine;
 #[cfg(feature = "wgpu")]
 mod gpu;
 
@@ -12,6 +13,7 @@ use std::str::FromStr;
 use std::time::Duration;
 use thiserror::Error;
 
+pub use engine::{Engine, OpenedEngine};
 #[cfg(feature = "wgpu")]
 pub use gpu::{adapters, open_gpu};
 
@@ -175,6 +177,15 @@ impl BackendKind {
     /// The backend is not part of this build, there is no such device, or it may not be used. A GPU
     /// that was asked for is never replaced by the CPU, nor an adapter that was named by another.
     pub fn open_with(self, options: &OpenOptions) -> Result<Opened, OpenError> {
+        let OpenedEngine { engine, reason } = self.open_engine(options)?;
+        Ok(Opened { backend: engine.into_backend(), reason })
+    }
+
+    /// As [`BackendKind::open_with`], the backend by its own type.
+    ///
+    /// # Errors
+    /// As for [`BackendKind::open_with`].
+    pub fn open_engine(self, options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
         match (self, &options.adapter) {
             (BackendKind::Cpu, Some(adapter)) => Err(OpenError::AdapterForCpu(adapter.clone())),
             (BackendKind::Cpu, None) => open_cpu("asked for"),
@@ -185,7 +196,7 @@ impl BackendKind {
 }
 
 #[cfg(feature = "wgpu")]
-fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
+fn open_auto(options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
     match gpu::open_hardware(options)? {
         Ok(opened) => Ok(opened),
         Err(why) => open_cpu(&format!("auto: the CPU, since {why}")),
@@ -193,7 +204,7 @@ fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
 }
 
 #[cfg(not(feature = "wgpu"))]
-fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
+fn open_auto(options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
     match options.adapter {
         Some(_) => Err(OpenError::NoGpuBackend),
         None => open_cpu("auto: no GPU backend is compiled in, so the CPU"),
@@ -201,12 +212,12 @@ fn open_auto(options: &OpenOptions) -> Result<Opened, OpenError> {
 }
 
 #[cfg(feature = "wgpu")]
-fn open_wgpu(options: &OpenOptions) -> Result<Opened, OpenError> {
+fn open_wgpu(options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
     gpu::open(options)
 }
 
 #[cfg(not(feature = "wgpu"))]
-fn open_wgpu(_: &OpenOptions) -> Result<Opened, OpenError> {
+fn open_wgpu(_: &OpenOptions) -> Result<OpenedEngine, OpenError> {
     Err(OpenError::NoGpuBackend)
 }
 
@@ -220,12 +231,13 @@ pub fn panic_is_caught() -> bool {
 }
 
 #[cfg(feature = "cpu")]
-fn open_cpu(reason: &str) -> Result<Opened, OpenError> {
-    Ok(Opened { backend: Box::new(splitplane_cpu::CpuBackend::new()), reason: reason.to_owned() })
+fn open_cpu(reason: &str) -> Result<OpenedEngine, OpenError> {
+    let engine = Engine::Cpu(splitplane_cpu::CpuBackend::new());
+    Ok(OpenedEngine { engine, reason: reason.to_owned() })
 }
 
 #[cfg(not(feature = "cpu"))]
-fn open_cpu(_: &str) -> Result<Opened, OpenError> {
+fn open_cpu(_: &str) -> Result<OpenedEngine, OpenError> {
     Err(OpenError::NoCpuBackend)
 }
 

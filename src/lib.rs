@@ -54,11 +54,13 @@ pub mod parity;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]
-pub mod render;
+pub use splitplane_render as render;
 #[cfg(feature = "scene")]
 pub mod scene;
 #[cfg(feature = "scene")]
 mod surface;
+#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
+pub mod tracer;
 #[cfg(feature = "verify")]
 pub mod verify;
 

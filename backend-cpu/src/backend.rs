@@ -9,7 +9,7 @@ use splitplane_core::backend::{
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule;
-use splitplane_core::tree::KdTree;
+use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh;
 
@@ -54,7 +54,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, |tree, summary, _, _| Ok((tree, summary)))
+        self.with_built(mesh, options, |tree, summary, _, _| Ok((tree.into(), summary)))
     }
 
     /// Builds, and also makes the query layout; the accelerator by its own type.
@@ -67,9 +67,29 @@ impl CpuBackend {
         options: &BuildOptions,
     ) -> Result<CpuAccelerator, BuildError> {
         self.with_built(mesh, options, |tree, mut summary, triangles, mut memory| {
-            memory.take(CpuAccelerator::bytes_for(&tree.view()))?;
+            memory.take(CpuAccelerator::bytes_for(&tree))?;
             summary.peak_bytes = memory.peak;
-            Ok(CpuAccelerator::new(tree, summary, triangles, self.set))
+            Ok(CpuAccelerator::new(tree.into(), summary, triangles, self.set))
+        })
+    }
+
+    /// As [`CpuBackend::build_accelerator`], into the memory of an accelerator that is no longer
+    /// needed, whatever it was built over. Whoever rebuilds every frame saves the allocations. After
+    /// an error the accelerator is what it was.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn rebuild(
+        &self,
+        accelerator: &mut CpuAccelerator,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+    ) -> Result<(), BuildError> {
+        self.with_built(mesh, options, |tree, mut summary, triangles, mut memory| {
+            memory.take(CpuAccelerator::bytes_for(&tree))?;
+            summary.peak_bytes = memory.peak;
+            accelerator.replace(&tree, summary, triangles);
+            Ok(())
         })
     }
 
@@ -78,7 +98,7 @@ impl CpuBackend {
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        then: impl FnOnce(KdTree, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
+        then: impl FnOnce(KdTreeView<'_>, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
@@ -91,9 +111,9 @@ impl CpuBackend {
         let counters = buffers.counters;
         let nodes = counters[Counter::Nodes] as usize;
         let references = counters[Counter::LeafReferences] as usize;
-        let tree = KdTree {
-            nodes: buffers.nodes[..nodes].to_vec(),
-            references: buffers.leaf_references[..references].to_vec(),
+        let tree = KdTreeView {
+            nodes: &buffers.nodes[..nodes],
+            references: &buffers.leaf_references[..references],
             bounds: buffers.root_bounds,
             triangles: counters[Counter::Triangles],
             config: options.config,

@@ -62,9 +62,41 @@ pub fn any_hit(
     trace::<Strict>(tree, triangles, scene, ray, options, Query::Any).is_hit()
 }
 
-/// The one loop, in any arithmetic. Front to back; both children are visited when the plane lies
-/// within its error of the interval; triangles are tested against the whole ray; it stops when the
-/// next entry lies beyond the best hit and its error.
+/// Is told what a traversal does.
+pub trait Observer {
+    /// A node was visited, interior or leaf.
+    fn node(&mut self);
+    /// A triangle was tested.
+    fn triangle(&mut self);
+}
+
+/// Takes no notice.
+impl Observer for () {
+    #[inline(always)]
+    fn node(&mut self) {}
+    #[inline(always)]
+    fn triangle(&mut self) {}
+}
+
+/// Counts what a traversal does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// Nodes visited.
+    pub nodes: u32,
+    /// Triangles tested.
+    pub triangles: u32,
+}
+
+impl Observer for Cost {
+    fn node(&mut self) {
+        self.nodes += 1;
+    }
+    fn triangle(&mut self) {
+        self.triangles += 1;
+    }
+}
+
+/// [`trace_observed`], unobserved.
 pub fn trace<A: Arithmetic>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -72,6 +104,21 @@ pub fn trace<A: Arithmetic>(
     ray: &Ray,
     options: &QueryOptions,
     query: Query,
+) -> Hit {
+    trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
+}
+
+/// The one loop, in any arithmetic. Front to back; both children are visited when the plane lies
+/// within its error of the interval; triangles are tested against the whole ray; it stops when the
+/// next entry lies beyond the best hit and its error.
+pub fn trace_observed<A: Arithmetic, O: Observer>(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    scene: &SceneScale,
+    ray: &Ray,
+    options: &QueryOptions,
+    query: Query,
+    observer: &mut O,
 ) -> Hit {
     let mut best = Hit::MISS;
     let Some(prepared) = PreparedRay::new::<A>(ray, scene) else { return best };
@@ -81,6 +128,7 @@ pub fn trace<A: Arithmetic>(
     let mut top = 0;
     let mut node = 0u32;
     loop {
+        observer.node();
         match tree.nodes[node as usize].kind() {
             NodeKind::Interior { axis, split, right } => {
                 let (least, greatest) = prepared.plane_interval::<A>(axis.index(), split);
@@ -105,6 +153,7 @@ pub fn trace<A: Arithmetic>(
                     if options.ignore == Some(triangle) {
                         continue;
                     }
+                    observer.triangle();
                     let corners = triangles.corners(triangle);
                     let candidate = match options.accuracy {
                         Accuracy::Watertight => {

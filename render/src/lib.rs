@@ -1,11 +1,46 @@
-//! The ray tracer of `splitplane`.
+//! The ray tracer of `splitplane`: Whitted's shadows, reflections and refractions, in waves of rays.
+//!
+//! It is a kernel set of its own ([`RayTracer`]) with a schedule of its own ([`schedule::frame`]), which
+//! run on the same [`Executor`](splitplane_core::schedule::Executor) trait as the tree builder's. What
+//! runs is decided by a [`Plan`]: a scene pays for what it uses.
 
 #![forbid(unsafe_code)]
 
+mod camera;
+#[cfg(feature = "cpu")]
+pub mod cpu;
+mod environment;
+mod error;
+mod frame;
+mod fresnel;
+pub mod kernel;
+pub mod layout;
 mod light;
+mod lighting;
 mod material;
+mod plan;
+mod random;
+pub mod scene_data;
+mod scene_words;
+pub mod schedule;
+mod settings;
+mod surface;
 mod texture;
+mod tone;
+mod vector;
+#[cfg(feature = "wgpu")]
+pub mod wgpu;
 
+pub use camera::Pinhole;
+pub use error::RenderError;
+pub use frame::{FrameInput, FrameStats};
+pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};
+pub use plan::{Needs, Outputs, Plan, PlanError, Room};
+pub use scene_data::{Appearance, AppearanceError, SceneData};
+pub use settings::{
+    MAX_DEPTH, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS, MAX_SIDE, RenderSettings, SettingsError,
+    Size, SizeError,
+};
 pub use texture::Texture;

@@ -99,6 +99,45 @@ fn quotient(a: f32, b: f32) -> f32 {
     return bitcast<f32>(sign | (u32(field) << 23u) | (mantissa & 0x7fffffu));
 }
 
+// The square root, rounded to nearest: exact on every device. An approximation by guarded products is
+// made exact by what is left of the square, in whole numbers. Zero for zeros, subnormal and negative
+// numbers; not for infinity and NaN.
+fn square_root(x: f32) -> f32 {
+    let bits = bitcast<u32>(x);
+    let field = bits >> 23u;
+    if field == 0u || field >= 0xffu {
+        return 0.0;
+    }
+    // x = part * 4^power, part from 1 to below 4.
+    let odd = (field & 1u) ^ 1u;
+    let part = bitcast<f32>(((127u + odd) << 23u) | (bits & 0x7fffffu));
+    // 1 / sqrt(part) from the bits, then three steps of Newton: the error is a few units.
+    var inverse = bitcast<f32>(0x5f3759dfu - (bitcast<u32>(part) >> 1u));
+    let half = product(part, 0.5);
+    inverse = product(inverse, difference(1.5, product(half, product(inverse, inverse))));
+    inverse = product(inverse, difference(1.5, product(half, product(inverse, inverse))));
+    inverse = product(inverse, difference(1.5, product(half, product(inverse, inverse))));
+    // The root in units of 2^-23, and what part leaves of its square in units of 2^-46: below 2^31, so
+    // that it is known from the last 32 bits.
+    var root = (bitcast<u32>(clamp(product(part, inverse), 1.0, 0x1.fffffep+0f)) & 0x7fffffu) | 0x800000u;
+    let mantissa = (bits & 0x7fffffu) | 0x800000u;
+    var rest = bitcast<i32>((mantissa << (23u + odd)) - root * root);
+    while rest < 0 {
+        root -= 1u;
+        rest += bitcast<i32>(2u * root + 1u);
+    }
+    while rest > bitcast<i32>(2u * root) {
+        rest -= bitcast<i32>(2u * root + 1u);
+        root += 1u;
+    }
+    // Half way between two numbers there is no root.
+    if rest > bitcast<i32>(root) {
+        root += 1u;
+    }
+    let root_field = (field + 127u - odd) >> 1u;
+    return bitcast<f32>((root_field << 23u) + (root - 0x800000u));
+}
+
 // A sum of two floats that do not overlap: about 48 bits.
 struct Double {
     high: f32,

@@ -44,13 +44,6 @@ struct Scene {
     padding: u32,
 }
 
-// Three corners.
-struct Triangle {
-    a: vec3<f32>,
-    b: vec3<f32>,
-    c: vec3<f32>,
-}
-
 // A ray made ready: scaled, moved near the scene, sheared. See `PreparedRay` in Rust.
 struct PreparedRay {
     // False when the ray can hit nothing; then nothing else counts.

@@ -11,16 +11,6 @@ struct StackEntry {
     leave: f32,
 }
 
-// The corners of a triangle.
-fn corners_of(triangle: u32) -> Triangle {
-    let first = triangle * 9u;
-    return Triangle(
-        vec3<f32>(triangles[first], triangles[first + 1u], triangles[first + 2u]),
-        vec3<f32>(triangles[first + 3u], triangles[first + 4u], triangles[first + 5u]),
-        vec3<f32>(triangles[first + 6u], triangles[first + 7u], triangles[first + 8u]),
-    );
-}
-
 // True when a hit comes before `best`: lesser `t`, at equal `t` the lower triangle index.
 fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
     return t < best.t || (t == best.t && triangle < best.triangle);
@@ -53,6 +43,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     var node = 0u;
     var cut_short = false;
     loop {
+        observe_node();
         let words = nodes[node];
         let tag = words.y & 3u;
         let payload = words.y >> 2u;
@@ -83,6 +74,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             if triangle == options.ignore {
                 continue;
             }
+            observe_triangle();
             let candidate = test_triangle(prepared, corners_of(triangle), options.culling);
             if !candidate.some {
                 continue;

@@ -5,10 +5,12 @@
 extern crate alloc;
 
 mod embed;
+mod render;
 mod table;
 
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
-pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES};
+pub use render::{RenderFeatures, render_parts};
+pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER};
 
 use alloc::string::String;
 
@@ -50,7 +52,7 @@ pub fn join(parts: &[Part]) -> String {
     source
 }
 
-/// The kernel of this name, of either table.
+/// The kernel of this name, of any table.
 pub fn find(name: &str) -> Option<&'static Shader> {
-    KERNELS.iter().chain(QUERIES).chain(CHECKS).find(|shader| shader.name == name)
+    KERNELS.iter().chain(QUERIES).chain(RENDER).chain(CHECKS).find(|shader| shader.name == name)
 }

@@ -43,11 +43,38 @@ library! {
     SMALL_NODE "small_node"
     RAY "ray"
     BINDINGS "bindings"
+    MESH "mesh"
     INTERSECT "intersect"
     WATERTIGHT "watertight"
     MOELLER_TRUMBORE "moeller_trumbore"
+    OBSERVER "observer"
+    COUNTING_OBSERVER "counting_observer"
     TRAVERSE "traverse"
     QUERY "query"
+    RENDER_LAYOUT "render_layout"
+    RENDER_KERNEL "render_kernel"
+    VECTOR "vector"
+    RANDOM "random"
+    SCENE_WORDS "scene_words"
+    TEXTURED "textured"
+    UNTEXTURED "untextured"
+    ENVIRONMENT "environment"
+    INCIDENCE "incidence"
+    FRESNEL "fresnel"
+    PLANE "plane"
+    SMOOTH_NORMALS "smooth_normals"
+    FLAT_NORMALS "flat_normals"
+    SURFACE "surface"
+    SHADE_SURFACE "shade_surface"
+    DIELECTRICS "dielectrics"
+    NO_DIELECTRICS "no_dielectrics"
+    LIGHTING "lighting"
+    AREA_LIGHTS "area_lights"
+    NO_AREA_LIGHTS "no_area_lights"
+    BOUNCE "bounce"
+    REFRACTION "refraction"
+    NO_REFRACTION "no_refraction"
+    TONE "tone"
 }
 
 shaders! {
@@ -87,17 +114,60 @@ macro_rules! queries {
 }
 
 queries! {
-    "closest_hit" is "closest_hit" with ARITHMETIC RAY BINDINGS INTERSECT WATERTIGHT TRAVERSE QUERY;
+    "closest_hit" is "closest_hit" with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE QUERY;
     "closest_hit_fast" is "closest_hit"
-        with ARITHMETIC RAY BINDINGS INTERSECT MOELLER_TRUMBORE TRAVERSE QUERY;
-    "any_hit" is "any_hit" with ARITHMETIC RAY BINDINGS INTERSECT WATERTIGHT TRAVERSE QUERY;
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT MOELLER_TRUMBORE OBSERVER TRAVERSE QUERY;
+    "any_hit" is "any_hit" with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE QUERY;
     "any_hit_fast" is "any_hit"
-        with ARITHMETIC RAY BINDINGS INTERSECT MOELLER_TRUMBORE TRAVERSE QUERY;
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT MOELLER_TRUMBORE OBSERVER TRAVERSE QUERY;
     "triangle_limits" is "triangle_limits" with ARITHMETIC;
 }
 
+shaders! {
+    /// The kernels of the ray tracer, in the order of its schedule, each with all that a scene may
+    /// need and the watertight triangle test. [`crate::render_parts`] leaves out what it does not.
+    RENDER "render" {
+        "begin_slice": RENDER_LAYOUT RENDER_KERNEL;
+        "camera_rays": ARITHMETIC RAY RENDER_LAYOUT RENDER_KERNEL VECTOR RANDOM;
+        "first_costs": ARITHMETIC RAY MESH INTERSECT WATERTIGHT COUNTING_OBSERVER TRAVERSE RENDER_LAYOUT RENDER_KERNEL;
+        "closest_hits": ARITHMETIC RAY MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE RENDER_LAYOUT RENDER_KERNEL;
+        "first_hits": ARITHMETIC RAY MESH RENDER_LAYOUT RENDER_KERNEL VECTOR PLANE;
+        "shade": ARITHMETIC RAY MESH RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR RANDOM SCENE_WORDS TEXTURED ENVIRONMENT INCIDENCE FRESNEL PLANE SMOOTH_NORMALS SURFACE LIGHTING AREA_LIGHTS DIELECTRICS SHADE_SURFACE;
+        "scan_spawned": RENDER_LAYOUT RENDER_KERNEL SCAN;
+        "shadow_rays": ARITHMETIC RAY MESH RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR RANDOM SCENE_WORDS PLANE SURFACE LIGHTING AREA_LIGHTS;
+        "shadow_hits": ARITHMETIC RAY MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE RENDER_LAYOUT RENDER_KERNEL;
+        "shadow_hits_through_glass": ARITHMETIC RAY MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE RENDER_LAYOUT RENDER_KERNEL VECTOR SCENE_WORDS;
+        "accumulate": ARITHMETIC RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR;
+        "next_paths": ARITHMETIC RAY RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR INCIDENCE FRESNEL SCENE_WORDS SURFACE BOUNCE REFRACTION;
+        "begin_wave": RENDER_LAYOUT RENDER_KERNEL;
+        "resolve": ARITHMETIC RENDER_LAYOUT RENDER_KERNEL SCENE_WORDS TONE;
+    }
+}
+
+/// The part that stands in for another where a scene does not need what it does; `None` where nothing
+/// must stand there.
+pub(crate) struct Substitutes {
+    pub textures: [(Part, Option<Part>); 1],
+    pub smooth_normals: [(Part, Option<Part>); 1],
+    pub area_lights: [(Part, Option<Part>); 1],
+    pub dielectrics: [(Part, Option<Part>); 3],
+    pub watertight: [(Part, Option<Part>); 1],
+}
+
+pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
+    textures: [(TEXTURED, Some(UNTEXTURED))],
+    smooth_normals: [(SMOOTH_NORMALS, Some(FLAT_NORMALS))],
+    area_lights: [(AREA_LIGHTS, Some(NO_AREA_LIGHTS))],
+    dielectrics: [
+        (DIELECTRICS, Some(NO_DIELECTRICS)),
+        (REFRACTION, Some(NO_REFRACTION)),
+        (FRESNEL, None),
+    ],
+    watertight: [(WATERTIGHT, Some(MOELLER_TRUMBORE))],
+};
+
 /// What a host's own shader needs for tracing rays, but for the bindings and the triangle test.
-pub(crate) const TRAVERSAL: [Part; 4] = [ARITHMETIC, RAY, INTERSECT, TRAVERSE];
+pub(crate) const TRAVERSAL: [Part; 6] = [ARITHMETIC, RAY, MESH, INTERSECT, OBSERVER, TRAVERSE];
 pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
 pub(crate) const TRAVERSAL_TESTS: [Part; 2] = [WATERTIGHT, MOELLER_TRUMBORE];
 

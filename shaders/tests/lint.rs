@@ -27,7 +27,9 @@
 
 use std::collections::BTreeSet;
 
-use splitplane_shaders::{KERNELS, LIBRARY, Part, QUERIES, Shader};
+use splitplane_shaders::{
+    KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
+};
 
 use rules::{Finding, Rule};
 use source::{Parsed, Text, texts};
@@ -70,7 +72,14 @@ fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
 fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, Free::Forbidden));
     let queries = QUERIES.iter().map(|shader| (shader, Free::Allowed));
-    kernels.chain(queries).filter(|(shader, _)| !shader.name.ends_with("_fast"))
+    let render = RENDER.iter().map(|shader| (shader, free_in_render(shader)));
+    kernels.chain(queries).chain(render).filter(|(shader, _)| !shader.name.ends_with("_fast"))
+}
+
+/// Of the ray tracer's kernels only those that trace rays may call free operations.
+fn free_in_render(shader: &Shader) -> Free {
+    let traces = shader.parts.iter().any(|part| part.name == "traverse");
+    if traces { Free::Allowed } else { Free::Forbidden }
 }
 
 fn arithmetic() -> &'static Part {
@@ -87,6 +96,29 @@ fn assert_clean(name: &str, findings: &[Finding]) {
 fn every_shader_keeps_the_rules() {
     for (shader, free) in linted() {
         assert_clean(shader.name, &lint(texts(shader), free));
+    }
+}
+
+/// What stands in for what a scene does not need keeps them too.
+#[test]
+fn every_choice_of_features_keeps_the_rules() {
+    for choice in 0..16u32 {
+        let has = |bit: u32| choice & (1 << bit) != 0;
+        let features = RenderFeatures {
+            textures: has(0),
+            smooth_normals: has(1),
+            area_lights: has(2),
+            dielectrics: has(3),
+            ..RenderFeatures::ALL
+        };
+        for shader in RENDER {
+            let parts = render_parts(shader.name, &features).expect("a kernel of the table");
+            // The others do not depend on features.
+            if ["shade", "shadow_rays", "next_paths"].contains(&shader.name) {
+                let texts = parts.iter().map(Text::from).collect();
+                assert_clean(shader.name, &lint(texts, free_in_render(shader)));
+            }
+        }
     }
 }
 

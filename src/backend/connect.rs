@@ -1,11 +1,11 @@
 //! Where the GPU backend joins the facade: an opened device becomes a backend.
 
-use splitplane_core::backend::Backend;
+use super::Engine;
 use splitplane_wgpu::{Gpu, GpuError, Parity, WgpuBackend};
 
 /// The backend over an opened device, and what its self-test found.
-pub(super) fn connect(gpu: Gpu) -> Result<(Box<dyn Backend>, Parity), GpuError> {
+pub(super) fn connect(gpu: Gpu) -> Result<(Engine, Parity), GpuError> {
     let backend = WgpuBackend::new(gpu)?;
     let parity = backend.parity().cloned().expect("`new` has tested it");
-    Ok((Box::new(backend), parity))
+    Ok((Engine::Wgpu(backend), parity))
 }

@@ -1,13 +1,12 @@
 //! Opening a GPU: the one that was asked for, or one good enough for `auto`.
 
 use super::connect::connect;
-use super::{OpenError, OpenOptions, Opened, in_environment};
-use splitplane_core::backend::Backend;
+use super::{Engine, OpenError, OpenOptions, OpenedEngine, in_environment};
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
 use splitplane_wgpu::{Adapters, Gpu, GpuError, Parity};
 
 /// A backend over a device, and what its self-test found.
-type Connected = (Box<dyn Backend>, Parity);
+type Connected = (Engine, Parity);
 
 /// The GPU adapters of this machine, each opened and tested. None is no error.
 pub fn adapters() -> Vec<AdapterReport> {
@@ -24,7 +23,7 @@ pub fn open_gpu(options: &OpenOptions) -> Result<Gpu, OpenError> {
 }
 
 /// Opens the GPU that was asked for, or the best one.
-pub(super) fn open(options: &OpenOptions) -> Result<Opened, OpenError> {
+pub(super) fn open(options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
     let adapters = Adapters::find();
     let adapter = adapters.select(options.adapter.as_deref())?;
     let connected = open_adapter(adapter, options)?;
@@ -34,14 +33,14 @@ pub(super) fn open(options: &OpenOptions) -> Result<Opened, OpenError> {
 /// Refuses a device that is not bitwise equal, unless that is allowed.
 fn allowed(
     adapter: &str,
-    (backend, parity): Connected,
+    (engine, parity): Connected,
     allow_structural: bool,
-) -> Result<Opened, OpenError> {
+) -> Result<OpenedEngine, OpenError> {
     match parity {
-        Parity::Bitwise => Ok(Opened { backend, reason: "asked for; parity: bitwise".into() }),
+        Parity::Bitwise => Ok(OpenedEngine { engine, reason: "asked for; parity: bitwise".into() }),
         Parity::Structural(difference) if allow_structural => {
             let reason = format!("asked for; parity: structural, allowed: {difference}");
-            Ok(Opened { backend, reason })
+            Ok(OpenedEngine { engine, reason })
         }
         Parity::Structural(difference) => {
             Err(OpenError::Structural { adapter: adapter.to_owned(), difference })
@@ -61,7 +60,9 @@ struct Candidate<'a> {
 ///
 /// # Errors
 /// An adapter that was named in `options` and is not there.
-pub(super) fn open_hardware(options: &OpenOptions) -> Result<Result<Opened, String>, OpenError> {
+pub(super) fn open_hardware(
+    options: &OpenOptions,
+) -> Result<Result<OpenedEngine, String>, OpenError> {
     let adapters = Adapters::find();
     let mut passed_over = Vec::new();
     let ranked = match (adapters.ranked(options.adapter.as_deref()), &options.adapter) {
@@ -90,7 +91,7 @@ fn first_bitwise(
     candidates: &[Candidate<'_>],
     mut passed_over: Vec<String>,
     open: impl Fn(usize) -> Result<Connected, OpenError>,
-) -> Result<Opened, String> {
+) -> Result<OpenedEngine, String> {
     for (index, candidate) in candidates.iter().enumerate() {
         let name = candidate.name;
         if candidate.software {
@@ -99,12 +100,12 @@ fn first_bitwise(
             passed_over.push(format!("`{name}` cannot be used: {reason}"));
         } else {
             match open(index) {
-                Ok((backend, Parity::Bitwise)) => {
+                Ok((engine, Parity::Bitwise)) => {
                     let mut reason = format!("auto: `{name}` is hardware; parity: bitwise");
                     if !passed_over.is_empty() {
                         reason.push_str(&format!("; {}", passed_over.join("; ")));
                     }
-                    return Ok(Opened { backend, reason });
+                    return Ok(OpenedEngine { engine, reason });
                 }
                 Ok((_, Parity::Structural(difference))) => passed_over
                     .push(format!("`{name}` differs from the CPU in some bits ({difference})")),
@@ -168,7 +169,7 @@ mod tests {
 
     /// Any backend will do: what is tested is which one is taken.
     fn connected(parity: Parity) -> Result<Connected, OpenError> {
-        Ok((Box::new(splitplane_cpu::CpuBackend::new()), parity))
+        Ok((Engine::Cpu(splitplane_cpu::CpuBackend::new()), parity))
     }
 
     #[test]

@@ -28,12 +28,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             save_tree(path, prepared.accelerator.as_ref(), &prepared.scene.mesh()?)?;
         }
         if common.json {
-            return print_json(&prepared.report());
+            return print_json(&prepared.built().report());
         }
         if common.quiet {
             return Ok(());
         }
-        let mut text = prepared.describe();
+        let mut text = prepared.built().describe();
         if let Some(path) = &arguments.output {
             text.push_str(&format!("written  {}\n", path.display()));
         }

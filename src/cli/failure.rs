@@ -1,6 +1,9 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
-use splitplane::scene::SceneError;
+use splitplane::picture::PictureError;
+use splitplane::render::{PlanError, RenderError};
+use splitplane::scene::{AnimationError, SceneError};
+use splitplane::tracer::TracerError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 use std::process::ExitCode;
 
@@ -112,6 +115,66 @@ impl From<QueryError> for Failure {
             | QueryError::DeviceTimedOut { .. } => DEVICE,
         };
         Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<PictureError> for Failure {
+    fn from(error: PictureError) -> Failure {
+        let code = match error {
+            PictureError::Delay { .. } | PictureError::Dimensions { .. } | PictureError::Repeated(_) => {
+                USAGE
+            }
+            PictureError::Write { .. } => FILE,
+            _ => BUG,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<AnimationError> for Failure {
+    fn from(error: AnimationError) -> Failure {
+        match error {
+            AnimationError::Scene(error) => error.into(),
+            AnimationError::NoFrames(_) | AnimationError::NotFrames(_) => {
+                Failure::usage(error.to_string())
+            }
+            error => Failure::file(error.to_string()),
+        }
+    }
+}
+
+impl From<TracerError> for Failure {
+    fn from(error: TracerError) -> Failure {
+        match error {
+            TracerError::Mesh(error) => error.into(),
+            TracerError::Build(error) => error.into(),
+            TracerError::Render(RenderError::Query(error)) => error.into(),
+            TracerError::Render(error) => {
+                let code = match &error {
+                    RenderError::Plan(PlanError::TooLarge { .. })
+                    | RenderError::PixelTooDeep { .. }
+                    | RenderError::Appearance(_) => LIMIT,
+                    RenderError::Plan(_) => USAGE,
+                    #[cfg(feature = "wgpu")]
+                    RenderError::Gpu(error) => gpu_code(error),
+                    _ => BUG,
+                };
+                Failure { message: error.to_string(), code }
+            }
+            error @ TracerError::Unfinished { .. } => {
+                Failure { message: error.to_string(), code: DEVICE }
+            }
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
+#[cfg(feature = "wgpu")]
+fn gpu_code(error: &splitplane::gpu::GpuError) -> u8 {
+    use splitplane::gpu::GpuError;
+    match error {
+        GpuError::Limit { .. } | GpuError::OutOfMemory { .. } => LIMIT,
+        _ => DEVICE,
     }
 }
 

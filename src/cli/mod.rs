@@ -1,19 +1,23 @@
 //! The command line: one file a verb.
 
 mod adapters;
+mod animate;
 mod bug;
 mod build;
 mod failure;
 mod hit_file;
+mod look;
 mod npy;
 mod options;
 mod output;
 mod parity;
+mod percentiles;
 mod prepared;
 mod progress;
 mod query;
 mod ray_file;
 mod render;
+mod stage;
 mod tree;
 mod verify;
 
@@ -37,6 +41,8 @@ struct Cli {
 enum Verb {
     /// Render a picture of a scene (the default verb).
     Render(render::Arguments),
+    /// Render a scene that moves, its tree rebuilt for every frame.
+    Animate(animate::Arguments),
     /// Build a tree and report what it is like.
     Build(build::Arguments),
     /// Trace the rays of a file.
@@ -70,6 +76,7 @@ pub(crate) fn main() -> ExitCode {
     let done = match cli.verb {
         None => render::run(&cli.render),
         Some(Verb::Render(arguments)) => render::run(&arguments),
+        Some(Verb::Animate(arguments)) => animate::run(&arguments),
         Some(Verb::Build(arguments)) => build::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),

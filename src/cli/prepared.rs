@@ -40,11 +40,7 @@ impl Prepared {
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let scene = Scene::open(spec)?;
         spinner.finish_and_clear();
-        if !common.quiet {
-            for sentence in scene.notes.sentences() {
-                output::note(&format!("note: {}: {sentence}", scene.name));
-            }
-        }
+        note_scene(common, &scene);
         let info = opened.backend.describe();
         if !common.quiet {
             output::note(&format!("backend: {} ({})", info.name, opened.reason));
@@ -55,17 +51,35 @@ impl Prepared {
         let accelerator = opened.backend.build(&mesh, &options)?;
         let build_ms = milliseconds(start);
         spinner.finish_and_clear();
-        let summary = accelerator.summary();
-        if !common.quiet && summary.dropped > 0 {
-            output::note(&format!(
-                "note: {}: {} triangles left out: a corner is not finite, or two are equal",
-                scene.name, summary.dropped
-            ));
-        }
+        note_dropped(common, &scene, accelerator.summary().dropped);
         let preset = options.config.preset.name();
         Ok(Prepared { scene, info, accelerator, build_ms, preset, reason: opened.reason })
     }
 
+    /// What there is to report of the build.
+    pub(super) fn built(&self) -> Built<'_> {
+        Built {
+            scene: &self.scene,
+            info: &self.info,
+            accelerator: self.accelerator.as_ref(),
+            build_ms: self.build_ms,
+            preset: self.preset,
+            reason: &self.reason,
+        }
+    }
+}
+
+/// A tree that was built, for reports.
+pub(super) struct Built<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) info: &'a BackendInfo,
+    pub(super) accelerator: &'a dyn Accelerator,
+    pub(super) build_ms: f64,
+    pub(super) preset: &'static str,
+    pub(super) reason: &'a str,
+}
+
+impl Built<'_> {
     pub(super) fn report(&self) -> BuildReport {
         let summary = self.accelerator.summary();
         BuildReport {
@@ -78,7 +92,7 @@ impl Prepared {
             preset: self.preset,
             threads: self.info.threads,
             build_ms: self.build_ms,
-            stats: tree_stats(self.accelerator.as_ref()),
+            stats: tree_stats(self.accelerator),
             bytes: self.accelerator.query_bytes(),
             digest: self.accelerator.tree().digest().to_string(),
         }
@@ -142,6 +156,25 @@ pub(super) fn milliseconds(start: Instant) -> f64 {
 /// `1 ray`, `2 rays`.
 pub(super) fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
+}
+
+/// Says what a reader left out or found odd.
+pub(super) fn note_scene(common: &Common, scene: &Scene) {
+    if !common.quiet {
+        for sentence in scene.notes.sentences() {
+            output::note(&format!("note: {}: {sentence}", scene.name));
+        }
+    }
+}
+
+/// Says how many triangles a build left out.
+pub(super) fn note_dropped(common: &Common, scene: &Scene, dropped: u32) {
+    if !common.quiet && dropped > 0 {
+        output::note(&format!(
+            "note: {}: {dropped} triangles left out: a corner is not finite, or two are equal",
+            scene.name
+        ));
+    }
 }
 
 /// One JSON object on a line of its own.

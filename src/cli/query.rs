@@ -115,7 +115,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         let written = arguments.hits.as_ref().map(|path| format!("written  {}\n", path.display()));
         output::data(&format!(
             "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} hit\n{}",
-            prepared.describe(),
+            prepared.built().describe(),
             counted(report.rays as u64, "ray"),
             report.mrays_per_s,
             report.accuracy,

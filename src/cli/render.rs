@@ -1,129 +1,250 @@
 //! `splitplane render`, which is also what happens without a verb.
 
 use super::failure::Failure;
-use super::options::{Common, point, size};
-use super::prepared::{BuildReport, Prepared, in_pool, print_json};
+use super::look::Look;
+use super::options::Common;
+use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
+use super::stage::{Stage, open_tracer};
 use super::{output, progress};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
-use splitplane::render::{Rendered, Size, render};
-use splitplane::scene::{Camera, CameraError, Placement, View};
-use std::io::Cursor;
+use splitplane::picture::{self, Aov, HeatMap, Quantity};
+use splitplane::render::{FrameStats, Outputs};
+use splitplane::scene::Scene;
+use splitplane::tracer::FrameRequest;
+use std::borrow::Cow;
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// Shown without arguments: enough to see what the tree is for, quick to build.
 const DEFAULT_SCENE: &str = "builtin:city";
+/// Camera rays a pixel of a still picture.
+const SAMPLES: u32 = 4;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: String,
-    /// The picture, a .png file; splitplane-SCENE.png in the current folder when left out
-    #[arg(long, short, value_name = "FILE.png")]
+    /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
+    /// folder when left out
+    #[arg(long, short, value_name = "FILE.png|.exr")]
     output: Option<PathBuf>,
-    /// Width and height in pixels
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
-    size: Size,
-    /// Where the camera is; chosen to suit the scene when left out
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    camera_eye: Option<[f32; 3]>,
-    /// The point it looks at
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    camera_at: Option<[f32; 3]>,
-    /// The direction that is up in the picture
-    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
-    camera_up: Option<[f32; 3]>,
-    /// Angle from the bottom of the picture to its top, in degrees
-    #[arg(long, value_name = "DEGREES")]
-    fov: Option<f32>,
+    /// What else to write of the first ray of every pixel: beside a .png as pictures of their own, into
+    /// an .exr as further channels
+    #[arg(long, value_name = "LIST", value_enum, value_delimiter = ',')]
+    aov: Vec<AovName>,
+    /// In place of the picture, what the first ray of every pixel costs, with a scale
+    #[arg(long, value_name = "WHAT", value_enum, conflicts_with = "aov")]
+    heatmap: Option<QuantityName>,
+    /// The value at the top of the scale; chosen to suit the picture when left out
+    #[arg(long, value_name = "COUNT", requires = "heatmap")]
+    heatmap_top: Option<NonZeroU32>,
+    /// Print how the frame would be made, and the bytes of every buffer, and make none
+    #[arg(long)]
+    explain: bool,
+    #[command(flatten)]
+    look: Look,
     #[command(flatten)]
     common: Common,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum AovName {
+    /// Distance from the eye
+    Depth,
+    /// Unit normal of the triangle
+    Normal,
+    /// Index of the triangle
+    Triangle,
+    /// Nodes visited
+    Nodes,
+    /// Triangles tested
+    Tests,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum QuantityName {
+    /// Nodes visited
+    Nodes,
+    /// Triangles tested
+    Triangles,
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let common = &arguments.common;
     if let Some(path) = &arguments.output {
-        check_ending(path)?;
+        arguments.check_ending(path)?;
     }
-    in_pool(common, || {
-        let prepared = Prepared::open(&arguments.scene, common)?;
-        let path = arguments.output.clone().unwrap_or_else(|| default_name(&prepared.scene.name));
-        let aspect = arguments.size.aspect();
-        let spinner = progress::spinner(common.quiet, "placing the camera");
-        let placement = Placement::of(&prepared.scene, prepared.accelerator.as_ref(), aspect)?;
-        spinner.finish_and_clear();
-        let placement =
-            arguments.placement(placement).map_err(|e| Failure::usage(e.to_string()))?;
-        let pixels = u64::from(arguments.size.width()) * u64::from(arguments.size.height());
-        let bar = progress::bar(common.quiet, "rendering", pixels);
-        let rendered = render(
-            prepared.accelerator.as_ref(),
-            &prepared.scene,
-            &placement,
-            arguments.size,
-            &common.query_options(),
-            &|rays| bar.inc(rays),
-        )?;
-        bar.finish_and_clear();
-        write_png(&path, &rendered)?;
-        arguments.report(&prepared, &placement, &rendered, &path)
-    })
+    in_pool(&arguments.common, || arguments.render())
+}
+
+fn ends_in(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
 }
 
 impl Arguments {
-    fn moves_camera(&self) -> bool {
-        let points = [self.camera_eye, self.camera_at, self.camera_up];
-        points.iter().any(Option::is_some) || self.fov.is_some()
+    fn check_ending(&self, path: &Path) -> Result<(), Failure> {
+        let shown = path.display();
+        match (ends_in(path, "png"), ends_in(path, "exr"), self.heatmap) {
+            (true, ..) | (_, true, None) => Ok(()),
+            (_, true, Some(_)) => {
+                Err(Failure::usage(format!("`{shown}`: heat maps are written as .png")))
+            }
+            _ => Err(Failure::usage(format!(
+                "`{shown}` does not end in .png or .exr; these are the formats of pictures"
+            ))),
+        }
     }
 
-    /// The placement with whatever the user gave instead.
-    fn placement(&self, mut placement: Placement) -> Result<Placement, CameraError> {
-        let old = placement.camera;
-        if self.moves_camera() {
-            placement.camera = Camera::new(
-                self.camera_eye.unwrap_or(old.eye()),
-                self.camera_at.unwrap_or(old.look_at()),
-                self.camera_up.unwrap_or(old.up()),
-                self.fov.unwrap_or(old.fov_degrees()),
-            )?;
-            placement.view = View::Given;
+    fn render(&self) -> Result<(), Failure> {
+        let Arguments { look, common, .. } = self;
+        let opened = open_tracer(common)?;
+        let spinner = progress::spinner(common.quiet, "reading the scene");
+        let scene = Scene::open_with(&self.scene, &look.scene_options())?;
+        spinner.finish_and_clear();
+        let mut stage = Stage::set(scene, opened, look, common)?;
+        let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
+        let camera = stage.placed.camera;
+        let request = FrameRequest {
+            camera: &camera,
+            size: look.size,
+            settings: look.settings(SAMPLES, &stage.placed)?,
+            outputs: self.outputs(&path),
+            query: common.query_options(),
+        };
+        if self.explain {
+            let plan = stage.tracer.plan(&request)?;
+            return output::data(&plan.explain());
         }
-        Ok(placement)
+        let spinner = progress::spinner(common.quiet, "rendering");
+        let start = Instant::now();
+        let stats = stage.tracer.frame(&stage.scene, &request)?;
+        let render_ms = milliseconds(start);
+        spinner.finish_and_clear();
+        let written = self.write(&stage, &path)?;
+        self.report(&stage, &stats, render_ms, &written)
+    }
+
+    fn wants(&self, name: AovName) -> bool {
+        self.aov.contains(&name)
+    }
+
+    fn outputs(&self, path: &Path) -> Outputs {
+        let exr = ends_in(path, "exr");
+        let hits = [AovName::Depth, AovName::Normal, AovName::Triangle];
+        Outputs {
+            pixels: self.heatmap.is_none() && !exr,
+            radiance: exr,
+            first_hits: hits.into_iter().any(|name| self.wants(name)),
+            first_costs: self.heatmap.is_some()
+                || self.wants(AovName::Nodes)
+                || self.wants(AovName::Tests),
+        }
+    }
+
+    /// Writes what was asked for and gives the files.
+    fn write(&self, stage: &Stage, path: &Path) -> Result<Written, Failure> {
+        let size = self.look.size;
+        let tracer = &stage.tracer;
+        let mut written = Written { files: vec![path.to_owned()], heat: None };
+        if let Some(quantity) = self.heatmap {
+            let quantity = match quantity {
+                QuantityName::Nodes => Quantity::Nodes,
+                QuantityName::Triangles => Quantity::Tests,
+            };
+            let map = HeatMap::new(size, &tracer.first_costs()?, quantity, self.heatmap_top)?;
+            output::file(path, &picture::encode_png(&map.image)?)?;
+            let of = &map.statistics;
+            written.heat = Some(format!(
+                "cost     {} a ray: mean {:.1}, median {}, 95 % at most {}, greatest {}\n",
+                quantity.name(),
+                of.mean,
+                of.p50,
+                of.p95,
+                of.max
+            ));
+            return Ok(written);
+        }
+        let outputs = self.outputs(path);
+        let hits = if outputs.first_hits { tracer.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { tracer.first_costs()? } else { Cow::default() };
+        let aovs: Vec<Aov<'_>> = [
+            (AovName::Depth, Aov::Depth(&hits)),
+            (AovName::Normal, Aov::Normal(&hits)),
+            (AovName::Triangle, Aov::Triangle(&hits)),
+            (AovName::Nodes, Aov::Nodes(&costs)),
+            (AovName::Tests, Aov::Tests(&costs)),
+        ]
+        .into_iter()
+        .filter_map(|(name, aov)| self.wants(name).then_some(aov))
+        .collect();
+        if outputs.radiance {
+            output::file(path, &picture::encode_exr(size, &tracer.radiance()?, &aovs)?)?;
+            return Ok(written);
+        }
+        let screen = picture::screen(size, &tracer.pixels()?)?;
+        output::file(path, &picture::encode_png(&screen)?)?;
+        for aov in aovs {
+            let beside = path.with_extension(format!("{}.png", aov.name()));
+            output::file(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
+            written.files.push(beside);
+        }
+        Ok(written)
     }
 
     fn report(
         &self,
-        prepared: &Prepared,
-        placement: &Placement,
-        rendered: &Rendered,
-        path: &Path,
+        stage: &Stage,
+        stats: &FrameStats,
+        render_ms: f64,
+        written: &Written,
     ) -> Result<(), Failure> {
-        let primary_ms = rendered.primary.as_secs_f64() * 1e3;
-        let (width, height) = (self.size.width(), self.size.height());
-        let pixels = u64::from(width) * u64::from(height);
+        let (width, height) = (self.look.size.width(), self.look.size.height());
+        let built = stage.built()?;
+        let trace_ms = stats.tracing.map(|time| time.as_secs_f64() * 1e3);
+        let names: Vec<String> =
+            written.files.iter().map(|file| file.display().to_string()).collect();
         if self.common.json {
-            let output = path.display().to_string();
-            let build = prepared.report();
-            return print_json(&RenderReport { build, width, height, primary_ms, output });
+            return print_json(&RenderReport {
+                build: built.report(),
+                width,
+                height,
+                samples: stats.plan.settings().samples,
+                lights: stage.placed.lights.len(),
+                emitters: stage.tracer.looks().needs().emitters,
+                paths: stats.paths,
+                shadow_rays: stats.shadow_rays,
+                trace_ms,
+                render_ms,
+                output: names,
+            });
         }
         if self.common.quiet {
             return Ok(());
         }
-        let [x, y, z] = placement.camera.eye();
+        let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}camera   at {x},{y},{z}, {}\n\
-             traced   {pixels} camera rays in {primary_ms:.1} ms ({:.1} million a second), {} rays \
-             in all; {:.0} % of the picture is covered\n\
+            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow\n\
+             rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
-            prepared.describe(),
-            if self.moves_camera() { "as given" } else { placement.view.name() },
-            pixels as f64 / primary_ms.max(1e-6) / 1e3,
-            rendered.rays,
-            100.0 * rendered.covered as f64 / pixels as f64,
-            path.display()
+            built.describe(),
+            stage.describe_placed(),
+            stats.rays(),
+            stats.paths,
+            stats.shadow_rays,
+            stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
+            written.heat.as_deref().unwrap_or(""),
+            names.join(", ")
         ))
     }
+}
+
+/// What came of a frame.
+struct Written {
+    files: Vec<PathBuf>,
+    /// What a heat map says in numbers.
+    heat: Option<String>,
 }
 
 /// What `--json` says about a picture.
@@ -133,16 +254,15 @@ struct RenderReport {
     build: BuildReport,
     width: u32,
     height: u32,
-    primary_ms: f64,
-    output: String,
-}
-
-fn check_ending(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
-        return Ok(());
-    }
-    let shown = path.display();
-    Err(Failure::usage(format!("`{shown}` does not end in .png; pictures are written as PNG")))
+    samples: u32,
+    lights: usize,
+    emitters: u32,
+    paths: u64,
+    shadow_rays: u64,
+    /// Time in queries; null where it is not measured.
+    trace_ms: Option<f64>,
+    render_ms: f64,
+    output: Vec<String>,
 }
 
 /// A name in the current folder that no scene file has.
@@ -150,13 +270,4 @@ fn default_name(scene: &str) -> PathBuf {
     let bare = scene.strip_prefix("builtin:").unwrap_or(scene);
     let bare = bare.strip_suffix(".obj").unwrap_or(bare);
     PathBuf::from(format!("splitplane-{}.png", bare.replace([':', '/', '\\'], "-")))
-}
-
-fn write_png(path: &Path, rendered: &Rendered) -> Result<(), Failure> {
-    let mut bytes = Cursor::new(Vec::new());
-    rendered
-        .image
-        .write_to(&mut bytes, image::ImageFormat::Png)
-        .map_err(|error| Failure::file(format!("cannot encode the picture: {error}")))?;
-    output::file(path, bytes.get_ref())
 }

@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 "{}checked  the tree {soundness}\n\
                  checked  {} rays, accuracy {}: {} mismatches, {} misses, {} phantoms, {} of them \
                  beyond the error bound; {} answers of the reference by brute force\n",
-                prepared.describe(),
+                prepared.built().describe(),
                 found.rays,
                 common.accuracy_name(),
                 found.mismatches,

@@ -139,6 +139,22 @@ impl Camera {
         points.into_iter().map(ray).collect()
     }
 
+    /// The camera as frames of this size take it.
+    #[cfg(feature = "render")]
+    pub fn pinhole(&self, size: splitplane_render::Size) -> splitplane_render::Pinhole {
+        let frame = self.frame();
+        let tan = (0.5 * self.fov_degrees.to_radians()).tan();
+        let (w, h) = (f64::from(size.width()), f64::from(size.height()));
+        let step = 2.0 * tan / h;
+        let corner = frame.forward - frame.right * (0.5 * w * step) + frame.up * tan;
+        splitplane_render::Pinhole {
+            eye: self.eye(),
+            corner: corner.as_vec3().to_array(),
+            step_x: (frame.right * step).as_vec3().to_array(),
+            step_y: (frame.up * -step).as_vec3().to_array(),
+        }
+    }
+
     /// All rays of a picture of `width` by `height` pixels, row by row from the top left.
     pub fn rays(&self, width: u32, height: u32) -> Vec<Ray> {
         self.rows(width, height, 0..height)

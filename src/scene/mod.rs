@@ -148,6 +148,20 @@ impl Scene {
         Mesh::indexed(&self.positions, &self.indices)
     }
 
+    /// What the scene looks like, borrowed.
+    pub fn appearance(&self) -> splitplane_render::Appearance<'_> {
+        splitplane_render::Appearance {
+            materials: &self.materials,
+            material_of: &self.material_of,
+            lights: &self.lights,
+            textures: &self.textures,
+            normals: &self.normals,
+            normal_indices: &self.normal_indices,
+            texcoords: &self.texcoords,
+            texcoord_indices: &self.texcoord_indices,
+        }
+    }
+
     /// The least box that holds every triangle with finite corners; empty when there is none.
     pub fn bounds(&self) -> Aabb {
         self.triangles().fold(Aabb::EMPTY, |bounds, corners| {

@@ -1,6 +1,7 @@
 //! The built tree, ready for rays.
 
 use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -43,19 +44,28 @@ impl CpuAccelerator {
         triangles: &[Triangle],
         set: InstructionSet,
     ) -> CpuAccelerator {
-        // Dropped triangles have no say.
-        let limits = triangles
-            .par_chunks(4096)
-            .map(|chunk| {
-                chunk
-                    .iter()
-                    .filter(|triangle| prepare(triangle).kept)
-                    .fold(Limits::NONE, |limits, t| limits.union(Limits::of(t)))
-            })
-            .reduce(|| Limits::NONE, Limits::union);
-        let scene = SceneScale::new(tree.bounds, &limits);
+        let scene = scene_scale(tree.bounds, triangles);
         let blocks = Blocks::new(&tree.view(), triangles);
         CpuAccelerator { tree, summary, scene, blocks, set }
+    }
+
+    /// Becomes the accelerator of another valid tree, in the same memory.
+    pub(crate) fn replace(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        summary: BuildSummary,
+        triangles: &[Triangle],
+    ) {
+        self.scene = scene_scale(tree.bounds, triangles);
+        self.blocks.fill(tree, triangles);
+        self.tree.nodes.clear();
+        self.tree.nodes.extend_from_slice(tree.nodes);
+        self.tree.references.clear();
+        self.tree.references.extend_from_slice(tree.references);
+        self.tree.bounds = tree.bounds;
+        self.tree.triangles = tree.triangles;
+        self.tree.config = tree.config;
+        self.summary = summary;
     }
 
     /// The instruction set of the wide test.
@@ -131,6 +141,20 @@ impl CpuAccelerator {
             answer(index, self.trace(ray, options, query));
         }
     }
+}
+
+/// What queries need to know of all triangles. Dropped ones have no say.
+fn scene_scale(bounds: Aabb, triangles: &[Triangle]) -> SceneScale {
+    let limits = triangles
+        .par_chunks(4096)
+        .map(|chunk| {
+            chunk
+                .iter()
+                .filter(|triangle| prepare(triangle).kept)
+                .fold(Limits::NONE, |limits, t| limits.union(Limits::of(t)))
+        })
+        .reduce(|| Limits::NONE, Limits::union);
+    SceneScale::new(bounds, &limits)
 }
 
 fn check(rays: usize, results: usize) -> Result<(), QueryError> {

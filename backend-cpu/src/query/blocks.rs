@@ -50,6 +50,8 @@ impl WalkNode {
 pub struct Blocks {
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) words: Vec<f32>,
+    /// Leaves with triangles, while they are filled: first word, first reference, count.
+    leaves: Vec<(usize, u32, u32)>,
 }
 
 /// One block of a leaf.
@@ -105,8 +107,17 @@ impl Blocks {
 
     /// Makes the layout of a tree from the snapped corners of its triangles.
     pub fn new(tree: &KdTreeView<'_>, triangles: &[Triangle]) -> Blocks {
-        let mut nodes = Vec::with_capacity(tree.nodes.len());
-        let mut leaves = Vec::new();
+        let mut blocks = Blocks { nodes: Vec::new(), words: Vec::new(), leaves: Vec::new() };
+        blocks.fill(tree, triangles);
+        blocks
+    }
+
+    /// Makes the layout of another tree in the same memory.
+    pub fn fill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle]) {
+        let Blocks { nodes, words, leaves } = self;
+        nodes.clear();
+        nodes.reserve_exact(tree.nodes.len());
+        leaves.clear();
         let mut end = 0usize;
         let is_empty =
             |node: u32| matches!(tree.nodes[node as usize].kind(), NodeKind::Leaf { count: 0, .. });
@@ -132,8 +143,9 @@ impl Blocks {
                 }
             });
         }
-        let mut words = vec![0.0; end + TAIL];
-        let out = Scatter::new(&mut words);
+        words.clear();
+        words.resize(end + TAIL, 0.0);
+        let out = Scatter::new(words);
         leaves.par_iter().with_min_len(64).for_each(|&(start, first, count)| {
             let size = leaf_words(count as usize);
             // SAFETY: leaves follow each other without overlap.
@@ -151,7 +163,6 @@ impl Blocks {
                 words = rest;
             }
         });
-        Blocks { nodes, words }
     }
 
     /// Bytes held.

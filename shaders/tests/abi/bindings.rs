@@ -116,16 +116,19 @@ pub fn binding_faults(parsed: &Parsed, kernel: Kernel) -> Vec<String> {
     faults
 }
 
-fn name_of(global: &GlobalVariable) -> &str {
+/// A variable's name.
+pub fn name_of(global: &GlobalVariable) -> &str {
     global.name.as_deref().unwrap_or("?")
 }
 
-fn storage(written: bool) -> AddressSpace {
+/// The space of a storage buffer.
+pub fn storage(written: bool) -> AddressSpace {
     let write = if written { StorageAccess::STORE } else { StorageAccess::empty() };
     AddressSpace::Storage { access: StorageAccess::LOAD | write }
 }
 
-fn is_counters(parsed: &Parsed, global: &GlobalVariable) -> bool {
+/// Whether a variable has the type of the counters.
+pub fn is_counters(parsed: &Parsed, global: &GlobalVariable) -> bool {
     let types = &parsed.module.types;
     let TypeInner::Array { base, size: ArraySize::Constant(count), .. } = types[global.ty].inner
     else {

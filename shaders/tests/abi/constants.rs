@@ -63,6 +63,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("UNFINISHED", word(u32::MAX - 1), "the CPU finishes every ray"),
     ("CULL_NONE", Only::Alias("CULLING_NONE"), "an enum on the CPU"),
     ("CULL_BACK", Only::Alias("CULLING_BACK"), "an enum on the CPU"),
+    ("ONE_BITS", word(0x3f80_0000), "the bits of 1, beside those of infinity"),
     ("CULL_FRONT", Only::Alias("CULLING_FRONT"), "an enum on the CPU"),
 ];
 
@@ -71,10 +72,15 @@ pub type Known = BTreeMap<String, BTreeSet<Number>>;
 
 /// The constants of the core.
 pub fn of_core() -> Known {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../core/src");
+    of("../core/src")
+}
+
+/// The constants of the files of a folder, relative to this package.
+pub fn of(folder: &str) -> Known {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let mut known = Known::new();
-    for entry in std::fs::read_dir(&folder).expect("core/src") {
-        let path = entry.expect("an entry of core/src").path();
+    for entry in std::fs::read_dir(&folder).expect("a folder of sources") {
+        let path = entry.expect("an entry of the folder").path();
         if path.extension().is_some_and(|ending| ending == "rs") {
             scan(&std::fs::read_to_string(&path).expect("a source file"), &mut known);
         }
@@ -143,6 +149,11 @@ fn float_value(text: &str) -> Option<f32> {
     match text {
         "f32::MAX" => Some(f32::MAX),
         "f32::MIN_POSITIVE" => Some(f32::MIN_POSITIVE),
+        "core::f32::consts::FRAC_1_PI" => Some(std::f32::consts::FRAC_1_PI),
+        _ if text.contains(" / ") => {
+            let (a, b) = text.split_once(" / ")?;
+            Some(float_value(a)? / float_value(b)?)
+        }
         _ => text.replace('_', "").parse().ok(),
     }
 }

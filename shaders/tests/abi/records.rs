@@ -20,8 +20,8 @@ use splitplane_core::ray::{Hit, Ray};
 
 use crate::source::Parsed;
 
-/// The words of a type.
-trait Words {
+/// The words of a type of Rust.
+pub trait Words {
     /// The kind of each.
     fn kinds() -> Vec<ScalarKind>;
 }
@@ -57,21 +57,21 @@ impl Words for Aabb {
 }
 
 /// A member of a record.
-struct Member {
-    name: &'static str,
-    offset: usize,
-    kinds: Vec<ScalarKind>,
+pub struct Member {
+    pub name: &'static str,
+    pub offset: usize,
+    pub kinds: Vec<ScalarKind>,
 }
 
 /// A record of the core.
 pub struct Record {
-    name: &'static str,
-    size: usize,
-    members: Vec<Member>,
+    pub name: &'static str,
+    pub size: usize,
+    pub members: Vec<Member>,
 }
 
 /// The kinds of a member's words, from how it is reached.
-fn kinds_of<R, T: Words>(_: fn(&R) -> &T) -> Vec<ScalarKind> {
+pub fn kinds_of<R, T: Words>(_: fn(&R) -> &T) -> Vec<ScalarKind> {
     T::kinds()
 }
 
@@ -132,7 +132,16 @@ pub fn records() -> Vec<Record> {
 /// Others never cross, and may share a name with a record. Where `all_known`, what crosses must be
 /// a record of the core.
 pub fn faults(parsed: &Parsed, all_known: bool) -> Vec<String> {
-    let records = records();
+    faults_among(parsed, &records(), "layout", all_known)
+}
+
+/// The same against other records, whose twins stand in the file `layout`.
+pub fn faults_among(
+    parsed: &Parsed,
+    records: &[Record],
+    layout: &str,
+    all_known: bool,
+) -> Vec<String> {
     let module = &parsed.module;
     let mut crossing = Vec::new();
     for (_, global) in module.global_variables.iter() {
@@ -145,7 +154,7 @@ pub fn faults(parsed: &Parsed, all_known: bool) -> Vec<String> {
         let TypeInner::Struct { .. } = ty.inner else { continue };
         let place = parsed.place(module.types.get_span(handle));
         let crosses = crossing.contains(&handle);
-        if !crosses && place.part != "layout" {
+        if !crosses && place.part != layout {
             continue;
         }
         let name = ty.name.as_deref().unwrap_or("?");

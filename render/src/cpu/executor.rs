@@ -1,0 +1,246 @@
+//! Runs the kernels of a frame through rayon.
+
+use super::buffers::Buffers;
+use super::kernels as k;
+use crate::error::RenderError;
+use crate::frame::FrameInput;
+use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
+use crate::layout::{Counters, Frame};
+use crate::plan::Plan;
+use crate::scene_words::SceneWords;
+use rayon::prelude::*;
+use splitplane_core::backend::Accelerator;
+use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::lockstep::Inspect;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::schedule::Executor;
+use splitplane_core::triangle::prepare;
+use std::time::{Duration, Instant};
+
+/// One frame on the CPU.
+pub struct CpuExecutor<'a> {
+    input: FrameInput<'a>,
+    accelerator: &'a dyn Accelerator,
+    plan: Plan,
+    frame: Frame,
+    buffers: &'a mut Buffers,
+    /// What costs are counted with; made when first needed.
+    scale: Option<SceneScale>,
+    tracing: Duration,
+}
+
+impl core::fmt::Debug for CpuExecutor<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("CpuExecutor")
+            .field("plan", &self.plan)
+            .field("counters", &self.buffers.counters)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<'a> CpuExecutor<'a> {
+    /// An executor that has done nothing yet. `accelerator` must be built over the mesh of `input`.
+    ///
+    /// # Errors
+    /// Looks of another mesh.
+    pub fn new(
+        input: FrameInput<'a>,
+        accelerator: &'a dyn Accelerator,
+        plan: Plan,
+        buffers: &'a mut Buffers,
+    ) -> Result<CpuExecutor<'a>, RenderError> {
+        let (described, triangles) = (input.scene.triangles(), input.mesh.len() as u32);
+        if described != triangles {
+            return Err(RenderError::WrongMesh { described, triangles });
+        }
+        buffers.prepare(&plan);
+        let frame = plan.frame(input.scene, &input.camera, &input.query);
+        let tracing = Duration::ZERO;
+        Ok(CpuExecutor { input, accelerator, plan, frame, buffers, scale: None, tracing })
+    }
+
+    /// The counters as they stand.
+    pub fn counters(&self) -> &Counters {
+        &self.buffers.counters
+    }
+
+    /// Time spent in queries so far.
+    pub fn tracing(&self) -> Duration {
+        self.tracing
+    }
+
+    /// Live elements of a buffer.
+    fn live_elements(&self, buffer: Buffer) -> usize {
+        buffer.live().map_or(0, |counter| self.buffers.counters[counter] as usize)
+    }
+}
+
+/// What the reference traversal needs to know of the mesh.
+fn scene_scale(mesh: Mesh<'_>, accelerator: &dyn Accelerator) -> SceneScale {
+    let limits = (0..mesh.len())
+        .into_par_iter()
+        .with_min_len(4096)
+        .map(|i| prepare(&mesh.triangle(i)))
+        .filter(|triangle| triangle.kept)
+        .map(|triangle| Limits::of(&triangle.corners))
+        .reduce(|| Limits::NONE, Limits::union);
+    SceneScale::new(accelerator.tree().bounds, &limits)
+}
+
+impl Executor<RayTracer> for CpuExecutor<'_> {
+    type Error = RenderError;
+
+    fn dispatch(&mut self, kernel: Kernel) -> Result<(), RenderError> {
+        let FrameInput { mesh, scene: data, query, .. } = self.input;
+        let frame = &self.frame;
+        let scene = SceneWords { words: data.words(), frame };
+        let counters = self.buffers.counters;
+        let paths = counters[Counter::Paths] as usize;
+        let chunks = counters[Counter::PathChunks] as usize;
+        let shadows = counters[Counter::ShadowRays] as usize;
+        let wave = counters[Counter::Wave];
+        let b = &mut *self.buffers;
+        match kernel {
+            Kernel::BeginSlice => k::begin_slice::run(frame, &mut b.counters),
+            Kernel::BeginWave => k::begin_wave::run(&mut b.counters),
+            Kernel::CameraRays => {
+                let first = counters[Counter::FirstPixel];
+                k::camera_rays::run(frame, first, &mut b.rays[..paths], &mut b.paths[..paths]);
+            }
+            Kernel::ClosestHits => {
+                let start = Instant::now();
+                let (rays, hits) = (&b.rays[..paths], &mut b.hits[..paths]);
+                self.accelerator.closest_hits(rays, hits, &query)?;
+                self.tracing += start.elapsed();
+            }
+            Kernel::Shade => {
+                let input = k::shade::Input {
+                    scene,
+                    mesh,
+                    wave,
+                    rays: &b.rays[..paths],
+                    paths: &b.paths[..paths],
+                    hits: &b.hits[..paths],
+                };
+                k::shade::run(&input, &mut b.surfaces[..paths], &mut b.spawned[..chunks]);
+            }
+            Kernel::ScanSpawned => {
+                k::scan_spawned::run(frame, &mut b.spawned[..chunks], &mut b.counters);
+            }
+            Kernel::ShadowRays => {
+                let input = k::shadow_rays::Input {
+                    scene,
+                    mesh,
+                    wave,
+                    paths: &b.paths[..paths],
+                    surfaces: &b.surfaces[..paths],
+                    spawned: &b.spawned[..chunks],
+                };
+                let (rays, lights) = (&mut b.shadow_rays, &mut b.shadow_light);
+                k::shadow_rays::run(&input, &mut rays[..shadows], &mut lights[..shadows]);
+            }
+            Kernel::ShadowHits => {
+                let start = Instant::now();
+                let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
+                k::shadow_hits::run(self.accelerator, &query, rays, lights, &mut b.occluded)?;
+                self.tracing += start.elapsed();
+            }
+            Kernel::ShadowHitsThroughGlass => {
+                let start = Instant::now();
+                let (accelerator, glass) = (self.accelerator, &scene);
+                k::shadow_hits_through_glass::run(accelerator, &query, data, glass, shadows, b)?;
+                self.tracing += start.elapsed();
+            }
+            Kernel::Accumulate => {
+                let casts = self.plan.casts_shadows();
+                let input = k::accumulate::Input {
+                    frame,
+                    paths: &b.paths[..paths],
+                    surfaces: &b.surfaces[..paths],
+                    spawned: if casts { &b.spawned[..chunks] } else { &[] },
+                    lights: &b.shadow_light[..shadows],
+                };
+                k::accumulate::run(&input, &mut b.radiance);
+            }
+            Kernel::NextPaths => {
+                let input = k::next_paths::Input {
+                    scene,
+                    rays: &b.rays[..paths],
+                    paths: &b.paths[..paths],
+                    surfaces: &b.surfaces[..paths],
+                    spawned: &b.spawned[..chunks],
+                };
+                let next = counters[Counter::NextPaths] as usize;
+                let (rays, paths) = (&mut b.next_rays[..next], &mut b.next_paths[..next]);
+                k::next_paths::run(&input, rays, paths);
+            }
+            Kernel::FirstHits => {
+                let (rays, hits) = (&b.rays[..paths], &b.hits[..paths]);
+                k::first_hits::run(mesh, rays, &b.paths[..paths], hits, &mut b.first_hits);
+            }
+            Kernel::FirstCosts => {
+                let accelerator = self.accelerator;
+                let scale = *self.scale.get_or_insert_with(|| scene_scale(mesh, accelerator));
+                let input = k::first_costs::Input {
+                    tree: accelerator.tree().view(),
+                    mesh,
+                    scale,
+                    options: query,
+                    samples: frame.samples,
+                    first_pixel: counters[Counter::FirstPixel],
+                    rays: &b.rays[..paths],
+                };
+                k::first_costs::run(&input, &mut b.first_costs);
+            }
+            Kernel::Resolve => k::resolve::run(&scene, &b.radiance, &mut b.pixels),
+        }
+        Ok(())
+    }
+
+    fn swap(&mut self, a: Buffer, b: Buffer) -> Result<(), RenderError> {
+        let buffers = &mut *self.buffers;
+        match (a, b) {
+            (Buffer::Rays, Buffer::NextRays) => {
+                core::mem::swap(&mut buffers.rays, &mut buffers.next_rays);
+            }
+            (Buffer::Paths, Buffer::NextPaths) => {
+                core::mem::swap(&mut buffers.paths, &mut buffers.next_paths);
+            }
+            _ => unreachable!("the schedule exchanges no other lists"),
+        }
+        Ok(())
+    }
+
+    fn pending(&mut self, counter: Counter, _rounds: u32) -> Result<bool, RenderError> {
+        // A frame that is void needs no end.
+        let void = self.buffers.counters[Counter::Overflow] != 0;
+        Ok(!void && self.buffers.counters[counter] > 0)
+    }
+}
+
+impl Inspect<RayTracer> for CpuExecutor<'_> {
+    fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, RenderError> {
+        fn bytes<T: bytemuck::NoUninit>(elements: &[T]) -> Vec<u8> {
+            bytemuck::cast_slice(elements).to_vec()
+        }
+        let n = self.live_elements(buffer);
+        let b = &*self.buffers;
+        Ok(match buffer {
+            Buffer::Rays => bytes(&b.rays[..n]),
+            Buffer::Paths => bytes(&b.paths[..n]),
+            Buffer::NextRays => bytes(&b.next_rays[..n]),
+            Buffer::NextPaths => bytes(&b.next_paths[..n]),
+            Buffer::Hits => bytes(&b.hits[..n]),
+            Buffer::Surfaces => bytes(&b.surfaces[..n]),
+            Buffer::Spawned => bytes(&b.spawned[..n]),
+            Buffer::ShadowRays => bytes(&b.shadow_rays[..n]),
+            Buffer::ShadowLight => bytes(&b.shadow_light[..n]),
+            Buffer::Radiance => bytes(&b.radiance),
+            Buffer::FirstHits => bytes(&b.first_hits),
+            Buffer::FirstCosts => bytes(&b.first_costs),
+            Buffer::Pixels => bytes(&b.pixels),
+            Buffer::Counters => bytemuck::bytes_of(&b.counters).to_vec(),
+            Buffer::Triangles | Buffer::Scene => Vec::new(),
+        })
+    }
+}

@@ -1,0 +1,63 @@
+//! Sums the light of the paths, pixel by pixel. Paths stand in the order of their pixels, so those of
+//! one pixel are neighbours.
+
+use super::CHUNK;
+use crate::cpu::scatter::by_chunk;
+use crate::layout::{Frame, Path, Spawned, Surface};
+use crate::vector::{Vector, add, scaled};
+
+pub(crate) struct Input<'a> {
+    pub(crate) frame: &'a Frame,
+    pub(crate) paths: &'a [Path],
+    pub(crate) surfaces: &'a [Surface],
+    /// Empty when no shadow rays are cast.
+    pub(crate) spawned: &'a [Spawned],
+    pub(crate) lights: &'a [[f32; 4]],
+}
+
+pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
+    let Input { paths, surfaces, .. } = *input;
+    // The first path of a pixel sums for all of them.
+    let begins = |path: usize| path == 0 || paths[path - 1].pixel != paths[path].pixel;
+    // Which pixel is the first that a chunk writes: chunks that only go on write none.
+    let first = |chunk: usize| {
+        let path = chunk * CHUNK;
+        paths[path].pixel as usize + usize::from(!begins(path))
+    };
+    let chunks = paths.len().div_ceil(CHUNK);
+    let base = paths[0].pixel as usize;
+    by_chunk(0..chunks, &first, &mut radiance[base..], &mut [(); 0], &|chunk, radiance, _| {
+        let base = first(chunk);
+        let mut light = input.spawned.get(chunk).map_or(0, |s| s.shadow_rays as usize);
+        let last = paths.len().min((chunk + 1) * CHUNK);
+        let mut path = chunk * CHUNK;
+        while path < last {
+            if !begins(path) {
+                light += surfaces[path].shadow_rays() as usize;
+                path += 1;
+                continue;
+            }
+            let pixel = paths[path].pixel;
+            let mut sum: Vector = [0.0; 3];
+            let mut unfinished = 0.0;
+            while path < paths.len() && paths[path].pixel == pixel {
+                let surface = &surfaces[path];
+                sum = add(sum, surface.light);
+                if surface.flags & Surface::UNFINISHED != 0 {
+                    unfinished += 1.0;
+                }
+                for _ in 0..surface.shadow_rays() {
+                    // Beyond the room of a frame that is void there is none.
+                    let [r, g, b, w] = input.lights.get(light).copied().unwrap_or_default();
+                    sum = add(sum, [r, g, b]);
+                    unfinished += w;
+                    light += 1;
+                }
+                path += 1;
+            }
+            let [r, g, b, w] = radiance[pixel as usize - base];
+            let [r, g, b] = add([r, g, b], scaled(sum, input.frame.sample_weight));
+            radiance[pixel as usize - base] = [r, g, b, w + unfinished];
+        }
+    });
+}

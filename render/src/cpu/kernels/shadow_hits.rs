@@ -1,0 +1,20 @@
+//! Puts out the light of shadow rays that hit something.
+
+use rayon::prelude::*;
+use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::ray::{QueryOptions, Ray};
+
+pub(crate) fn run(
+    accelerator: &dyn Accelerator,
+    options: &QueryOptions,
+    rays: &[Ray],
+    lights: &mut [[f32; 4]],
+    occluded: &mut Vec<bool>,
+) -> Result<(), QueryError> {
+    occluded.clear();
+    occluded.resize(rays.len(), false);
+    accelerator.any_hits(rays, occluded, options)?;
+    let pairs = lights.par_iter_mut().zip(&*occluded).with_min_len(4096);
+    pairs.filter(|(_, occluded)| **occluded).for_each(|(light, _)| *light = [0.0; 4]);
+    Ok(())
+}

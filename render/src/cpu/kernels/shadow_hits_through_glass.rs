@@ -1,0 +1,64 @@
+//! Puts out the light of shadow rays that hit something opaque; clear surfaces only tint it. Light goes
+//! straight through them: no lens gathers it.
+
+use crate::cpu::buffers::Buffers;
+use crate::scene_data::SceneData;
+use crate::scene_words::SceneWords;
+use crate::surface::MOST_CLEAR_LAYERS;
+use crate::vector::{greatest, mul};
+use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::ray::{Hit, QueryOptions};
+
+pub(crate) fn run(
+    accelerator: &dyn Accelerator,
+    options: &QueryOptions,
+    data: &SceneData,
+    scene: &SceneWords<'_>,
+    count: usize,
+    buffers: &mut Buffers,
+) -> Result<(), QueryError> {
+    let Buffers { shadow_rays, shadow_light, through_rays, through_indices, through_hits, .. } =
+        buffers;
+    through_rays.clear();
+    through_rays.extend_from_slice(&shadow_rays[..count]);
+    through_indices.clear();
+    through_indices.extend(0..count as u32);
+    for layer in 0..=MOST_CLEAR_LAYERS {
+        through_hits.clear();
+        through_hits.resize(through_rays.len(), Hit::MISS);
+        accelerator.closest_hits(through_rays, through_hits, options)?;
+        let mut kept = 0;
+        for i in 0..through_rays.len() {
+            let (hit, index) = (through_hits[i], through_indices[i]);
+            if !hit.is_hit() {
+                continue;
+            }
+            let light = &mut shadow_light[index as usize];
+            if layer == MOST_CLEAR_LAYERS || !data.is_clear(hit.triangle) {
+                *light = [0.0; 4];
+                continue;
+            }
+            let tint = scene.second_colour(scene.material_of(hit.triangle));
+            let [r, g, b] = mul([light[0], light[1], light[2]], tint);
+            *light = [r, g, b, 0.0];
+            if greatest([r, g, b]) > 0.0 {
+                through_rays[kept] =
+                    through_rays[i].with_limits(after(hit.t), through_rays[i].t_max);
+                through_indices[kept] = index;
+                kept += 1;
+            }
+        }
+        if kept == 0 {
+            break;
+        }
+        through_rays.truncate(kept);
+        through_indices.truncate(kept);
+    }
+    Ok(())
+}
+
+/// The next float: both ends of a ray are closed, so this leaves out what was just hit. `t` is not
+/// negative.
+fn after(t: f32) -> f32 {
+    f32::from_bits(t.to_bits() + 1)
+}

@@ -1,0 +1,41 @@
+//! A ray towards every light that may light a surface, in the order of paths and lights.
+
+use super::CHUNK;
+use crate::cpu::scatter::by_chunk;
+use crate::layout::{Path, Spawned, Surface};
+use crate::lighting::shadow_ray;
+use crate::scene_words::SceneWords;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::Ray;
+use splitplane_core::traverse::Triangles;
+
+pub(crate) struct Input<'a> {
+    pub(crate) scene: SceneWords<'a>,
+    pub(crate) mesh: Mesh<'a>,
+    /// The wave that the surfaces belong to.
+    pub(crate) wave: u32,
+    pub(crate) paths: &'a [Path],
+    pub(crate) surfaces: &'a [Surface],
+    pub(crate) spawned: &'a [Spawned],
+}
+
+pub(crate) fn run(input: &Input<'_>, rays: &mut [Ray], lights: &mut [[f32; 4]]) {
+    let corners = |triangle| input.mesh.corners(triangle);
+    let start = |chunk: usize| input.spawned[chunk].shadow_rays as usize;
+    by_chunk(0..input.spawned.len(), &start, rays, lights, &|chunk, rays, lights| {
+        let mut out = rays.iter_mut().zip(lights);
+        let first = chunk * CHUNK;
+        let last = input.surfaces.len().min(first + CHUNK);
+        for (surface, path) in input.surfaces[first..last].iter().zip(&input.paths[first..last]) {
+            let mut left = surface.lights;
+            while left != 0 {
+                let sample = left.trailing_zeros();
+                left &= left - 1;
+                let Some((ray, light)) = out.next() else { return };
+                let (cast, [r, g, b]) =
+                    shadow_ray(&input.scene, corners, surface, path, input.wave, sample);
+                (*ray, *light) = (cast, [r, g, b, 0.0]);
+            }
+        }
+    });
+}

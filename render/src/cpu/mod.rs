@@ -1,0 +1,12 @@
+//! Frames on the cores of this machine: the kernels through rayon, the rays through any
+//! [`Accelerator`](splitplane_core::backend::Accelerator).
+
+mod buffers;
+mod executor;
+mod kernels;
+mod renderer;
+mod scatter;
+
+pub use buffers::Buffers;
+pub use executor::CpuExecutor;
+pub use renderer::CpuRenderer;

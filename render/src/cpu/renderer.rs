@@ -1,0 +1,87 @@
+//! Frames, one after the other, in the same memory.
+
+use super::buffers::Buffers;
+use super::executor::CpuExecutor;
+use crate::error::RenderError;
+use crate::frame::{FrameInput, FrameStats};
+use crate::kernel::Counter;
+use crate::layout::{FirstCost, FirstHit};
+use crate::plan::{Plan, Room};
+use crate::schedule;
+use splitplane_core::backend::Accelerator;
+
+/// Makes frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept between
+/// frames and grows only when a frame needs more than all before.
+#[derive(Debug)]
+pub struct CpuRenderer {
+    buffers: Buffers,
+    room: Room,
+}
+
+impl Default for CpuRenderer {
+    fn default() -> CpuRenderer {
+        CpuRenderer::with_room(Room::CPU)
+    }
+}
+
+impl CpuRenderer {
+    /// A renderer that holds nothing yet.
+    pub fn new() -> CpuRenderer {
+        CpuRenderer::default()
+    }
+
+    /// A renderer whose queues have other room. Pictures do not depend on it.
+    pub fn with_room(room: Room) -> CpuRenderer {
+        CpuRenderer { buffers: Buffers::default(), room }
+    }
+
+    /// Makes a frame. `accelerator` must be built over the mesh of `input`.
+    ///
+    /// # Errors
+    /// Settings out of range, looks of another mesh, a backend that fails.
+    pub fn render(
+        &mut self,
+        accelerator: &dyn Accelerator,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        let FrameInput { scene, size, settings, outputs, .. } = *input;
+        let mut plan = Plan::new(scene, size, settings, outputs, self.room)?;
+        loop {
+            let mut executor = CpuExecutor::new(*input, accelerator, plan, &mut self.buffers)?;
+            schedule::frame(&mut executor, &plan)?;
+            let (counters, tracing) = (*executor.counters(), executor.tracing());
+            if counters[Counter::Overflow] == 0 {
+                return Ok(FrameStats::new(plan, &counters, Some(tracing)));
+            }
+            plan = plan.halved().ok_or(RenderError::PixelTooDeep {
+                paths: plan.path_room(),
+                shadow_rays: plan.shadow_room(),
+            })?;
+        }
+    }
+
+    /// What a screen shows, from the top left: red in the low byte, green, blue, 255.
+    pub fn pixels(&self) -> &[u32] {
+        &self.buffers.pixels
+    }
+
+    /// Linear radiance by pixel; the fourth component is 0.
+    pub fn radiance(&self) -> &[[f32; 4]] {
+        &self.buffers.radiance
+    }
+
+    /// What the first ray of each pixel met.
+    pub fn first_hits(&self) -> &[FirstHit] {
+        &self.buffers.first_hits
+    }
+
+    /// What the traversal of the first ray of each pixel cost.
+    pub fn first_costs(&self) -> &[FirstCost] {
+        &self.buffers.first_costs
+    }
+
+    /// Bytes that are held between frames.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.bytes()
+    }
+}

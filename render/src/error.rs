@@ -1,0 +1,58 @@
+//! Why there is no frame.
+
+use crate::plan::PlanError;
+use crate::scene_data::AppearanceError;
+use splitplane_core::backend::QueryError;
+use thiserror::Error;
+
+/// Why there is no frame.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum RenderError {
+    /// The frame cannot be planned.
+    #[error(transparent)]
+    Plan(#[from] PlanError),
+    /// The scene's looks cannot be described.
+    #[error(transparent)]
+    Appearance(#[from] AppearanceError),
+    /// The device failed.
+    #[cfg(feature = "wgpu")]
+    #[error(transparent)]
+    Gpu(#[from] splitplane_wgpu::GpuError),
+    /// A buffer that the picture is to be written to does not suit.
+    #[cfg(feature = "wgpu")]
+    #[error("the buffer for the picture {reason}")]
+    Target {
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// The frame that was asked for has no such output.
+    #[cfg(feature = "wgpu")]
+    #[error("there is no {what}: no frame was made, or it was made without")]
+    NoOutput {
+        /// What was asked for.
+        what: &'static str,
+    },
+    /// Rays could not be traced.
+    #[error(transparent)]
+    Query(#[from] QueryError),
+    /// The scene's looks are those of another mesh.
+    #[error("the looks describe {described} triangles, but the mesh has {triangles}")]
+    WrongMesh {
+        /// Triangles described.
+        described: u32,
+        /// Triangles of the mesh.
+        triangles: u32,
+    },
+    /// The rays of a single pixel do not fit the queues.
+    #[error(
+        "the rays of one pixel need more room than the {paths} paths and {shadow_rays} shadow rays of a \
+         wave; lower the depth or the number of samples, or raise the least weight of a path"
+    )]
+    PixelTooDeep {
+        /// Room for paths.
+        paths: u32,
+        /// Room for shadow rays.
+        shadow_rays: u32,
+    },
+}

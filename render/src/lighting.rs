@@ -1,0 +1,128 @@
+//! What lights send to a surface. Light sample `l` is light `l` without a size; those that follow are
+//! samples of the triangles that shine. Twin of `lighting.wgsl`.
+
+use crate::layout::{Path, Surface};
+use crate::random::{light_sample, unit};
+use crate::scene_data::DIRECTIONAL;
+use crate::scene_words::{SceneWords, weighted};
+use crate::surface::{Plane, start};
+use crate::vector::{
+    Vector, add, dot, length, mul, negated, normalized, power_of_two, scaled, sub,
+};
+use splitplane_core::ray::Ray;
+use splitplane_core::triangle::Triangle;
+
+const ONE_OVER_PI: f32 = core::f32::consts::FRAC_1_PI;
+
+/// A point of a triangle that shines.
+struct AreaSample {
+    /// The point.
+    point: Vector,
+    /// Unit normal of the triangle.
+    normal: Vector,
+    /// Half the cross product's length: the area times 4^power.
+    scaled_area: f32,
+    power: i32,
+    /// How far off the triangle a ray must end, so that it does not meet it.
+    offset: f32,
+    /// Radiance over the probability of the triangle.
+    radiance: Vector,
+}
+
+/// Light samples of a surface.
+fn samples(scene: &SceneWords<'_>) -> u32 {
+    scene.frame.lights + scene.frame.area_samples
+}
+
+fn area_sample(
+    scene: &SceneWords<'_>,
+    triangles: impl Fn(u32) -> Triangle,
+    path: &Path,
+    wave: u32,
+    sample: u32,
+) -> AreaSample {
+    let frame = scene.frame;
+    let index = path.sequence * frame.area_samples + (sample - frame.lights);
+    let [x, y, z] = light_sample(path.pixel, wave, frame.seed, index);
+    let emitter = scene.emitter(z);
+    let corners = triangles(emitter.triangle);
+    let plane = Plane::of(&corners);
+    // Evenly over the parallelogram, its far half folded back.
+    let (mut u, mut v) = (unit(x), unit(y));
+    if u + v > 1.0 {
+        (u, v) = (1.0 - u, 1.0 - v);
+    }
+    let material = scene.material(scene.material_of(emitter.triangle));
+    AreaSample {
+        point: weighted(corners, [(1.0 - u) - v, u, v]),
+        normal: normalized(plane.scaled_normal),
+        scaled_area: length(plane.scaled_normal) * 0.5,
+        power: plane.power,
+        offset: plane.offset,
+        radiance: scaled(material.emission, 1.0 / emitter.probability),
+    }
+}
+
+/// The light samples that are on the surface's side: what a shadow ray is worth casting to.
+pub(crate) fn may_be_lit(
+    scene: &SceneWords<'_>,
+    triangles: impl Fn(u32) -> Triangle,
+    surface: &Surface,
+    path: &Path,
+    wave: u32,
+) -> u32 {
+    let mut lights = 0;
+    for sample in 0..samples(scene) {
+        let towards = if sample < scene.frame.lights {
+            let light = scene.light(sample);
+            if light.kind == DIRECTIONAL { light.place } else { sub(light.place, surface.point) }
+        } else {
+            sub(area_sample(scene, &triangles, path, wave, sample).point, surface.point)
+        };
+        let faces = dot(surface.normal, towards) > 0.0;
+        if faces && dot(surface.geometric_normal, towards) > 0.0 {
+            lights |= 1 << sample;
+        }
+    }
+    lights
+}
+
+/// The ray towards a light sample, and the light that the path gets when nothing is in its way.
+pub(crate) fn shadow_ray(
+    scene: &SceneWords<'_>,
+    triangles: impl Fn(u32) -> Triangle,
+    surface: &Surface,
+    path: &Path,
+    wave: u32,
+    sample: u32,
+) -> (Ray, Vector) {
+    let start = start(surface, 1.0);
+    let albedo = scaled(mul(path.weight, surface.scattering), ONE_OVER_PI);
+    if sample >= scene.frame.lights {
+        let area = area_sample(scene, triangles, path, wave, sample);
+        let towards = sub(area.point, surface.point);
+        let direction = normalized(towards);
+        let mut normal = area.normal;
+        if dot(normal, direction) > 0.0 {
+            normal = negated(normal);
+        }
+        let end = add(area.point, scaled(normal, area.offset));
+        // The solid angle: area over squared distance, the power of two taken to the distance first.
+        let inverse = 1.0 / (length(towards) * power_of_two(area.power));
+        let cosines = dot(surface.normal, direction) * -dot(normal, direction);
+        let solid_angle = ((area.scaled_area * inverse) * inverse) * cosines;
+        let share = solid_angle / scene.frame.area_samples as f32;
+        let light = mul(albedo, scaled(area.radiance, share));
+        return (Ray::segment(start, end), light);
+    }
+    let source = scene.light(sample);
+    if source.kind == DIRECTIONAL {
+        let light = mul(albedo, scaled(source.irradiance, dot(surface.normal, source.place)));
+        return (Ray::new(start, source.place), light);
+    }
+    let towards = sub(source.place, surface.point);
+    let falloff = source.distance / length(towards);
+    let cosine = dot(surface.normal, normalized(towards));
+    let share = (falloff * falloff) * cosine;
+    (Ray::segment(start, source.place), mul(albedo, scaled(source.irradiance, share)))
+}

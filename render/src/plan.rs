@@ -1,0 +1,417 @@
+//! What a frame does and holds: only what its scene, its settings and its outputs need.
+
+use crate::Pinhole;
+use crate::kernel::{Buffer, Kernel};
+use crate::layout::Frame;
+use crate::scene_data::{NONE, SceneData};
+use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
+use core::fmt::Write;
+use splitplane_core::ray::{Culling, QueryOptions};
+use thiserror::Error;
+
+/// What is wanted of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outputs {
+    /// What a screen shows.
+    pub pixels: bool,
+    /// Linear radiance.
+    pub radiance: bool,
+    /// What the first ray of every pixel met: depth, normal, triangle.
+    pub first_hits: bool,
+    /// What the traversal of the first ray of every pixel cost.
+    pub first_costs: bool,
+}
+
+impl Outputs {
+    /// A picture for a screen, nothing else.
+    pub const PIXELS: Outputs =
+        Outputs { pixels: true, radiance: false, first_hits: false, first_costs: false };
+
+    /// Whether light is wanted at all.
+    pub const fn shades(&self) -> bool {
+        self.pixels || self.radiance
+    }
+}
+
+/// What limits the queues of a frame. Results do not depend on it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Room {
+    /// Most paths of a wave.
+    pub paths: u32,
+    /// Most bytes of one buffer.
+    pub buffer_bytes: u64,
+}
+
+impl Room {
+    /// What keeps a few cores busy and most of a wave in their caches.
+    pub const CPU: Room = Room { paths: 1 << 16, buffer_bytes: 1 << 30 };
+    /// What fills a large GPU, within WebGPU's default limit of a binding.
+    pub const GPU: Room = Room { paths: 1 << 20, buffer_bytes: 128 << 20 };
+}
+
+/// Why a frame cannot be made.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum PlanError {
+    /// A setting is out of its range.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// More lights than a surface can ask.
+    #[error(
+        "every surface would cast {rays} shadow rays, and at most {MAX_SHADOW_RAYS} are possible; use \
+         fewer lights or fewer samples of shining surfaces"
+    )]
+    TooManyLights {
+        /// Lights and samples of shining surfaces.
+        rays: u64,
+    },
+    /// A buffer larger than the room for one.
+    #[error("the {what} needs {needed} bytes, but a buffer can have {allowed}")]
+    TooLarge {
+        /// The buffer.
+        what: &'static str,
+        /// Bytes it needs.
+        needed: u64,
+        /// Bytes it can have.
+        allowed: u64,
+    },
+}
+
+/// The plan of a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    size: Size,
+    settings: RenderSettings,
+    outputs: Outputs,
+    /// What the scene needs.
+    needs: Needs,
+    scene_words: u32,
+    triangles: u32,
+    slice_pixels: u32,
+    path_room: u32,
+    shadow_room: u32,
+}
+
+/// What the materials and lights of a scene need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Needs {
+    /// Surfaces that scatter light evenly.
+    pub diffuse: bool,
+    /// Mirrors.
+    pub mirrors: bool,
+    /// Clear bodies.
+    pub dielectrics: bool,
+    /// Textures.
+    pub textures: bool,
+    /// Normals at the corners of triangles.
+    pub smooth_normals: bool,
+    /// Lights without a size.
+    pub lights: u32,
+    /// Triangles that shine.
+    pub emitters: u32,
+}
+
+impl Plan {
+    /// Plans a frame.
+    ///
+    /// # Errors
+    /// A setting out of range, too many lights, or a scene or picture that does not fit a buffer.
+    pub fn new(
+        scene: &SceneData,
+        size: Size,
+        settings: &RenderSettings,
+        outputs: Outputs,
+        room: Room,
+    ) -> Result<Plan, PlanError> {
+        settings.validate()?;
+        let needs = scene.needs();
+        let mut plan = Plan {
+            size,
+            settings: *settings,
+            outputs,
+            needs,
+            scene_words: scene.words().len() as u32,
+            triangles: scene.triangles(),
+            slice_pixels: 1,
+            path_room: 1,
+            shadow_room: 1,
+        };
+        let shadow_rays = u64::from(needs.lights) + u64::from(plan.area_samples());
+        if shadow_rays > u64::from(MAX_SHADOW_RAYS) {
+            return Err(PlanError::TooManyLights { rays: shadow_rays });
+        }
+        let most = |bytes: usize| (room.buffer_bytes / bytes as u64).min(1 << 30) as u32;
+        let per_path = shadow_rays.max(1) as u32;
+        // A glass surface answers a ray with two. Twice the room is mostly enough; else the frame is
+        // made again in smaller slices.
+        let branching = if plan.branches() { 2 } else { 1 };
+        let wanted = u64::from(size.pixels()) * u64::from(settings.samples) * branching;
+        let paths = room
+            .paths
+            .min(most(Buffer::Surfaces.element_size()))
+            .min(most(Buffer::ShadowRays.element_size()) / per_path)
+            .min(wanted.min(1 << 30) as u32);
+        let slice_paths = u64::from(paths) / branching;
+        plan.slice_pixels = (slice_paths as u32 / settings.samples).clamp(1, size.pixels());
+        plan.path_room = paths.max(plan.slice_pixels * settings.samples * branching as u32);
+        plan.shadow_room = plan.path_room * per_path;
+        for (what, buffer) in [
+            ("scene's description", Buffer::Scene),
+            ("picture", Buffer::Radiance),
+            ("record of first hits", Buffer::FirstHits),
+        ] {
+            let needed = plan.bytes(buffer);
+            if needed > room.buffer_bytes {
+                return Err(PlanError::TooLarge { what, needed, allowed: room.buffer_bytes });
+            }
+        }
+        Ok(plan)
+    }
+
+    /// The same frame in slices of half as many pixels, for when a queue outgrew its room; `None` when
+    /// a slice is one pixel.
+    #[must_use]
+    pub fn halved(&self) -> Option<Plan> {
+        (self.slice_pixels > 1)
+            .then(|| Plan { slice_pixels: self.slice_pixels.div_ceil(2), ..*self })
+    }
+
+    /// The picture's size.
+    pub fn size(&self) -> Size {
+        self.size
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &RenderSettings {
+        &self.settings
+    }
+
+    /// What is wanted.
+    pub fn outputs(&self) -> &Outputs {
+        &self.outputs
+    }
+
+    /// What the scene needs.
+    pub fn needs(&self) -> &Needs {
+        &self.needs
+    }
+
+    /// Slices of the picture that are traced one after the other.
+    pub fn slices(&self) -> u32 {
+        self.size.pixels().div_ceil(self.slice_pixels)
+    }
+
+    /// Most pixels of a slice.
+    pub fn slice_pixels(&self) -> u32 {
+        self.slice_pixels
+    }
+
+    /// Room for the paths of a wave.
+    pub fn path_room(&self) -> u32 {
+        self.path_room
+    }
+
+    /// Room for the shadow rays of a wave.
+    pub fn shadow_room(&self) -> u32 {
+        self.shadow_room
+    }
+
+    /// Most waves of a slice: camera rays, and one for each bounce.
+    pub fn waves(&self) -> u32 {
+        if self.recursive() { self.settings.depth + 1 } else { 1 }
+    }
+
+    /// Whether paths go on from surfaces.
+    pub fn recursive(&self) -> bool {
+        let bounces = self.needs.mirrors || self.needs.dielectrics;
+        self.outputs.shades() && bounces && self.settings.depth > 0
+    }
+
+    /// Whether a path may become two.
+    fn branches(&self) -> bool {
+        self.recursive() && self.needs.dielectrics
+    }
+
+    /// Whether surfaces ask for rays.
+    pub fn spawns(&self) -> bool {
+        self.recursive() || self.casts_shadows()
+    }
+
+    /// Samples of shining surfaces; 0 when nothing shines.
+    pub fn area_samples(&self) -> u32 {
+        if self.needs.emitters > 0 { self.settings.area_samples } else { 0 }
+    }
+
+    /// Whether there are lights, and surfaces that they light.
+    pub fn casts_shadows(&self) -> bool {
+        let sources = self.needs.lights + self.area_samples();
+        self.outputs.shades() && self.needs.diffuse && sources > 0
+    }
+
+    /// The kernel that follows shadow rays.
+    pub fn shadow_kernel(&self) -> Kernel {
+        if self.needs.dielectrics { Kernel::ShadowHitsThroughGlass } else { Kernel::ShadowHits }
+    }
+
+    /// The kernels of the frame, in the order of their first dispatch.
+    pub fn kernels(&self) -> impl Iterator<Item = Kernel> + '_ {
+        Kernel::ALL.into_iter().filter(|kernel| self.runs(*kernel))
+    }
+
+    fn runs(&self, kernel: Kernel) -> bool {
+        match kernel {
+            Kernel::BeginSlice | Kernel::CameraRays | Kernel::ClosestHits => true,
+            Kernel::FirstCosts => self.outputs.first_costs,
+            Kernel::FirstHits => self.outputs.first_hits,
+            Kernel::Shade | Kernel::Accumulate => self.outputs.shades(),
+            Kernel::ScanSpawned => self.spawns(),
+            Kernel::ShadowRays => self.casts_shadows(),
+            Kernel::ShadowHits | Kernel::ShadowHitsThroughGlass => {
+                self.casts_shadows() && kernel == self.shadow_kernel()
+            }
+            Kernel::NextPaths | Kernel::BeginWave => self.recursive(),
+            Kernel::Resolve => self.outputs.pixels,
+        }
+    }
+
+    /// Elements of a buffer that the frame allocates: 0 for one that it does not need. A device binds
+    /// one element of those too where a kernel names them.
+    pub fn elements(&self, buffer: Buffer) -> u32 {
+        let when = |needed: bool, elements: u32| if needed { elements } else { 0 };
+        let pixels = self.size.pixels();
+        match buffer {
+            Buffer::Rays | Buffer::Paths | Buffer::Hits => self.path_room,
+            Buffer::Surfaces => when(self.outputs.shades(), self.path_room),
+            Buffer::Spawned => {
+                when(self.outputs.shades(), self.path_room.div_ceil(crate::kernel::CHUNK))
+            }
+            Buffer::NextRays | Buffer::NextPaths => when(self.recursive(), self.path_room),
+            Buffer::ShadowRays | Buffer::ShadowLight => {
+                when(self.casts_shadows(), self.shadow_room)
+            }
+            Buffer::Scene => self.scene_words,
+            Buffer::Radiance => when(self.outputs.shades(), pixels),
+            Buffer::FirstHits => when(self.outputs.first_hits, pixels),
+            Buffer::FirstCosts => when(self.outputs.first_costs, pixels),
+            Buffer::Pixels => when(self.outputs.pixels, pixels),
+            Buffer::Triangles => self.triangles,
+            Buffer::Counters => 1,
+        }
+    }
+
+    /// Bytes of a buffer that the frame allocates.
+    pub fn bytes(&self, buffer: Buffer) -> u64 {
+        u64::from(self.elements(buffer)) * buffer.element_size() as u64
+    }
+
+    /// The uniform of the frame.
+    pub fn frame(&self, scene: &SceneData, camera: &Pinhole, query: &QueryOptions) -> Frame {
+        let settings = &self.settings;
+        let mut frame = Frame {
+            eye: camera.eye,
+            corner: camera.corner,
+            width: self.size.width(),
+            step_x: camera.step_x,
+            height: self.size.height(),
+            step_y: camera.step_y,
+            samples: settings.samples,
+            zenith: settings.environment.zenith,
+            depth: if self.recursive() { settings.depth } else { 0 },
+            horizon: settings.environment.horizon,
+            area_samples: self.area_samples(),
+            nadir: settings.environment.nadir,
+            seed: settings.seed,
+            // A path of weight 0 is worth nothing.
+            minimum_weight: settings.minimum_weight.max(f32::MIN_POSITIVE),
+            ambient: settings.ambient,
+            headlight: settings.headlight,
+            exposure: settings.exposure,
+            sample_weight: 1.0 / settings.samples as f32,
+            slice_pixels: self.slice_pixels,
+            path_room: self.path_room,
+            shadow_room: self.shadow_room,
+            culling: match query.culling {
+                Culling::None => 0,
+                Culling::Back => 1,
+                Culling::Front => 2,
+            },
+            ignore: query.ignore.unwrap_or(NONE),
+            ..Frame::default()
+        };
+        scene.describe(&mut frame);
+        frame
+    }
+
+    /// The plan for people: what runs, what is left out and why, and the bytes of every buffer.
+    pub fn explain(&self) -> String {
+        let mut text = String::new();
+        // Writing to a string cannot fail.
+        let mut line = |arguments: core::fmt::Arguments<'_>| {
+            let _ = writeln!(text, "{arguments}");
+        };
+        let (width, height) = (self.size.width(), self.size.height());
+        let samples = self.settings.samples;
+        line(format_args!(
+            "frame    {width}x{height}, {samples} camera rays a pixel, in {} slices of at most {} pixels",
+            self.slices(),
+            self.slice_pixels
+        ));
+        line(format_args!(
+            "waves    at most {} a slice, of at most {} paths",
+            self.waves(),
+            self.path_room
+        ));
+        let steps: Vec<&str> = self.kernels().map(Kernel::name).collect();
+        line(format_args!("steps    {}", steps.join(", ")));
+        for reason in self.left_out() {
+            line(format_args!("without  {reason}"));
+        }
+        let mut total = 0;
+        for buffer in Buffer::ALLOCATED {
+            let (elements, bytes) = (self.elements(buffer), self.bytes(buffer));
+            total += bytes;
+            if elements > 0 {
+                line(format_args!(
+                    "buffer   {:<12} {elements:>9} x {:>2} B = {bytes:>11} B",
+                    format!("{buffer:?}"),
+                    buffer.element_size()
+                ));
+            }
+        }
+        line(format_args!("buffers  {total} B in all, besides the tree"));
+        text
+    }
+
+    /// What does not run, and why.
+    fn left_out(&self) -> Vec<&'static str> {
+        let needs = &self.needs;
+        let sources = needs.lights + self.area_samples();
+        let mut reasons = Vec::new();
+        if !self.outputs.shades() {
+            reasons.push("light: no picture is wanted");
+            return reasons;
+        }
+        match (needs.mirrors || needs.dielectrics, self.settings.depth) {
+            (false, _) => reasons.push("further waves: nothing mirrors or refracts"),
+            (true, 0) => reasons.push("further waves: the depth is 0"),
+            _ if !needs.dielectrics => reasons.push("refraction: nothing is clear"),
+            _ => {}
+        }
+        if sources == 0 {
+            reasons.push("shadow rays: there are no lights");
+        } else if !needs.diffuse {
+            reasons.push("shadow rays: no surface scatters light");
+        }
+        if needs.emitters == 0 {
+            reasons.push("area lights: nothing shines");
+        } else if self.settings.area_samples == 0 {
+            reasons.push("area lights: no samples are asked for");
+        }
+        if !needs.smooth_normals {
+            reasons.push("smooth normals: the scene has none");
+        }
+        if !needs.textures {
+            reasons.push("textures: the scene has none");
+        }
+        reasons
+    }
+}

@@ -1,0 +1,384 @@
+//! A scene's looks as words, the form that every executor reads: materials, lights, triangles that
+//! shine, textures, and what is known of every triangle. Sections that a scene does not need are
+//! empty.
+//!
+//! | section | words an element | what they are |
+//! |---|---:|---|
+//! | materials | 16 | kind, texture or [`NONE`], refractive index, 1 when it scatters evenly; diffuse; mirror or tint; emission, each with a word to spare |
+//! | lights | 8 | kind; position or direction; irradiance; its distance |
+//! | emitters | 4 | triangle; probability of this one and all before, as a part of 2^32; its own probability; not used |
+//! | textures | 4 | first texel from the start of the texels; width; height; not used |
+//! | sRGB | 512 | linear value of each byte; then the least linear value that is shown as each byte |
+//! | material of | 1 | a triangle's material |
+//! | normals | 9 | at a triangle's corners; zero for none |
+//! | texture coordinates | 6 | at a triangle's corners |
+//! | texels | 1 | red in the low byte, green, blue, alpha |
+
+use crate::layout::Frame;
+use crate::light::Light;
+use crate::material::Material;
+use crate::plan::Needs;
+use crate::texture::Texture;
+use crate::vector::normalized;
+use core::ops::Range;
+use core::sync::atomic::{AtomicU64, Ordering};
+use splitplane_core::mesh::Mesh;
+use thiserror::Error;
+
+/// In place of an index: nothing.
+pub const NONE: u32 = u32::MAX;
+
+/// Words of a material.
+pub const MATERIAL_WORDS: u32 = 16;
+/// Words of a light.
+pub const LIGHT_WORDS: u32 = 8;
+/// Words of a triangle that shines.
+pub const EMITTER_WORDS: u32 = 4;
+/// Words of a texture.
+pub const TEXTURE_WORDS: u32 = 4;
+
+/// Kind of a material that scatters, mirrors or both.
+pub const OPAQUE: u32 = 0;
+/// Kind of the surface of a clear body.
+pub const DIELECTRIC: u32 = 1;
+/// Kind of a light at a point.
+pub const POINT: u32 = 0;
+/// Kind of a light that is far away.
+pub const DIRECTIONAL: u32 = 1;
+
+/// What a scene looks like, borrowed. Empty lists stand for what a scene does not have; lists by
+/// triangle may be shorter than the mesh.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Appearance<'a> {
+    /// The materials; triangles without one are clay.
+    pub materials: &'a [Material],
+    /// For every triangle the index of its material.
+    pub material_of: &'a [u32],
+    /// Lights without a size.
+    pub lights: &'a [Light],
+    /// Textures that materials name.
+    pub textures: &'a [Texture],
+    /// Normals, of any length; zero for none.
+    pub normals: &'a [[f32; 3]],
+    /// For every triangle the normals of its corners; [`NONE`] for none.
+    pub normal_indices: &'a [[u32; 3]],
+    /// Texture coordinates.
+    pub texcoords: &'a [[f32; 2]],
+    /// For every triangle the texture coordinates of its corners; [`NONE`] for (0, 0).
+    pub texcoord_indices: &'a [[u32; 3]],
+}
+
+/// Why a scene's looks cannot be described.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum AppearanceError {
+    /// More words than 32 bits can address.
+    #[error(
+        "materials, normals and textures would need {words} words of 4 bytes, more than {}",
+        u32::MAX
+    )]
+    TooLarge {
+        /// Words needed.
+        words: u64,
+    },
+}
+
+/// Where the sections start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sections {
+    lights: u32,
+    emitters: u32,
+    textures: u32,
+    srgb: u32,
+    material_of: u32,
+    normals: u32,
+    texcoords: u32,
+    texels: u32,
+}
+
+/// A scene's looks, ready for executors.
+#[derive(Clone, Debug, Default)]
+pub struct SceneData {
+    words: Vec<u32>,
+    sections: Sections,
+    needs: Needs,
+    materials: u32,
+    triangles: u32,
+    revision: u64,
+    normals_revision: u64,
+}
+
+/// A number that no call has given before.
+fn next_revision() -> u64 {
+    static LAST: AtomicU64 = AtomicU64::new(0);
+    LAST.fetch_add(1, Ordering::Relaxed) + 1
+}
+
+impl SceneData {
+    /// Describes the looks of the triangles of `mesh`.
+    ///
+    /// # Errors
+    /// More than can be addressed.
+    pub fn new(mesh: &Mesh<'_>, looks: &Appearance<'_>) -> Result<SceneData, AppearanceError> {
+        let mut data = SceneData::default();
+        data.describe_again(mesh, looks)?;
+        Ok(data)
+    }
+
+    /// As [`SceneData::new`], into the memory of what was described before.
+    ///
+    /// # Errors
+    /// As for [`SceneData::new`].
+    pub fn describe_again(
+        &mut self,
+        mesh: &Mesh<'_>,
+        looks: &Appearance<'_>,
+    ) -> Result<(), AppearanceError> {
+        let clay = [Material::clay()];
+        let materials: &[Material] =
+            if looks.materials.is_empty() { &clay } else { looks.materials };
+        let textured = |m: &Material| {
+            m.dielectric.is_none() && m.texture.is_some_and(|t| (t as usize) < looks.textures.len())
+        };
+        let textures = materials.iter().any(textured) && !looks.texcoord_indices.is_empty();
+        let smooth = !looks.normal_indices.is_empty() && !looks.normals.is_empty();
+        let texels: u64 = looks.textures.iter().map(|t| t.texels().len() as u64).sum();
+        let per_triangle = 1 + if smooth { 9 } else { 0 } + if textures { 6 } else { 0 };
+        let words = per_triangle * mesh.len() as u64
+            + 20 * materials.len() as u64
+            + if textures { texels } else { 0 };
+        // Emitters and lights are far fewer than what is left.
+        if words > u64::from(u32::MAX) / 2 {
+            return Err(AppearanceError::TooLarge { words });
+        }
+        self.words.clear();
+        self.revision = next_revision();
+        self.triangles = mesh.len() as u32;
+        self.materials = materials.len() as u32;
+        for material in materials {
+            self.material(material, textures && textured(material));
+        }
+        self.sections.lights = self.here();
+        for light in looks.lights {
+            self.light(light);
+        }
+        self.sections.emitters = self.here();
+        self.emitters(mesh, materials, looks.material_of);
+        let emitters = (self.here() - self.sections.emitters) / EMITTER_WORDS;
+        self.sections.textures = self.here();
+        if textures {
+            let mut first = 0;
+            for texture in looks.textures {
+                self.words.extend([first, texture.width(), texture.height(), 0]);
+                first += texture.texels().len() as u32;
+            }
+        }
+        self.sections.srgb = self.here();
+        self.words.extend((0..256).map(|byte| linear(f64::from(byte) / 255.0).to_bits()));
+        self.words.extend((0..256).map(|byte| least_shown(byte).to_bits()));
+        self.sections.material_of = self.here();
+        let last = self.materials - 1;
+        let material_of = |t: usize| looks.material_of.get(t).copied().unwrap_or(0).min(last);
+        self.words.extend((0..mesh.len()).map(material_of));
+        self.sections.normals = self.here();
+        if smooth {
+            self.words.extend(normal_words(mesh, looks));
+        }
+        self.sections.texcoords = self.here();
+        if textures {
+            let coordinate = |i: u32| looks.texcoords.get(i as usize).copied().unwrap_or_default();
+            self.words.extend((0..mesh.len()).flat_map(|t| {
+                let corners = looks.texcoord_indices.get(t).copied().unwrap_or([NONE; 3]);
+                corners
+                    .into_iter()
+                    .flat_map(coordinate)
+                    .map(|part| if part.is_finite() { part.to_bits() } else { 0 })
+            }));
+        }
+        self.sections.texels = self.here();
+        if textures {
+            let texels = looks.textures.iter().flat_map(|texture| texture.texels());
+            self.words.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
+        }
+        let used = |test: fn(&Material) -> bool| materials.iter().any(test);
+        self.needs = Needs {
+            diffuse: used(Material::is_diffuse),
+            mirrors: used(Material::is_mirror),
+            dielectrics: used(|m| m.dielectric.is_some()),
+            textures,
+            smooth_normals: smooth,
+            lights: looks.lights.len() as u32,
+            emitters,
+        };
+        Ok(())
+    }
+
+    /// Takes over new normals for a mesh whose triangles have moved. Nothing happens when the scene
+    /// was described without any.
+    pub fn update_normals(&mut self, mesh: &Mesh<'_>, looks: &Appearance<'_>) {
+        if self.needs.smooth_normals && mesh.len() as u32 == self.triangles {
+            let first = self.sections.normals as usize;
+            let last = first + 9 * mesh.len();
+            self.normals_revision = next_revision();
+            for (word, new) in self.words[first..last].iter_mut().zip(normal_words(mesh, looks)) {
+                *word = new;
+            }
+        }
+    }
+
+    /// The words.
+    pub fn words(&self) -> &[u32] {
+        &self.words
+    }
+
+    /// Changes with every description. Executors that keep the words elsewhere send them again when it
+    /// does. Equal numbers mean equal words, but for normals.
+    pub fn revision(&self) -> u64 {
+        self.revision
+    }
+
+    /// Changes with every [`SceneData::update_normals`].
+    pub fn normals_revision(&self) -> u64 {
+        self.normals_revision
+    }
+
+    /// Where the normals are among the words.
+    pub fn normal_words(&self) -> Range<usize> {
+        self.sections.normals as usize..self.sections.texcoords as usize
+    }
+
+    /// Triangles described.
+    pub fn triangles(&self) -> u32 {
+        self.triangles
+    }
+
+    /// What the scene needs.
+    pub fn needs(&self) -> Needs {
+        self.needs
+    }
+
+    /// Whether the surface of a triangle is that of a clear body.
+    pub fn is_clear(&self, triangle: u32) -> bool {
+        let material = self.words[(self.sections.material_of + triangle) as usize];
+        self.words[(MATERIAL_WORDS * material) as usize] == DIELECTRIC
+    }
+
+    /// Where the sections are, for kernels.
+    pub(crate) fn describe(&self, frame: &mut Frame) {
+        let sections = &self.sections;
+        frame.lights = self.needs.lights;
+        frame.emitters = self.needs.emitters;
+        frame.materials = self.materials;
+        frame.triangles = self.triangles;
+        frame.lights_at = sections.lights;
+        frame.emitters_at = sections.emitters;
+        frame.textures_at = sections.textures;
+        frame.srgb_at = sections.srgb;
+        frame.material_of_at = sections.material_of;
+        frame.normals_at = sections.normals;
+        frame.texcoords_at = sections.texcoords;
+        frame.texels_at = sections.texels;
+    }
+
+    fn here(&self) -> u32 {
+        self.words.len() as u32
+    }
+
+    fn floats(&mut self, numbers: impl IntoIterator<Item = f32>) {
+        self.words.extend(numbers.into_iter().map(f32::to_bits));
+    }
+
+    fn material(&mut self, material: &Material, textured: bool) {
+        let texture = if textured { material.texture.unwrap_or(NONE) } else { NONE };
+        let (kind, index, second) = match material.dielectric {
+            Some(clear) => (DIELECTRIC, clear.refractive_index, clear.tint),
+            None => (OPAQUE, 1.0, material.mirror),
+        };
+        let diffuse = if kind == OPAQUE { material.diffuse } else { [0.0; 3] };
+        self.words.extend([kind, texture, index.to_bits(), u32::from(material.is_diffuse())]);
+        for colour in [diffuse, second, material.emission] {
+            self.floats(colour);
+            self.words.push(0);
+        }
+    }
+
+    fn light(&mut self, light: &Light) {
+        let (kind, place, irradiance, distance) = match *light {
+            Light::Point { position, irradiance, distance } => {
+                (POINT, position, irradiance, distance)
+            }
+            Light::Directional { towards, irradiance } => {
+                (DIRECTIONAL, normalized(towards), irradiance, 1.0)
+            }
+        };
+        self.words.push(kind);
+        self.floats(place);
+        self.floats(irradiance);
+        self.floats([distance]);
+    }
+
+    /// The triangles that shine, each with a probability in proportion to its power. They are chosen
+    /// by a word of 32 random bits, so what is too dim for one of 2^32 is left out.
+    fn emitters(&mut self, mesh: &Mesh<'_>, materials: &[Material], material_of: &[u32]) {
+        let shines: Vec<Option<f64>> = materials
+            .iter()
+            .map(|m| m.shines().then(|| m.emission.iter().map(|part| f64::from(*part)).sum()))
+            .collect();
+        if shines.iter().all(Option::is_none) {
+            return;
+        }
+        let power = |triangle: usize| {
+            let material = material_of.get(triangle).copied().unwrap_or(0) as usize;
+            let radiance = shines[material.min(shines.len() - 1)]?;
+            let power = radiance * area(&mesh.triangle(triangle));
+            (power.is_finite() && power > 0.0).then_some(power)
+        };
+        let powers = (0..mesh.len()).filter_map(|t| Some((t as u32, power(t)?)));
+        let powers: Vec<(u32, f64)> = powers.collect();
+        let total: f64 = powers.iter().map(|(_, power)| power).sum();
+        let (mut sum, mut before) = (0.0, 0u64);
+        for (place, (triangle, power)) in powers.iter().enumerate() {
+            sum += power;
+            let last = place + 1 == powers.len();
+            let until = if last { 1 << 32 } else { (sum / total * 4_294_967_296.0) as u64 };
+            if until > before {
+                let probability = (until - before) as f64 / 4_294_967_296.0;
+                let greatest_word = (until - 1) as u32;
+                self.words.extend([*triangle, greatest_word, (probability as f32).to_bits(), 0]);
+                before = until;
+            }
+        }
+    }
+}
+
+/// The words of the normals at the corners of all triangles.
+fn normal_words<'a>(
+    mesh: &Mesh<'_>,
+    looks: &'a Appearance<'_>,
+) -> impl Iterator<Item = u32> + use<'a> {
+    let normal = |i: u32| {
+        let normal = looks.normals.get(i as usize).copied().unwrap_or_default();
+        if normal.iter().all(|part| part.is_finite()) { normalized(normal) } else { [0.0; 3] }
+    };
+    (0..mesh.len()).flat_map(move |triangle| {
+        let corners = looks.normal_indices.get(triangle).copied().unwrap_or([NONE; 3]);
+        corners.into_iter().flat_map(normal).map(f32::to_bits)
+    })
+}
+
+fn area(corners: &[[f32; 3]; 3]) -> f64 {
+    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    let [x, y] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
+    let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
+    0.5 * normal.iter().map(|part| part * part).sum::<f64>().sqrt()
+}
+
+/// sRGB to linear light (IEC 61966-2-1).
+fn linear(shown: f64) -> f32 {
+    let value = if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) };
+    value as f32
+}
+
+/// The least linear value that is shown as this byte: halfway, as sRGB, from the byte below.
+fn least_shown(byte: u32) -> f32 {
+    if byte == 0 { 0.0 } else { linear((f64::from(byte) - 0.5) / 255.0) }
+}

@@ -1,0 +1,172 @@
+//! Reads a scene's looks from its words. Twin of `scene_words.wgsl`.
+
+use crate::layout::Frame;
+use crate::scene_data::{EMITTER_WORDS, LIGHT_WORDS, MATERIAL_WORDS, NONE, TEXTURE_WORDS};
+use crate::vector::{Vector, add, mix, scaled};
+
+/// The words and where their sections start.
+#[derive(Clone, Copy)]
+pub(crate) struct SceneWords<'a> {
+    pub(crate) words: &'a [u32],
+    pub(crate) frame: &'a Frame,
+}
+
+/// A material, without the texture's colour.
+pub(crate) struct MaterialWords {
+    pub(crate) kind: u32,
+    pub(crate) texture: u32,
+    pub(crate) refractive_index: f32,
+    pub(crate) diffuse: Vector,
+    /// Reflectance of a mirror, or tint of a dielectric.
+    pub(crate) second: Vector,
+    pub(crate) emission: Vector,
+}
+
+/// A light without a size.
+pub(crate) struct LightWords {
+    pub(crate) kind: u32,
+    /// Position, or unit direction towards it.
+    pub(crate) place: Vector,
+    pub(crate) irradiance: Vector,
+    pub(crate) distance: f32,
+}
+
+/// A triangle that shines.
+pub(crate) struct EmitterWords {
+    pub(crate) triangle: u32,
+    pub(crate) probability: f32,
+}
+
+impl SceneWords<'_> {
+    fn word(&self, at: u32) -> u32 {
+        self.words[at as usize]
+    }
+
+    fn float(&self, at: u32) -> f32 {
+        f32::from_bits(self.word(at))
+    }
+
+    fn vector(&self, at: u32) -> Vector {
+        [self.float(at), self.float(at + 1), self.float(at + 2)]
+    }
+
+    pub(crate) fn material_of(&self, triangle: u32) -> u32 {
+        self.word(self.frame.material_of_at + triangle)
+    }
+
+    pub(crate) fn material(&self, index: u32) -> MaterialWords {
+        let at = MATERIAL_WORDS * index;
+        MaterialWords {
+            kind: self.word(at),
+            texture: self.word(at + 1),
+            refractive_index: self.float(at + 2),
+            diffuse: self.vector(at + 4),
+            second: self.vector(at + 8),
+            emission: self.vector(at + 12),
+        }
+    }
+
+    /// Reflectance of a mirror, or tint of a dielectric.
+    pub(crate) fn second_colour(&self, material: u32) -> Vector {
+        self.vector(MATERIAL_WORDS * material + 8)
+    }
+
+    pub(crate) fn material_kind(&self, material: u32) -> u32 {
+        self.word(MATERIAL_WORDS * material)
+    }
+
+    pub(crate) fn light(&self, index: u32) -> LightWords {
+        let at = self.frame.lights_at + LIGHT_WORDS * index;
+        LightWords {
+            kind: self.word(at),
+            place: self.vector(at + 1),
+            irradiance: self.vector(at + 4),
+            distance: self.float(at + 7),
+        }
+    }
+
+    /// The triangle that shines whose share of 2^32 holds this word.
+    pub(crate) fn emitter(&self, random: u32) -> EmitterWords {
+        // The first whose greatest word is not below; the last one's is 2^32 - 1.
+        let (mut low, mut high) = (0, self.frame.emitters - 1);
+        while low < high {
+            let middle = (low + high) / 2;
+            if self.word(self.frame.emitters_at + EMITTER_WORDS * middle + 1) >= random {
+                high = middle;
+            } else {
+                low = middle + 1;
+            }
+        }
+        let at = self.frame.emitters_at + EMITTER_WORDS * low;
+        EmitterWords { triangle: self.word(at), probability: self.float(at + 2) }
+    }
+
+    /// The normal at a corner; zero for none.
+    pub(crate) fn normal(&self, triangle: u32, corner: u32) -> Vector {
+        self.vector(self.frame.normals_at + 9 * triangle + 3 * corner)
+    }
+
+    fn texcoord(&self, triangle: u32, corner: u32) -> [f32; 2] {
+        let at = self.frame.texcoords_at + 6 * triangle + 2 * corner;
+        [self.float(at), self.float(at + 1)]
+    }
+
+    /// The colour of a texture at a point of a triangle: four texels, weighted by nearness. White for
+    /// no texture.
+    pub(crate) fn texture_colour(&self, texture: u32, triangle: u32, weights: [f32; 3]) -> Vector {
+        if texture == NONE {
+            return [1.0; 3];
+        }
+        let corners = [0, 1, 2].map(|corner| self.texcoord(triangle, corner));
+        let [s, t] = [0, 1].map(|axis| {
+            (corners[0][axis] * weights[0] + corners[1][axis] * weights[1])
+                + corners[2][axis] * weights[2]
+        });
+        let at = self.frame.textures_at + TEXTURE_WORDS * texture;
+        let (first, width, height) = (self.word(at), self.word(at + 1), self.word(at + 2));
+        // Rows run downwards, and texel centres are at halves.
+        let (left, right, across) = texel_pair(s, width);
+        let (upper, lower, down) = texel_pair(1.0 - t, height);
+        let row = |row: u32| {
+            let start = first + row * width;
+            mix(self.texel(start + left), self.texel(start + right), across)
+        };
+        mix(row(upper), row(lower), down)
+    }
+
+    /// The linear colour of a texel.
+    fn texel(&self, index: u32) -> Vector {
+        let word = self.word(self.frame.texels_at + index);
+        [0, 8, 16].map(|shift| self.float(self.frame.srgb_at + ((word >> shift) & 255)))
+    }
+
+    /// The byte that shows a linear value: the last whose least value it reaches.
+    pub(crate) fn shown(&self, value: f32) -> u32 {
+        let mut byte = 0;
+        for bit in [128, 64, 32, 16, 8, 4, 2, 1] {
+            if value >= self.float(self.frame.srgb_at + 256 + byte + bit) {
+                byte += bit;
+            }
+        }
+        byte
+    }
+}
+
+/// The two texels on either side of a coordinate that repeats after 1, and the part of the second.
+fn texel_pair(coordinate: f32, size: u32) -> (u32, u32, f32) {
+    // What repeats too often to be told apart has no place in the picture.
+    let within = if coordinate.abs() < 4_194_304.0 { coordinate - coordinate.floor() } else { 0.0 };
+    let place = within * size as f32 - 0.5;
+    let before = place.floor();
+    let index = before as i32;
+    let last = size as i32 - 1;
+    let left = if index < 0 { last } else { index.min(last) };
+    let right = if left == last { 0 } else { left + 1 };
+    (left as u32, right as u32, place - before)
+}
+
+/// A point between corners: `a * w0 + b * w1 + c * w2`.
+pub(crate) fn weighted(corners: [Vector; 3], weights: [f32; 3]) -> Vector {
+    let [a, b, c] = corners;
+    add(add(scaled(a, weights[0]), scaled(b, weights[1])), scaled(c, weights[2]))
+}

@@ -1,0 +1,168 @@
+//! What a frame is asked for: its size, and the knobs of speed and quality.
+
+use crate::light::Environment;
+use thiserror::Error;
+
+/// Greatest width and height of a picture.
+pub const MAX_SIDE: u32 = 16_384;
+/// Most pixels of a picture.
+pub const MAX_PIXELS: u64 = 1 << 26;
+/// Most samples of a pixel.
+pub const MAX_SAMPLES: u32 = 64;
+/// Greatest number of reflections and refractions along a path.
+pub const MAX_DEPTH: u32 = 16;
+/// Most lights that a surface asks: those without a size, and samples of surfaces that shine.
+pub const MAX_SHADOW_RAYS: u32 = 32;
+
+/// Width and height of a picture in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    width: u32,
+    height: u32,
+}
+
+/// A width or height that a picture cannot have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error(
+    "a picture of {width}x{height} pixels cannot be made; each side must be from 1 to {MAX_SIDE}, \
+     and their product at most {MAX_PIXELS}"
+)]
+pub struct SizeError {
+    width: u32,
+    height: u32,
+}
+
+impl Size {
+    /// A size in pixels.
+    ///
+    /// # Errors
+    /// A side of 0 or more than [`MAX_SIDE`], or more than [`MAX_PIXELS`] pixels.
+    pub const fn new(width: u32, height: u32) -> Result<Size, SizeError> {
+        let pixels = width as u64 * height as u64;
+        if pixels == 0 || pixels > MAX_PIXELS || width > MAX_SIDE || height > MAX_SIDE {
+            return Err(SizeError { width, height });
+        }
+        Ok(Size { width, height })
+    }
+
+    /// Pixels from left to right.
+    pub const fn width(self) -> u32 {
+        self.width
+    }
+
+    /// Pixels from top to bottom.
+    pub const fn height(self) -> u32 {
+        self.height
+    }
+
+    /// Width times height.
+    pub const fn pixels(self) -> u32 {
+        self.width * self.height
+    }
+
+    /// Width over height.
+    pub fn aspect(self) -> f64 {
+        f64::from(self.width) / f64::from(self.height)
+    }
+}
+
+/// What a frame is asked for besides scene, camera and size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// Camera rays a pixel, 1 to [`MAX_SAMPLES`]. The first goes through the pixel's centre, the
+    /// others fill the pixel evenly (Roberts 2018, the sequence R2).
+    pub samples: u32,
+    /// Greatest number of reflections and refractions along a path, 0 to [`MAX_DEPTH`].
+    pub depth: u32,
+    /// A path ends when no colour channel of its weight reaches this, 0 to 1.
+    pub minimum_weight: f32,
+    /// Samples of the surfaces that shine, for every surface point, 0 to 8. With 0 such surfaces are
+    /// seen but light nothing.
+    pub area_samples: u32,
+    /// What the samples of shining surfaces start from. Equal seeds give equal pictures.
+    pub seed: u32,
+    /// Part of the environment's light that surfaces receive, 0 to 1: nothing occludes it, so part of
+    /// it stands in for what the surroundings keep off.
+    pub ambient: f32,
+    /// A light at the eye without shadows or falloff: what a white surface that faces the eye sends
+    /// back of it, 0 or more.
+    pub headlight: f32,
+    /// Factor of the radiance before it is shown, more than 0. Linear outputs are not scaled.
+    pub exposure: f32,
+    /// Light from everywhere, and the backdrop.
+    pub environment: Environment,
+}
+
+impl Default for RenderSettings {
+    fn default() -> RenderSettings {
+        RenderSettings {
+            samples: 1,
+            depth: 6,
+            minimum_weight: 1.0 / 256.0,
+            area_samples: 1,
+            seed: 1,
+            ambient: 0.4,
+            headlight: 0.0,
+            exposure: 1.0,
+            environment: Environment::SKY,
+        }
+    }
+}
+
+/// A setting out of its range.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("the setting `{name}` is {value}; it must be {range}")]
+pub struct SettingsError {
+    /// The setting.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What it may be, in words.
+    pub range: &'static str,
+}
+
+impl RenderSettings {
+    /// Whether all settings are in their ranges.
+    ///
+    /// # Errors
+    /// The first one that is not.
+    pub fn validate(&self) -> Result<(), SettingsError> {
+        let within = |name, value: f32, least: f32, most: f32, range| match value {
+            value if (least..=most).contains(&value) => Ok(()),
+            value => Err(SettingsError { name, value: f64::from(value), range }),
+        };
+        within("samples", self.samples as f32, 1.0, MAX_SAMPLES as f32, "1 to 64")?;
+        within("depth", self.depth as f32, 0.0, MAX_DEPTH as f32, "0 to 16")?;
+        within("minimum weight", self.minimum_weight, 0.0, 1.0, "0 to 1")?;
+        within("area samples", self.area_samples as f32, 0.0, 8.0, "0 to 8")?;
+        within("ambient", self.ambient, 0.0, 1.0, "0 to 1")?;
+        within("headlight", self.headlight, 0.0, 1e12, "0 to 1e12")?;
+        within("exposure", self.exposure, 1e-12, 1e12, "1e-12 to 1e12")?;
+        let environment = &self.environment;
+        for part in [environment.zenith, environment.horizon, environment.nadir].as_flattened() {
+            within("environment", *part, 0.0, 1e12, "0 to 1e12")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_limits() {
+        assert!(Size::new(0, 5).is_err());
+        assert!(Size::new(MAX_SIDE, MAX_SIDE).is_err());
+        assert_eq!(Size::new(4, 2).unwrap().aspect(), 2.0);
+    }
+
+    #[test]
+    fn settings_have_ranges() {
+        assert_eq!(RenderSettings::default().validate(), Ok(()));
+        let nan = RenderSettings { ambient: f32::NAN, ..RenderSettings::default() };
+        assert_eq!(nan.validate().unwrap_err().name, "ambient");
+        let many = RenderSettings { samples: 65, ..RenderSettings::default() };
+        assert!(many.validate().unwrap_err().to_string().contains("1 to 64"));
+    }
+}

@@ -1,0 +1,226 @@
+//! The place that a ray meets: point, normals, material, and which rays it asks for. Twin of
+//! `surface.wgsl` and `shade.wgsl`.
+
+use crate::environment;
+use crate::fresnel::{incidence, part, reflected, refracted};
+use crate::layout::{Frame, Path, Surface};
+use crate::lighting::may_be_lit;
+use crate::scene_data::DIELECTRIC;
+use crate::scene_words::{MaterialWords, SceneWords, weighted};
+use crate::vector::{
+    Vector, add, cross, dot, exponent, greatest, mul, negated, normalized, power_of_two, reach,
+    scaled, sub,
+};
+use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::triangle::Triangle;
+
+/// In units of 2^-24 of the greatest coordinate of a triangle's corners: how far off its plane a ray
+/// starts that leaves it. Rounding the point moves it by less than 8 of them, and a triangle test errs
+/// by a few units of the distance from the start to the corners.
+const OFFSET_UNITS: f32 = 64.0;
+/// Half a unit in the last place of 1.
+const UNIT: f32 = 1.0 / 16_777_216.0;
+
+/// Clear surfaces that a shadow ray passes; behind more of them it is dark.
+pub(crate) const MOST_CLEAR_LAYERS: u32 = 16;
+
+/// A triangle's edges, brought near 1 by a power of two, and its unit normal.
+#[derive(Clone, Copy)]
+pub(crate) struct Plane {
+    pub(crate) edges: [Vector; 2],
+    /// The cross product of the edges, each times the power of two.
+    pub(crate) scaled_normal: Vector,
+    /// The power of two is two to this.
+    pub(crate) power: i32,
+    /// How far off the plane a new ray must start.
+    pub(crate) offset: f32,
+}
+
+impl Plane {
+    pub(crate) fn of(corners: &Triangle) -> Plane {
+        let [a, b, c] = *corners;
+        let edges = [sub(b, a), sub(c, a)];
+        let [first, second] = edges.map(reach);
+        let power = -exponent(if second > first { second } else { first });
+        let factor = power_of_two(power);
+        let scaled_normal = cross(scaled(edges[0], factor), scaled(edges[1], factor));
+        let [x, y, z] = [reach(a), reach(b), reach(c)];
+        Plane { edges, scaled_normal, power, offset: greatest([x, y, z]) * (OFFSET_UNITS * UNIT) }
+    }
+}
+
+/// What a path's ray met and what follows from it.
+pub(crate) fn shade(
+    scene: &SceneWords<'_>,
+    triangles: impl Fn(u32) -> Triangle,
+    ray: &Ray,
+    path: &Path,
+    hit: &Hit,
+    wave: u32,
+) -> Surface {
+    let frame = scene.frame;
+    if !hit.is_hit() {
+        let light = mul(path.weight, environment::radiance(frame, ray.direction));
+        return Surface { light, ..Surface::default() };
+    }
+    let corners = triangles(hit.triangle);
+    let plane = Plane::of(&corners);
+    let weights = [(1.0 - hit.u) - hit.v, hit.u, hit.v];
+    let [along_u, along_v] = [scaled(plane.edges[0], hit.u), scaled(plane.edges[1], hit.v)];
+    let point = add(corners[0], add(along_u, along_v));
+    let mut geometric_normal = normalized(plane.scaled_normal);
+    // From the front the corners run counter-clockwise.
+    let from_front = dot(geometric_normal, ray.direction) < 0.0;
+    if geometric_normal == [0.0; 3] {
+        // Seen exactly from its edge, a triangle without area has no side of its own.
+        geometric_normal = negated(ray.direction);
+    } else if !from_front {
+        geometric_normal = negated(geometric_normal);
+    }
+    let index = scene.material_of(hit.triangle);
+    let material = scene.material(index);
+    let mut surface = Surface {
+        point,
+        offset: plane.offset,
+        geometric_normal,
+        material: index,
+        normal: smooth_normal(scene, hit.triangle, weights, geometric_normal, ray.direction),
+        ..Surface::default()
+    };
+    let last = wave >= frame.depth;
+    if material.kind == DIELECTRIC {
+        shade_dielectric(&mut surface, frame, &material, ray.direction, path, from_front, last);
+    } else {
+        let texture = scene.texture_colour(material.texture, hit.triangle, weights);
+        surface.scattering = mul(material.diffuse, texture);
+        shade_opaque(&mut surface, frame, &material, ray.direction, path, last);
+        if greatest(surface.scattering) > 0.0 {
+            surface.lights = may_be_lit(scene, &triangles, &surface, path, wave);
+        }
+    }
+    surface
+}
+
+/// The normal between those of the corners, on the side of the triangle that the ray came from; the
+/// triangle's own where there is none, or where it would face away from the ray.
+fn smooth_normal(
+    scene: &SceneWords<'_>,
+    triangle: u32,
+    weights: [f32; 3],
+    geometric_normal: Vector,
+    direction: Vector,
+) -> Vector {
+    // Sections of scenes without normals are empty.
+    if scene.frame.normals_at == scene.frame.texcoords_at {
+        return geometric_normal;
+    }
+    let corners = [0, 1, 2].map(|corner| scene.normal(triangle, corner));
+    let mut normal = normalized(weighted(corners, weights));
+    if dot(normal, geometric_normal) < 0.0 {
+        normal = negated(normal);
+    }
+    if dot(normal, direction) < 0.0 { normal } else { geometric_normal }
+}
+
+fn shade_opaque(
+    surface: &mut Surface,
+    frame: &Frame,
+    material: &MaterialWords,
+    direction: Vector,
+    path: &Path,
+    last: bool,
+) {
+    let mut received = scaled(environment::irradiance(frame, surface.normal), frame.ambient);
+    let headlight = frame.headlight * incidence(direction, surface.normal);
+    received = add(received, [headlight; 3]);
+    let sent = add(material.emission, mul(surface.scattering, received));
+    surface.light = mul(path.weight, sent);
+    if last || !worthwhile(frame, mul(path.weight, material.second)) {
+        return;
+    }
+    surface.flags = Surface::REFLECTS;
+    let cosine = incidence(direction, surface.normal);
+    if dot(reflected(direction, surface.normal, cosine), surface.geometric_normal) <= 0.0 {
+        // The mirrored ray would go into the surface: the flat mirror does not.
+        surface.normal = surface.geometric_normal;
+    }
+}
+
+fn shade_dielectric(
+    surface: &mut Surface,
+    frame: &Frame,
+    material: &MaterialWords,
+    direction: Vector,
+    path: &Path,
+    from_front: bool,
+    last: bool,
+) {
+    surface.light = mul(path.weight, material.emission);
+    let index = material.refractive_index;
+    let ratio = if from_front { 1.0 / index } else { index };
+    let mut cosine = incidence(direction, surface.normal);
+    let mut parting = part(cosine, ratio);
+    let out = refracted(direction, surface.normal, cosine, ratio, parting.cosine);
+    let mirrored = reflected(direction, surface.normal, cosine);
+    let above = dot(mirrored, surface.geometric_normal) > 0.0;
+    let below = parting.reflectance >= 1.0 || dot(out, surface.geometric_normal) < 0.0;
+    if !(above && below) {
+        surface.normal = surface.geometric_normal;
+        cosine = incidence(direction, surface.normal);
+        parting = part(cosine, ratio);
+    }
+    surface.scattering = [parting.reflectance, parting.cosine, ratio];
+    if last {
+        return;
+    }
+    if worthwhile(frame, scaled(path.weight, parting.reflectance)) {
+        surface.flags |= Surface::REFLECTS;
+    }
+    let through = scaled(mul(path.weight, material.second), 1.0 - parting.reflectance);
+    if worthwhile(frame, through) {
+        surface.flags |= Surface::REFRACTS;
+    }
+}
+
+/// Whether a path of this weight goes on.
+fn worthwhile(frame: &Frame, weight: Vector) -> bool {
+    greatest(weight) >= frame.minimum_weight
+}
+
+/// The reflected ray and its path.
+pub(crate) fn reflect(
+    scene: &SceneWords<'_>,
+    ray: &Ray,
+    path: &Path,
+    surface: &Surface,
+) -> (Ray, Path) {
+    let weight = if scene.material_kind(surface.material) == DIELECTRIC {
+        scaled(path.weight, surface.scattering[0])
+    } else {
+        mul(path.weight, scene.second_colour(surface.material))
+    };
+    let cosine = incidence(ray.direction, surface.normal);
+    let direction = normalized(reflected(ray.direction, surface.normal, cosine));
+    (Ray::new(start(surface, 1.0), direction), Path { weight, ..*path })
+}
+
+/// The refracted ray and its path.
+pub(crate) fn refract(
+    scene: &SceneWords<'_>,
+    ray: &Ray,
+    path: &Path,
+    surface: &Surface,
+) -> (Ray, Path) {
+    let [reflectance, refracted_cosine, ratio] = surface.scattering;
+    let tint = scene.second_colour(surface.material);
+    let weight = scaled(mul(path.weight, tint), 1.0 - reflectance);
+    let cosine = incidence(ray.direction, surface.normal);
+    let out = refracted(ray.direction, surface.normal, cosine, ratio, refracted_cosine);
+    (Ray::new(start(surface, -1.0), normalized(out)), Path { weight, ..*path })
+}
+
+/// Where a ray starts that leaves the surface: on the side the path came from (1) or behind (-1), off
+/// the triangle by more than all rounding, so that it does not meet it again.
+pub(crate) fn start(surface: &Surface, side: f32) -> Vector {
+    add(surface.point, scaled(surface.geometric_normal, surface.offset * side))
+}

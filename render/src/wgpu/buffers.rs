@@ -1,0 +1,184 @@
+//! The buffers of a frame on the device, kept between frames.
+
+use super::pipelines::Pipelines;
+use crate::kernel::{Buffer, Kernel};
+use crate::layout::{Counters, Frame};
+use crate::plan::Plan;
+use crate::scene_data::SceneData;
+use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
+use wgpu::{BindGroup, BindGroupEntry, BufferUsages as Usage};
+
+const BUFFERS: usize = Buffer::Counters as usize + 1;
+const KERNELS: usize = Kernel::ALL.len();
+
+/// The buffers that kernels exchange, and what binds them. Buffers only grow.
+#[derive(Debug)]
+pub(super) struct Buffers {
+    buffers: [Option<wgpu::Buffer>; BUFFERS],
+    uniform: wgpu::Buffer,
+    /// Nodes, leaf references, triangles, scene.
+    tree: Option<[wgpu::Buffer; 4]>,
+    /// Where the picture goes when it is the caller's buffer.
+    target: Option<wgpu::Buffer>,
+    /// What each kernel binds while the queues of this wave and the next stand in their places, and
+    /// when they have changed them.
+    groups: [[Option<BindGroup>; 2]; KERNELS],
+    /// Which words of which scene are there: [`SceneData::revision`] and that of its normals.
+    scene: (u64, u64),
+}
+
+impl Buffers {
+    /// No buffers yet but the uniform.
+    pub(super) fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
+        let bytes = size_of::<Frame>() as u64;
+        Ok(Buffers {
+            buffers: Default::default(),
+            uniform: gpu.buffer("frame", bytes, Usage::UNIFORM | Usage::COPY_DST)?,
+            tree: None,
+            target: None,
+            groups: Default::default(),
+            scene: (0, 0),
+        })
+    }
+
+    /// A buffer; `None` before a frame needed it.
+    pub(super) fn get(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+        match (buffer, &self.target) {
+            (Buffer::Pixels, Some(target)) => Some(target),
+            (Buffer::Triangles, _) => self.tree.as_ref().map(|tree| &tree[2]),
+            _ => self.buffers[buffer as usize].as_ref(),
+        }
+    }
+
+    /// Makes room for all that the kernels of a plan bind. Contents of buffers that grow are lost.
+    pub(super) fn reserve(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
+        self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
+        for kernel in plan.kernels() {
+            for &(buffer, _) in kernel.bindings() {
+                let own = buffer != Buffer::Triangles
+                    && (buffer != Buffer::Pixels || self.target.is_none());
+                if own {
+                    // One element at least: a binding cannot be empty.
+                    let bytes = plan.bytes(buffer).max(buffer.element_size() as u64);
+                    self.grow(gpu, buffer, bytes)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn grow(&mut self, gpu: &Gpu, buffer: Buffer, bytes: u64) -> Result<(), GpuError> {
+        let slot = &mut self.buffers[buffer as usize];
+        if slot.as_ref().is_none_or(|held| held.size() < bytes) {
+            // The old one goes first: both may not fit.
+            *slot = None;
+            self.groups = Default::default();
+            if buffer == Buffer::Scene {
+                self.scene = (0, 0);
+            }
+            let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+            *slot = Some(gpu.buffer(&format!("{buffer:?}"), bytes, usage)?);
+        }
+        Ok(())
+    }
+
+    /// Takes note of the tree to trace.
+    pub(super) fn set_tree(&mut self, tree: &DeviceTree) {
+        let held = [tree.nodes(), tree.leaf_references(), tree.triangles(), tree.scene()]
+            .map(Clone::clone);
+        if self.tree.as_ref() != Some(&held) {
+            self.tree = Some(held);
+            self.groups = Default::default();
+        }
+    }
+
+    /// Takes note of where the picture goes; `None` for a buffer of its own.
+    pub(super) fn set_target(&mut self, target: Option<&wgpu::Buffer>) {
+        if self.target.as_ref() != target {
+            self.target = target.cloned();
+            self.groups[Kernel::Resolve as usize] = Default::default();
+        }
+    }
+
+    /// Sends what the frame starts with: the uniform, the counters, and the words of a scene that are
+    /// not there yet.
+    pub(super) fn upload(&mut self, gpu: &Gpu, frame: &Frame, counters: &Counters) {
+        gpu.queue().write_buffer(&self.uniform, 0, bytemuck::bytes_of(frame));
+        if let Some(buffer) = self.get(Buffer::Counters) {
+            gpu.queue().write_buffer(buffer, 0, bytemuck::bytes_of(counters));
+        }
+    }
+
+    /// Sends the words of a scene, or its normals alone, when they have changed.
+    pub(super) fn upload_scene(&mut self, gpu: &Gpu, scene: &SceneData) {
+        let now = (scene.revision(), scene.normals_revision());
+        let Some(buffer) = &self.buffers[Buffer::Scene as usize] else { return };
+        let words = if self.scene.0 != now.0 {
+            0..scene.words().len()
+        } else if self.scene.1 != now.1 {
+            scene.normal_words()
+        } else {
+            return;
+        };
+        let at = 4 * words.start as u64;
+        gpu.queue().write_buffer(buffer, at, bytemuck::cast_slice(&scene.words()[words]));
+        self.scene = now;
+    }
+
+    /// What a kernel binds.
+    ///
+    /// # Panics
+    /// Before [`Buffers::reserve`] and [`Buffers::set_tree`].
+    pub(super) fn group(
+        &mut self,
+        gpu: &Gpu,
+        pipelines: &mut Pipelines,
+        kernel: Kernel,
+        swapped: bool,
+    ) -> BindGroup {
+        if let Some(group) = &self.groups[kernel as usize][usize::from(swapped)] {
+            return group.clone();
+        }
+        let mut bound = vec![&self.uniform];
+        let named = core::iter::once(Buffer::Counters)
+            .chain(kernel.bindings().iter().map(|&(buffer, _)| buffer));
+        for buffer in named {
+            let buffer = if swapped { exchanged(buffer) } else { buffer };
+            bound.push(self.get(buffer).expect("reserved before use"));
+        }
+        if kernel.traces() {
+            bound.extend(self.tree.as_ref().expect("a tree is given before use"));
+        }
+        let entries: Vec<BindGroupEntry<'_>> = (0..)
+            .zip(bound)
+            .map(|(binding, buffer)| BindGroupEntry {
+                binding,
+                resource: buffer.as_entire_binding(),
+            })
+            .collect();
+        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.name()),
+            layout: pipelines.layout(gpu, kernel),
+            entries: &entries,
+        });
+        self.groups[kernel as usize][usize::from(swapped)] = Some(group.clone());
+        group
+    }
+
+    /// Bytes on the device that are held between frames, the tree's not counted.
+    pub(super) fn bytes(&self) -> u64 {
+        let held = self.buffers.iter().flatten().map(wgpu::Buffer::size);
+        held.sum::<u64>() + self.uniform.size()
+    }
+}
+
+/// The buffer that a name stands for when the queues of this wave and the next have changed places.
+pub(super) fn exchanged(buffer: Buffer) -> Buffer {
+    match buffer {
+        Buffer::Rays => Buffer::NextRays,
+        Buffer::NextRays => Buffer::Rays,
+        Buffer::Paths => Buffer::NextPaths,
+        Buffer::NextPaths => Buffer::Paths,
+        other => other,
+    }
+}

@@ -1,0 +1,389 @@
+//! Frames, one after the other, in the same memory of a device.
+
+use super::buffers::Buffers;
+use super::executor::{Looking, WgpuExecutor};
+use super::pipelines::{Pipelines, features};
+use super::readback::{READBACK, read};
+use super::room;
+use crate::error::RenderError;
+use crate::frame::{FrameInput, FrameStats};
+use crate::kernel::{Buffer, Counter, Kernel, first_counters};
+use crate::layout::{Counters, FirstCost, FirstHit, Frame};
+use crate::plan::{Plan, Room};
+use crate::schedule;
+use splitplane_shaders::RenderFeatures;
+use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU8, Ordering};
+use std::time::Instant;
+
+/// Makes frames on a device, of trees that are there. Pipelines are compiled when a frame first needs
+/// them; buffers are kept between frames and grow only when a frame needs more than all before.
+///
+/// What crosses from the device is 64 bytes a frame, and the outputs that are read. What crosses to it
+/// are 320 bytes a frame, and the words of a scene that have changed since the last one.
+#[derive(Debug)]
+pub struct WgpuRenderer {
+    gpu: Arc<Gpu>,
+    pipelines: Pipelines,
+    buffers: Buffers,
+    room: Room,
+    pending: Option<Pending>,
+    finished: Option<Plan>,
+}
+
+/// A frame that was submitted.
+#[derive(Debug)]
+struct Pending {
+    plan: Plan,
+    frame: Frame,
+    features: RenderFeatures,
+    readback: wgpu::Buffer,
+    mapped: Arc<AtomicU8>,
+    submissions: u32,
+}
+
+/// States of the mapping that a callback reports.
+const WAITING: u8 = 0;
+const MAPPED: u8 = 1;
+const FAILED: u8 = 2;
+
+impl WgpuRenderer {
+    /// A renderer that holds nothing yet.
+    ///
+    /// # Errors
+    /// A device whose limits are below WebGPU's defaults, or that fails.
+    pub fn new(gpu: Arc<Gpu>) -> Result<WgpuRenderer, RenderError> {
+        WgpuRenderer::with_pipelines(gpu, Pipelines::default())
+    }
+
+    /// A renderer in which one kernel has another text: for tests that plant faults.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::new`].
+    #[doc(hidden)]
+    pub fn with_replaced_kernel(
+        gpu: Arc<Gpu>,
+        kernel: Kernel,
+        source: String,
+    ) -> Result<WgpuRenderer, RenderError> {
+        WgpuRenderer::with_pipelines(gpu, Pipelines::with_replaced(kernel, source))
+    }
+
+    fn with_pipelines(gpu: Arc<Gpu>, pipelines: Pipelines) -> Result<WgpuRenderer, RenderError> {
+        gpu.check_limits()?;
+        let buffers = Buffers::new(&gpu)?;
+        let room = room::of(&gpu);
+        Ok(WgpuRenderer { gpu, pipelines, buffers, room, pending: None, finished: None })
+    }
+
+    /// The device.
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// The plan of a frame on this device.
+    ///
+    /// # Errors
+    /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
+    pub fn plan(&self, input: &FrameInput<'_>) -> Result<Plan, RenderError> {
+        let FrameInput { scene, size, settings, outputs, .. } = *input;
+        Ok(Plan::new(scene, size, settings, outputs, self.room)?)
+    }
+
+    /// Makes a frame and waits for it. `tree` must be built over the mesh of `input`.
+    ///
+    /// # Errors
+    /// Settings out of range, looks or a tree of another mesh, a device that fails.
+    pub fn render(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        self.submit(tree, input)?;
+        self.wait()
+    }
+
+    /// As [`WgpuRenderer::render`], with the picture in a buffer of the caller's, such as one that a
+    /// window is drawn from: 4 bytes a pixel, row by row from the top left, red in the first byte,
+    /// then green, blue and 255. It needs the usage `STORAGE`. `input` must ask for pixels.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render`]; a buffer that does not suit.
+    pub fn render_into(
+        &mut self,
+        target: &wgpu::Buffer,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        self.submit_into(target, tree, input)?;
+        self.wait()
+    }
+
+    /// Submits a frame and returns at once; [`WgpuRenderer::poll`] says when it is done. A frame that
+    /// was submitted before and not asked for is made, but nobody learns whether it is void.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render`].
+    pub fn submit(&mut self, tree: &DeviceTree, input: &FrameInput<'_>) -> Result<(), RenderError> {
+        let plan = self.plan(input)?;
+        self.buffers.set_target(None);
+        self.begin(tree, input, plan)
+    }
+
+    /// As [`WgpuRenderer::submit`] into a buffer: see [`WgpuRenderer::render_into`].
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render_into`].
+    pub fn submit_into(
+        &mut self,
+        target: &wgpu::Buffer,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<(), RenderError> {
+        let wrong = |reason: String| Err(RenderError::Target { reason });
+        let needed = 4 * u64::from(input.size.pixels());
+        if !input.outputs.pixels {
+            return wrong("is given, but no picture is asked for".into());
+        }
+        if target.size() < needed {
+            return wrong(format!("has {} bytes; {needed} are needed", target.size()));
+        }
+        if !target.usage().contains(wgpu::BufferUsages::STORAGE) {
+            return wrong("lacks the usage STORAGE".into());
+        }
+        let plan = self.plan(input)?;
+        self.buffers.set_target(Some(target));
+        self.begin(tree, input, plan)
+    }
+
+    fn begin(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+        plan: Plan,
+    ) -> Result<(), RenderError> {
+        self.pending = None;
+        self.finished = None;
+        let frame = self.prepare(tree, input, &plan)?;
+        let features = features(&plan, input.query.accuracy);
+        self.record(plan, frame, features, 0)
+    }
+
+    /// Makes room and sends the scene; gives the frame's uniform.
+    fn prepare(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+        plan: &Plan,
+    ) -> Result<Frame, RenderError> {
+        let described = input.scene.triangles();
+        for triangles in [input.mesh.len() as u32, tree.triangle_count()] {
+            if triangles != described {
+                return Err(RenderError::WrongMesh { described, triangles });
+            }
+        }
+        self.buffers.set_tree(tree);
+        self.buffers.reserve(&self.gpu, plan)?;
+        let (gpu, buffers) = (&self.gpu, &mut self.buffers);
+        gpu.guard(|| buffers.upload_scene(gpu, input.scene))?;
+        Ok(plan.frame(input.scene, &input.camera, &input.query))
+    }
+
+    /// Records and submits the whole schedule, and asks for the counters.
+    fn record(
+        &mut self,
+        plan: Plan,
+        frame: Frame,
+        features: RenderFeatures,
+        before: u32,
+    ) -> Result<(), RenderError> {
+        let readback = self.gpu.buffer("counters, read back", 64, READBACK)?;
+        let gpu = Arc::clone(&self.gpu);
+        let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
+        let submissions = gpu.guard(|| -> Result<u32, RenderError> {
+            buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+            let counters = buffers.get(Buffer::Counters).cloned();
+            let mut executor =
+                WgpuExecutor::new(&gpu, pipelines, buffers, plan, features, Looking::Never);
+            schedule::frame(&mut executor, &plan)?;
+            if let Some(counters) = counters {
+                executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, 64);
+            }
+            executor.submit()?;
+            Ok(executor.submissions())
+        })??;
+        let mapped = Arc::new(AtomicU8::new(WAITING));
+        let told = Arc::clone(&mapped);
+        gpu.guard(|| {
+            readback.map_async(wgpu::MapMode::Read, .., move |result| {
+                told.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
+            });
+        })?;
+        let submissions = before + submissions;
+        self.pending = Some(Pending { plan, frame, features, readback, mapped, submissions });
+        Ok(())
+    }
+
+    /// What the frame took if the device is done with it; `None` if it is not, or if a queue outgrew its
+    /// room and the frame was submitted again in smaller slices. Never waits.
+    ///
+    /// # Errors
+    /// The device's; a pixel whose rays do not fit. No frame is then pending any more.
+    pub fn poll(&mut self) -> Result<Option<FrameStats>, RenderError> {
+        let Some(pending) = self.pending.take() else {
+            return Err(RenderError::NoOutput { what: "frame under way" });
+        };
+        self.gpu.poll()?;
+        match pending.mapped.load(Ordering::Acquire) {
+            // Only the callback holds the other reference; when wgpu has forgotten it, the buffer itself
+            // knows whether it is mapped.
+            WAITING if Arc::strong_count(&pending.mapped) > 1 => {
+                self.pending = Some(pending);
+                Ok(None)
+            }
+            WAITING | MAPPED => self.look(pending),
+            _ => {
+                self.gpu.check()?;
+                Err(GpuError::Refused("the counters of a frame cannot be read".into()).into())
+            }
+        }
+    }
+
+    /// Waits until the frame that was submitted is done.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::poll`]; a device that takes longer than its time-out.
+    pub fn wait(&mut self) -> Result<FrameStats, RenderError> {
+        let mut since = Instant::now();
+        let mut submissions = self.pending.as_ref().map_or(0, |pending| pending.submissions);
+        loop {
+            self.gpu.wait()?;
+            if let Some(stats) = self.poll()? {
+                return Ok(stats);
+            }
+            // It was submitted again, or another thread is about to call back.
+            let now = self.pending.as_ref().map_or(0, |pending| pending.submissions);
+            if now > submissions {
+                (since, submissions) = (Instant::now(), now);
+            } else if since.elapsed() > self.gpu.timeout() {
+                let seconds = self.gpu.timeout().as_secs();
+                return Err(GpuError::TimedOut { seconds }.into());
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    /// Reads the counters: done, or once more.
+    fn look(&mut self, pending: Pending) -> Result<Option<FrameStats>, RenderError> {
+        let Pending { plan, frame, features, readback, submissions, .. } = pending;
+        let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
+        let bytes = readback.get_mapped_range(..).map_err(refused)?.to_vec();
+        let counters: Counters = bytemuck::pod_read_unaligned(&bytes[..64]);
+        if counters[Counter::Overflow] == 0 {
+            self.finished = Some(plan);
+            return Ok(Some(FrameStats::new(plan, &counters, None)));
+        }
+        let plan = plan.halved().ok_or(RenderError::PixelTooDeep {
+            paths: plan.path_room(),
+            shadow_rays: plan.shadow_room(),
+        })?;
+        let frame = Frame { slice_pixels: plan.slice_pixels(), ..frame };
+        self.record(plan, frame, features, submissions)?;
+        Ok(None)
+    }
+
+    /// Calls `run` with an executor over fresh contents that submits every step and can be looked at
+    /// in between: for [`splitplane_core::lockstep::Lockstep`].
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render`].
+    pub fn with_executor<T>(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+        plan: &Plan,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, RenderError> {
+        self.pending = None;
+        self.finished = None;
+        self.buffers.set_target(None);
+        let frame = self.prepare(tree, input, plan)?;
+        let features = features(plan, input.query.accuracy);
+        let gpu = Arc::clone(&self.gpu);
+        let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
+        let out = gpu.guard(|| {
+            buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+            let looking = Looking::Always;
+            run(WgpuExecutor::new(&gpu, pipelines, buffers, *plan, features, looking))
+        })?;
+        Ok(out)
+    }
+
+    /// What a screen shows, from the top left: red in the low byte, green, blue, 255; 0 in place of 255
+    /// where the driver did not follow a ray to its end. Waits for the device.
+    ///
+    /// # Errors
+    /// No finished frame with pixels; a device that fails.
+    pub fn pixels(&self) -> Result<Vec<u32>, RenderError> {
+        self.output(Buffer::Pixels, "picture")
+    }
+
+    /// The buffer of the picture, on the device, with the usages `STORAGE`, `COPY_SRC` and `COPY_DST`;
+    /// that of the caller where it was given. `None` before a frame with pixels.
+    pub fn pixel_buffer(&self) -> Option<&wgpu::Buffer> {
+        self.buffers.get(Buffer::Pixels)
+    }
+
+    /// Linear radiance by pixel; the fourth component is the number of rays that the driver did not
+    /// follow to their end. Waits for the device.
+    ///
+    /// # Errors
+    /// No finished frame with light; a device that fails.
+    pub fn radiance(&self) -> Result<Vec<[f32; 4]>, RenderError> {
+        self.output(Buffer::Radiance, "radiance")
+    }
+
+    /// What the first ray of each pixel met; `triangle` is `u32::MAX - 1` where the driver did not
+    /// follow it to its end. Waits for the device.
+    ///
+    /// # Errors
+    /// No finished frame with first hits; a device that fails.
+    pub fn first_hits(&self) -> Result<Vec<FirstHit>, RenderError> {
+        self.output(Buffer::FirstHits, "record of first hits")
+    }
+
+    /// What the traversal of the first ray of each pixel cost. The visits of nodes are those of this
+    /// device: distances to planes are widened, not rounded the same everywhere. Waits for the device.
+    ///
+    /// # Errors
+    /// No finished frame with first costs; a device that fails.
+    pub fn first_costs(&self) -> Result<Vec<FirstCost>, RenderError> {
+        self.output(Buffer::FirstCosts, "record of first costs")
+    }
+
+    fn output<T: bytemuck::AnyBitPattern>(
+        &self,
+        buffer: Buffer,
+        what: &'static str,
+    ) -> Result<Vec<T>, RenderError> {
+        let bytes = self.finished.map_or(0, |plan| plan.bytes(buffer));
+        match self.buffers.get(buffer) {
+            Some(held) if bytes > 0 => {
+                let bytes = read(&self.gpu, held, bytes)?;
+                Ok(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
+            }
+            _ => Err(RenderError::NoOutput { what }),
+        }
+    }
+
+    /// Bytes on the device that are held between frames, the tree's not counted.
+    pub fn bytes(&self) -> u64 {
+        self.buffers.bytes()
+    }
+
+    /// Pipelines compiled so far.
+    pub fn pipelines(&self) -> usize {
+        self.pipelines.count()
+    }
+}

@@ -1,0 +1,32 @@
+//! How much a frame may hold on a device, and how many workgroups its grids have.
+
+use crate::kernel::{CHUNK, Kernel};
+use crate::plan::Room;
+use splitplane_core::ray::Ray;
+use splitplane_wgpu::Gpu;
+
+/// Workgroups along one dimension, by WebGPU's default limits.
+const MOST_GROUPS: u32 = 65_535;
+/// Workgroups of a grid whose chunks all take about as long: enough to fill a large GPU.
+const EVEN_GROUPS: u32 = 2048;
+
+/// Whether the device is a CPU.
+fn is_software(gpu: &Gpu) -> bool {
+    gpu.info().device_type == wgpu::DeviceType::Cpu
+}
+
+/// What limits the queues of a frame on a device. No queue has more chunks than a grid has workgroups.
+pub(super) fn of(gpu: &Gpu) -> Room {
+    let limits = gpu.limits();
+    let queue = u64::from(MOST_GROUPS) * u64::from(CHUNK) * size_of::<Ray>() as u64;
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+    Room { buffer_bytes: bytes.min(queue), ..Room::GPU }
+}
+
+/// Workgroups of a grid over so many things. Rays take long or short, and so does all on a device that is
+/// a CPU: each chunk has a workgroup of its own, since Mesa's llvmpipe ends the loops of an invocation
+/// after 65,535 rounds, in silence, and nothing may come behind a ray that took them all.
+pub(super) fn groups(gpu: &Gpu, kernel: Kernel, things: u32) -> u32 {
+    let most = if kernel.traces() || is_software(gpu) { MOST_GROUPS } else { EVEN_GROUPS };
+    things.div_ceil(CHUNK).clamp(1, most)
+}

@@ -1,0 +1,156 @@
+//! Small scenes, and the frames that they give on the CPU.
+
+#![allow(dead_code, reason = "each test uses a part")]
+
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::QueryOptions;
+use splitplane_cpu::CpuBackend;
+use splitplane_render::cpu::CpuRenderer;
+use splitplane_render::{
+    Appearance, Environment, FrameInput, FrameStats, Light, Material, Outputs, Pinhole,
+    RenderError, RenderSettings, Room, SceneData, Size, Texture,
+};
+
+pub type Point = [f32; 3];
+
+/// A scene made in code.
+#[derive(Clone, Debug, Default)]
+pub struct World {
+    pub triangles: Vec<[Point; 3]>,
+    pub material_of: Vec<u32>,
+    pub materials: Vec<Material>,
+    pub lights: Vec<Light>,
+    pub textures: Vec<Texture>,
+    pub normals: Vec<Point>,
+    pub normal_indices: Vec<[u32; 3]>,
+    pub texcoords: Vec<[f32; 2]>,
+    pub texcoord_indices: Vec<[u32; 3]>,
+}
+
+impl World {
+    /// A quadrilateral whose corners run counter-clockwise seen from its front.
+    pub fn quad(&mut self, material: u32, [a, b, c, d]: [Point; 4]) {
+        self.triangles.extend([[a, b, c], [a, c, d]]);
+        self.material_of.extend([material; 2]);
+    }
+
+    /// A box, seen from outside at its fronts.
+    pub fn block(&mut self, material: u32, lo: Point, hi: Point) {
+        let p = |x: usize, y: usize, z: usize| -> Point {
+            [[lo[0], hi[0]][x], [lo[1], hi[1]][y], [lo[2], hi[2]][z]]
+        };
+        self.quad(material, [p(0, 0, 1), p(1, 0, 1), p(1, 1, 1), p(0, 1, 1)]);
+        self.quad(material, [p(1, 0, 0), p(0, 0, 0), p(0, 1, 0), p(1, 1, 0)]);
+        self.quad(material, [p(1, 0, 1), p(1, 0, 0), p(1, 1, 0), p(1, 1, 1)]);
+        self.quad(material, [p(0, 0, 0), p(0, 0, 1), p(0, 1, 1), p(0, 1, 0)]);
+        self.quad(material, [p(0, 1, 1), p(1, 1, 1), p(1, 1, 0), p(0, 1, 0)]);
+        self.quad(material, [p(0, 0, 0), p(1, 0, 0), p(1, 0, 1), p(0, 0, 1)]);
+    }
+
+    /// The plane y = `height`, seen from above, from -`half` to `half`.
+    pub fn floor(&mut self, material: u32, height: f32, half: f32) {
+        let (h, y) = (half, height);
+        self.quad(material, [[-h, y, h], [h, y, h], [h, y, -h], [-h, y, -h]]);
+    }
+
+    pub fn data(&self) -> SceneData {
+        SceneData::new(&Mesh::soup(&self.triangles).unwrap(), &self.appearance()).unwrap()
+    }
+
+    pub fn appearance(&self) -> Appearance<'_> {
+        Appearance {
+            materials: &self.materials,
+            material_of: &self.material_of,
+            lights: &self.lights,
+            textures: &self.textures,
+            normals: &self.normals,
+            normal_indices: &self.normal_indices,
+            texcoords: &self.texcoords,
+            texcoord_indices: &self.texcoord_indices,
+        }
+    }
+}
+
+/// Light that leaves nothing to the surroundings.
+pub fn dark() -> RenderSettings {
+    RenderSettings { environment: Environment::BLACK, ambient: 0.0, ..RenderSettings::default() }
+}
+
+/// A camera that looks along -z, `tan` being half the height of the picture at distance 1.
+pub fn along_z(eye: Point, size: Size, tan: f32) -> Pinhole {
+    let (w, h) = (size.width() as f32, size.height() as f32);
+    let step = 2.0 * tan / h;
+    Pinhole {
+        eye,
+        corner: [-0.5 * w * step, tan, -1.0],
+        step_x: [step, 0.0, 0.0],
+        step_y: [0.0, -step, 0.0],
+    }
+}
+
+/// A camera that looks straight down; the picture's right is +x, its top -z.
+pub fn downwards(eye: Point, size: Size, tan: f32) -> Pinhole {
+    let (w, h) = (size.width() as f32, size.height() as f32);
+    let step = 2.0 * tan / h;
+    Pinhole {
+        eye,
+        corner: [-0.5 * w * step, -1.0, -tan],
+        step_x: [step, 0.0, 0.0],
+        step_y: [0.0, 0.0, step],
+    }
+}
+
+/// A frame with all that it gives.
+pub struct Shot {
+    pub stats: FrameStats,
+    pub renderer: CpuRenderer,
+    pub size: Size,
+}
+
+impl Shot {
+    /// Linear radiance of a pixel.
+    pub fn at(&self, x: u32, y: u32) -> Point {
+        let [r, g, b, unfinished] = self.renderer.radiance()[(y * self.size.width() + x) as usize];
+        assert_eq!(unfinished, 0.0);
+        [r, g, b]
+    }
+}
+
+pub const ALL: Outputs =
+    Outputs { pixels: true, radiance: true, first_hits: true, first_costs: true };
+
+pub fn shoot(world: &World, camera: Pinhole, size: Size, settings: &RenderSettings) -> Shot {
+    try_shoot(world, camera, size, settings, Room::CPU).unwrap()
+}
+
+pub fn try_shoot(
+    world: &World,
+    camera: Pinhole,
+    size: Size,
+    settings: &RenderSettings,
+    room: Room,
+) -> Result<Shot, RenderError> {
+    let mesh = Mesh::soup(&world.triangles).unwrap();
+    let accelerator = CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default()).unwrap();
+    let scene = world.data();
+    let mut renderer = CpuRenderer::with_room(room);
+    let input = FrameInput {
+        mesh,
+        scene: &scene,
+        camera,
+        size,
+        settings,
+        outputs: ALL,
+        query: QueryOptions::default(),
+    };
+    let stats = renderer.render(&accelerator, &input)?;
+    Ok(Shot { stats, renderer, size })
+}
+
+/// Whether two numbers agree to a part of the greater one.
+#[track_caller]
+pub fn near(got: f32, expected: f64, part: f64) {
+    let error = (f64::from(got) - expected).abs();
+    assert!(error <= part * expected.abs().max(1e-9), "{got} in place of {expected}");
+}

@@ -1,0 +1,52 @@
+//! What the tests of the ray tracer share: one device a process, and small scenes with every kind of
+//! surface and light.
+
+#![allow(dead_code, reason = "each test uses a part")]
+
+pub mod scenes;
+
+use std::sync::{Arc, OnceLock};
+
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::config::BuildConfig;
+use splitplane_cpu::CpuBackend;
+use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, WgpuBackend};
+
+/// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
+/// adapter than the first.
+///
+/// # Panics
+/// If no device can be opened: a test without a device must not pass.
+pub fn gpu() -> Arc<Gpu> {
+    static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
+    let open = || {
+        let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+        let options = OpenOptions { default_limits: true, adapter, ..Default::default() };
+        match Gpu::open(&options) {
+            Ok(gpu) => Arc::new(gpu),
+            Err(error) => panic!("the device tests need a GPU or a software Vulkan: {error}"),
+        }
+    };
+    GPU.get_or_init(open).clone()
+}
+
+/// How the trees of the tests are built.
+pub fn options() -> BuildOptions {
+    BuildOptions::from(BuildConfig::default())
+}
+
+/// A scene with its tree on both sides.
+pub struct Both {
+    pub scene: scenes::Scene,
+    pub cpu: splitplane_cpu::CpuAccelerator,
+    pub device: DeviceTree,
+}
+
+/// Builds the tree of a scene on both sides.
+pub fn both(scene: scenes::Scene) -> Both {
+    static BACKEND: OnceLock<WgpuBackend> = OnceLock::new();
+    let backend = BACKEND.get_or_init(|| WgpuBackend::without_selftest(Gpu::clone(&gpu())));
+    let cpu = CpuBackend::new().build_accelerator(&scene.mesh(), &options()).expect("a tree");
+    let device = backend.build_on_device(&scene.mesh(), &options()).expect("a tree").tree;
+    Both { scene, cpu, device }
+}

@@ -1,0 +1,88 @@
+//! The ray tracer's shaders, with no more in them than a scene needs.
+
+use alloc::vec::Vec;
+
+use crate::Part;
+use crate::embed::TriangleTest;
+use crate::table::{RENDER, SUBSTITUTES};
+
+/// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
+/// covers what the scene has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct RenderFeatures {
+    /// Textures.
+    pub textures: bool,
+    /// Normals at the corners of triangles.
+    pub smooth_normals: bool,
+    /// Surfaces that shine.
+    pub area_lights: bool,
+    /// Clear bodies.
+    pub dielectrics: bool,
+    /// The triangle test.
+    pub test: TriangleTest,
+}
+
+impl RenderFeatures {
+    /// All that a scene may have, and the watertight test.
+    pub const ALL: RenderFeatures = RenderFeatures {
+        textures: true,
+        smooth_normals: true,
+        area_lights: true,
+        dielectrics: true,
+        test: TriangleTest::Watertight,
+    };
+}
+
+/// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
+/// a name that no kernel has. Joined they are the shader: see [`crate::join`].
+pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
+    let shader = RENDER.iter().find(|shader| shader.name == kernel)?;
+    let substitutes = [
+        (features.textures, &SUBSTITUTES.textures[..]),
+        (features.smooth_normals, &SUBSTITUTES.smooth_normals),
+        (features.area_lights, &SUBSTITUTES.area_lights),
+        (features.dielectrics, &SUBSTITUTES.dielectrics),
+        (features.test == TriangleTest::Watertight, &SUBSTITUTES.watertight),
+    ];
+    let part = |part: &Part| {
+        let missing = substitutes.iter().filter(|(needed, _)| !needed);
+        let mut pairs = missing.flat_map(|(_, pairs)| pairs.iter());
+        match pairs.find(|(given, _)| given == part) {
+            Some((_, substitute)) => *substitute,
+            None => Some(*part),
+        }
+    };
+    Some(shader.parts.iter().filter_map(part).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::join;
+
+    #[test]
+    fn all_features_are_the_table() {
+        for shader in RENDER {
+            assert_eq!(render_parts(shader.name, &RenderFeatures::ALL).unwrap(), shader.parts);
+        }
+        assert_eq!(render_parts("no kernel", &RenderFeatures::ALL), None);
+    }
+
+    #[test]
+    fn what_is_not_needed_is_not_there() {
+        let plain = RenderFeatures {
+            textures: false,
+            smooth_normals: false,
+            area_lights: false,
+            dielectrics: false,
+            test: TriangleTest::MoellerTrumbore,
+        };
+        let text = |kernel| join(&render_parts(kernel, &plain).unwrap());
+        let shade = text("shade");
+        for absent in ["fn texel(", "fn emitter_at(", "fn part(", "normals_at +"] {
+            assert!(!shade.contains(absent), "{absent}");
+        }
+        assert!(!text("next_paths").contains("fn refracted("));
+        assert!(!text("closest_hits").contains("fn watertight("));
+    }
+}

@@ -1,0 +1,46 @@
+//! Backends by their own types, for whoever needs more of them than the trait.
+
+use splitplane_core::backend::Backend;
+
+/// One of the backends of this build.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum Engine {
+    /// The cores of this machine.
+    #[cfg(feature = "cpu")]
+    Cpu(splitplane_cpu::CpuBackend),
+    /// A GPU.
+    #[cfg(feature = "wgpu")]
+    Wgpu(splitplane_wgpu::WgpuBackend),
+}
+
+impl Engine {
+    /// The backend behind the trait.
+    pub fn as_backend(&self) -> &dyn Backend {
+        match *self {
+            #[cfg(feature = "cpu")]
+            Engine::Cpu(ref backend) => backend,
+            #[cfg(feature = "wgpu")]
+            Engine::Wgpu(ref backend) => backend,
+        }
+    }
+
+    /// The backend behind the trait, owned.
+    pub fn into_backend(self) -> Box<dyn Backend> {
+        match self {
+            #[cfg(feature = "cpu")]
+            Engine::Cpu(backend) => Box::new(backend),
+            #[cfg(feature = "wgpu")]
+            Engine::Wgpu(backend) => Box::new(backend),
+        }
+    }
+}
+
+/// A backend by its own type, ready for work.
+#[derive(Debug)]
+pub struct OpenedEngine {
+    /// The backend.
+    pub engine: Engine,
+    /// Why it is this one, in words fit for a report.
+    pub reason: String,
+}

@@ -1,0 +1,284 @@
+//! `splitplane animate`: a scene that moves, its tree rebuilt from scratch for every frame.
+
+use super::failure::Failure;
+use super::look::Look;
+use super::options::Common;
+use super::percentiles::Percentiles;
+use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
+use super::stage::{Stage, open_tracer};
+use super::{output, progress};
+use clap::Args;
+use serde::Serialize;
+use splitplane::picture::{self, Movie, MovieFormat};
+use splitplane::render::Outputs;
+use splitplane::scene::{Animation, Camera, Change};
+use splitplane::tracer::FrameRequest;
+use std::fs;
+use std::io::BufWriter;
+use std::num::NonZeroU32;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Moves by itself.
+const DEFAULT_SCENE: &str = "builtin:carousel";
+/// Camera rays a pixel: what keeps a frame short.
+const SAMPLES: u32 = 1;
+
+#[derive(Args, Debug)]
+pub(super) struct Arguments {
+    /// An .obj file or builtin:NAME[:SIZE]
+    #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
+    scene: String,
+    /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with
+    /// NAME.frames.json beside it; a built-in scene moves by itself
+    #[arg(long, value_name = "FILE|DIR")]
+    frames: Option<PathBuf>,
+    /// Folder for the pictures, frame-0000.png and so on; made when it is not there
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// All frames in one file: an animated .png, which loses nothing, or .gif
+    #[arg(long, value_name = "FILE.png|.gif")]
+    movie: Option<PathBuf>,
+    /// Frames a second of the movie
+    #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = fps)]
+    fps: f64,
+    /// How many frames to make, from the first on and over again; all of them once when left out
+    #[arg(long, value_name = "N")]
+    count: Option<NonZeroU32>,
+    #[command(flatten)]
+    look: Look,
+    #[command(flatten)]
+    common: Common,
+}
+
+fn fps(text: &str) -> Result<f64, String> {
+    let number: Option<f64> = text.parse().ok().filter(|fps| (0.1..=100.0).contains(fps));
+    number.ok_or_else(|| "give a number of frames a second from 0.1 to 100".to_owned())
+}
+
+/// What a frame took, in milliseconds.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct FrameTimes {
+    frame: usize,
+    /// The animation's own time in seconds, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time_s: Option<f64>,
+    triangles: u32,
+    rays: u64,
+    /// Reading the frame and taking over what has moved.
+    update_ms: f64,
+    /// Building the tree.
+    build_ms: f64,
+    /// Tracing and shading, until the picture is in host memory.
+    trace_ms: f64,
+    total_ms: f64,
+}
+
+/// What `--json` says about an animation.
+#[derive(Serialize)]
+struct AnimateReport {
+    #[serde(flatten)]
+    build: BuildReport,
+    width: u32,
+    height: u32,
+    samples: u32,
+    lights: usize,
+    update_ms: Percentiles,
+    build_frame_ms: Percentiles,
+    trace_ms: Percentiles,
+    total_ms: Percentiles,
+    /// 1000 over the percentiles of the total.
+    frames_per_s: Percentiles,
+    frames: Vec<FrameTimes>,
+    output: Vec<String>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let format = arguments.movie.as_deref().map(format_of).transpose()?;
+    in_pool(&arguments.common, || arguments.animate(format))
+}
+
+fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
+    let ends_in = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if ends_in("png") {
+        Ok(MovieFormat::Apng)
+    } else if ends_in("gif") {
+        Ok(MovieFormat::Gif)
+    } else {
+        let shown = path.display();
+        Err(Failure::usage(format!("`{shown}` does not end in .png or .gif; these are the movies")))
+    }
+}
+
+impl Arguments {
+    fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
+        let Arguments { look, common, .. } = self;
+        let opened = open_tracer(common)?;
+        let spinner = progress::spinner(common.quiet, "reading the scene");
+        let options = look.scene_options();
+        let (scene, mut animation) =
+            Animation::open(&self.scene, self.frames.as_deref(), &options)?;
+        spinner.finish_and_clear();
+        if let Some(folder) = &self.out {
+            fs::create_dir_all(folder).map_err(|error| {
+                Failure::file(format!("cannot make the folder `{}`: {error}", folder.display()))
+            })?;
+        }
+        let mut stage = Stage::set(scene, opened, look, common)?;
+        let first_build = stage.built()?.report();
+        let described = stage.built()?.describe() + &stage.describe_placed();
+        let all = u32::try_from(animation.frames()).unwrap_or(u32::MAX);
+        let count = self.count.or(NonZeroU32::new(all)).unwrap_or(NonZeroU32::MIN);
+        let mut movie = self.open_movie(format, count)?;
+        let count = count.get() as usize;
+        let bar = progress::bar(common.quiet, "rendering", count as u64);
+        let mut times = Vec::with_capacity(count);
+        for number in 0..count {
+            let frame = number % animation.frames();
+            times.push(self.frame(&mut stage, &mut animation, frame)?);
+            self.write(&stage, number, movie.as_mut())?;
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let mut written: Vec<String> =
+            self.out.iter().map(|folder| folder.display().to_string()).collect();
+        if let (Some(movie), Some(path)) = (movie, &self.movie) {
+            movie.finish()?;
+            written.push(path.display().to_string());
+        }
+        self.report(&stage, first_build, &described, times, written)
+    }
+
+    fn open_movie(
+        &self,
+        format: Option<MovieFormat>,
+        frames: NonZeroU32,
+    ) -> Result<Option<Movie<BufWriter<fs::File>>>, Failure> {
+        let (Some(format), Some(path)) = (format, &self.movie) else { return Ok(None) };
+        let file = fs::File::create(path).map_err(|error| {
+            Failure::file(format!("cannot write `{}`: {error}", path.display()))
+        })?;
+        let dimensions = (self.look.size.width(), self.look.size.height());
+        let delay = (1000.0 / self.fps).round() as u16;
+        Ok(Some(Movie::new(BufWriter::new(file), format, dimensions, frames, delay)?))
+    }
+
+    /// Makes a frame; the picture stays in the tracer.
+    fn frame(
+        &self,
+        stage: &mut Stage,
+        animation: &mut Animation,
+        frame: usize,
+    ) -> Result<FrameTimes, Failure> {
+        let start = Instant::now();
+        match animation.set(frame, &mut stage.scene)? {
+            Change::Nothing => {}
+            Change::Positions => stage.tracer.update_normals(&stage.scene)?,
+            Change::Everything => {
+                stage.scene.lights.clone_from(&stage.placed.lights);
+                stage.tracer.describe_looks(&stage.scene)?;
+            }
+        }
+        let updated = Instant::now();
+        stage.tracer.rebuild(&stage.scene, &stage.options)?;
+        let built = Instant::now();
+        let camera: Camera = match animation.camera(frame) {
+            Some(camera) => self.look.camera(camera)?,
+            None => stage.placed.camera,
+        };
+        let request = FrameRequest {
+            camera: &camera,
+            size: self.look.size,
+            settings: self.look.settings(SAMPLES, &stage.placed)?,
+            outputs: Outputs::PIXELS,
+            query: self.common.query_options(),
+        };
+        let stats = stage.tracer.frame(&stage.scene, &request)?;
+        let done = Instant::now();
+        let ms = |from: Instant, to: Instant| to.duration_since(from).as_secs_f64() * 1e3;
+        Ok(FrameTimes {
+            frame,
+            time_s: animation.time(frame),
+            triangles: stage.scene.indices.len() as u32,
+            rays: stats.rays(),
+            update_ms: ms(start, updated),
+            build_ms: ms(updated, built),
+            trace_ms: ms(built, done),
+            total_ms: milliseconds(start),
+        })
+    }
+
+    fn write(
+        &self,
+        stage: &Stage,
+        number: usize,
+        movie: Option<&mut Movie<BufWriter<fs::File>>>,
+    ) -> Result<(), Failure> {
+        if self.out.is_none() && movie.is_none() {
+            return Ok(());
+        }
+        let screen = picture::screen(self.look.size, &stage.tracer.pixels()?)?;
+        if let Some(folder) = &self.out {
+            let path = folder.join(format!("frame-{number:04}.png"));
+            output::file(&path, &picture::encode_png(&screen)?)?;
+        }
+        if let Some(movie) = movie {
+            movie.push(&screen)?;
+        }
+        Ok(())
+    }
+
+    fn report(
+        &self,
+        stage: &Stage,
+        build: BuildReport,
+        described: &str,
+        frames: Vec<FrameTimes>,
+        output: Vec<String>,
+    ) -> Result<(), Failure> {
+        let of = |time: fn(&FrameTimes) -> f64| Percentiles::of(frames.iter().map(time).collect());
+        let total = of(|times| times.total_ms);
+        let report = AnimateReport {
+            build,
+            width: self.look.size.width(),
+            height: self.look.size.height(),
+            samples: self.look.settings(SAMPLES, &stage.placed)?.samples,
+            lights: stage.placed.lights.len(),
+            update_ms: of(|times| times.update_ms),
+            build_frame_ms: of(|times| times.build_ms),
+            trace_ms: of(|times| times.trace_ms),
+            total_ms: total,
+            frames_per_s: total.per_second(),
+            frames,
+            output,
+        };
+        if self.common.json {
+            return print_json(&report);
+        }
+        if self.common.quiet {
+            return Ok(());
+        }
+        let row = |name: &str, p: &Percentiles| {
+            format!("{name:<9}{:>9.2} {:>9.2} {:>9.2}\n", p.p50, p.p95, p.p99)
+        };
+        let rays: u64 = report.frames.iter().map(|times| times.rays).sum();
+        let mut text = format!(
+            "{described}frames   {} of {}x{}, {} rays in all\n\
+             ms             p50       p95       p99\n",
+            report.frames.len(),
+            report.width,
+            report.height,
+            rays
+        );
+        text += &row("update", &report.update_ms);
+        text += &row("build", &report.build_frame_ms);
+        text += &row("trace", &report.trace_ms);
+        text += &row("total", &report.total_ms);
+        text += &row("frames/s", &report.frames_per_s);
+        text += &match report.output.is_empty() {
+            true => "written  nothing; --out DIR and --movie FILE keep the frames\n".to_owned(),
+            false => format!("written  {}\n", report.output.join(", ")),
+        };
+        output::data(&text)
+    }
+}

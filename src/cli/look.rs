@@ -1,0 +1,246 @@
+//! Options of verbs that make pictures: size, samples, camera, lights, what is wanted.
+
+use super::failure::Failure;
+use super::options::{point, size};
+use clap::{Args, ValueEnum};
+use splitplane::render::{Environment, Light, RenderSettings, Size};
+use splitplane::scene::{Camera, MaterialRule, Placement, Scene, SceneOptions, View};
+use splitplane::Accelerator;
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Picture")]
+pub(super) struct Look {
+    /// Width and height in pixels
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    pub(super) size: Size,
+    /// Camera rays a pixel, 1 to 64; 4 for still pictures, else 1, when left out
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
+    /// Most reflections and refractions along a path, 0 to 16
+    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().depth)]
+    pub(super) depth: u32,
+    /// A path ends when less than this part of its light reaches the eye, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = RenderSettings::default().minimum_weight)]
+    min_weight: f32,
+    /// Where random samples of shining surfaces start from
+    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().seed)]
+    seed: u32,
+    /// Factor of the light before it is shown; .exr files are not changed
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0)]
+    exposure: f32,
+    /// Where the camera is; chosen to suit the scene when left out
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    camera_eye: Option<[f32; 3]>,
+    /// The point it looks at
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    camera_at: Option<[f32; 3]>,
+    /// The direction that is up in the picture
+    #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true)]
+    camera_up: Option<[f32; 3]>,
+    /// Angle from the bottom of the picture to its top, in degrees
+    #[arg(long, value_name = "DEGREES")]
+    fov: Option<f32>,
+    /// A light at a point, in place of all others; may be given many times. R,G,B is the irradiance
+    /// at the point looked at, 3.4 shared by all lights when left out
+    #[arg(long, value_name = "X,Y,Z[,R,G,B]", value_parser = lamp, allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["lights", "no_lights"])]
+    light: Vec<Lamp>,
+    /// A light from far away, given by the direction towards it, in place of all others; may be given
+    /// many times
+    #[arg(long, value_name = "X,Y,Z[,R,G,B]", value_parser = lamp, allow_hyphen_values = true)]
+    #[arg(conflicts_with_all = ["lights", "no_lights"])]
+    sun: Vec<Lamp>,
+    /// How many lights to place in a scene that has none of its own, 1 to 8
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u8).range(1..=Placement::MAX_LIGHTS as i64))]
+    lights: u8,
+    /// No lights but surfaces that shine and the environment
+    #[arg(long)]
+    no_lights: bool,
+    /// Samples of shining surfaces for every surface point, 0 to 8
+    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().area_samples)]
+    area_samples: u32,
+    /// Part of the environment's light that surfaces receive, 0 to 1
+    #[arg(long, value_name = "PART", default_value_t = RenderSettings::default().ambient)]
+    ambient: f32,
+    /// A light at the eye without shadows; 0.2 where lights were placed, else 0, when left out
+    #[arg(long, value_name = "RADIANCE")]
+    headlight: Option<f32>,
+    /// Light from everywhere, and the backdrop
+    #[arg(long, value_name = "sky|black|R,G,B", default_value = "sky", value_parser = environment)]
+    environment: Environment,
+    /// Which surfaces of .mtl files are mirrors
+    #[arg(long, value_enum, default_value_t = MaterialsName::Illum)]
+    materials: MaterialsName,
+    /// Leave the textures of .mtl files out
+    #[arg(long)]
+    no_textures: bool,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum MaterialsName {
+    /// Those whose `illum` says so
+    Illum,
+    /// All with a `Ks`, as scenes made for ray tracers mean it
+    Specular,
+}
+
+/// A place or direction, and perhaps a colour.
+#[derive(Clone, Copy, Debug)]
+struct Lamp {
+    place: [f32; 3],
+    irradiance: Option<[f32; 3]>,
+}
+
+/// `x,y,z` or `x,y,z,r,g,b`.
+fn lamp(text: &str) -> Result<Lamp, String> {
+    let wrong = || "give three or six finite numbers, such as 1,2.5,-3 or 1,2,3,0.5,0.5,1".to_owned();
+    let parts: Vec<&str> = text.split(',').collect();
+    let irradiance = match parts.len() {
+        3 => None,
+        6 => Some(point(&parts[3..].join(",")).map_err(|_| wrong())?),
+        _ => return Err(wrong()),
+    };
+    if irradiance.is_some_and(|colour| colour.iter().any(|part| *part < 0.0)) {
+        return Err("the irradiance of a light cannot be negative".to_owned());
+    }
+    Ok(Lamp { place: point(&parts[..3].join(",")).map_err(|_| wrong())?, irradiance })
+}
+
+/// `sky`, `black` or one radiance for all directions.
+fn environment(text: &str) -> Result<Environment, String> {
+    match text {
+        "sky" => Ok(Environment::SKY),
+        "black" => Ok(Environment::BLACK),
+        _ => point(text)
+            .map(Environment::uniform)
+            .map_err(|_| "give `sky`, `black` or three numbers, such as 0.5,0.5,0.6".to_owned()),
+    }
+}
+
+impl Look {
+    /// How files become scenes.
+    pub(super) fn scene_options(&self) -> SceneOptions {
+        SceneOptions {
+            materials: match self.materials {
+                MaterialsName::Illum => MaterialRule::Illum,
+                MaterialsName::Specular => MaterialRule::Specular,
+            },
+            textures: !self.no_textures,
+            ..SceneOptions::default()
+        }
+    }
+
+    /// Whether the camera is the user's.
+    pub(super) fn moves_camera(&self) -> bool {
+        let points = [self.camera_eye, self.camera_at, self.camera_up];
+        points.iter().any(Option::is_some) || self.fov.is_some()
+    }
+
+    /// A camera with whatever the user gave instead.
+    pub(super) fn camera(&self, old: Camera) -> Result<Camera, Failure> {
+        if !self.moves_camera() {
+            return Ok(old);
+        }
+        Camera::new(
+            self.camera_eye.unwrap_or(old.eye()),
+            self.camera_at.unwrap_or(old.look_at()),
+            self.camera_up.unwrap_or(old.up()),
+            self.fov.unwrap_or(old.fov_degrees()),
+        )
+        .map_err(|error| Failure::usage(error.to_string()))
+    }
+
+    /// Camera and lights: the user's, else the scene's own, else placed by rule.
+    pub(super) fn place(
+        &self,
+        scene: &Scene,
+        accelerator: &dyn Accelerator,
+    ) -> Result<Placed, Failure> {
+        let count = usize::from(self.lights);
+        let placement = Placement::of_with(scene, accelerator, self.size.aspect(), count)?;
+        let camera = self.camera(placement.camera)?;
+        let of_user = self.lights_of_user(&camera)?;
+        let by_rule = of_user.is_none() && !scene.is_lit();
+        Ok(Placed {
+            camera,
+            view: if self.moves_camera() { None } else { Some(placement.view) },
+            lights: of_user.unwrap_or(placement.lights),
+            by_rule,
+        })
+    }
+
+    fn lights_of_user(&self, camera: &Camera) -> Result<Option<Vec<Light>>, Failure> {
+        if self.no_lights {
+            return Ok(Some(Vec::new()));
+        }
+        let count = self.light.len() + self.sun.len();
+        if count == 0 {
+            return Ok(None);
+        }
+        let share = [3.4 / count as f32; 3];
+        let at = camera.look_at();
+        let mut lights = Vec::with_capacity(count);
+        for lamp in &self.light {
+            let irradiance = lamp.irradiance.unwrap_or(share);
+            lights.push(Light::point_for(lamp.place, at, irradiance));
+        }
+        for sun in &self.sun {
+            if sun.place == [0.0; 3] {
+                return Err(Failure::usage("the direction of --sun is zero; give one such as 1,2,1"));
+            }
+            let irradiance = sun.irradiance.unwrap_or(share);
+            lights.push(Light::Directional { towards: sun.place, irradiance });
+        }
+        Ok(Some(lights))
+    }
+
+    /// The settings of a frame, for this many samples unless the user says otherwise.
+    pub(super) fn settings(&self, samples: u32, placed: &Placed) -> Result<RenderSettings, Failure> {
+        let settings = RenderSettings {
+            samples: self.samples.unwrap_or(samples),
+            depth: self.depth,
+            minimum_weight: self.min_weight,
+            area_samples: self.area_samples,
+            seed: self.seed,
+            ambient: self.ambient,
+            headlight: self.headlight.unwrap_or(if placed.by_rule { 0.2 } else { 0.0 }),
+            exposure: self.exposure,
+            environment: self.environment,
+        };
+        settings.validate().map_err(|error| Failure::usage(error.to_string()))?;
+        Ok(settings)
+    }
+}
+
+/// Where the camera and the lights are.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub(super) camera: Camera,
+    /// How the camera came to its place; `None` when the user put it there.
+    pub(super) view: Option<View>,
+    pub(super) lights: Vec<Light>,
+    /// Whether the lights were placed for want of any.
+    pub(super) by_rule: bool,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lamps_have_a_place_and_may_have_a_colour() {
+        assert_eq!(lamp("1,2,3").unwrap().place, [1.0, 2.0, 3.0]);
+        assert_eq!(lamp("1,2,3,4,5,6").unwrap().irradiance, Some([4.0, 5.0, 6.0]));
+        for bad in ["1,2", "1,2,3,4", "a,b,c", "1,2,3,-1,0,0", "1,2,3,4,5,nan"] {
+            assert!(lamp(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn environments() {
+        assert_eq!(environment("black").unwrap(), Environment::BLACK);
+        assert_eq!(environment("1,1,1").unwrap(), Environment::uniform([1.0; 3]));
+        assert!(environment("red").is_err());
+    }
+}

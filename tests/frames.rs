@@ -1,0 +1,93 @@
+//! Scenes that move: every frame's tree is the tree of a fresh build, and a thousand frames hold no more
+//! memory than the first ones.
+
+use splitplane::render::{RenderSettings, Size};
+use splitplane::scene::{Animation, Change, Placement, SceneOptions};
+use splitplane::tracer::{FrameRequest, Tracer};
+use splitplane::{BackendKind, BuildOptions, CpuBackend, OpenOptions};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Bytes that the whole process holds.
+static HELD: AtomicUsize = AtomicUsize::new(0);
+
+/// The system's allocator, which counts.
+struct Counting;
+
+// SAFETY: passes everything on to the system's allocator, and only adds up sizes.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        HELD.fetch_add(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.dealloc(pointer, layout) }
+    }
+
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        HELD.fetch_add(size, Ordering::Relaxed);
+        HELD.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: the caller's promise.
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// What thread pools and the like may add on the way; a leak of one buffer a frame would be far more.
+const SLACK: usize = 128 << 10;
+
+/// One test, since others beside it would be counted too.
+#[test]
+fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_builds() {
+    let options = SceneOptions::default();
+    let (mut scene, mut animation) =
+        Animation::open("builtin:carousel:3000", None, &options).unwrap();
+    let build = BuildOptions::default();
+    let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
+    tracer.build(&scene, &build).unwrap();
+    let size = Size::new(40, 24).unwrap();
+    let placement =
+        Placement::of(&scene, tracer.accelerator().unwrap(), size.aspect()).unwrap();
+    scene.lights = placement.lights;
+    tracer.describe_looks(&scene).unwrap();
+    let settings = RenderSettings { depth: 3, ..RenderSettings::default() };
+    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
+
+    let frames = animation.frames();
+    let mut held = Vec::new();
+    let mut digests = Vec::new();
+    let mut pictures = Vec::new();
+    for number in 0..1000 {
+        let change = animation.set(number % frames, &mut scene).unwrap();
+        assert_ne!(change, Change::Everything, "the carousel's topology is constant");
+        tracer.update_normals(&scene).unwrap();
+        tracer.rebuild(&scene, &build).unwrap();
+        tracer.frame(&scene, &request).unwrap();
+        let digest = tracer.digest().unwrap();
+        let picture: u64 = tracer.pixels().unwrap().iter().fold(0, |sum: u64, &pixel| {
+            sum.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(pixel))
+        });
+        if number < frames {
+            let fresh = CpuBackend::new().build_tree(&scene.mesh().unwrap(), &build).unwrap().0;
+            assert_eq!(digest, fresh.digest(), "frame {number}");
+            digests.push(digest);
+            pictures.push(picture);
+        } else {
+            assert_eq!(digest, digests[number % frames], "frame {number}");
+            assert_eq!(picture, pictures[number % frames], "frame {number}");
+        }
+        held.push(HELD.load(Ordering::Relaxed));
+    }
+    digests.sort_unstable_by_key(ToString::to_string);
+    digests.dedup();
+    assert!(digests.len() > frames * 9 / 10, "{} trees of {frames} frames", digests.len());
+    let first_loop = held[..2 * frames].iter().max().unwrap();
+    let rest = held[2 * frames..].iter().max().unwrap();
+    assert!(*rest <= first_loop + SLACK, "{rest} bytes after {first_loop}");
+}
