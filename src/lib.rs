@@ -51,6 +51,8 @@
 pub mod backend;
 #[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
 pub mod parity;
+#[cfg(feature = "render")]
+pub mod picture;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]

@@ -224,6 +224,53 @@ fn operations_on_bits() {
     );
 }
 
+/// Square roots of whatever is positive and normal, squares and their neighbours among them; zero of
+/// zeros, subnormal and negative numbers.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn square_roots() {
+    let mut pairs = pairs(ALL, 26);
+    let mut random = Random::new(27);
+    for pair in &mut pairs {
+        let a = match random.below(8) {
+            // Exact squares and the numbers beside them.
+            0 | 1 => {
+                let root = (1 + random.below(4095)) as f32;
+                f32::from_bits(((root * root).to_bits() + random.below(3) as u32) - 1)
+            }
+            // Beside the squares of 24-bit numbers, where rounding is closest.
+            2..=4 => {
+                let exponent = random.below(126) as i32 - 63;
+                let root = with_exponent(&mut random, exponent).abs();
+                f32::from_bits(((root * root).to_bits() + random.below(3) as u32) - 1)
+            }
+            5 => power_of_two(random.below(254) as i32 - 126),
+            6 => f32::from_bits(random.bits() & 0x807f_ffff),
+            _ => pair[0],
+        };
+        pair[0] = a;
+    }
+    let words = "r = vec2<u32>(bitcast<u32>(square_root(bitcast<f32>(input[id.x].x))), 0u);";
+    let reference = |a: f32, _: f32| {
+        let root = if a.is_normal() && a > 0.0 { a.sqrt() } else { 0.0 };
+        Some([root.to_bits(), 0])
+    };
+    let (count, first) = differences(&arithmetic(), words, Form::Words, &pairs, &reference);
+    assert_eq!(count, 0, "square_root: the first of {count}: {first}");
+    // One mantissa of every two neighbouring powers of two in 64: all exponents behave alike.
+    let step = (0..1u32 << 24).step_by(53).map(|m| [f32::from_bits(0x3f80_0000 + m), 0.0]);
+    let steps: Vec<[f32; 2]> = step.collect();
+    let (count, first) = differences(&arithmetic(), words, Form::Words, &steps, &reference);
+    assert_eq!(count, 0, "square_root: the first of {count}: {first}");
+    let faulty =
+        arithmetic().replacen("rest > bitcast<i32>(root)", "rest >= bitcast<i32>(root)", 1);
+    assert_ne!(faulty, arithmetic());
+    // The rest is never that; a fault in the steps to it is seen.
+    let faulty = faulty.replacen("root -= 1u;", "", 1);
+    let (count, _) = differences(&faulty, words, Form::Words, &steps, &reference);
+    assert!(count > 0, "a fault in square_root goes unnoticed");
+}
+
 /// `scale` is private to the core; this is its text.
 fn scale(x: f32, power: i32) -> f32 {
     let scaled = if power.abs() <= 126 {

@@ -5,6 +5,7 @@
 //! runs is decided by a [`Plan`]: a scene pays for what it uses.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
 
 mod camera;
 #[cfg(feature = "cpu")]

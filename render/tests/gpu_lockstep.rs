@@ -6,12 +6,22 @@ mod device;
 use device::scenes::{self, Scene};
 use device::{Both, both};
 use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::ray::Culling;
 use splitplane_render::cpu::{Buffers, CpuExecutor};
+use splitplane_render::kernel::{Counter, Kernel};
 use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_render::{Plan, Room, schedule};
 
-/// Runs both executors in step; the number of dispatches that were compared.
-fn in_step(renderer: &mut WgpuRenderer, both: &Both, room: Room) -> Result<u32, Difference> {
+/// What a frame in step came to.
+struct InStep {
+    /// Dispatches that were compared.
+    dispatches: u32,
+    /// Whether a queue outgrew its room.
+    void: bool,
+}
+
+/// Runs both executors in step.
+fn in_step(renderer: &mut WgpuRenderer, both: &Both, room: Room) -> Result<InStep, Difference> {
     let data = both.scene.data();
     let input = both.scene.input(&data);
     let plan = Plan::new(&data, input.size, input.settings, input.outputs, room).expect("a plan");
@@ -19,26 +29,31 @@ fn in_step(renderer: &mut WgpuRenderer, both: &Both, room: Room) -> Result<u32, 
     let cpu = CpuExecutor::new(input, &both.cpu, plan, &mut buffers).expect("a frame");
     let run = |gpu: splitplane_render::wgpu::WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(cpu, gpu);
-        schedule::frame(&mut lockstep, &plan).map(|()| lockstep.dispatches())
+        schedule::frame(&mut lockstep, &plan).map(|()| {
+            let dispatches = lockstep.dispatches();
+            let void = lockstep.into_inner().0.counters()[Counter::Overflow] != 0;
+            InStep { dispatches, void }
+        })
     };
     match renderer.with_executor(&both.device, &input, &plan, run).expect("a device") {
-        Ok(dispatches) => Ok(dispatches),
+        Ok(done) => Ok(done),
         Err(LockstepError::Differs(difference)) => Err(difference),
         Err(other) => panic!("{other}"),
     }
 }
 
-fn check(renderer: &mut WgpuRenderer, scene: Scene, room: Room) {
+fn check(renderer: &mut WgpuRenderer, scene: Scene, room: Room) -> InStep {
     let both = both(scene);
-    let dispatches = in_step(renderer, &both, room)
+    let done = in_step(renderer, &both, room)
         .unwrap_or_else(|difference| panic!("{}: {difference}", both.scene.name));
-    println!("{}: {dispatches} dispatches", both.scene.name);
+    println!("{}: {} dispatches", both.scene.name, done.dispatches);
+    done
 }
 
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn every_kind_of_surface_and_light() {
-    let mut renderer = WgpuRenderer::new(device::gpu()).expect("a renderer");
+    let mut renderer = device::renderer();
     for scene in [
         scenes::diffuse(),
         scenes::mirrors(),
@@ -50,6 +65,86 @@ fn every_kind_of_surface_and_light() {
         scenes::empty(),
         scenes::degenerate(),
     ] {
-        check(&mut renderer, scene, Room::GPU);
+        assert!(!check(&mut renderer, scene, Room::GPU).void);
     }
+}
+
+/// Trees and distances at both ends of what floats can do.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn scenes_of_any_size() {
+    let mut renderer = device::renderer();
+    for (name, factor) in [("tiny", 1e-20), ("huge", 1e15)] {
+        check(&mut renderer, scenes::all().scaled(name, factor), Room::GPU);
+    }
+}
+
+/// Many samples; slices that end in the middle of rows and chunks; queues of several chunks.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn slices_and_samples() {
+    let mut renderer = device::renderer();
+    check(&mut renderer, scenes::all().with_samples("many samples", 9), Room::GPU);
+    let room = Room { paths: 700, ..Room::GPU };
+    check(&mut renderer, scenes::mirrors().with_samples("slices", 3), room);
+    let mut accuracy = scenes::diffuse();
+    accuracy.name = "culled";
+    accuracy.query.culling = Culling::Back;
+    accuracy.query.ignore = Some(3);
+    check(&mut renderer, accuracy, room);
+}
+
+/// Glass that needs more room than there is: both executors stop in the same state.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn overflow() {
+    let mut renderer = device::renderer();
+    let room = Room { paths: 64, ..Room::GPU };
+    assert!(check(&mut renderer, scenes::overflowing(), room).void);
+}
+
+/// A fault in any kernel is seen, at the first dispatch of that kernel.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_named() {
+    use Kernel as K;
+    let plants = [
+        (K::BeginSlice, "counters[COUNTER_WAVE] = 0u", "counters[COUNTER_WAVE] = 1u"),
+        (K::CameraRays, "0x91e10da5u", "0x91e00da5u"),
+        (K::FirstCosts, "counted.y += 1u", "counted.y += 2u"),
+        (K::ClosestHits, "triangle < best.triangle", "triangle > best.triangle"),
+        (K::FirstHits, "dot3(normal, direction) > 0.0", "dot3(normal, direction) < 0.0"),
+        (K::Shade, "OFFSET_UNITS: f32 = 64.0", "OFFSET_UNITS: f32 = 32.0"),
+        (K::ScanSpawned, "spawned[chunk] = Spawned(before.x", "spawned[chunk] = Spawned(total.x"),
+        (K::ShadowRays, "ONE_OVER_PI: f32 = 0.31830988", "ONE_OVER_PI: f32 = 0.31830978"),
+        (K::ShadowHits, "trace_ray(ray, options, true)", "trace_ray(ray, default_options(), true)"),
+        (K::ShadowHitsThroughGlass, "bitcast<u32>(t) + 1u", "bitcast<u32>(t) + 0u"),
+        (K::Accumulate, "scaled3(light.xyz, frame.sample_weight)", "light.xyz"),
+        (K::NextPaths, "product(2.0, cosine)", "product(1.9999999, cosine)"),
+        (K::BeginWave, "COUNTER_WAVE] += 1u", "COUNTER_WAVE] += 2u"),
+        (K::Resolve, "product(x, 0.25)", "product(x, 0.26)"),
+    ];
+    let glass = both(scenes::all().with_samples("faults", 2));
+    // Without glass shadow rays end at what they meet; and of two equal triangles the first is hit.
+    let opaque = both(scenes::doubled());
+    let room = Room { paths: 600, ..Room::GPU };
+    let mut renderer = device::renderer();
+    let mut missed = Vec::new();
+    for (kernel, text, fault) in plants {
+        let shader = splitplane_shaders::find(kernel.name()).expect("a kernel");
+        let source = shader.source();
+        let planted = source.replace(text, fault);
+        assert!(planted != source, "{kernel:?}: the text to change is gone");
+        renderer.replace_kernel(kernel, Some(planted));
+        let needs_opaque = matches!(kernel, K::ShadowHits | K::ClosestHits);
+        let scene = if needs_opaque { &opaque } else { &glass };
+        let found = in_step(&mut renderer, scene, room);
+        renderer.replace_kernel(kernel, None);
+        match found {
+            Ok(_) => missed.push(format!("{kernel:?}: the fault was not seen")),
+            Err(difference) if difference.kernel == format!("{kernel:?}") => {}
+            Err(difference) => missed.push(format!("{kernel:?}: {difference}")),
+        }
+    }
+    assert!(missed.is_empty(), "{missed:#?}");
 }

@@ -2,7 +2,7 @@
 
 use super::pipelines::Pipelines;
 use crate::kernel::{Buffer, Kernel};
-use crate::layout::{Counters, Frame};
+use crate::layout::{Counters, FirstCost, FirstHit, Frame};
 use crate::plan::Plan;
 use crate::scene_data::SceneData;
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
@@ -100,13 +100,25 @@ impl Buffers {
         }
     }
 
-    /// Sends what the frame starts with: the uniform, the counters, and the words of a scene that are
-    /// not there yet.
-    pub(super) fn upload(&mut self, gpu: &Gpu, frame: &Frame, counters: &Counters) {
+    /// Sends what the frame starts with: the uniform and the counters.
+    pub(super) fn upload(&self, gpu: &Gpu, frame: &Frame, counters: &Counters) {
         gpu.queue().write_buffer(&self.uniform, 0, bytemuck::bytes_of(frame));
         if let Some(buffer) = self.get(Buffer::Counters) {
             gpu.queue().write_buffer(buffer, 0, bytemuck::bytes_of(counters));
         }
+    }
+
+    /// Fills what a slice writes only a part of with what the CPU's buffers start with: for comparing
+    /// them between slices.
+    pub(super) fn fill(&self, gpu: &Gpu, plan: &Plan) {
+        let fill = |buffer: Buffer, element: &[u8]| {
+            if let Some(held) = self.get(buffer) {
+                let bytes = element.repeat(plan.elements(buffer) as usize);
+                gpu.queue().write_buffer(held, 0, &bytes);
+            }
+        };
+        fill(Buffer::FirstHits, bytemuck::bytes_of(&FirstHit::MISS));
+        fill(Buffer::FirstCosts, bytemuck::bytes_of(&FirstCost::default()));
     }
 
     /// Sends the words of a scene, or its normals alone, when they have changed.

@@ -43,9 +43,10 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
 }
 
 impl Pipelines {
-    /// Kernels of which one has another text.
-    pub(super) fn with_replaced(kernel: Kernel, source: String) -> Pipelines {
-        Pipelines { replaced: Some((kernel, source)), ..Pipelines::default() }
+    /// Gives a kernel another text from now on, or its own again.
+    pub(super) fn replace(&mut self, kernel: Kernel, source: Option<String>) {
+        self.compiled.retain(|held| held.kernel != kernel);
+        self.replaced = source.map(|source| (kernel, source));
     }
 
     /// The layout of a kernel's bindings: the frame, the counters, what the kernel names, and the tree

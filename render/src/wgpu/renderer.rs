@@ -54,27 +54,23 @@ impl WgpuRenderer {
     /// # Errors
     /// A device whose limits are below WebGPU's defaults, or that fails.
     pub fn new(gpu: Arc<Gpu>) -> Result<WgpuRenderer, RenderError> {
-        WgpuRenderer::with_pipelines(gpu, Pipelines::default())
-    }
-
-    /// A renderer in which one kernel has another text: for tests that plant faults.
-    ///
-    /// # Errors
-    /// As for [`WgpuRenderer::new`].
-    #[doc(hidden)]
-    pub fn with_replaced_kernel(
-        gpu: Arc<Gpu>,
-        kernel: Kernel,
-        source: String,
-    ) -> Result<WgpuRenderer, RenderError> {
-        WgpuRenderer::with_pipelines(gpu, Pipelines::with_replaced(kernel, source))
-    }
-
-    fn with_pipelines(gpu: Arc<Gpu>, pipelines: Pipelines) -> Result<WgpuRenderer, RenderError> {
         gpu.check_limits()?;
+        let pipelines = Pipelines::default();
         let buffers = Buffers::new(&gpu)?;
         let room = room::of(&gpu);
         Ok(WgpuRenderer { gpu, pipelines, buffers, room, pending: None, finished: None })
+    }
+
+    /// Gives one kernel another text, or its own again: for tests that plant faults.
+    #[doc(hidden)]
+    pub fn replace_kernel(&mut self, kernel: Kernel, source: Option<String>) {
+        self.pipelines.replace(kernel, source);
+    }
+
+    /// Lets no wave hold more than so many paths, for less memory; results do not depend on it. More
+    /// than [`Room::GPU`] or than the device allows is not taken.
+    pub fn limit_paths(&mut self, paths: u32) {
+        self.room.paths = paths.clamp(1, room::of(&self.gpu).paths);
     }
 
     /// The device.
@@ -314,6 +310,7 @@ impl WgpuRenderer {
         let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
         let out = gpu.guard(|| {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+            buffers.fill(&gpu, plan);
             let looking = Looking::Always;
             run(WgpuExecutor::new(&gpu, pipelines, buffers, *plan, features, looking))
         })?;

@@ -5,11 +5,12 @@
 
 pub mod scenes;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::config::BuildConfig;
 use splitplane_cpu::CpuBackend;
+use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, WgpuBackend};
 
 /// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
@@ -28,6 +29,14 @@ pub fn gpu() -> Arc<Gpu> {
         }
     };
     GPU.get_or_init(open).clone()
+}
+
+/// The renderer of this process, for one test at a time: what it compiled serves the next.
+pub fn renderer() -> MutexGuard<'static, WgpuRenderer> {
+    static RENDERER: OnceLock<Mutex<WgpuRenderer>> = OnceLock::new();
+    let make = || Mutex::new(WgpuRenderer::new(gpu()).expect("a renderer"));
+    let renderer = RENDERER.get_or_init(make);
+    renderer.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// How the trees of the tests are built.

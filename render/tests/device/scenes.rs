@@ -57,6 +57,15 @@ impl Scene {
 
     /// The looks, with a normal and a texture coordinate for every corner where there are any.
     pub fn data(&self) -> SceneData {
+        self.with_looks(|looks| SceneData::new(&self.mesh(), looks).expect("not too many words"))
+    }
+
+    /// Gives looks that were described before the normals that the scene has now.
+    pub fn update_normals(&self, data: &mut SceneData) {
+        self.with_looks(|looks| data.update_normals(&self.mesh(), looks));
+    }
+
+    fn with_looks<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
         let corners = |any: bool| -> Vec<[u32; 3]> {
             let count = if any { self.triangles.len() as u32 } else { 0 };
             (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
@@ -73,7 +82,7 @@ impl Scene {
             texcoords: &self.texcoords,
             texcoord_indices: &texcoord_indices,
         };
-        SceneData::new(&self.mesh(), &looks).expect("not too many words")
+        run(&looks)
     }
 
     /// The frame of looks that were described before.
@@ -288,5 +297,34 @@ pub fn degenerate() -> Scene {
         scene.triangle([[f32::NAN, 0.1, 0.9], [x, 0.4, 0.9], [x, 1.3, 0.9]], BALL);
     }
     scene.sun();
+    scene
+}
+
+/// Every triangle twice, and one that rays ignore.
+pub fn doubled() -> Scene {
+    let mut scene = base("doubled", Material::new("ball", [0.4; 3]));
+    scene.triangles.extend_from_within(..);
+    scene.material_of.extend_from_within(..);
+    // A lid under the light, which casts a shadow where it is not ignored.
+    scene.query.ignore = Some(scene.triangles.len() as u32);
+    scene.triangle([[-3.0, 1.9, 3.0], [3.0, 1.9, 3.0], [0.0, 1.9, -6.0]], BALL);
+    scene.point_light([0.5, 2.5, 1.0]);
+    scene
+}
+
+/// A block of glass plates: a path becomes far more than two.
+pub fn overflowing() -> Scene {
+    let mut scene = Scene::new("glass plates");
+    scene.materials =
+        vec![Material::new("glass", [0.0; 3]).with_dielectric(1.8, [1.0; 3]), Material::clay()];
+    for plate in 0..4 {
+        let z = -0.5 * plate as f32;
+        scene.quad([-6.0, -6.0, z], [6.0, -6.0, z], [6.0, 6.0, z], 0);
+    }
+    scene.quad([-6.0, -6.0, -3.0], [6.0, -6.0, -3.0], [6.0, 6.0, -3.0], 1);
+    scene.point_light([1.0, 2.0, 3.0]);
+    scene.settings.minimum_weight = 0.0;
+    scene.settings.depth = 3;
+    scene.size = [12, 4];
     scene
 }

@@ -1,0 +1,172 @@
+//! Pictures of the GPU are those of the CPU, bit for bit, by the way that callers take: one submission,
+//! read back on request.
+
+mod device;
+
+use device::scenes::{self, Scene};
+use device::{Both, both, gpu};
+use splitplane_core::ray::Accuracy;
+use splitplane_render::cpu::CpuRenderer;
+use splitplane_render::wgpu::WgpuRenderer;
+use splitplane_render::{FrameStats, Outputs, RenderError};
+use wgpu::BufferUsages as Usage;
+
+/// Renders on both sides and compares every output.
+fn same(renderer: &mut WgpuRenderer, both: &Both) -> FrameStats {
+    let data = both.scene.data();
+    let input = both.scene.input(&data);
+    let mut cpu = CpuRenderer::new();
+    let expected = cpu.render(&both.cpu, &input).expect("a frame");
+    let found = renderer.render(&both.device, &input).expect("a frame");
+    let name = both.scene.name;
+    assert_eq!((found.paths, found.shadow_rays), (expected.paths, expected.shadow_rays), "{name}");
+    let words = |x: &[[f32; 4]]| bytemuck::cast_slice::<_, u32>(x).to_vec();
+    assert_eq!(words(&renderer.radiance().expect("radiance")), words(cpu.radiance()), "{name}");
+    assert_eq!(renderer.pixels().expect("pixels"), cpu.pixels(), "{name}");
+    assert_eq!(renderer.first_hits().expect("hits"), cpu.first_hits(), "{name}");
+    assert_eq!(renderer.first_costs().expect("costs"), cpu.first_costs(), "{name}");
+    found
+}
+
+fn sized(mut scene: Scene, size: [u32; 2]) -> Scene {
+    scene.size = size;
+    scene
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn pictures_have_the_bits_of_the_cpus() {
+    let mut renderer = device::renderer();
+    same(&mut renderer, &both(sized(scenes::diffuse(), [96, 64])));
+    for scene in [scenes::all(), scenes::empty()] {
+        same(&mut renderer, &both(sized(scene, [48, 32])));
+    }
+    // A smaller picture in the same buffers, and other outputs.
+    same(&mut renderer, &both(sized(scenes::all(), [31, 17])));
+}
+
+/// Moeller and Trumbore's test may fuse, so its hits are not the CPU's to the bit.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn the_fast_test_gives_nearly_the_same_picture() {
+    let mut scene = scenes::diffuse();
+    scene.query.accuracy = Accuracy::Fast;
+    let both = both(scene);
+    let data = both.scene.data();
+    let input = both.scene.input(&data);
+    let mut renderer = device::renderer();
+    renderer.render(&both.device, &input).expect("a frame");
+    let mut cpu = CpuRenderer::new();
+    cpu.render(&both.cpu, &input).expect("a frame");
+    let found = renderer.pixels().expect("pixels");
+    let differ = found.iter().zip(cpu.pixels()).filter(|(a, b)| a != b).count();
+    assert!(differ * 20 < found.len(), "{differ} of {} pixels differ", found.len());
+}
+
+/// Glass that outgrows its room is made again in smaller slices, until it fits.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn frames_that_outgrow_their_room_are_halved() {
+    let both = both(scenes::overflowing());
+    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    renderer.limit_paths(96);
+    let data = both.scene.data();
+    let first = renderer.plan(&both.scene.input(&data)).expect("a plan");
+    let stats = same(&mut renderer, &both);
+    assert!(stats.plan.slice_pixels() < first.slice_pixels());
+    renderer.limit_paths(2);
+    let error = renderer.render(&both.device, &both.scene.input(&data)).expect_err("too deep");
+    assert!(matches!(error, RenderError::PixelTooDeep { .. }), "{error}");
+    assert!(matches!(renderer.pixels(), Err(RenderError::NoOutput { .. })));
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn pictures_go_to_buffers_of_the_caller() {
+    let both = both(scenes::diffuse());
+    let data = both.scene.data();
+    let input = both.scene.input(&data);
+    let mut renderer = device::renderer();
+    renderer.render(&both.device, &input).expect("a frame");
+    let expected = renderer.pixels().expect("pixels");
+    let bytes = 4 * u64::from(input.size.pixels());
+    let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
+    let target = gpu().buffer("target", bytes, usage).expect("a buffer");
+    renderer.render_into(&target, &both.device, &input).expect("a frame");
+    assert_eq!(renderer.pixel_buffer(), Some(&target));
+    assert_eq!(renderer.pixels().expect("pixels"), expected);
+    renderer.render(&both.device, &input).expect("a frame");
+    assert_ne!(renderer.pixel_buffer(), Some(&target));
+    let small = gpu().buffer("small", bytes - 4, usage).expect("a buffer");
+    let unusable = gpu().buffer("unusable", bytes, Usage::COPY_DST).expect("a buffer");
+    for wrong in [small, unusable] {
+        let error = renderer.submit_into(&wrong, &both.device, &input).expect_err("a target");
+        assert!(matches!(error, RenderError::Target { .. }), "{error}");
+    }
+}
+
+/// Submitted, polled, and rendered again: nothing is compiled or allocated a second time.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn frames_can_be_asked_for_later_and_cost_no_new_memory() {
+    let mut both = both(scenes::smooth());
+    let mut data = both.scene.data();
+    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    assert!(matches!(renderer.poll(), Err(RenderError::NoOutput { .. })));
+    renderer.submit(&both.device, &both.scene.input(&data)).expect("a submission");
+    let stats = loop {
+        if let Some(stats) = renderer.poll().expect("a device") {
+            break stats;
+        }
+        std::thread::yield_now();
+    };
+    assert!(stats.paths >= u64::from(stats.plan.size().pixels()));
+    let (bytes, pipelines) = (renderer.bytes(), renderer.pipelines());
+    let before = renderer.pixels().expect("pixels");
+    // Normals in place; a camera elsewhere would do as well.
+    for normal in &mut both.scene.normals {
+        normal[0] += 0.3;
+    }
+    let again = both.scene.data();
+    assert_ne!(again.revision(), data.revision());
+    both.scene.update_normals(&mut data);
+    same_words(&data, &again);
+    renderer.render(&both.device, &both.scene.input(&data)).expect("a frame");
+    let after = renderer.pixels().expect("pixels");
+    assert_ne!(after, before);
+    renderer.render(&both.device, &both.scene.input(&again)).expect("a frame");
+    assert_eq!(renderer.pixels().expect("pixels"), after);
+    assert_eq!((renderer.bytes(), renderer.pipelines()), (bytes, pipelines));
+}
+
+fn same_words(a: &splitplane_render::SceneData, b: &splitplane_render::SceneData) {
+    assert_eq!(a.words(), b.words());
+}
+
+/// A scene pays for what it uses: no buffer and no shader for light where only hits are asked for.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn hits_alone_need_no_light() {
+    let mut scene = scenes::all();
+    scene.outputs =
+        Outputs { pixels: false, radiance: false, first_hits: true, first_costs: false };
+    let both = both(scene);
+    let data = both.scene.data();
+    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    renderer.render(&both.device, &both.scene.input(&data)).expect("a frame");
+    assert_eq!(renderer.pipelines(), 4);
+    assert!(matches!(renderer.pixels(), Err(RenderError::NoOutput { .. })));
+    assert!(matches!(renderer.radiance(), Err(RenderError::NoOutput { .. })));
+    assert_eq!(renderer.first_hits().expect("hits").len(), 24 * 16);
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn looks_of_another_mesh_are_refused() {
+    let small = both(scenes::empty());
+    let large = both(scenes::diffuse());
+    let data = large.scene.data();
+    let mut renderer = device::renderer();
+    let error = renderer.render(&small.device, &large.scene.input(&data)).expect_err("another");
+    assert!(matches!(error, RenderError::WrongMesh { .. }), "{error}");
+}
