@@ -69,7 +69,7 @@ fn the_fast_test_gives_nearly_the_same_picture() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn frames_that_outgrow_their_room_are_halved() {
     let both = both(scenes::overflowing());
-    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    let mut renderer = device::renderer();
     renderer.limit_paths(96);
     let data = both.scene.data();
     let first = renderer.plan(&both.scene.input(&data)).expect("a plan");
@@ -77,6 +77,7 @@ fn frames_that_outgrow_their_room_are_halved() {
     assert!(stats.plan.slice_pixels() < first.slice_pixels());
     renderer.limit_paths(2);
     let error = renderer.render(&both.device, &both.scene.input(&data)).expect_err("too deep");
+    renderer.limit_paths(u32::MAX);
     assert!(matches!(error, RenderError::PixelTooDeep { .. }), "{error}");
     assert!(matches!(renderer.pixels(), Err(RenderError::NoOutput { .. })));
 }
@@ -179,7 +180,7 @@ fn rays_not_followed_to_their_end_are_told() {
     let both = both(scenes::diffuse());
     let data = both.scene.data();
     let input = both.scene.input(&data);
-    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    let mut renderer = device::renderer();
     for (kernel, text, fault) in [
         (
             Kernel::ClosestHits,
