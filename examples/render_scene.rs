@@ -21,8 +21,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let settings = RenderSettings { samples: 4, ..RenderSettings::default() };
     let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
     let stats = tracer.frame(&scene, &request)?;
-    let bytes: Vec<u8> =
-        tracer.pixels()?.iter().flat_map(|pixel| pixel.to_le_bytes()).collect();
+    let bytes: Vec<u8> = tracer.pixels()?.iter().flat_map(|pixel| pixel.to_le_bytes()).collect();
 
     let path = std::env::temp_dir().join("render_scene.png");
     let picture = image::RgbaImage::from_raw(size.width(), size.height(), bytes);

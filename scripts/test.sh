@@ -3,16 +3,21 @@
 #
 # The GPU tests need a GPU adapter. Where there is none and packages can be installed (Debian, Ubuntu),
 # this installs Mesa's software Vulkan. Where that fails too, the GPU tests are ignored, with the reason.
+#
+# Without arguments that select tests, the tests of the viewer run as well. They need a virtual display,
+# which is handled likewise.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 # Of the arguments those that choose what cargo builds and from what.
 build=()
+selects=
 for argument in "$@"; do
     case $argument in
-    --) break ;;
     --locked | --offline | --frozen | --release) build+=("$argument") ;;
+    *) selects=yes ;;
     esac
+    [ "$argument" != -- ] || break
 done
 
 # Without a desktop Mesa's layer that orders adapters prints errors that mean nothing here.
@@ -38,7 +43,7 @@ as_root() {
     fi
 }
 
-install_software_adapter() {
+install() {
     if ! command -v apt-get >/dev/null; then
         say "there is no apt-get, so nothing can be installed"
         return 1
@@ -47,10 +52,28 @@ install_software_adapter() {
         say "packages can be installed by root only"
         return 1
     fi
-    say "installing mesa-vulkan-drivers"
+    say "installing $*"
     as_root apt-get update -qq &&
-        as_root env DEBIAN_FRONTEND=noninteractive \
-            apt-get install -y -qq --no-install-recommends mesa-vulkan-drivers
+        as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "$@"
+}
+
+# What the tests of the viewer run, and libraries that windows load when they open.
+display_programs=(Xvfb xwd xdotool)
+display_libraries=(libX11.so.6 libX11-xcb.so.1 libXcursor.so.1 libXi.so.6 libxkbcommon-x11.so.0)
+display_packages=(xvfb x11-apps xdotool libx11-6 libx11-xcb1 libxcursor1 libxi6 libxkbcommon-x11-0)
+
+display_found() {
+    local loadable name
+    for name in "${display_programs[@]}"; do
+        command -v "$name" >/dev/null || { say "$name is not installed"; return 1; }
+    done
+    loadable=$(PATH=$PATH:/sbin:/usr/sbin ldconfig -p 2>/dev/null) || return 1
+    for name in "${display_libraries[@]}"; do
+        case $loadable in
+        *"$name"*) ;;
+        *) say "$name is not installed"; return 1 ;;
+        esac
+    done
 }
 
 if [ "${SPLITPLANE_GPU:-}" = absent ]; then
@@ -63,7 +86,7 @@ else
     else
         say "no GPU adapter was found:"
         grep -m 1 'no GPU adapter can be used' "$log" || tail -n 20 "$log"
-        if install_software_adapter && adapter_found; then
+        if install mesa-vulkan-drivers && adapter_found; then
             say "Mesa's software Vulkan is set up"
         else
             say "no software adapter could be set up either: GPU tests are ignored"
@@ -74,3 +97,21 @@ fi
 
 say "cargo test --workspace $*"
 cargo test --workspace "$@"
+
+[ -z "$selects" ] || exit 0
+
+if [ "${SPLITPLANE_DISPLAY:-}" = absent ]; then
+    say "SPLITPLANE_DISPLAY=absent is set: tests that need a display are ignored"
+elif ! display_found && ! { install "${display_packages[@]}" && display_found; }; then
+    say "no virtual display could be set up: tests that need one are ignored"
+    export SPLITPLANE_DISPLAY=absent
+fi
+
+# The tests above must not see the viewer: the program without it is what most people build. Optimising
+# the windowing and drawing crates would take longer than these tests do without it.
+viewer=(--profile dev -p splitplane --features viewer --lib --bin splitplane --test viewer)
+case " ${build[*]-} " in
+*" --release "*) viewer=("${viewer[@]:2}") ;;
+esac
+say "cargo test ${viewer[*]} ${build[*]-}"
+cargo test "${viewer[@]}" ${build[@]+"${build[@]}"}

@@ -44,13 +44,15 @@
 //! cameras, Wavefront files, the pictures on their surfaces, scenes that move, pictures of them, and
 //! checks against a reference. `cli` (default) is the program and needs all of them; an embedder
 //! writes `default-features = false` and `features = ["cpu"]`, `["wgpu"]` or both, and compiles none
-//! of it.
+//! of it. `viewer` adds the program's verb `view`, an interactive window; it needs Rust 1.95.
 
 #![forbid(unsafe_code)]
 
 pub mod backend;
 #[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
 pub mod parity;
+#[cfg(feature = "render")]
+pub mod picture;
 #[cfg(any(feature = "scene", feature = "verify"))]
 mod random;
 #[cfg(feature = "render")]
@@ -63,6 +65,8 @@ mod surface;
 pub mod tracer;
 #[cfg(feature = "verify")]
 pub mod verify;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;

@@ -9,8 +9,8 @@ use splitplane_core::mesh::MeshError;
 use splitplane_core::ray::QueryOptions;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::{
-    AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings,
-    SceneData, Size,
+    AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings, SceneData,
+    Size,
 };
 use std::borrow::Cow;
 use thiserror::Error;
@@ -266,6 +266,27 @@ impl Tracer {
         let mesh = scene.mesh()?;
         let looks = &self.looks;
         on!(&mut self.on, on => on.frame(mesh, looks, request))
+    }
+
+    /// As [`Tracer::frame`] on a GPU, with the picture in a buffer of its device: one word a pixel, row by
+    /// row from the top left, red in the lowest byte, then green, blue and 255. The buffer needs the
+    /// usage `STORAGE`; nothing of the picture crosses to the host.
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame`]; a buffer that does not suit, or a tracer that is not on a GPU.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn frame_into(
+        &mut self,
+        scene: &Scene,
+        request: &FrameRequest<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<FrameStats, TracerError> {
+        self.described()?;
+        let mesh = scene.mesh()?;
+        match &mut self.on {
+            On::Gpu(on) => on.frame_into(mesh, &self.looks, request, target),
+            On::Cpu(_) => Err(TracerError::NoFrame),
+        }
     }
 
     fn described(&self) -> Result<&SceneData, TracerError> {

@@ -52,8 +52,7 @@ fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_bui
     let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
     tracer.build(&scene, &build).unwrap();
     let size = Size::new(40, 24).unwrap();
-    let placement =
-        Placement::of(&scene, tracer.accelerator().unwrap(), size.aspect()).unwrap();
+    let placement = Placement::of(&scene, tracer.accelerator().unwrap(), size.aspect()).unwrap();
     scene.lights = placement.lights;
     tracer.describe_looks(&scene).unwrap();
     let settings = RenderSettings { depth: 3, ..RenderSettings::default() };

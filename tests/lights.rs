@@ -137,3 +137,17 @@ fn lights_inside_reach_what_is_seen() {
     let (one, many) = (point(&alone.lights[0]), point(&placement.lights[0]));
     assert_eq!((one.0, one.1), (many.0, Light::DAYLIGHT));
 }
+
+#[test]
+fn lights_of_scenes_of_any_size_are_finite() {
+    for size in [1e-37f32, 1e-20, 1e20, 1e38] {
+        let mut scene = object();
+        scene.positions.as_flattened_mut().iter_mut().for_each(|x| *x *= size);
+        for light in place(&scene, 3).lights {
+            let (position, irradiance, distance) = point(&light);
+            let numbers = [position, irradiance];
+            assert!(numbers.as_flattened().iter().all(|x| x.is_finite()), "{size}: {light:?}");
+            assert!(distance.is_finite() && distance > 0.0, "{size}: {light:?}");
+        }
+    }
+}

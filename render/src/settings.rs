@@ -122,6 +122,10 @@ pub struct SettingsError {
 }
 
 impl RenderSettings {
+    /// A headlight for scenes whose lights were placed for want of any: what they do not reach is still
+    /// told apart.
+    pub const PLACED_HEADLIGHT: f32 = 0.2;
+
     /// Whether all settings are in their ranges.
     ///
     /// # Errors

@@ -121,9 +121,9 @@ impl From<QueryError> for Failure {
 impl From<PictureError> for Failure {
     fn from(error: PictureError) -> Failure {
         let code = match error {
-            PictureError::Delay { .. } | PictureError::Dimensions { .. } | PictureError::Repeated(_) => {
-                USAGE
-            }
+            PictureError::Delay { .. }
+            | PictureError::Dimensions { .. }
+            | PictureError::Repeated(_) => USAGE,
             PictureError::Write { .. } => FILE,
             _ => BUG,
         };
@@ -190,9 +190,63 @@ impl From<splitplane::parity::ParityError> for Failure {
     }
 }
 
+#[cfg(feature = "viewer")]
+impl From<splitplane::viewer::ViewerError> for Failure {
+    fn from(error: splitplane::viewer::ViewerError) -> Failure {
+        use splitplane::viewer::ViewerError;
+        let code = match error {
+            ViewerError::Adapter(error) => return error.into(),
+            ViewerError::Frame(error) => return error.into(),
+            ViewerError::NoDisplay(_) | ViewerError::Window(_) | ViewerError::NoSurface(_) => {
+                NO_GPU
+            }
+            ViewerError::DeviceLost(_) | ViewerError::Device(_) => DEVICE,
+            ViewerError::Screenshot(_) => FILE,
+            _ => BUG,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+#[cfg(feature = "viewer")]
+impl From<splitplane::viewer::FrameError> for Failure {
+    fn from(error: splitplane::viewer::FrameError) -> Failure {
+        use splitplane::viewer::FrameError;
+        match error {
+            FrameError::Open(error) => error.into(),
+            FrameError::Mesh(error) => error.into(),
+            FrameError::Build(error) => error.into(),
+            FrameError::Query(error) => error.into(),
+            FrameError::Tracer(error) => error.into(),
+            FrameError::Animation(error) => Failure::file(error.to_string()),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a window cannot be made to do at will.
+    #[cfg(feature = "viewer")]
+    #[test]
+    fn ends_of_the_window_have_their_codes() {
+        use splitplane::viewer::{FrameError, ViewerError};
+        let text = || "gone".to_owned();
+        assert_eq!(Failure::from(ViewerError::DeviceLost(text())).code, DEVICE);
+        assert_eq!(Failure::from(ViewerError::Device(text())).code, DEVICE);
+        assert_eq!(Failure::from(ViewerError::NoSurface(vec![text()])).code, NO_GPU);
+        assert_eq!(Failure::from(ViewerError::Window(text())).code, NO_GPU);
+        assert_eq!(Failure::from(ViewerError::Adapter(OpenError::NoAdapter)).code, NO_GPU);
+        let lost = FrameError::Query(QueryError::DeviceLost { reason: text() });
+        assert!(lost.is_device_loss());
+        assert_eq!(Failure::from(ViewerError::Frame(lost)).code, DEVICE);
+        let memory = FrameError::Build(BuildError::OutOfMemory { needed: 2, limit: 1 });
+        assert!(!memory.is_device_loss());
+        assert_eq!(Failure::from(ViewerError::Frame(memory)).code, LIMIT);
+        assert_eq!(Failure::from(ViewerError::Frame(FrameError::Superseded)).code, BUG);
+    }
 
     /// Codes that no run of this build can reach from outside.
     #[test]

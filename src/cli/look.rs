@@ -3,9 +3,9 @@
 use super::failure::Failure;
 use super::options::{point, size};
 use clap::{Args, ValueEnum};
+use splitplane::Accelerator;
 use splitplane::render::{Environment, Light, RenderSettings, Size};
 use splitplane::scene::{Camera, MaterialRule, Placement, Scene, SceneOptions, View};
-use splitplane::Accelerator;
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
@@ -78,11 +78,21 @@ pub(super) struct Look {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum MaterialsName {
+pub(super) enum MaterialsName {
     /// Those whose `illum` says so
     Illum,
     /// All with a `Ks`, as scenes made for ray tracers mean it
     Specular,
+}
+
+impl MaterialsName {
+    /// The rule of this name.
+    pub(super) const fn rule(self) -> MaterialRule {
+        match self {
+            MaterialsName::Illum => MaterialRule::Illum,
+            MaterialsName::Specular => MaterialRule::Specular,
+        }
+    }
 }
 
 /// A place or direction, and perhaps a colour.
@@ -94,7 +104,8 @@ struct Lamp {
 
 /// `x,y,z` or `x,y,z,r,g,b`.
 fn lamp(text: &str) -> Result<Lamp, String> {
-    let wrong = || "give three or six finite numbers, such as 1,2.5,-3 or 1,2,3,0.5,0.5,1".to_owned();
+    let wrong =
+        || "give three or six finite numbers, such as 1,2.5,-3 or 1,2,3,0.5,0.5,1".to_owned();
     let parts: Vec<&str> = text.split(',').collect();
     let irradiance = match parts.len() {
         3 => None,
@@ -122,10 +133,7 @@ impl Look {
     /// How files become scenes.
     pub(super) fn scene_options(&self) -> SceneOptions {
         SceneOptions {
-            materials: match self.materials {
-                MaterialsName::Illum => MaterialRule::Illum,
-                MaterialsName::Specular => MaterialRule::Specular,
-            },
+            materials: self.materials.rule(),
             textures: !self.no_textures,
             ..SceneOptions::default()
         }
@@ -187,7 +195,9 @@ impl Look {
         }
         for sun in &self.sun {
             if sun.place == [0.0; 3] {
-                return Err(Failure::usage("the direction of --sun is zero; give one such as 1,2,1"));
+                return Err(Failure::usage(
+                    "the direction of --sun is zero; give one such as 1,2,1",
+                ));
             }
             let irradiance = sun.irradiance.unwrap_or(share);
             lights.push(Light::Directional { towards: sun.place, irradiance });
@@ -195,8 +205,17 @@ impl Look {
         Ok(Some(lights))
     }
 
+    fn headlight(&self, by_rule: bool) -> f32 {
+        let usual = if by_rule { RenderSettings::PLACED_HEADLIGHT } else { 0.0 };
+        self.headlight.unwrap_or(usual)
+    }
+
     /// The settings of a frame, for this many samples unless the user says otherwise.
-    pub(super) fn settings(&self, samples: u32, placed: &Placed) -> Result<RenderSettings, Failure> {
+    pub(super) fn settings(
+        &self,
+        samples: u32,
+        placed: &Placed,
+    ) -> Result<RenderSettings, Failure> {
         let settings = RenderSettings {
             samples: self.samples.unwrap_or(samples),
             depth: self.depth,
@@ -204,7 +223,7 @@ impl Look {
             area_samples: self.area_samples,
             seed: self.seed,
             ambient: self.ambient,
-            headlight: self.headlight.unwrap_or(if placed.by_rule { 0.2 } else { 0.0 }),
+            headlight: self.headlight(placed.by_rule),
             exposure: self.exposure,
             environment: self.environment,
         };

@@ -20,6 +20,8 @@ mod render;
 mod stage;
 mod tree;
 mod verify;
+#[cfg(feature = "viewer")]
+mod view;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -53,6 +55,9 @@ enum Verb {
     Adapters(adapters::Arguments),
     /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
     Parity(parity::Arguments),
+    /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
+    #[cfg(feature = "viewer")]
+    View(view::Arguments),
 }
 
 const EXIT_CODES: &str = "\
@@ -82,6 +87,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        #[cfg(feature = "viewer")]
+        Some(Verb::View(arguments)) => view::run(&arguments),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

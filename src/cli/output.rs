@@ -50,3 +50,13 @@ pub(super) fn file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
         ))
     })
 }
+
+/// Refuses names of pictures that do not end in `.png`.
+#[cfg(feature = "viewer")]
+pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+        return Ok(());
+    }
+    let shown = path.display();
+    Err(Failure::usage(format!("`{shown}` does not end in .png; screenshots are written as PNG")))
+}

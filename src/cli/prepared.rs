@@ -24,10 +24,14 @@ pub(super) fn in_pool<R: Send>(
     common: &Common,
     work: impl FnOnce() -> Result<R, Failure> + Send,
 ) -> Result<R, Failure> {
+    pool(common)?.install(work)
+}
+
+/// A pool of as many threads as asked for.
+pub(super) fn pool(common: &Common) -> Result<rayon::ThreadPool, Failure> {
     let threads = common.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    let refused = |error| Failure::usage(format!("cannot start the threads: {error}; try fewer"));
-    pool.map_err(refused)?.install(work)
+    pool.map_err(|error| Failure::usage(format!("cannot start the threads: {error}; try fewer")))
 }
 
 impl Prepared {

@@ -23,7 +23,7 @@ pub struct Animation {
 #[derive(Debug)]
 enum Source {
     Builtin(builtin::Builtin),
-    Obj(ObjFolder),
+    Obj(Box<ObjFolder>),
     Raw(RawFrames),
 }
 
@@ -69,7 +69,7 @@ impl Animation {
             }
             Some(path) if path.is_dir() => {
                 let source = ObjFolder::open(path, options)?;
-                (Scene::open_with(scene, options)?, Source::Obj(source))
+                (Scene::open_with(scene, options)?, Source::Obj(Box::new(source)))
             }
             Some(path) => {
                 let mut scene = Scene::open_with(scene, options)?;

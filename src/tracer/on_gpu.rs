@@ -105,6 +105,25 @@ impl OnGpu {
         looks: &SceneData,
         request: &FrameRequest<'_>,
     ) -> Result<FrameStats, TracerError> {
+        let (renderer, tree) = self.ready()?;
+        Ok(renderer.render(tree.on_device(), &input(mesh, looks, request))?)
+    }
+
+    /// With the picture in a buffer of the device.
+    #[cfg(feature = "viewer")]
+    pub(super) fn frame_into(
+        &mut self,
+        mesh: Mesh<'_>,
+        looks: &SceneData,
+        request: &FrameRequest<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<FrameStats, TracerError> {
+        let (renderer, tree) = self.ready()?;
+        Ok(renderer.render_into(target, tree.on_device(), &input(mesh, looks, request))?)
+    }
+
+    /// What makes frames, and of what.
+    fn ready(&mut self) -> Result<(&mut WgpuRenderer, &Tree), TracerError> {
         let tree = self.tree.as_ref().ok_or(TracerError::NothingBuilt)?;
         let renderer = match &mut self.renderer {
             Some(renderer) => renderer,
@@ -113,16 +132,7 @@ impl OnGpu {
                 self.renderer.insert(WgpuRenderer::new(gpu)?)
             }
         };
-        let input = FrameInput {
-            mesh,
-            scene: looks,
-            camera: request.camera.pinhole(request.size),
-            size: request.size,
-            settings: &request.settings,
-            outputs: request.outputs,
-            query: request.query,
-        };
-        Ok(renderer.render(tree.on_device(), &input)?)
+        Ok((renderer, tree))
     }
 
     fn renderer(&self) -> Result<&WgpuRenderer, TracerError> {
@@ -143,5 +153,21 @@ impl OnGpu {
 
     pub(super) fn first_costs(&self) -> Result<Cow<'_, [FirstCost]>, TracerError> {
         Ok(Cow::Owned(self.renderer()?.first_costs()?))
+    }
+}
+
+fn input<'a>(
+    mesh: Mesh<'a>,
+    looks: &'a SceneData,
+    request: &'a FrameRequest<'_>,
+) -> FrameInput<'a> {
+    FrameInput {
+        mesh,
+        scene: looks,
+        camera: request.camera.pinhole(request.size),
+        size: request.size,
+        settings: &request.settings,
+        outputs: request.outputs,
+        query: request.query,
     }
 }

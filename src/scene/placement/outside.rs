@@ -55,7 +55,9 @@ pub(super) fn lights(camera: &Camera, count: usize) -> Vec<Light> {
             let (sin, cos) = (std::f64::consts::TAU * number as f64 / count as f64).sin_cos();
             let turned =
                 DVec3::new(cos * first.x + sin * first.z, first.y, cos * first.z - sin * first.x);
-            let position = (centre + turned).as_vec3().to_array();
+            // A scene near the end of the range of f32 has its lights there.
+            let end = DVec3::splat(f64::from(f32::MAX));
+            let position = (centre + turned).clamp(-end, end).as_vec3().to_array();
             Light::point_for(position, camera.look_at(), super::share(number, count))
         })
         .collect()
