@@ -7,6 +7,7 @@ use device::scenes::{self, Scene};
 use device::{Both, both, gpu};
 use splitplane_core::ray::Accuracy;
 use splitplane_render::cpu::CpuRenderer;
+use splitplane_render::kernel::Kernel;
 use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_render::{FrameStats, Outputs, RenderError};
 use wgpu::BufferUsages as Usage;
@@ -68,7 +69,7 @@ fn the_fast_test_gives_nearly_the_same_picture() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn frames_that_outgrow_their_room_are_halved() {
     let both = both(scenes::overflowing());
-    let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+    let mut renderer = device::renderer();
     renderer.limit_paths(96);
     let data = both.scene.data();
     let first = renderer.plan(&both.scene.input(&data)).expect("a plan");
@@ -76,6 +77,7 @@ fn frames_that_outgrow_their_room_are_halved() {
     assert!(stats.plan.slice_pixels() < first.slice_pixels());
     renderer.limit_paths(2);
     let error = renderer.render(&both.device, &both.scene.input(&data)).expect_err("too deep");
+    renderer.limit_paths(u32::MAX);
     assert!(matches!(error, RenderError::PixelTooDeep { .. }), "{error}");
     assert!(matches!(renderer.pixels(), Err(RenderError::NoOutput { .. })));
 }
@@ -169,4 +171,44 @@ fn looks_of_another_mesh_are_refused() {
     let mut renderer = device::renderer();
     let error = renderer.render(&small.device, &large.scene.input(&data)).expect_err("another");
     assert!(matches!(error, RenderError::WrongMesh { .. }), "{error}");
+}
+
+/// What the driver does not follow to its end is told: here it is two kernels that say so of a ray.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn rays_not_followed_to_their_end_are_told() {
+    let both = both(scenes::diffuse());
+    let data = both.scene.data();
+    let input = both.scene.input(&data);
+    let mut renderer = device::renderer();
+    for (kernel, text, fault) in [
+        (
+            Kernel::ClosestHits,
+            "let ray = ray_of_words(",
+            "if index == 5u { hits[5] = vec4<u32>(0x7f800000u, UNFINISHED, 0u, 0u); continue; }
+            let ray = ray_of_words(",
+        ),
+        (
+            Kernel::ShadowHits,
+            "let hit = trace_ray(ray, options, true);",
+            "var hit = trace_ray(ray, options, true);
+            if index == 0u { hit.triangle = UNFINISHED; }",
+        ),
+    ] {
+        let source = splitplane_shaders::find(kernel.name()).expect("a kernel").source();
+        let planted = source.replace(text, fault);
+        assert_ne!(planted, source);
+        renderer.replace_kernel(kernel, Some(planted));
+        renderer.render(&both.device, &input).expect("a frame");
+        renderer.replace_kernel(kernel, None);
+        let pixels = renderer.pixels().expect("pixels");
+        let told: Vec<usize> = (0..pixels.len()).filter(|&i| pixels[i] >> 24 == 0).collect();
+        let radiance = renderer.radiance().expect("radiance");
+        let counted: Vec<usize> = (0..radiance.len()).filter(|&i| radiance[i][3] == 1.0).collect();
+        assert_eq!((told.len(), &told), (1, &counted), "{kernel:?}");
+        if kernel == Kernel::ClosestHits {
+            assert_eq!(told, [5]);
+            assert_eq!(renderer.first_hits().expect("hits")[5].triangle, u32::MAX - 1);
+        }
+    }
 }

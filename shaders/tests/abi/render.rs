@@ -14,11 +14,14 @@ use crate::constants::{self, Known, snake};
 use crate::records::{self, Member, Record, kinds_of};
 use crate::source::{Parsed, Text};
 
+/// Whether a variable has the type that a binding must have.
+type Suits = Box<dyn Fn(&Parsed, &GlobalVariable) -> bool>;
+
 /// A binding: its name, its space, and whether its type is right.
 struct Wanted {
     name: String,
     space: AddressSpace,
-    suits: Box<dyn Fn(&Parsed, &GlobalVariable) -> bool>,
+    suits: Suits,
 }
 
 /// The name of a buffer in WGSL. A traversal has a `scene` already.
