@@ -51,7 +51,7 @@ enum On {
     #[cfg(feature = "cpu")]
     Cpu(on_cpu::OnCpu),
     #[cfg(feature = "wgpu")]
-    Gpu(on_gpu::OnGpu),
+    Gpu(Box<on_gpu::OnGpu>),
 }
 
 /// Calls the same on whichever backend it is.
@@ -152,7 +152,7 @@ impl Tracer {
             #[cfg(feature = "cpu")]
             Engine::Cpu(backend) => On::Cpu(on_cpu::OnCpu::new(backend)),
             #[cfg(feature = "wgpu")]
-            Engine::Wgpu(backend) => On::Gpu(on_gpu::OnGpu::new(backend)),
+            Engine::Wgpu(backend) => On::Gpu(Box::new(on_gpu::OnGpu::new(backend))),
         };
         Tracer { on, looks: SceneData::default(), described: false }
     }

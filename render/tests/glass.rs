@@ -103,7 +103,7 @@ fn paths_that_split_more_than_expected_cost_smaller_slices_only() {
     let whole = shoot(&world, camera, size, &settings);
     let room = splitplane_render::Room { paths: 600, buffer_bytes: 1 << 30 };
     let small = common::try_shoot(&world, camera, size, &settings, room).unwrap();
-    assert!(small.stats.plan.slices() > 256 * 2 / 600 + 1, "{}", small.stats.plan.slices());
+    assert!(small.stats.plan.slices() > 1, "{}", small.stats.plan.slices());
     assert_eq!(small.renderer.radiance(), whole.renderer.radiance());
     assert_eq!(small.stats.paths, whole.stats.paths);
     let tiny = splitplane_render::Room { paths: 4, buffer_bytes: 1 << 30 };

@@ -125,13 +125,10 @@ impl OnGpu {
     /// What makes frames, and of what.
     fn ready(&mut self) -> Result<(&mut WgpuRenderer, &Tree), TracerError> {
         let tree = self.tree.as_ref().ok_or(TracerError::NothingBuilt)?;
-        let renderer = match &mut self.renderer {
-            Some(renderer) => renderer,
-            None => {
-                let gpu = self.backend.queries().gpu().clone();
-                self.renderer.insert(WgpuRenderer::new(gpu)?)
-            }
-        };
+        if self.renderer.is_none() {
+            self.renderer = Some(WgpuRenderer::new(self.backend.queries().gpu().clone())?);
+        }
+        let renderer = self.renderer.as_mut().ok_or(TracerError::NoFrame)?;
         Ok((renderer, tree))
     }
 

@@ -37,6 +37,8 @@ pub(super) fn style(context: &egui::Context) {
         style.visuals.window_fill = Color32::from_rgb(30, 32, 37);
         style.visuals.override_text_color = Some(Color32::from_gray(222));
         style.visuals.weak_text_color = Some(Color32::from_gray(150));
+        // With room of its own, so that it covers no figures.
+        style.spacing.scroll = egui::style::ScrollStyle::thin();
         // What cannot be edited is not to be selected either: drags are for the camera.
         style.interaction.selectable_labels = false;
     });

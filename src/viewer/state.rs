@@ -162,10 +162,11 @@ impl State {
 
     /// Whether the window shows this already, if perhaps coarser.
     fn shows(&self, whole: &FrameRequest) -> bool {
-        let (width, height) = (whole.width, whole.height);
-        self.frame
-            .as_ref()
-            .is_some_and(|frame| FrameRequest { width, height, ..frame.job.request } == *whole)
+        self.frame.as_ref().is_some_and(|frame| {
+            let step = frame.job.step;
+            let (width, height) = (reduced(whole.width, step), reduced(whole.height, step));
+            FrameRequest { width, height, ..*whole } == frame.job.request
+        })
     }
 
     /// True while a frame is on its way.

@@ -63,7 +63,7 @@ fn room(b: &mut Builder) {
     let terracotta = b.material("terracotta", [0.55, 0.27, 0.17]);
     let skirting = b.material("skirting", [0.20, 0.14, 0.10]);
     let floor = b.textured("floor", paint::planks());
-    let panel = Material::new("panel", [0.8; 3]).with_emission([7.0, 6.6, 6.0]);
+    let panel = Material::new("panel", [0.8; 3]).with_emission([9.0, 8.5, 7.7]);
     let panel = b.add_material(panel);
     let (w, h, back, front) = (HALF, HEIGHT, BACK, FRONT);
 
