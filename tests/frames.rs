@@ -47,7 +47,7 @@ const SLACK: usize = 128 << 10;
 fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_builds() {
     let options = SceneOptions::default();
     let (mut scene, mut animation) =
-        Animation::open("builtin:carousel:3000", None, &options).unwrap();
+        Animation::open("builtin:carousel:4000", None, &options).unwrap();
     let build = BuildOptions::default();
     let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
     tracer.build(&scene, &build).unwrap();

@@ -57,9 +57,9 @@ impl Environment {
 
     /// A pale horizon under a blue sky, dark ground.
     pub const SKY: Environment = Environment {
-        zenith: [0.16, 0.28, 0.52],
-        horizon: [0.66, 0.68, 0.70],
-        nadir: [0.16, 0.15, 0.14],
+        zenith: [0.20, 0.40, 0.80],
+        horizon: [0.85, 0.92, 1.00],
+        nadir: [0.20, 0.18, 0.16],
     };
 
     /// The same radiance from all directions.
