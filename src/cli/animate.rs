@@ -116,8 +116,10 @@ impl Arguments {
         let opened = open_tracer(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let options = look.scene_options();
-        let (scene, mut animation) =
+        let (mut scene, mut animation) =
             Animation::open(&self.scene, self.frames.as_deref(), &options)?;
+        // Lights are placed for what is seen.
+        scene.camera = scene.camera.or(animation.camera(0));
         spinner.finish_and_clear();
         if let Some(folder) = &self.out {
             fs::create_dir_all(folder).map_err(|error| {

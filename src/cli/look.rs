@@ -175,6 +175,7 @@ impl Look {
             view: if self.moves_camera() { None } else { Some(placement.view) },
             lights: of_user.unwrap_or(placement.lights),
             by_rule,
+            asked: count,
         })
     }
 
@@ -241,6 +242,8 @@ pub(super) struct Placed {
     pub(super) lights: Vec<Light>,
     /// Whether the lights were placed for want of any.
     pub(super) by_rule: bool,
+    /// How many were asked for.
+    pub(super) asked: usize,
 }
 
 #[cfg(test)]

@@ -77,6 +77,10 @@ impl Stage {
         let lights = match (self.placed.lights.len(), self.tracer.looks().needs().emitters) {
             (0, 0) => "none but the environment".to_owned(),
             (0, shining) => format!("{shining} triangles that shine"),
+            (count, 0) if self.placed.by_rule && count < self.placed.asked => format!(
+                "{count}, placed; no further place reaches what the camera sees, though {} were asked for",
+                self.placed.asked
+            ),
             (count, 0) => format!("{count}{}", if self.placed.by_rule { ", placed" } else { "" }),
             (count, shining) => format!("{count}, and {shining} triangles that shine"),
         };

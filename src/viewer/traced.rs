@@ -325,6 +325,9 @@ impl FrameSource for TracedSource {
     fn open(&mut self, target: &FrameDevice, first: &FirstFrame) -> Result<Opening, FrameError> {
         let (backend, reason) = self.choose(first.backend, target)?;
         let frame = self.frame_at(0.0);
+        // Lights are placed for what is seen.
+        let own = self.animation.as_ref().and_then(|animation| animation.camera(frame));
+        self.scene.camera = self.scene.camera.or(own);
         self.prepare(backend, first.preset, frame, target)?;
         let placement = {
             let accelerator = self.tracer().accelerator()?;
@@ -343,8 +346,7 @@ impl FrameSource for TracedSource {
         };
         pool.install(|| tracer.describe_looks(scene))?;
         let accelerator = tracer.accelerator()?;
-        let camera =
-            self.animation.as_ref().and_then(|a| a.camera(frame)).unwrap_or(placement.camera);
+        let camera = placement.camera;
         // A scene's own camera looks at what it turns about, and so does one from outside; one from
         // inside only looks somewhere.
         let mut distance = length(camera.eye(), camera.look_at());

@@ -211,9 +211,23 @@ fn places(scene: &Scene, camera: &Camera, seen: &[Surface]) -> Vec<DVec3> {
             DVec3::new(spot.x, lo.y + height * size.y, spot.z)
         })
     });
-    // Over the left shoulder, for narrow places under high roofs.
-    let shoulder = eye - side * (0.12 * middle) + DVec3::Y * (0.2 * middle);
-    above.chain([shoulder]).collect()
+    // Over the shoulders and a little ahead, for narrow places under high roofs.
+    let shoulder = move |[forward, left, up]: [f64; 3]| {
+        eye + (ahead * forward - side * left + DVec3::Y * up) * middle
+    };
+    let near = [
+        [0.0, 0.12, 0.2],
+        [0.0, -0.12, 0.2],
+        [0.0, 0.04, 0.06],
+        [0.0, -0.04, 0.06],
+        [0.3, 0.1, 0.15],
+        [0.3, -0.1, 0.15],
+        [0.6, 0.1, 0.2],
+        [0.6, -0.1, 0.2],
+        [0.3, 0.0, 0.4],
+        [-0.1, 0.0, 0.1],
+    ];
+    above.chain(near.map(shoulder)).collect()
 }
 
 /// Which of the points a light would reach: on its side of the surface, with nothing between.
