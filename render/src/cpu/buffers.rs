@@ -23,8 +23,7 @@ pub struct Buffers {
     pub(crate) first_costs: Vec<FirstCost>,
     pub(crate) pixels: Vec<u32>,
     pub(crate) counters: Counters,
-    /// Shadow rays light by light, and whether they hit something; this executor's own.
-    pub(crate) sorted_rays: Vec<Ray>,
+    /// What shadow rays hit; this executor's own.
     pub(crate) occluded: Vec<bool>,
     /// Shadow rays that go on behind a clear surface, with their numbers; this executor's own.
     pub(crate) through_rays: Vec<Ray>,
@@ -78,7 +77,6 @@ impl Buffers {
             + held(&self.first_hits)
             + held(&self.first_costs)
             + held(&self.pixels)
-            + held(&self.sorted_rays)
             + held(&self.occluded)
             + held(&self.through_rays)
             + held(&self.through_indices)

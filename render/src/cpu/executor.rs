@@ -141,15 +141,8 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             }
             Kernel::ShadowHits => {
                 let start = Instant::now();
-                let input = k::shadow_hits::Input {
-                    accelerator: self.accelerator,
-                    options: query,
-                    surfaces: &b.surfaces[..paths],
-                    spawned: &b.spawned[..chunks],
-                    rays: &b.shadow_rays[..shadows],
-                };
-                let lights = &mut b.shadow_light[..shadows];
-                k::shadow_hits::run(&input, lights, &mut b.sorted_rays, &mut b.occluded)?;
+                let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
+                k::shadow_hits::run(self.accelerator, &query, rays, lights, &mut b.occluded)?;
                 self.tracing += start.elapsed();
             }
             Kernel::ShadowHitsThroughGlass => {
