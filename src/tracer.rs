@@ -113,6 +113,9 @@ pub enum TracerError {
     /// No frame was made yet, or it was made without what is asked for.
     #[error("there is no frame yet: make one before its picture is asked for")]
     NoFrame,
+    /// A picture was to go to a buffer of a GPU, but it is made on the CPU.
+    #[error("the frame is made on the CPU and cannot go to a buffer of a GPU")]
+    NotOnGpu,
     /// A device's driver did not follow some rays to their end.
     #[error(
         "the device's driver ended the work on {pixels} pixels before it was done; use the backend \
@@ -285,7 +288,7 @@ impl Tracer {
         let mesh = scene.mesh()?;
         match &mut self.on {
             On::Gpu(on) => on.frame_into(mesh, &self.looks, request, target),
-            On::Cpu(_) => Err(TracerError::NoFrame),
+            On::Cpu(_) => Err(TracerError::NotOnGpu),
         }
     }
 

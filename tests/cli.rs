@@ -219,6 +219,7 @@ fn render_reports_its_fields() {
         "height",
         "samples",
         "lights",
+        "lights_asked",
         "emitters",
         "paths",
         "shadow_rays",

@@ -49,6 +49,9 @@ impl Room {
     pub const GPU: Room = Room { paths: 1 << 20, buffer_bytes: 128 << 20 };
 }
 
+/// Least room for paths of scenes whose paths may split.
+const LEAST_BRANCHING_ROOM: u64 = 1 << 16;
+
 /// Why a frame cannot be made.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlanError {
@@ -144,7 +147,10 @@ impl Plan {
         // A glass surface answers a ray with two. Twice the room is mostly enough; else the frame is
         // made again in smaller slices.
         let branching = if plan.branches() { 2 } else { 1 };
+        // A small picture has as many paths to a pixel as a large one.
+        let least = if plan.branches() { LEAST_BRANCHING_ROOM } else { 1 };
         let wanted = u64::from(size.pixels()) * u64::from(settings.samples) * branching;
+        let wanted = wanted.max(least);
         let paths = room
             .paths
             .min(most(Buffer::Surfaces.element_size()))

@@ -126,6 +126,9 @@ impl RenderSettings {
     /// told apart.
     pub const PLACED_HEADLIGHT: f32 = 0.2;
 
+    /// [`RenderSettings::ambient`] for interiors, whose walls keep most of the environment's light off.
+    pub const INSIDE_AMBIENT: f32 = 0.15;
+
     /// Whether all settings are in their ranges.
     ///
     /// # Errors

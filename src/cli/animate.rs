@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::look::Look;
 use super::options::Common;
 use super::percentiles::Percentiles;
-use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
+use super::prepared::{BuildReport, in_pool, print_json};
 use super::stage::{Stage, open_tracer};
 use super::{output, progress};
 use clap::Args;
@@ -43,7 +43,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 24.0, value_parser = fps)]
     fps: f64,
     /// How many frames to make, from the first on and over again; all of them once when left out
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = frame_count)]
     count: Option<NonZeroU32>,
     #[command(flatten)]
     look: Look,
@@ -51,9 +51,24 @@ pub(super) struct Arguments {
     common: Common,
 }
 
+/// Most frames of a run: what is noted of each stays in memory for the report.
+const MOST_FRAMES: u32 = 1_000_000;
+
+fn frame_count(text: &str) -> Result<NonZeroU32, String> {
+    let number: Option<NonZeroU32> =
+        text.parse().ok().filter(|n: &NonZeroU32| n.get() <= MOST_FRAMES);
+    number.ok_or_else(|| format!("give a number of frames from 1 to {MOST_FRAMES}"))
+}
+
 fn fps(text: &str) -> Result<f64, String> {
     let number: Option<f64> = text.parse().ok().filter(|fps| (0.1..=100.0).contains(fps));
     number.ok_or_else(|| "give a number of frames a second from 0.1 to 100".to_owned())
+}
+
+/// A movie under another name until it is whole.
+struct Film {
+    movie: Movie<BufWriter<fs::File>>,
+    part: output::Part,
 }
 
 /// What a frame took, in milliseconds.
@@ -83,6 +98,8 @@ struct AnimateReport {
     height: u32,
     samples: u32,
     lights: usize,
+    /// Lights to be placed, had there been places for all.
+    lights_asked: Option<usize>,
     update_ms: Percentiles,
     build_frame_ms: Percentiles,
     trace_ms: Percentiles,
@@ -134,18 +151,20 @@ impl Arguments {
         let mut movie = self.open_movie(format, count)?;
         let count = count.get() as usize;
         let bar = progress::bar(common.quiet, "rendering", count as u64);
-        let mut times = Vec::with_capacity(count);
+        let mut times = Vec::new();
         for number in 0..count {
             let frame = number % animation.frames();
-            times.push(self.frame(&mut stage, &mut animation, frame)?);
-            self.write(&stage, number, movie.as_mut())?;
+            let (pixels, took) = self.frame(&mut stage, &mut animation, frame)?;
+            times.push(took);
+            self.write(&pixels, number, movie.as_mut())?;
             bar.inc(1);
         }
         bar.finish_and_clear();
         let mut written: Vec<String> =
             self.out.iter().map(|folder| folder.display().to_string()).collect();
         if let (Some(movie), Some(path)) = (movie, &self.movie) {
-            movie.finish()?;
+            movie.movie.finish()?;
+            movie.part.keep()?;
             written.push(path.display().to_string());
         }
         self.report(&stage, first_build, &described, times, written)
@@ -155,23 +174,30 @@ impl Arguments {
         &self,
         format: Option<MovieFormat>,
         frames: NonZeroU32,
-    ) -> Result<Option<Movie<BufWriter<fs::File>>>, Failure> {
+    ) -> Result<Option<Film>, Failure> {
         let (Some(format), Some(path)) = (format, &self.movie) else { return Ok(None) };
-        let file = fs::File::create(path).map_err(|error| {
-            Failure::file(format!("cannot write `{}`: {error}", path.display()))
-        })?;
-        let dimensions = (self.look.size.width(), self.look.size.height());
         let delay = (1000.0 / self.fps).round() as u16;
-        Ok(Some(Movie::new(BufWriter::new(file), format, dimensions, frames, delay)?))
+        if delay < format.least_delay() {
+            let most = 1000 / u32::from(format.least_delay());
+            return Err(Failure::usage(format!(
+                "--fps {}: a movie in `{}` can have at most {most} frames a second",
+                self.fps,
+                path.display()
+            )));
+        }
+        let (part, file) = output::Part::create(path)?;
+        let dimensions = (self.look.size.width(), self.look.size.height());
+        let movie = Movie::new(BufWriter::new(file), format, dimensions, frames, delay)?;
+        Ok(Some(Film { movie, part }))
     }
 
-    /// Makes a frame; the picture stays in the tracer.
+    /// Makes a frame, and gives its picture and times.
     fn frame(
         &self,
         stage: &mut Stage,
         animation: &mut Animation,
         frame: usize,
-    ) -> Result<FrameTimes, Failure> {
+    ) -> Result<(Vec<u32>, FrameTimes), Failure> {
         let start = Instant::now();
         match animation.set(frame, &mut stage.scene)? {
             Change::Nothing => {}
@@ -196,9 +222,10 @@ impl Arguments {
             query: self.common.query_options(),
         };
         let stats = stage.tracer.frame(&stage.scene, &request)?;
+        let pixels = stage.tracer.pixels()?.into_owned();
         let done = Instant::now();
         let ms = |from: Instant, to: Instant| to.duration_since(from).as_secs_f64() * 1e3;
-        Ok(FrameTimes {
+        let times = FrameTimes {
             frame,
             time_s: animation.time(frame),
             triangles: stage.scene.indices.len() as u32,
@@ -206,26 +233,27 @@ impl Arguments {
             update_ms: ms(start, updated),
             build_ms: ms(updated, built),
             trace_ms: ms(built, done),
-            total_ms: milliseconds(start),
-        })
+            total_ms: ms(start, done),
+        };
+        Ok((pixels, times))
     }
 
     fn write(
         &self,
-        stage: &Stage,
+        pixels: &[u32],
         number: usize,
-        movie: Option<&mut Movie<BufWriter<fs::File>>>,
+        movie: Option<&mut Film>,
     ) -> Result<(), Failure> {
         if self.out.is_none() && movie.is_none() {
             return Ok(());
         }
-        let screen = picture::screen(self.look.size, &stage.tracer.pixels()?)?;
+        let screen = picture::screen(self.look.size, pixels)?;
         if let Some(folder) = &self.out {
             let path = folder.join(format!("frame-{number:04}.png"));
             output::file(&path, &picture::encode_png(&screen)?)?;
         }
-        if let Some(movie) = movie {
-            movie.push(&screen)?;
+        if let Some(film) = movie {
+            film.movie.push(&screen)?;
         }
         Ok(())
     }
@@ -246,6 +274,7 @@ impl Arguments {
             height: self.look.size.height(),
             samples: self.look.settings(SAMPLES, &stage.placed)?.samples,
             lights: stage.placed.lights.len(),
+            lights_asked: stage.placed.asked(),
             update_ms: of(|times| times.update_ms),
             build_frame_ms: of(|times| times.build_ms),
             trace_ms: of(|times| times.trace_ms),

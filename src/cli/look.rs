@@ -13,7 +13,8 @@ pub(super) struct Look {
     /// Width and height in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     pub(super) size: Size,
-    /// Camera rays a pixel, 1 to 64; 4 for still pictures, else 1, when left out
+    /// Camera rays a pixel, 1 to 64; when left out 4 for still pictures, 16 where surfaces shine, and
+    /// 1 in animations
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
     /// Most reflections and refractions along a path, 0 to 16
@@ -60,9 +61,10 @@ pub(super) struct Look {
     /// Samples of shining surfaces for every surface point, 0 to 8
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().area_samples)]
     area_samples: u32,
-    /// Part of the environment's light that surfaces receive, 0 to 1
-    #[arg(long, value_name = "PART", default_value_t = RenderSettings::default().ambient)]
-    ambient: f32,
+    /// Part of the environment's light that surfaces receive, 0 to 1; 0.4 outside, and 0.15 in scenes
+    /// that keep most of it off, when left out
+    #[arg(long, value_name = "PART")]
+    ambient: Option<f32>,
     /// A light at the eye without shadows; 0.2 where lights were placed, else 0, when left out
     #[arg(long, value_name = "RADIANCE")]
     headlight: Option<f32>,
@@ -162,17 +164,23 @@ impl Look {
     /// Camera and lights: the user's, else the scene's own, else placed by rule.
     pub(super) fn place(
         &self,
-        scene: &Scene,
+        scene: &mut Scene,
         accelerator: &dyn Accelerator,
     ) -> Result<Placed, Failure> {
-        let count = usize::from(self.lights);
-        let placement = Placement::of_with(scene, accelerator, self.size.aspect(), count)?;
+        let (count, aspect) = (usize::from(self.lights), self.size.aspect());
+        let mut placement = Placement::of_with(scene, accelerator, aspect, count)?;
         let camera = self.camera(placement.camera)?;
+        if self.moves_camera() {
+            // Lights are placed for what is seen.
+            scene.camera = Some(camera);
+            placement = Placement::of_with(scene, accelerator, aspect, count)?;
+        }
         let of_user = self.lights_of_user(&camera)?;
         let by_rule = of_user.is_none() && !scene.is_lit();
         Ok(Placed {
             camera,
             view: if self.moves_camera() { None } else { Some(placement.view) },
+            inside: placement.inside,
             lights: of_user.unwrap_or(placement.lights),
             by_rule,
             asked: count,
@@ -223,7 +231,11 @@ impl Look {
             minimum_weight: self.min_weight,
             area_samples: self.area_samples,
             seed: self.seed,
-            ambient: self.ambient,
+            ambient: self.ambient.unwrap_or(if placed.inside {
+                RenderSettings::INSIDE_AMBIENT
+            } else {
+                RenderSettings::default().ambient
+            }),
             headlight: self.headlight(placed.by_rule),
             exposure: self.exposure,
             environment: self.environment,
@@ -243,7 +255,16 @@ pub(super) struct Placed {
     /// Whether the lights were placed for want of any.
     pub(super) by_rule: bool,
     /// How many were asked for.
-    pub(super) asked: usize,
+    asked: usize,
+    /// Whether the scene is an interior.
+    inside: bool,
+}
+
+impl Placed {
+    /// How many lights were to be placed, where they were.
+    pub(super) fn asked(&self) -> Option<usize> {
+        self.by_rule.then_some(self.asked)
+    }
 }
 
 #[cfg(test)]

@@ -60,3 +60,40 @@ pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
     let shown = path.display();
     Err(Failure::usage(format!("`{shown}` does not end in .png; screenshots are written as PNG")))
 }
+
+/// A file that is being written under another name beside its own. Dropped before it is kept, it
+/// leaves nothing behind, and the old file as it was.
+pub(super) struct Part {
+    part: PathBuf,
+    path: PathBuf,
+}
+
+impl Part {
+    /// Begins a file; what is written to the handle goes to the other name.
+    pub(super) fn create(path: &Path) -> Result<(Part, fs::File), Failure> {
+        let mut name = path.file_name().unwrap_or_default().to_owned();
+        name.push(format!(".{}.part", std::process::id()));
+        let part = Part { part: path.with_file_name(name), path: path.to_owned() };
+        let file = fs::File::create(&part.part).map_err(|error| part.failed(&error))?;
+        Ok((part, file))
+    }
+
+    /// Gives the file its own name. It must be whole.
+    pub(super) fn keep(self) -> Result<(), Failure> {
+        fs::rename(&self.part, &self.path).map_err(|error| self.failed(&error))
+    }
+
+    fn failed(&self, error: &io::Error) -> Failure {
+        Failure::file(format!(
+            "cannot write `{}`: {error}; check that the folder exists and may be written to",
+            self.path.display()
+        ))
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        // After it was kept there is nothing of this name.
+        let _ = fs::remove_file(&self.part);
+    }
+}

@@ -19,8 +19,8 @@ use std::time::Instant;
 
 /// Shown without arguments: enough to see what the tree is for, quick to build.
 const DEFAULT_SCENE: &str = "builtin:city";
-/// Camera rays a pixel of a still picture.
-const SAMPLES: u32 = 4;
+/// Camera rays a pixel of a still picture, without and with surfaces that shine.
+const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
@@ -106,10 +106,11 @@ impl Arguments {
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
         let camera = stage.placed.camera;
+        let shines = stage.tracer.looks().needs().emitters > 0;
         let request = FrameRequest {
             camera: &camera,
             size: look.size,
-            settings: look.settings(SAMPLES, &stage.placed)?,
+            settings: look.settings(SAMPLES[usize::from(shines)], &stage.placed)?,
             outputs: self.outputs(&path),
             query: common.query_options(),
         };
@@ -157,8 +158,8 @@ impl Arguments {
             output::file(path, &picture::encode_png(&map.image)?)?;
             let of = &map.statistics;
             written.heat = Some(format!(
-                "cost     {} a ray: mean {:.1}, median {}, 95 % at most {}, greatest {}\n",
-                quantity.name(),
+                "cost     {} a ray, first rays of pixels: mean {:.1}, median {}, 95 % at most {}, greatest {}\n",
+                if quantity == Quantity::Nodes { "nodes visited" } else { "triangles tested" },
                 of.mean,
                 of.p50,
                 of.p95,
@@ -212,6 +213,7 @@ impl Arguments {
                 height,
                 samples: stats.plan.settings().samples,
                 lights: stage.placed.lights.len(),
+                lights_asked: stage.placed.asked(),
                 emitters: stage.tracer.looks().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
@@ -256,6 +258,8 @@ struct RenderReport {
     height: u32,
     samples: u32,
     lights: usize,
+    /// Lights to be placed, had there been places for all.
+    lights_asked: Option<usize>,
     emitters: u32,
     paths: u64,
     shadow_rays: u64,

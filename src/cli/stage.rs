@@ -51,8 +51,19 @@ impl Stage {
         spinner.finish_and_clear();
         note_dropped(common, &scene, tracer.summary()?.dropped);
         let spinner = progress::spinner(common.quiet, "placing camera and lights");
-        let placed = look.place(&scene, tracer.accelerator()?)?;
+        let placed = look.place(&mut scene, tracer.accelerator()?)?;
         spinner.finish_and_clear();
+        if let Some(asked) = placed.asked()
+            && placed.lights.len() < asked
+            && !common.quiet
+        {
+            output::note(&format!(
+                "note: {}: {} of {asked} lights are placed; no further place reaches what the camera \
+                 sees",
+                scene.name,
+                placed.lights.len()
+            ));
+        }
         scene.lights.clone_from(&placed.lights);
         tracer.describe_looks(&scene)?;
         Ok(Stage { scene, tracer, placed, options, info, build_ms, reason })
@@ -77,10 +88,6 @@ impl Stage {
         let lights = match (self.placed.lights.len(), self.tracer.looks().needs().emitters) {
             (0, 0) => "none but the environment".to_owned(),
             (0, shining) => format!("{shining} triangles that shine"),
-            (count, 0) if self.placed.by_rule && count < self.placed.asked => format!(
-                "{count}, placed; no further place reaches what the camera sees, though {} were asked for",
-                self.placed.asked
-            ),
             (count, 0) => format!("{count}{}", if self.placed.by_rule { ", placed" } else { "" }),
             (count, shining) => format!("{count}, and {shining} triangles that shine"),
         };

@@ -62,7 +62,7 @@ pub enum PictureError {
     },
     /// A frame that would be shown for too short a time.
     #[error(
-        "a frame of an {format} movie cannot last {found} ms; players keep what lasts {least} ms and more"
+        "a frame of a movie of format {format} cannot last {found} ms; players keep what lasts {least} ms and more"
     )]
     Delay {
         /// The format.

@@ -19,6 +19,8 @@ pub struct Placement {
     pub lights: Vec<Light>,
     /// Why the camera is where it is.
     pub view: View,
+    /// Whether the scene is an interior, which hides its inside from every side.
+    pub inside: bool,
 }
 
 /// How a camera came to its place.
@@ -95,11 +97,12 @@ impl Placement {
         lights: usize,
     ) -> Result<Placement, QueryError> {
         let is_lit = scene.is_lit();
+        let interior = is_interior(scene, accelerator)?;
         if let (Some(camera), true) = (scene.camera, is_lit) {
-            return Ok(Placement { camera, lights: scene.lights.clone(), view: View::Given });
+            let (lights, view) = (scene.lights.clone(), View::Given);
+            return Ok(Placement { camera, lights, view, inside: interior });
         }
         let lights = lights.clamp(1, Placement::MAX_LIGHTS);
-        let interior = is_interior(scene, accelerator)?;
         let inner = match scene.camera {
             Some(camera) if interior => Some(camera),
             None if interior => inside::camera(scene, accelerator)?,
@@ -119,6 +122,7 @@ impl Placement {
             camera: scene.camera.unwrap_or(camera),
             lights: if is_lit { scene.lights.clone() } else { placed },
             view: if scene.camera.is_some() { View::Given } else { view },
+            inside: interior,
         })
     }
 }

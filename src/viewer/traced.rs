@@ -339,6 +339,9 @@ impl FrameSource for TracedSource {
         if by_rule && self.settings.headlight == 0.0 {
             self.settings.headlight = RenderSettings::PLACED_HEADLIGHT;
         }
+        if placement.inside {
+            self.settings.ambient = RenderSettings::INSIDE_AMBIENT;
+        }
         let (scene, pool) = (&self.scene, &self.pool);
         let tracer = match (&mut self.gpu, backend) {
             (Some(gpu), BackendKind::Wgpu) => gpu,
