@@ -49,7 +49,7 @@ pub struct Tracer {
 #[derive(Debug)]
 enum On {
     #[cfg(feature = "cpu")]
-    Cpu(on_cpu::OnCpu),
+    Cpu(Box<on_cpu::OnCpu>),
     #[cfg(feature = "wgpu")]
     Gpu(Box<on_gpu::OnGpu>),
 }
@@ -153,7 +153,7 @@ impl Tracer {
     pub fn new(engine: Engine) -> Tracer {
         let on = match engine {
             #[cfg(feature = "cpu")]
-            Engine::Cpu(backend) => On::Cpu(on_cpu::OnCpu::new(backend)),
+            Engine::Cpu(backend) => On::Cpu(Box::new(on_cpu::OnCpu::new(backend))),
             #[cfg(feature = "wgpu")]
             Engine::Wgpu(backend) => On::Gpu(Box::new(on_gpu::OnGpu::new(backend))),
         };
