@@ -218,7 +218,7 @@ impl From<splitplane::viewer::FrameError> for Failure {
             FrameError::Build(error) => error.into(),
             FrameError::Query(error) => error.into(),
             FrameError::Tracer(error) => error.into(),
-            FrameError::Animation(error) => Failure::file(error.to_string()),
+            FrameError::Animation(error) => Failure::file(error),
             other => Failure { message: other.to_string(), code: BUG },
         }
     }

@@ -12,7 +12,6 @@ use splitplane_core::ray::Accuracy;
 use splitplane_core::tree::KdTree;
 use splitplane_render::RenderError;
 use splitplane_wgpu::GpuError;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
@@ -250,7 +249,7 @@ pub struct TreeReport {
 }
 
 /// Why there is no frame.
-#[derive(Clone, Debug, Error)]
+#[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FrameError {
     /// Nobody wants the frame any more.
@@ -272,8 +271,8 @@ pub enum FrameError {
     #[error(transparent)]
     Tracer(TracerError),
     /// The scene cannot be brought to where it is at this time.
-    #[error(transparent)]
-    Animation(Arc<AnimationError>),
+    #[error("{0}")]
+    Animation(String),
     /// A debug view cannot be painted.
     #[error("the view cannot be painted: {0}")]
     View(String),
@@ -295,7 +294,7 @@ impl From<TracerError> for FrameError {
 
 impl From<AnimationError> for FrameError {
     fn from(error: AnimationError) -> FrameError {
-        FrameError::Animation(Arc::new(error))
+        FrameError::Animation(error.to_string())
     }
 }
 
