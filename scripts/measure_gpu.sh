@@ -16,7 +16,8 @@
 #
 # Parity is compared on more scenes than are measured: on those, on every .obj file of the folder and on
 # all built-in scenes; after every dispatch, but for ten million triangles, where that takes too long
-# and the digests have to do.
+# and the digests have to do. Frames of the built-in carousel, and of robots and horse where the folder has
+# them, are made on both backends and compared; their times are in frames-NAME-BACKEND.json.
 #
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
 set -euo pipefail
@@ -125,5 +126,40 @@ case $code in
 5) say "no GPU that can be used"; exit 5 ;;
 *) say "figures: exit code $code"; failed=1 ;;
 esac
+# Frames of scenes that move, on both backends: pictures equal byte for byte, frames a second.
+# Arguments: name, picture's size, how many frames, then those of `splitplane animate`.
+frames() {
+    local name=$1 size=$2 count=$3 backend
+    shift 3
+    say "frames of $name"
+    for backend in cpu wgpu; do
+        local device=()
+        if [ "$backend" = wgpu ]; then device=(${adapter[@]+"${adapter[@]}"}); fi
+        "$bin/splitplane" animate "$@" --size "$size" --count "$count" --backend "$backend" \
+            ${device[@]+"${device[@]}"} --out "$out/frames-$name-$backend" --json \
+            >"$out/frames-$name-$backend.json" || failed=1
+    done
+    if diff -rq "$out/frames-$name-cpu" "$out/frames-$name-wgpu"; then
+        say "frames of $name: equal"
+        rm -r "$out/frames-$name-cpu" "$out/frames-$name-wgpu"
+    else
+        say "frames of $name differ; both are kept"
+        failed=1
+    fi
+}
+if [ "${SMALL:-}" = 1 ]; then
+    frames carousel 48x32 2 builtin:carousel:4000
+else
+    frames carousel 1024x1024 120 builtin:carousel
+fi
+for name in robots horse; do
+    raw=${SPLITPLANE_SCENES:-}/$name.frames.bin
+    if [ -d "${SPLITPLANE_SCENES:-}" ] && [ -f "$raw" ]; then
+        size=1024x1024 count=160
+        if [ "${SMALL:-}" = 1 ]; then size=32x32 count=2; fi
+        frames "$name" "$size" "$count" "$SPLITPLANE_SCENES/$name.obj" --frames "$raw" --lights 3
+    fi
+done
+
 say "figures: $out/gpu.md, raw: $out/gpu.jsonl, machine: $out/machine.txt"
 exit "$failed"
