@@ -36,6 +36,8 @@
 //!   Engines with a device of their own use the types in `gpu`.
 //! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
 //!   [`Digest`]: equal input gives an equal digest on any machine.
+//! - **Pictures** come from `tracer::Tracer` (feature `render`): trees and frames of scenes that may
+//!   move, equal on every backend; `render` has the kernels, `picture` the files.
 //!
 //! # Features
 //!

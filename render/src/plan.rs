@@ -383,7 +383,9 @@ impl Plan {
                 ));
             }
         }
-        line(format_args!("buffers  {total} B in all, besides the tree"));
+        line(format_args!(
+            "buffers  {total} B in all, besides the tree and what an executor needs for itself"
+        ));
         text
     }
 

@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::look::Look;
 use super::options::Common;
+use super::output::ends_in;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, in_pool, print_json};
 use super::stage::{Stage, open_tracer};
@@ -116,10 +117,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
-    let ends_in = |ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    if ends_in("png") {
+    if ends_in(path, "png") {
         Ok(MovieFormat::Apng)
-    } else if ends_in("gif") {
+    } else if ends_in(path, "gif") {
         Ok(MovieFormat::Gif)
     } else {
         let shown = path.display();

@@ -51,10 +51,15 @@ pub(super) fn file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     })
 }
 
+/// Whether a file's name has this ending, in upper or lower case.
+pub(super) fn ends_in(path: &Path, ending: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
+}
+
 /// Refuses names of pictures that do not end in `.png`.
 #[cfg(feature = "viewer")]
 pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
-    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png")) {
+    if ends_in(path, "png") {
         return Ok(());
     }
     let shown = path.display();

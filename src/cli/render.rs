@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::look::Look;
 use super::options::Common;
+use super::output::ends_in;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
 use super::stage::{Stage, open_tracer};
 use super::{output, progress};
@@ -77,10 +78,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.check_ending(path)?;
     }
     in_pool(&arguments.common, || arguments.render())
-}
-
-fn ends_in(path: &Path, ending: &str) -> bool {
-    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(ending))
 }
 
 impl Arguments {
