@@ -103,12 +103,14 @@ fn in_step(
     options: &BuildOptions,
 ) -> Result<(u32, Option<Difference>), BuildError> {
     let config = &options.config;
+    let preset = config.preset;
+    let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
     let set = InstructionSet::detect();
     let cpu: CpuExecutor<'_> =
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), options.max_memory)?;
     gpu.with_executor(mesh, config, |gpu: WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(cpu, gpu);
-        let ran = schedule::build(&mut lockstep);
+        let ran = schedule::build(&mut lockstep, planes);
         let dispatches = lockstep.dispatches();
         match ran {
             Ok(()) => Ok((dispatches, None)),

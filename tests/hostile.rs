@@ -3,7 +3,7 @@
 
 use splitplane_core::arithmetic::{Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::kernel::Buffer;
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::schedule;
@@ -25,7 +25,7 @@ fn awkward_scenes_keep_digest_and_hits() {
         let set = InstructionSet::detect();
         let mut executor: CpuExecutor<'_, Hostile> =
             CpuExecutor::new(mesh, config, set, Buffers::default(), None).expect("no limit");
-        schedule::build(&mut executor).expect("a tree");
+        schedule::build(&mut executor, Planes::Median).expect("a tree");
         let tree = strict.tree();
         let name = &scene.name;
         let same = |buffer, bytes: &[u8]| executor.live(buffer) == Some(bytes);

@@ -1,47 +1,59 @@
 //! The build schedule as its executor sees it, pinned.
 
 use splitplane_core::backend::BuildError;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::schedule::{Executor, Trace, build};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
 use splitplane_test_support::scenes;
 
-fn trace(triangles: usize) -> String {
+fn trace(triangles: usize, preset: Preset) -> String {
+    let config = BuildConfig::preset(preset);
     let scene = scenes::soup(triangles, 0.2, 11);
     let mesh = scene.mesh();
     let set = InstructionSet::detect();
     let executor: CpuExecutor<'_> =
-        CpuExecutor::new(mesh, BuildConfig::default(), set, Buffers::default(), None).unwrap();
+        CpuExecutor::new(mesh, config, set, Buffers::default(), None).unwrap();
     let mut lines = String::new();
     let mut trace = Trace::new(executor, &mut lines);
-    build(&mut trace).unwrap();
+    build(&mut trace, config.preset.planes().unwrap()).unwrap();
     lines
 }
 
 #[test]
 fn the_schedule_of_a_small_scene() {
-    insta::assert_snapshot!("one-level", trace(100));
+    insta::assert_snapshot!("one-level", trace(100, Preset::Fast));
+    insta::assert_snapshot!("one-level-binned", trace(100, Preset::Balanced));
 }
 
 #[test]
 fn without_triangles_no_level_runs() {
-    let lines = trace(0);
+    let lines = trace(0, Preset::Fast);
     assert!(!lines.contains("SplitLarge"), "{lines}");
     assert!(lines.contains("EmitTop"));
 }
 
-/// A level repeats the same eight kernels and two swaps, however many levels there are.
+/// A level repeats the same kernels and two swaps, however many levels there are: eight kernels, or
+/// nine where planes are found by bins.
 #[test]
 fn levels_are_alike() {
-    let lines = trace(5000);
-    let levels = lines.matches("dispatch SplitLarge").count();
-    assert!(levels > 5);
-    for kernel in &Kernel::ALL[3..11] {
-        assert_eq!(lines.matches(&format!("dispatch {kernel:?}\n")).count(), levels, "{kernel:?}");
+    for preset in [Preset::Fast, Preset::Balanced] {
+        let lines = trace(5000, preset);
+        let count = |kernel| lines.matches(&format!("dispatch {kernel:?}\n")).count();
+        let levels = count(Kernel::NodeBounds);
+        assert!(levels > 5);
+        let mut kernels = 0;
+        for &kernel in &Kernel::ALL[3..13] {
+            let binned = matches!(kernel, Kernel::BinReferences | Kernel::SplitBinned);
+            let runs = if kernel == Kernel::SplitLarge { preset == Preset::Fast } else { true }
+                && (!binned || preset == Preset::Balanced);
+            assert_eq!(count(kernel), if runs { levels } else { 0 }, "{kernel:?}");
+            kernels += u32::from(runs);
+        }
+        assert_eq!(kernels, if preset == Preset::Fast { 8 } else { 9 });
+        assert_eq!(lines.matches("swap").count(), 2 * levels);
     }
-    assert_eq!(lines.matches("swap").count(), 2 * levels);
 }
 
 /// An executor that fails at one kernel: the error comes out, and nothing runs after it.
@@ -73,10 +85,14 @@ impl Executor<TreeBuilder> for Failing {
 #[test]
 fn a_failing_kernel_ends_the_build() {
     for at in Kernel::ALL {
+        let binned = matches!(at, Kernel::BinReferences | Kernel::SplitBinned);
+        let planes = if binned { Planes::Binned } else { Planes::Median };
         let mut executor = Failing { at, ran: Vec::new() };
-        assert!(build(&mut executor).is_err());
-        assert!(!executor.ran.contains(&at));
-        let before = Kernel::ALL.iter().position(|kernel| *kernel == at);
-        assert!(executor.ran.len() >= before.unwrap_or(0));
+        assert!(build(&mut executor, planes).is_err(), "{at:?}");
+        // All that runs before it ran, and nothing after it.
+        let mut all = Failing { at: Kernel::EmitSmall, ran: Vec::new() };
+        assert!(build(&mut all, planes).is_err());
+        assert!(all.ran.starts_with(&executor.ran));
+        assert_eq!(all.ran.get(executor.ran.len()).copied().unwrap_or(at), at);
     }
 }

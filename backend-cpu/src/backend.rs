@@ -101,11 +101,13 @@ impl CpuBackend {
         then: impl FnOnce(KdTreeView<'_>, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
+        let preset = options.config.preset;
+        let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
-        schedule::build(&mut executor)?;
+        schedule::build(&mut executor, planes)?;
         let memory = executor.memory();
         let buffers = executor.finish();
         let counters = buffers.counters;

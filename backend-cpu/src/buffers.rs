@@ -3,8 +3,8 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::{
-    Chunk, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference, Sides,
-    SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
+    Sides, SmallRoot, TopNode,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
@@ -26,6 +26,7 @@ pub struct Buffers {
     pub(crate) chunk_counts: Vec<Sides>,
     pub(crate) chunk_bounds: Vec<ChunkBounds>,
     pub(crate) reference_sides: Vec<ChunkSides>,
+    pub(crate) chunk_bins: Vec<ChunkBins>,
     pub(crate) decisions: Vec<Decision>,
     pub(crate) top_nodes: Vec<TopNode>,
     pub(crate) level_starts: Vec<u32>,
@@ -111,6 +112,7 @@ impl Buffers {
             + of(&self.chunk_counts)
             + of(&self.chunk_bounds)
             + of(&self.reference_sides)
+            + of(&self.chunk_bins)
             + of(&self.decisions)
             + of(&self.top_nodes)
             + of(&self.level_starts)

@@ -84,6 +84,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             Buffer::ChunkCounts => bytes(&b.chunk_counts, length),
             Buffer::ChunkBounds => bytes(&b.chunk_bounds, length),
             Buffer::ReferenceSides => bytes(&b.reference_sides, length),
+            Buffer::ChunkBins => bytes(&b.chunk_bins, length),
             Buffer::Decisions => bytes(&b.decisions, length),
             Buffer::TopNodes => bytes(&b.top_nodes, length),
             Buffer::LevelStarts => bytes(&b.level_starts, length),
@@ -190,6 +191,26 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.decisions[..active],
                 );
             }
+            Kernel::BinReferences => {
+                m.grow(&mut b.chunk_bins, chunks)?;
+                k::bin_references::run::<A>(
+                    self.config.bins,
+                    &b.chunks[..chunks],
+                    &b.node_bounds[..active],
+                    &b.references[..references],
+                    &mut b.chunk_bins[..chunks],
+                );
+            }
+            Kernel::SplitBinned => {
+                m.grow(&mut b.decisions, active)?;
+                k::split_binned::run::<A>(
+                    &self.config,
+                    &b.active_nodes[..active],
+                    &b.node_bounds[..active],
+                    &b.chunk_bins[..chunks],
+                    &mut b.decisions[..active],
+                );
+            }
             Kernel::ChunkNodes => {
                 k::chunk_nodes::run(&mut b.active_nodes[..active], &mut b.counters);
             }
@@ -201,6 +222,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow(&mut b.reference_sides, chunks)?;
                 m.grow(&mut b.chunk_counts, chunks)?;
                 k::classify_references::run::<A>(
+                    self.config.clip,
                     &b.chunks[..chunks],
                     &b.decisions[..active],
                     &b.references[..references],
@@ -244,6 +266,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow(&mut b.chunk_bounds, chunks)?;
                 let inputs = Inputs {
                     small_node_limit: self.config.small_node_limit,
+                    clip: self.config.clip,
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],
                     references: &b.references[..references],

@@ -2,7 +2,7 @@
 
 use splitplane_core::arithmetic::{Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::kernel::Buffer;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
@@ -188,7 +188,7 @@ fn a_hostile_device_changes_neither_digest_nor_hits() {
             let buffers = Buffers::default();
             let mut executor: CpuExecutor<'_, Hostile> =
                 CpuExecutor::new(mesh, config, set, buffers, None).unwrap();
-            schedule::build(&mut executor).unwrap();
+            schedule::build(&mut executor, Planes::Median).unwrap();
             let tree = strict.tree();
             let live = |buffer| executor.live(buffer).unwrap().to_vec();
             assert_eq!(live(Buffer::Nodes), bytemuck::cast_slice::<_, u8>(&tree.nodes), "{scale}");

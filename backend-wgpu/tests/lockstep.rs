@@ -24,7 +24,8 @@ fn in_step(
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("memory");
     let run = |gpu: WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(cpu, gpu);
-        schedule::build(&mut lockstep).map(|()| lockstep.dispatches())
+        schedule::build(&mut lockstep, config.preset.planes().expect("a schedule"))
+            .map(|()| lockstep.dispatches())
     };
     match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
         Ok(dispatches) => Ok(dispatches),

@@ -1,6 +1,6 @@
 //! The seam between backends: object-safe traits at batch level.
 
-use crate::config::{BuildConfig, ConfigError};
+use crate::config::{BuildConfig, ConfigError, Preset};
 use crate::mesh::Mesh;
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::tree::KdTree;
@@ -141,6 +141,15 @@ pub enum BuildError {
         needed: u64,
         /// The limit.
         limit: u64,
+    },
+    /// A builder that this backend does not have.
+    #[error(
+        "preset {} is built on the CPU only; take backend cpu, or another preset",
+        preset.name()
+    )]
+    PresetNotOnDevice {
+        /// The preset.
+        preset: Preset,
     },
     /// The finished tree would not fit the 30-bit indices of the node format.
     #[error(

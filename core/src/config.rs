@@ -13,22 +13,55 @@ pub const SMALL_ROOT_NODES: u32 = 511;
 /// Most references one small root may emit; part of the tree format.
 pub const SMALL_ROOT_REFERENCES: u32 = 1023;
 
-/// How the large-node stage chooses its planes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// Most bins of an axis.
+pub const MAX_BINS: u32 = 64;
+
+/// Which builder makes the tree. All three give the same format, and every query reads it alike.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Preset {
     /// The paper's builder: empty-space cutoff, else the spatial median of the longest axis
-    /// (Zhou et al. 2008, Algorithm 2).
+    /// (Zhou et al. 2008, Algorithm 2); masks below.
     #[default]
     Fast,
+    /// Binned SAH in the large-node stage (Shevtsov, Soupikov and Kapustin 2007; Danilewski, Popov
+    /// and Slusallek 2010); masks below.
+    Balanced,
+    /// The offline builder: greedy SAH over all planes, with clipped events (Wald and Havran 2006).
+    /// On the CPU only.
+    Best,
 }
 
 impl Preset {
+    /// All presets, by build time.
+    pub const ALL: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
+
     /// The preset's name on the command line and in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Fast => "fast",
+            Preset::Balanced => "balanced",
+            Preset::Best => "best",
         }
     }
+
+    /// How the large-node stage finds its planes; `None` for [`Preset::Best`], which has no such
+    /// stage: the schedule does not build it.
+    pub const fn planes(self) -> Option<Planes> {
+        match self {
+            Preset::Fast => Some(Planes::Median),
+            Preset::Balanced => Some(Planes::Binned),
+            Preset::Best => None,
+        }
+    }
+}
+
+/// How the large-node stage finds the planes that split.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Planes {
+    /// The spatial median of the longest axis.
+    Median,
+    /// The best by SAH among the borders of bins.
+    Binned,
 }
 
 /// Everything besides the mesh that shapes a tree. Equal mesh and equal configuration give equal
@@ -58,6 +91,18 @@ pub struct BuildConfig {
     pub references_per_triangle: u32,
     /// The same cap for nodes of the large-node stage.
     pub nodes_per_triangle: u32,
+    /// Bins of each axis, whose borders are the candidates of [`Preset::Balanced`]; 2 to
+    /// [`MAX_BINS`]. The other presets have none.
+    pub bins: u32,
+    /// Whether references are clipped to the cells they go to: their bounds then hold only the part
+    /// of the triangle inside. Without it a build is faster and the tree is larger.
+    pub clip: bool,
+    /// How much of its cost a split with an empty side is forgiven, in 256ths; 0 to 255.
+    /// [`Preset::Best`] only; the others cut empty space by `empty_cutoff`.
+    pub empty_bonus: u32,
+    /// How many splits in a row that cost more than a leaf are tried before the node becomes a leaf;
+    /// those under which the cost did not fall are retracted. 0 to 8. [`Preset::Best`] only.
+    pub bad_splits: u32,
 }
 
 impl Default for BuildConfig {
@@ -73,6 +118,10 @@ impl Default for BuildConfig {
             max_depth: 64,
             references_per_triangle: 8,
             nodes_per_triangle: 4,
+            bins: 32,
+            clip: true,
+            empty_bonus: 0,
+            bad_splits: 0,
         }
     }
 }
@@ -105,7 +154,23 @@ pub enum ConfigError {
     },
 }
 
+/// A preset with its knobs as tuned: see [`BuildConfig::preset`].
+impl From<Preset> for BuildConfig {
+    fn from(preset: Preset) -> BuildConfig {
+        BuildConfig::preset(preset)
+    }
+}
+
 impl BuildConfig {
+    /// A preset with its knobs as tuned by trace time on real scenes.
+    pub fn preset(preset: Preset) -> BuildConfig {
+        let fast = BuildConfig { preset, ..BuildConfig::default() };
+        match preset {
+            Preset::Fast | Preset::Balanced => fast,
+            Preset::Best => BuildConfig { empty_bonus: 26, bad_splits: 3, ..fast },
+        }
+    }
+
     /// Greatest sum of costs for which the integer SAH fits 32 bits: a half area is at most
     /// 3 * 1023^2 = 3,139,587, and 1,367 times that is below 2^32.
     pub const MAX_COST: u32 = 1367;
@@ -121,6 +186,9 @@ impl BuildConfig {
             ("max_depth", self.max_depth, 1, MAX_DEPTH),
             ("references_per_triangle", self.references_per_triangle, 1, 1 << 16),
             ("nodes_per_triangle", self.nodes_per_triangle, 1, 1 << 16),
+            ("bins", self.bins, 2, MAX_BINS),
+            ("empty_bonus", self.empty_bonus, 0, 255),
+            ("bad_splits", self.bad_splits, 0, 8),
         ];
         for (field, value, least, most) in ranges {
             if value < least || value > most {
@@ -140,8 +208,16 @@ impl BuildConfig {
         f64::from(self.traversal_cost) / f64::from(self.intersection_cost)
     }
 
-    /// The configuration as words, in the order of the fields: what digests cover and files hold.
-    pub const fn words(&self) -> [u32; 9] {
+    /// The configuration as words: what files hold. The first nine are the fields up to
+    /// `nodes_per_triangle`, in their order; the others say what came later, so that zeros stand for
+    /// what there was before: bins, 1 for no clipping, empty bonus, bad splits. Knobs that the
+    /// preset does not have are zero.
+    pub const fn words(&self) -> [u32; 13] {
+        let (bins, empty_bonus, bad_splits) = match self.preset {
+            Preset::Fast => (0, 0, 0),
+            Preset::Balanced => (self.bins, 0, 0),
+            Preset::Best => (0, self.empty_bonus, self.bad_splits),
+        };
         [
             self.preset as u32,
             self.traversal_cost,
@@ -152,16 +228,20 @@ impl BuildConfig {
             self.max_depth,
             self.references_per_triangle,
             self.nodes_per_triangle,
+            bins,
+            !self.clip as u32,
+            empty_bonus,
+            bad_splits,
         ]
     }
 
     /// The inverse of [`BuildConfig::words`]; `None` for an unknown preset or a value out of range.
-    pub fn from_words(words: [u32; 9]) -> Option<BuildConfig> {
+    /// Knobs that the preset does not have get their defaults.
+    pub fn from_words(words: [u32; 13]) -> Option<BuildConfig> {
+        let preset = *Preset::ALL.get(words[0] as usize)?;
+        let of_preset = BuildConfig::preset(preset);
         let config = BuildConfig {
-            preset: match words[0] {
-                0 => Preset::Fast,
-                _ => return None,
-            },
+            preset,
             traversal_cost: words[1],
             intersection_cost: words[2],
             block_width: words[3],
@@ -170,8 +250,13 @@ impl BuildConfig {
             max_depth: words[6],
             references_per_triangle: words[7],
             nodes_per_triangle: words[8],
+            bins: if preset == Preset::Balanced { words[9] } else { of_preset.bins },
+            clip: words[10] == 0,
+            empty_bonus: if preset == Preset::Best { words[11] } else { of_preset.empty_bonus },
+            bad_splits: if preset == Preset::Best { words[12] } else { of_preset.bad_splits },
         };
-        config.validate().is_ok().then_some(config)
+        let canonical = config.validate().is_ok() && config.words() == words;
+        canonical.then_some(config)
     }
 
     /// Greatest number of references alive in the large-node stage for this many triangles.
@@ -206,6 +291,17 @@ mod tests {
         let config = BuildConfig::default();
         assert_eq!(config.validate(), Ok(()));
         assert_eq!(BuildConfig::from_words(config.words()), Some(config));
+        assert_eq!(config.words()[9..], [0; 4], "digests of the first preset stay what they were");
+        for preset in Preset::ALL {
+            let config = BuildConfig::preset(preset);
+            assert_eq!((config.preset, config.validate()), (preset, Ok(())));
+            assert_eq!(BuildConfig::from_words(config.words()), Some(config));
+            let config = BuildConfig { clip: false, ..config };
+            assert_eq!(BuildConfig::from_words(config.words()), Some(config));
+            let mut words = config.words();
+            words[10] = 2;
+            assert_eq!(BuildConfig::from_words(words), None);
+        }
     }
 
     #[test]
@@ -219,6 +315,10 @@ mod tests {
             BuildConfig { max_depth: 97, ..Default::default() },
             BuildConfig { references_per_triangle: 0, ..Default::default() },
             BuildConfig { nodes_per_triangle: 0, ..Default::default() },
+            BuildConfig { bins: 1, ..Preset::Balanced.into() },
+            BuildConfig { bins: 65, ..Preset::Balanced.into() },
+            BuildConfig { empty_bonus: 256, ..Preset::Best.into() },
+            BuildConfig { bad_splits: 9, ..Preset::Best.into() },
         ];
         for config in bad {
             assert!(matches!(config.validate(), Err(ConfigError::OutOfRange { .. })), "{config:?}");

@@ -8,14 +8,14 @@
 //! | 0..8 | magic `"splitkd\n"`: a text-mode transfer would alter it |
 //! | 8..12 | version of the format, [`VERSION`] |
 //! | 12..16 | size of the head, 128 |
-//! | 16..52 | configuration: 9 words, as in [`BuildConfig::words`] |
+//! | 16..52 | configuration: the first 9 of [`BuildConfig::words`] |
 //! | 52..56 | triangles of the mesh |
 //! | 56..80 | bounds: lower corner, upper corner |
 //! | 80..84 | number of nodes |
 //! | 84..88 | number of references |
 //! | 88..96 | digest of the tree |
 //! | 96..104 | digest of the mesh, see [`mesh_digest`] |
-//! | 104..120 | zero |
+//! | 104..120 | configuration: the other 4 words |
 //! | 120..128 | XXH64 of all other bytes of the file, with seed [`VERSION`] |
 
 use crate::aabb::Aabb;
@@ -116,8 +116,9 @@ impl<'a> TreeFile<'a> {
         if checksum(bytes) != long(CHECKSUM) {
             return Err(FileError::Checksum);
         }
-        let config = BuildConfig::from_words(core::array::from_fn(|i| word(16 + 4 * i)))
-            .ok_or(FileError::Config)?;
+        let config_word = |i| word(if i < 9 { 16 + 4 * i } else { 104 + 4 * (i - 9) });
+        let config =
+            BuildConfig::from_words(core::array::from_fn(config_word)).ok_or(FileError::Config)?;
         let corner = |at: usize| [0, 1, 2].map(|axis| f32::from_bits(word(at + 4 * axis)));
         let (node_bytes, reference_bytes) = bytes[HEAD..].split_at(8 * nodes);
         let tree = KdTreeView {
@@ -149,7 +150,8 @@ pub fn write(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> alloc::vec::Vec<u8> {
         }
     };
     words(&[VERSION, HEAD as u32]);
-    words(&tree.config.words());
+    let config = tree.config.words();
+    words(&config[..9]);
     words(&[tree.triangles]);
     words(&tree.bounds.lo.map(f32::to_bits));
     words(&tree.bounds.hi.map(f32::to_bits));
@@ -157,7 +159,9 @@ pub fn write(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> alloc::vec::Vec<u8> {
     for digest in [tree.digest().0, mesh_digest(mesh).0] {
         words(&[digest as u32, (digest >> 32) as u32]);
     }
-    words(&[0; 6]);
+    words(&config[9..]);
+    // The checksum, below.
+    words(&[0; 2]);
     for node in tree.nodes {
         words(&node.words());
     }

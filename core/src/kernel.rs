@@ -2,8 +2,8 @@
 //! and whoever runs it.
 
 use crate::layout::{
-    Chunk, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference, Sides,
-    SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
+    Sides, SmallRoot, TopNode,
 };
 use crate::node::KdNode;
 
@@ -59,12 +59,16 @@ pub enum Kernel {
     GatherReferences,
     /// Bounds every active node: segmented reduction over chunks.
     NodeBounds,
-    /// Cuts empty space and chooses the split of every active node.
-    SplitLarge,
     /// Scans the numbers of chunks of the active nodes.
     ChunkNodes,
     /// Names node and range of every chunk.
     AssignChunks,
+    /// Cuts empty space and splits every active node at its spatial median.
+    SplitLarge,
+    /// Counts by bins where the references of every chunk start and end.
+    BinReferences,
+    /// Cuts empty space and splits every active node by binned SAH.
+    SplitBinned,
     /// Finds the sides each reference goes to and counts them by chunk.
     ClassifyReferences,
     /// Scans the counts of each node's chunks.
@@ -87,14 +91,16 @@ pub enum Kernel {
 
 impl Kernel {
     /// All kernels, in the order of the schedule.
-    pub const ALL: [Kernel; 16] = [
+    pub const ALL: [Kernel; 18] = [
         Kernel::TriangleBounds,
         Kernel::ScanTriangles,
         Kernel::GatherReferences,
         Kernel::NodeBounds,
-        Kernel::SplitLarge,
         Kernel::ChunkNodes,
         Kernel::AssignChunks,
+        Kernel::SplitLarge,
+        Kernel::BinReferences,
+        Kernel::SplitBinned,
         Kernel::ClassifyReferences,
         Kernel::CountChildren,
         Kernel::AllocateChildren,
@@ -114,6 +120,8 @@ impl Kernel {
             Kernel::GatherReferences => "gather_references",
             Kernel::NodeBounds => "node_bounds",
             Kernel::SplitLarge => "split_large",
+            Kernel::BinReferences => "bin_references",
+            Kernel::SplitBinned => "split_binned",
             Kernel::ChunkNodes => "chunk_nodes",
             Kernel::AssignChunks => "assign_chunks",
             Kernel::ClassifyReferences => "classify_references",
@@ -132,12 +140,14 @@ impl Kernel {
     pub const fn grid(self) -> Grid {
         match self {
             Kernel::TriangleBounds | Kernel::GatherReferences => Grid::Each(Counter::InputChunks),
-            Kernel::NodeBounds | Kernel::SplitLarge | Kernel::CountChildren => {
-                Grid::Each(Counter::ActiveNodes)
-            }
-            Kernel::AssignChunks | Kernel::ClassifyReferences | Kernel::ScatterReferences => {
-                Grid::Each(Counter::Chunks)
-            }
+            Kernel::NodeBounds
+            | Kernel::SplitLarge
+            | Kernel::SplitBinned
+            | Kernel::CountChildren => Grid::Each(Counter::ActiveNodes),
+            Kernel::AssignChunks
+            | Kernel::BinReferences
+            | Kernel::ClassifyReferences
+            | Kernel::ScatterReferences => Grid::Each(Counter::Chunks),
             Kernel::BuildSmall | Kernel::EmitSmall => Grid::Each(Counter::SmallRoots),
             Kernel::EmitTop => Grid::Each(Counter::TopNodes),
             Kernel::ScanTriangles
@@ -189,6 +199,26 @@ impl Kernel {
                         b(B::ActiveNodes, Read),
                         b(B::NodeBounds, Read),
                         b(B::References, Read),
+                        b(B::Decisions, Write),
+                    ]
+                }
+            }
+            Kernel::BinReferences => {
+                const {
+                    &[
+                        b(B::Chunks, Read),
+                        b(B::NodeBounds, Read),
+                        b(B::References, Read),
+                        b(B::ChunkBins, Write),
+                    ]
+                }
+            }
+            Kernel::SplitBinned => {
+                const {
+                    &[
+                        b(B::ActiveNodes, Read),
+                        b(B::NodeBounds, Read),
+                        b(B::ChunkBins, Read),
                         b(B::Decisions, Write),
                     ]
                 }
@@ -387,6 +417,8 @@ pub enum Buffer {
     ChunkState,
     /// [`ChunkSides`] of each chunk.
     ReferenceSides,
+    /// [`ChunkBins`] of each chunk.
+    ChunkBins,
     /// [`Decision`] of each active node.
     Decisions,
     /// The top tree: [`TopNode`].
@@ -430,6 +462,7 @@ impl Buffer {
                 size_of::<Sides>() + size_of::<ChunkSides>() + size_of::<ChunkBounds>()
             }
             Buffer::ReferenceSides => size_of::<ChunkSides>(),
+            Buffer::ChunkBins => size_of::<ChunkBins>(),
             Buffer::Decisions => size_of::<Decision>(),
             Buffer::TopNodes => size_of::<TopNode>(),
             Buffer::SmallRoots => size_of::<SmallRoot>(),
@@ -464,6 +497,7 @@ impl Buffer {
             | Buffer::ChunkCounts
             | Buffer::ReferenceSides
             | Buffer::ChunkBounds
+            | Buffer::ChunkBins
             | Buffer::ChunkState => Counter::Chunks,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => Counter::TopNodes,
             Buffer::LevelStarts => Counter::Levels,

@@ -2,6 +2,7 @@
 //! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
 
 use crate::aabb::Aabb;
+use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
 /// A reference to a triangle from one node: the triangle's bounds, clipped to what lies in the
@@ -233,6 +234,16 @@ pub struct ChunkBounds {
     pub sides: [Aabb; 2],
 }
 
+/// Where the references of a chunk start and end, by bins of the node's tight bounds: for each axis
+/// and bin, starts in the low half of a word and ends in the high half. A chunk has 256 references,
+/// so neither half can overflow. Bins beyond the configured number are zero.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct ChunkBins {
+    /// A word for each axis and bin.
+    pub words: [[u32; MAX_BINS as usize]; 3],
+}
+
 /// Everything kernels count. One buffer of words; see [`crate::kernel::Counter`] for the names.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -294,15 +305,20 @@ pub struct Parameters {
     pub leaf_reference_room: u32,
     /// Room for subtrees.
     pub subtree_room: u32,
+    /// Bins of each axis.
+    pub bins: u32,
+    /// 1 when references are clipped.
+    pub clip: u32,
     /// Zero.
-    pub padding: u32,
+    pub padding: [u32; 3],
 }
 
 const _: () = {
-    assert!(size_of::<Parameters>() == 96);
+    assert!(size_of::<Parameters>() == 112);
     assert!(size_of::<Reference>() == 32);
     assert!(size_of::<LargeNode>() == 64);
     assert!(size_of::<Chunk>() == 16);
+    assert!(size_of::<ChunkBins>() == 768);
     assert!(size_of::<ChunkSides>() * 8 == 2 * crate::config::CHUNK as usize);
     assert!(size_of::<Decision>() == 64);
     assert!(size_of::<TopNode>() == 16);

@@ -9,6 +9,7 @@ pub mod aabb;
 pub mod arithmetic;
 #[cfg(feature = "alloc")]
 pub mod backend;
+pub mod bins;
 pub mod config;
 pub mod digest;
 #[cfg(feature = "alloc")]

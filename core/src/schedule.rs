@@ -1,6 +1,7 @@
 //! The build schedule, stated once: Zhou et al. 2008, Algorithm 1. Every backend runs this code over
 //! an executor of its own.
 
+use crate::config::Planes;
 use crate::kernel::{Buffer, Counter, Kernel, KernelSet, TreeBuilder};
 
 /// Runs the kernels of one set, in order. Generic over the set, so that one executor can run the
@@ -38,9 +39,9 @@ pub trait Executor<K: KernelSet> {
 ///
 /// # Errors
 /// The executor's.
-pub fn build<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+pub fn build<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Result<(), E::Error> {
     start(executor)?;
-    resume(executor)
+    resume(executor, planes)
 }
 
 /// The rest of a build whose large-node stage has begun: what [`build`] does after its start. An
@@ -50,10 +51,10 @@ pub fn build<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error>
 ///
 /// # Errors
 /// The executor's.
-pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Result<(), E::Error> {
     let mut level = 0;
     while executor.pending(Counter::ActiveNodes, level)? {
-        process_large_nodes(executor)?;
+        process_large_nodes(executor, planes)?;
         level += 1;
     }
     process_small_nodes(executor)?;
@@ -68,13 +69,23 @@ fn start<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
 }
 
 /// One level of the large-node stage: Algorithm 2 of the paper.
-fn process_large_nodes<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
-    // Bounds by segmented reduction; empty-space cutoff and split.
+fn process_large_nodes<E: Executor<TreeBuilder>>(
+    executor: &mut E,
+    planes: Planes,
+) -> Result<(), E::Error> {
+    // Bounds by segmented reduction.
     executor.dispatch(Kernel::NodeBounds)?;
-    executor.dispatch(Kernel::SplitLarge)?;
     // Group references into chunks.
     executor.dispatch(Kernel::ChunkNodes)?;
     executor.dispatch(Kernel::AssignChunks)?;
+    // Empty-space cutoff and split.
+    match planes {
+        Planes::Median => executor.dispatch(Kernel::SplitLarge)?,
+        Planes::Binned => {
+            executor.dispatch(Kernel::BinReferences)?;
+            executor.dispatch(Kernel::SplitBinned)?;
+        }
+    }
     // Sort references into children, counting first: order comes from scans, never from atomics.
     executor.dispatch(Kernel::ClassifyReferences)?;
     executor.dispatch(Kernel::CountChildren)?;

@@ -29,10 +29,13 @@ pub struct KdTreeView<'a> {
 impl<'a> KdTreeView<'a> {
     /// The name of the tree: XXH64 with seed [`DIGEST_VERSION`] over, as little-endian 32-bit
     /// words, the configuration, the number of triangles, the six bounds (lower corner first), the
-    /// number of nodes and of references, the nodes, the references.
+    /// number of nodes and of references, the nodes, the references. Of the configuration's words
+    /// the last four count only where one of them is not zero.
     pub fn digest(&self) -> Digest {
         let mut state = Xxh64::new(DIGEST_VERSION);
-        state.write_words(&self.config.words());
+        let config = self.config.words();
+        let words = if config[9..] == [0; 4] { &config[..9] } else { &config[..] };
+        state.write_words(words);
         state.write_words(&[self.triangles]);
         state.write_words(&self.bounds.lo.map(f32::to_bits));
         state.write_words(&self.bounds.hi.map(f32::to_bits));

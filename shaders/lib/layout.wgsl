@@ -91,5 +91,9 @@ struct Parameters {
     tree_node_room: u32,
     leaf_reference_room: u32,
     subtree_room: u32,
-    padding: u32,
+    bins: u32,
+    clip: u32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }

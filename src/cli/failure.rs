@@ -91,7 +91,7 @@ impl From<OpenError> for Failure {
 impl From<BuildError> for Failure {
     fn from(error: BuildError) -> Failure {
         let code = match error {
-            BuildError::Config(_) => USAGE,
+            BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => USAGE,
             BuildError::OutOfMemory { .. }
             | BuildError::TooLarge { .. }
             | BuildError::DeviceLimit { .. }

@@ -40,8 +40,12 @@ pub(super) struct Common {
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
 enum PresetName {
-    /// The builder of Zhou et al. 2008
+    /// The builder of Zhou et al. 2008: spatial medians above, SAH on masks below
     Fast,
+    /// Binned SAH above, SAH on masks below: slower to build, faster to trace
+    Balanced,
+    /// Offline: SAH over all planes, with clipping; on the CPU only
+    Best,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -64,8 +68,10 @@ impl Common {
     pub(super) fn build_options(&self) -> BuildOptions {
         let preset = match self.preset {
             PresetName::Fast => Preset::Fast,
+            PresetName::Balanced => Preset::Balanced,
+            PresetName::Best => Preset::Best,
         };
-        let config = BuildConfig { preset, ..BuildConfig::default() };
+        let config = BuildConfig::preset(preset);
         BuildOptions { config, max_memory: self.max_memory }
     }
 

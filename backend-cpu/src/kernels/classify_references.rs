@@ -13,6 +13,7 @@ use super::GRAIN;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    clipped: bool,
     chunks: &[Chunk],
     decisions: &[Decision],
     references: &[Reference],
@@ -28,19 +29,20 @@ pub fn run<A: Arithmetic>(
                 *sides = ChunkSides::all_left(chunk.count);
             } else {
                 let references = &references[first..first + count];
-                *sides = classify::<A>(decision, references, triangles);
+                *sides = classify::<A>(decision, references, clipped.then_some(triangles));
             }
             *counts = sides.counts();
         },
     );
 }
 
-/// The sides of the references of one chunk of a node that is split.
+/// The sides of the references of one chunk of a node that is split; by their bounds alone where
+/// there are no corners to clip.
 #[inline]
 fn classify<A: Arithmetic>(
     decision: &Decision,
     references: &[Reference],
-    triangles: &[Triangle],
+    triangles: Option<&[Triangle]>,
 ) -> ChunkSides {
     let (axis, position) = (decision.axis as usize, decision.position);
     let mut sides = ChunkSides::default();
@@ -51,12 +53,14 @@ fn classify<A: Arithmetic>(
             right |= u32::from(goes_right(reference.hi[axis], position)) << bit;
         }
         // The bounds of these straddle the plane, but what is left of the triangle may not.
-        let mut both = left & right;
+        let mut both = if triangles.is_some() { left & right } else { 0 };
         while both != 0 {
             let bit = both.trailing_zeros();
             both &= both - 1;
             let reference = &references[bit as usize];
-            let corners = &triangles[reference.triangle as usize];
+            let Some(corners) = triangles.map(|all| &all[reference.triangle as usize]) else {
+                break;
+            };
             let bounds = reference.bounds();
             if corners_on_both_sides(corners, &bounds, axis, position) {
                 continue;

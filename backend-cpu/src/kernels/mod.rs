@@ -3,6 +3,7 @@
 
 pub mod allocate_children;
 pub mod assign_chunks;
+pub mod bin_references;
 pub mod build_small;
 pub mod chunk_nodes;
 pub mod classify_references;
@@ -14,6 +15,7 @@ pub mod node_bounds;
 pub mod preorder_addresses;
 pub mod scan_triangles;
 pub mod scatter_references;
+pub mod split_binned;
 pub mod split_large;
 pub mod subtree_sizes;
 pub mod triangle_bounds;

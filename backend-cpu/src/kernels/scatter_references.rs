@@ -17,6 +17,8 @@ use crate::scatter::Scatter;
 pub struct Inputs<'a> {
     /// T: a child of at most this many references is small.
     pub small_node_limit: u32,
+    /// Whether references are clipped; if not, their bounds are cut at the plane.
+    pub clip: bool,
     /// The chunks.
     pub chunks: &'a [Chunk],
     /// Decisions of the active nodes.
@@ -77,7 +79,12 @@ pub fn run<A: Arithmetic>(
                 // A reference that goes to one side only may still have bounds that cross the plane:
                 // its part on the other side came out empty.
                 let crosses = reference.lo[axis] < position && position < reference.hi[axis];
-                let parts = if crosses {
+                let parts = if crosses && !inputs.clip {
+                    let mut parts = [*reference; 2];
+                    parts[0].hi[axis] = position;
+                    parts[1].lo[axis] = position;
+                    parts
+                } else if crosses {
                     let corners = &inputs.triangles[reference.triangle as usize];
                     clip::<A>(corners, &reference.bounds(), axis, position)
                         .map(|bounds| Reference::new(&bounds, reference.triangle))

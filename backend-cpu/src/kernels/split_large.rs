@@ -32,6 +32,29 @@ fn decide<A: Arithmetic>(
     tight: &Aabb,
     references: &[Reference],
 ) -> Decision {
+    let (mut decision, cell) = cut_empty_space::<A>(config, node, tight);
+    let Some(cell) = cell else { return decision };
+    let plane = if node.inseparable == 0 {
+        spatial_median::<A>(&cell)
+    } else {
+        // That the median does not separate does not mean that no plane does.
+        let mine = &references[node.first as usize..(node.first + node.count) as usize];
+        sampled_sweep::<A>(&cell, mine)
+    };
+    if let Some(SplitPlane { axis, position }) = plane {
+        decision.axis = axis as u32;
+        decision.position = position;
+    }
+    decision
+}
+
+/// The node's cuts of empty space, and the cell that is left to split; `None` when the node is
+/// transferred after them, because it is small or at the greatest depth.
+pub(super) fn cut_empty_space<A: Arithmetic>(
+    config: &BuildConfig,
+    node: &LargeNode,
+    tight: &Aabb,
+) -> (Decision, Option<Aabb>) {
     let mut decision = Decision {
         cuts: [0.0; 6],
         cut_count: 0,
@@ -45,12 +68,12 @@ fn decide<A: Arithmetic>(
     };
     let levels_left = config.max_depth - node.depth;
     if node.count <= config.small_node_limit {
-        return decision;
+        return (decision, None);
     }
     let mut cell = node.cell();
     for side in 0..6 {
         if decision.cut_count == levels_left {
-            return decision;
+            return (decision, None);
         }
         if let Some(cut) = empty_cutoff::<A>(config, &cell, tight, side) {
             if side % 2 == 0 {
@@ -63,19 +86,6 @@ fn decide<A: Arithmetic>(
             decision.cut_count += 1;
         }
     }
-    if decision.cut_count == levels_left {
-        return decision;
-    }
-    let plane = if node.inseparable == 0 {
-        spatial_median::<A>(&cell)
-    } else {
-        // That the median does not separate does not mean that no plane does.
-        let mine = &references[node.first as usize..(node.first + node.count) as usize];
-        sampled_sweep::<A>(&cell, mine)
-    };
-    if let Some(SplitPlane { axis, position }) = plane {
-        decision.axis = axis as u32;
-        decision.position = position;
-    }
-    decision
+    let cell = (decision.cut_count < levels_left).then_some(cell);
+    (decision, cell)
 }

@@ -131,6 +131,7 @@ impl Capacities {
             | Buffer::ChunkCounts
             | Buffer::ChunkBounds
             | Buffer::ChunkState
+            | Buffer::ChunkBins
             | Buffer::ReferenceSides => self.chunks,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => self.top_nodes,
             Buffer::LevelStarts => self.levels,
@@ -240,7 +241,9 @@ impl Capacities {
             tree_node_room: self.tree_nodes,
             leaf_reference_room: self.leaf_references,
             subtree_room: self.subtrees,
-            padding: 0,
+            bins: config.bins,
+            clip: u32::from(config.clip),
+            padding: [0; 3],
         }
     }
 }

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
 
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
+use splitplane_core::config::Planes;
 use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, LargeNode};
@@ -59,6 +60,7 @@ pub struct PendingBuild {
     shared: Arc<Shared>,
     buffers: Option<Buffers>,
     options: BuildOptions,
+    planes: Planes,
     capacities: Capacities,
     first_index: u32,
     input_bytes: u64,
@@ -86,6 +88,8 @@ impl PendingBuild {
         profiled: bool,
     ) -> Result<PendingBuild, BuildError> {
         options.config.validate()?;
+        let preset = options.config.preset;
+        let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &shared.gpu;
         if let Source::Device(mesh) = source {
             mesh.check().map_err(|reason| BuildError::InvalidMesh { reason })?;
@@ -116,6 +120,7 @@ impl PendingBuild {
             buffers: Some(buffers),
             options: *options,
             capacities,
+            planes,
             first_index: source.first_index(),
             input_bytes: position_bytes + index_bytes,
             tree_to_host,
@@ -207,10 +212,10 @@ impl PendingBuild {
             executor = executor.profiled(profile);
         }
         if from_start {
-            schedule::build(&mut executor)?;
+            schedule::build(&mut executor, self.planes)?;
         } else {
             executor = executor.resumed(self.swapped);
-            schedule::resume(&mut executor)?;
+            schedule::resume(&mut executor, self.planes)?;
         }
         let triangles = self.capacities.triangles;
         if triangles > 0 {

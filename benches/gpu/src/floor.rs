@@ -7,6 +7,7 @@
 use std::collections::HashMap;
 
 use serde::Serialize;
+use splitplane::core::config::Planes;
 use splitplane::core::kernel::{Access, Buffer, Counter, Kernel, TreeBuilder};
 use splitplane::core::schedule::{self, Executor};
 use splitplane::gpu::KernelTime;
@@ -39,7 +40,7 @@ pub fn moved(mesh: &Mesh<'_>, times: &[KernelTime]) -> Result<Vec<KernelFloor>, 
         bytes: [0; Kernel::ALL.len()],
         written: HashMap::new(),
     };
-    schedule::build(&mut counting)?;
+    schedule::build(&mut counting, Planes::Median)?;
     Ok(Kernel::ALL
         .iter()
         .map(|&kernel| {

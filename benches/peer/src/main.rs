@@ -44,13 +44,15 @@ impl Plan {
         let gpu = words.next_if_eq(&"wgpu").is_some();
         let preset = match words.next() {
             Some("fast") => Preset::Fast,
+            Some("balanced") => Preset::Balanced,
+            Some("best") => Preset::Best,
             None if gpu => Preset::Fast,
             Some(other) => return Err(format!("{name}: there is no preset {other}")),
             None => return Err(format!("{name}: name a preset, as in splitplane-fast")),
         };
         let mut plan = Plan {
             gpu,
-            config: BuildConfig { preset, ..BuildConfig::default() },
+            config: BuildConfig::preset(preset),
             options: QueryOptions::default(),
             single: false,
         };

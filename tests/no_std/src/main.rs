@@ -16,7 +16,7 @@ extern crate std;
 use core::panic::PanicInfo;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::snap;
-use splitplane_core::config::{BuildConfig, MAX_SMALL};
+use splitplane_core::config::{BuildConfig, MAX_SMALL, Planes};
 use splitplane_core::digest::Xxh64;
 use splitplane_core::file::{FileError, TreeFile};
 use splitplane_core::intersect::{Limits, SceneScale};
@@ -155,7 +155,7 @@ fn schedule_of_nothing() -> i32 {
         }
     }
     let mut executor = Counting(0);
-    match schedule::build(&mut executor) {
+    match schedule::build(&mut executor, Planes::Median) {
         Ok(()) if executor.0 >= 3 => 0,
         _ => 10,
     }
