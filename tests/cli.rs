@@ -287,7 +287,7 @@ fn knobs_shape_the_tree_and_are_reported() {
     let told =
         succeed(&folder, &["build", "builtin:spheres", "--no-clip", "--empty-cutoff", "10%"]);
     let line = "knobs    K_T 1, K_I 4, W 16, T 64, C_e 10.2 %, not clipped; at most 64 levels, \
-                8 references and 4 nodes a triangle\n";
+                8 references, 4 nodes a triangle\n";
     assert!(told.contains(line), "{told}");
     // What a knob does, and not only that it is noted.
     assert!(build(&["--max-depth", "5"])["max_depth"].as_u64().unwrap() <= 5);
@@ -321,7 +321,7 @@ fn knobs_that_a_preset_lacks_and_values_out_of_range_are_2_and_named() {
             assert!(why.contains(words), "{why}");
         }
     }
-    for knobs in [["--empty-cutoff", "a lot"], ["--bins", "-1"], ["--max-depth", "9999999999"]] {
+    for knobs in [["--empty-cutoff", "a lot"], ["--bins", "few"], ["--max-depth", "9999999999"]] {
         let output = run(&folder, &[&["build", "builtin:cornell"][..], &knobs].concat());
         assert_eq!(output.status.code(), Some(2), "{knobs:?}");
         assert!(text(&output.stderr).contains(knobs[0]), "{knobs:?}");

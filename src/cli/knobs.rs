@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use splitplane::{BuildConfig, ConfigError, Preset};
 
 #[derive(Args, Clone, Debug, Default)]
-#[command(next_help_heading = "Knobs of the build, that of the preset where left out")]
+#[command(next_help_heading = "Knobs of the build, the preset's where left out")]
 pub(super) struct Knobs {
     /// K_T, what a step through an interior node costs. Only its ratio to --intersection-cost
     /// matters: the dearer a step, the fewer and larger the leaves
@@ -168,7 +168,7 @@ pub(super) fn describe(config: &BuildConfig) -> String {
     }
     text += if config.clip { ", clipped" } else { ", not clipped" };
     text + &format!(
-        "; at most {} levels, {} references and {} nodes a triangle",
+        "; at most {} levels, {} references, {} nodes a triangle",
         config.max_depth, config.references_per_triangle, config.nodes_per_triangle
     )
 }

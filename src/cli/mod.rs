@@ -50,7 +50,7 @@ enum Verb {
     Animate(animate::Arguments),
     /// Build a tree and report what it is like.
     Build(build::Arguments),
-    /// Build a tree and say all about it: memory, histograms, what rays are expected to cost and do.
+    /// Build a tree and say all about it: memory, leaves, what rays are expected to cost and do.
     Stats(stats::Arguments),
     /// Trace the rays of a file.
     Query(query::Arguments),

@@ -157,17 +157,17 @@ impl Report {
         let (expected, rays) = (self.tree.expected, [passing, closest]);
         let [means, errors] = [rays.map(|t| t.mean()), rays.map(|t| t.standard_error())];
         let mut text = format!(
-            "A random line through the bounds, of {}\n  {:16}{:>13}{:>22}{:>22}\n",
+            "A random line through the bounds, mean of {}\n  {:16}{:>13}{:>22}{:>22}\n",
             grouped(passing.rays),
             "",
-            "SAH expects",
-            "passing: measured",
+            "by SAH",
+            "passing through",
             "to the closest hit"
         );
         for (k, name) in names.into_iter().enumerate() {
             let cell = |way: usize| {
                 let (mean, error) = (means[way].to_array()[k], errors[way].to_array()[k]);
-                format!("{mean:.2} ± {error:<6.2}")
+                format!("{mean:.2} ± {error:<6.3}")
             };
             let line = format!(
                 "  {name:16}{:>13.2}{:>22}{:>22}",
