@@ -287,7 +287,7 @@ fn knobs_shape_the_tree_and_are_reported() {
     let told =
         succeed(&folder, &["build", "builtin:spheres", "--no-clip", "--empty-cutoff", "10%"]);
     let line = "knobs    K_T 1, K_I 4, W 16, T 64, C_e 10.2 %, not clipped; at most 64 levels, \
-                8 references, 4 nodes a triangle\n";
+                4 nodes, 8 references a triangle\n";
     assert!(told.contains(line), "{told}");
     // What a knob does, and not only that it is noted.
     assert!(build(&["--max-depth", "5"])["max_depth"].as_u64().unwrap() <= 5);
@@ -302,6 +302,7 @@ fn knobs_that_a_preset_lacks_and_values_out_of_range_are_2_and_named() {
         (&["--bins", "8"][..], "--bins is a knob of balanced only; preset fast does not have it"),
         (&["--preset", "balanced", "--empty-bonus", "5"], "--empty-bonus is a knob of best only"),
         (&["--preset", "best", "--small-node-limit", "5"], "of fast and balanced only"),
+        (&["--preset", "best", "--node-cap", "5"], "of fast and balanced only"),
         (&["--bad-splits", "2"], "--bad-splits is a knob of best only"),
         (&["--traversal-cost", "0"], "--traversal-cost is 0, but must be from 1 to 1367"),
         (&["--small-node-limit", "65"], "--small-node-limit is 65, but must be from 1 to 64"),

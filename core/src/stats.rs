@@ -235,8 +235,8 @@ mod tests {
             triangles: 6,
             config: BuildConfig { block_width: 4, ..Default::default() },
         };
-        // Half areas: 14 the root, 11 its lower child, 5 and 7.5 that one's children, 5 the upper.
-        let expected = [25.0, 17.5, 5.0, 47.5, 20.0].map(|area| area / 14.0);
+        // Half areas: 14 the root, 11 its lower child, 5 and 9 that one's children, 5 the upper.
+        let expected = [25.0, 19.0, 5.0, 55.0, 23.0].map(|area| area / 14.0);
         let found = TreeStats::of(&tree).expected.to_array();
         for (a, b) in found.into_iter().zip(expected) {
             assert!((a - b).abs() < 1e-12, "{found:?} {expected:?}");

@@ -35,7 +35,7 @@ pub(super) struct Knobs {
     /// Do not clip triangles to the cells they go to: a faster build of a larger tree
     #[arg(long, hide_short_help = true)]
     no_clip: bool,
-    /// Stop splitting large nodes at so many references for each triangle, and 4,096
+    /// Stop splitting at so many references for each triangle, and 4,096
     #[arg(long, value_name = "N", hide_short_help = true)]
     reference_cap: Option<u32>,
     /// Stop splitting large nodes at so many nodes for each triangle, and 4,096
@@ -86,7 +86,7 @@ const KNOBS: [Knob; 11] = knobs! {
     "--bins" bins &[Preset::Balanced];
     "--max-depth" max_depth ALL;
     "--reference-cap" references_per_triangle ALL;
-    "--node-cap" nodes_per_triangle ALL;
+    "--node-cap" nodes_per_triangle STAGED;
     "--empty-bonus" empty_bonus &[Preset::Best];
     "--bad-splits" bad_splits &[Preset::Best];
 };
@@ -167,10 +167,11 @@ pub(super) fn describe(config: &BuildConfig) -> String {
         text += &format!(", bad splits {}", config.bad_splits);
     }
     text += if config.clip { ", clipped" } else { ", not clipped" };
-    text + &format!(
-        "; at most {} levels, {} references, {} nodes a triangle",
-        config.max_depth, config.references_per_triangle, config.nodes_per_triangle
-    )
+    text += &format!("; at most {} levels", config.max_depth);
+    if has("nodes_per_triangle") {
+        text += &format!(", {} nodes", config.nodes_per_triangle);
+    }
+    text + &format!(", {} references a triangle", config.references_per_triangle)
 }
 
 /// An error of a configuration in words of the command line.
@@ -253,7 +254,8 @@ mod tests {
         for preset in Preset::ALL {
             for knob in &KNOBS {
                 let mut config = BuildConfig::preset(preset);
-                (knob.set)(&mut config, (knob.get)(&config) + 1);
+                let value = (knob.get)(&config) + 1;
+                (knob.set)(&mut config, value);
                 let counts = config.words() != BuildConfig::preset(preset).words();
                 let has = knob.presets.contains(&preset);
                 assert!(counts || !has, "{} with preset {}", knob.option, preset.name());
