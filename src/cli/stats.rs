@@ -178,11 +178,11 @@ impl Report {
             text += line.trim_end();
             text.push('\n');
         }
-        let costs: [(&str, fn(&RayCost, f64) -> f64); 2] =
-            [("cost, by tests", RayCost::by_tests), ("cost, by blocks", RayCost::by_blocks)];
-        for (name, cost) in costs {
-            let [a, b, c] =
-                [expected, means[0], means[1]].map(|counts| cost(&counts, self.cost_ratio));
+        for (name, by_blocks) in [("cost, by tests", false), ("cost, by blocks", true)] {
+            let [a, b, c] = [expected, means[0], means[1]].map(|counts| match by_blocks {
+                true => counts.by_blocks(self.cost_ratio),
+                false => counts.by_tests(self.cost_ratio),
+            });
             // In the columns of the means above; their errors depend on one another.
             let _ = writeln!(text, "  {name:16}{a:>13.2}{b:>13.2}{c:>22.2}");
         }
