@@ -77,8 +77,8 @@ mod compare {
             return Err(Failure::usage(message));
         }
         in_pool(common, || {
+            let options = common.build_options()?;
             let gpu = open_gpu(&common.open_options())?;
-            let options = common.build_options();
             let spinner = progress::spinner(common.quiet, "reading the scene");
             let scene = Scene::open(&arguments.scene)?;
             spinner.finish_and_clear();
