@@ -128,7 +128,7 @@ fn bindings_in_another_order_are_found() {
 #[test]
 fn near_misses() {
     for (from, to) in [
-        ("padding_a: u32, padding_b: u32", "@size(8) padding_a: u32"),
+        ("clip: u32, padding_a: u32, padding_b: u32, padding_c: u32", "@size(16) clip: u32"),
         ("hi: vec3<f32>", "hi_x: f32, hi_y: f32, hi_z: f32"),
         ("chunks: array<Chunk>", "chunks: array<u32>"),
         ("array<vec4<u32>, 256>", "array<vec4<u32>, 1024>"),
