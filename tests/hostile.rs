@@ -17,9 +17,8 @@ use splitplane_test_support::scenes::{self, Scene};
 /// former.
 fn build(scene: &Scene, config: BuildConfig) -> CpuAccelerator {
     let mesh = scene.mesh();
-    let strict = CpuBackend::new()
-        .build_accelerator(&mesh, &BuildOptions::from(config))
-        .expect("a tree");
+    let strict =
+        CpuBackend::new().build_accelerator(&mesh, &BuildOptions::from(config)).expect("a tree");
     let set = InstructionSet::detect();
     let mut executor: CpuExecutor<'_, Hostile> =
         CpuExecutor::new(mesh, config, set, Buffers::default(), None).expect("no limit");

@@ -474,8 +474,7 @@ fn a_preset_of_the_cpu_is_refused() {
     let config = BuildConfig::preset(Preset::Best);
     let options = BuildOptions::from(config);
     let positions = backend.gpu().buffer("positions", 12, wgpu::BufferUsages::COPY_SRC).unwrap();
-    let on_device =
-        DeviceMesh { positions: &positions, vertices: 0, indices: None, triangles: 0 };
+    let on_device = DeviceMesh { positions: &positions, vertices: 0, indices: None, triangles: 0 };
     let refusals: [Option<BuildError>; 6] = [
         Backend::build(&backend, &mesh, &options).err(),
         backend.build_on_device(&mesh, &options).err(),

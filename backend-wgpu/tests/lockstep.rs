@@ -30,7 +30,7 @@ fn in_step(
     match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
         Ok(dispatches) => Ok(dispatches),
         Err(LockstepError::Differs(difference)) => Err(difference),
-        Err(other) => panic!("{other}"),
+        Err(other) => panic!("{config:?}: {other}"),
     }
 }
 
@@ -165,28 +165,33 @@ fn planted_faults_are_named() {
     let of_balanced = [
         (K::BinReferences, "whole > 0u", "false"),
         (K::BinReferences, "range.x], 0x10001u", "range.x], 1u"),
-        (K::BinReferences, "if !axes[axis].divisible", "if false"),
         (K::SplitBinned, "area, split_areas", "0u, split_areas"),
-        (K::SplitBinned, "low.y + a.y * b", "low.y"),
         (K::SplitBinned, "border.cost.x == atomicLoad(&best_low)", "true"),
-        (K::SplitBinned, "bin < parameters.bins", "bin + 1u < parameters.bins"),
-        (K::SplitBinned, "node.inseparable == 1u", "false"),
         (K::SplitBinned, "position, gap > limit)", "position, false)"),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, balanced));
-    let of_whole = [
+    let by_one = BuildConfig { block_width: 1, ..balanced };
+    let halves = BuildConfig { bins: 2, ..balanced };
+    let of_others = [
+        (K::SplitBinned, "low.y + a.y * b", "low.y", by_one),
+        (K::SplitBinned, "bin < parameters.bins", "bin + 1u < parameters.bins", halves),
         (K::ClassifyReferences, "right && parameters.clip == 1u", "right", whole),
         (K::ScatterReferences, "if parameters.clip == 1u", "if true", whole),
     ];
-    let plants = plants.into_iter().chain(of_balanced).chain(of_whole);
+    let plants = plants.into_iter().chain(of_balanced).chain(of_others);
     let mut missing = Kernel::ALL.to_vec();
     // Subnormal coordinates, planar triangles, empty space and many levels, so that each fault shows.
     let scene = scenes::zeros_and_subnormals()
         .joined(&scenes::grid_boxes(4), "boxes")
         .joined(&scenes::soup(3000, 0.4, 9), "faults");
+    // Bounds that are flat on an axis; triangles that no plane separates.
+    let (flat, same) = (scenes::coplanar(1, 500), scenes::identical(500));
+    let of_flat = (K::BinReferences, "if !axes[axis].divisible", "if false", balanced);
+    let of_same = (K::SplitBinned, "node.inseparable == 1u", "false", balanced);
+    let plants = plants.map(|plant| (plant, &scene)).chain([(of_flat, &flat), (of_same, &same)]);
     let gpu = common::gpu();
     let mut missed = Vec::new();
-    for (kernel, text, fault, config) in plants {
+    for ((kernel, text, fault, config), scene) in plants {
         missing.retain(|without| *without != kernel);
         let source = splitplane_shaders::KERNELS[kernel as usize].source();
         let planted = source.replace(text, fault);

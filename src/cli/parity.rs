@@ -98,11 +98,7 @@ mod compare {
             let found =
                 parity::compare(&backend, &mesh, &options, &rays, &query, &|rays| bar.inc(rays))?;
             bar.finish_and_clear();
-            let case = Case {
-                scene: &scene.name,
-                preset: preset.name(),
-                triangles: mesh.len(),
-            };
+            let case = Case { scene: &scene.name, preset: preset.name(), triangles: mesh.len() };
             if common.json {
                 print_json(&report(&case, &adapter, &info.detail, &found))?;
             } else if !common.quiet {

@@ -63,7 +63,7 @@ impl Capacities {
             small_roots: config.node_cap(triangles),
             small_references: references,
             top_nodes: config.node_cap(triangles).saturating_add(16),
-            tree_nodes: references,
+            tree_nodes: references.saturating_mul(2),
             leaf_references: references.saturating_mul(2),
             ..Capacities::estimate(triangles, config)
         }

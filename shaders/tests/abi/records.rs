@@ -12,8 +12,8 @@ use naga::Handle;
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Parameters, Reference,
-    Sides, SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Parameters,
+    Reference, Sides, SmallRoot, TopNode,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
