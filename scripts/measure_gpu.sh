@@ -15,10 +15,10 @@
 # MEASURE_OPTIONS more options for `splitplane-measure-gpu`, such as "--reps 21 --rays 8000000"
 # SMALL=1         small scenes and few rays, for software adapters
 #
-# Parity is compared on more scenes than are measured, each by every preset: on those, on every .obj file of the folder and on
-# all built-in scenes; after every dispatch, but for ten million triangles, where that takes too long
-# and the digests have to do. Frames of the built-in carousel, and of robots and horse where the folder has
-# them, are made on both backends and compared; their times are in frames-NAME-BACKEND.json.
+# Parity is compared on more scenes than are measured, each by every preset: on those, on every .obj file
+# of the folder and on all built-in scenes; after every dispatch, but for ten million triangles, where that
+# takes too long and the digests have to do. Frames of the built-in carousel, and of robots and horse where
+# the folder has them, are made on both backends and compared; their times are in frames-NAME-BACKEND.json.
 #
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
 set -euo pipefail
