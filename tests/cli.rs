@@ -629,6 +629,8 @@ fn parity_needs_a_gpu() {
 #[test]
 fn parity_with_the_cpu_or_without_a_scene_is_wrong_usage() {
     let folder = folder();
+    let why = fail(&folder, 2, &["parity", "builtin:cornell", "--preset", "best"]);
+    assert!(why.contains("preset best is built on the CPU only"), "{why}");
     let why = fail(&folder, 2, &["parity", "builtin:cornell", "--backend", "cpu"]);
     assert!(why.contains("leave --backend cpu out"), "{why}");
     assert_eq!(run(&folder, &["parity"]).status.code(), Some(2));

@@ -17,13 +17,15 @@ use crate::split::{SplitPlane, strictly_inside};
 /// The bins of one axis of a node: equal parts of its tight bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinAxis {
-    /// Half of the lower end.
+    /// A quarter of the lower end.
     pub lower: f32,
-    /// Half of the extent.
-    pub half: f32,
+    /// A quarter of the extent: of the greatest extent there is, half would be too much for two bins,
+    /// whose scale would be subnormal.
+    pub quarter: f32,
     /// How many bins.
     pub bins: u32,
-    /// Bins in half a unit of length: a place is the halved distance from the lower end times this.
+    /// Bins in a quarter of a unit of length: a place is a quarter of the distance from the lower end
+    /// times this. Never subnormal.
     pub scale: f32,
 }
 
@@ -36,14 +38,15 @@ impl BinAxis {
         if exponent(half) < LEAST_EXPONENT {
             return None;
         }
-        let lower = A::snapped_product(tight.lo[axis], 0.5);
-        Some(BinAxis { lower, half, bins, scale: A::quotient(bins as f32, half) })
+        let lower = A::snapped_product(tight.lo[axis], 0.25);
+        let quarter = A::product(half, 0.5);
+        Some(BinAxis { lower, quarter, bins, scale: A::quotient(bins as f32, quarter) })
     }
 
     /// Where a coordinate within the bounds lies, in bins from the lower end.
     #[inline(always)]
     pub fn place<A: Arithmetic>(&self, coordinate: f32) -> f32 {
-        let distance = A::snapped_difference(A::snapped_product(coordinate, 0.5), self.lower);
+        let distance = A::snapped_difference(A::snapped_product(coordinate, 0.25), self.lower);
         A::snapped_product(distance, self.scale)
     }
 
@@ -62,9 +65,9 @@ impl BinAxis {
     #[inline]
     pub fn border<A: Arithmetic>(&self, index: u32) -> f32 {
         let part = A::quotient(index as f32, self.bins as f32);
-        let half = A::snapped_sum(self.lower, A::snapped_product(self.half, part));
+        let quarter = A::snapped_sum(self.lower, A::snapped_product(self.quarter, part));
         // Exact, and within the bounds.
-        A::product(half, 2.0)
+        A::product(quarter, 4.0)
     }
 }
 
@@ -198,9 +201,12 @@ mod tests {
             assert_eq!(bins.border::<Strict>(48), 0.5 * unit);
         }
         let whole = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
-        for count in [2, 7, 31, 64] {
+        for count in [2, 3, 7, 31, 64] {
             let bins = BinAxis::of::<Strict>(&whole, 0, count).unwrap();
+            assert!(bins.scale.is_normal(), "{count}: a device may flush {bins:?}");
+            assert_eq!(BinAxis::of::<Hostile>(&whole, 0, count), Some(bins));
             assert_eq!(bins.range::<Strict>(-f32::MAX, f32::MAX), [0, count - 1]);
+            assert_eq!(bins.range::<Hostile>(-f32::MAX, f32::MAX), [0, count - 1]);
             for border in 1..count {
                 let plane = bins.border::<Strict>(border);
                 assert!(strictly_inside(&whole, 0, plane), "{border} of {count}: {plane}");
