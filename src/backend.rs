@@ -7,6 +7,7 @@ mod engine;
 mod gpu;
 
 use splitplane_core::backend::Backend;
+use splitplane_core::config::Preset;
 use std::ffi::OsString;
 use std::fmt;
 use std::str::FromStr;
@@ -41,6 +42,9 @@ pub struct OpenOptions {
     pub allow_structural: bool,
     /// Request no more than WebGPU's default limits, whatever the adapter offers.
     pub default_limits: bool,
+    /// The preset of the builds to come. Where a GPU cannot build it, [`BackendKind::Auto`] takes the
+    /// CPU; a GPU asked for by name is opened, and its builds end in an error.
+    pub preset: Preset,
     /// How long to wait for a device before it counts as hanging. When `None`, a minute for hardware
     /// and half an hour for software.
     pub timeout: Option<Duration>,
@@ -186,9 +190,14 @@ impl BackendKind {
     /// # Errors
     /// As for [`BackendKind::open_with`].
     pub fn open_engine(self, options: &OpenOptions) -> Result<OpenedEngine, OpenError> {
+        let on_device = options.preset.planes().is_some();
         match (self, &options.adapter) {
             (BackendKind::Cpu, Some(adapter)) => Err(OpenError::AdapterForCpu(adapter.clone())),
             (BackendKind::Cpu, None) => open_cpu("asked for"),
+            (BackendKind::Auto, None) if !on_device => open_cpu(&format!(
+                "auto: the CPU, since preset {} is built on the CPU only",
+                options.preset.name()
+            )),
             (BackendKind::Auto, _) => open_auto(options),
             (BackendKind::Wgpu, _) => open_wgpu(options),
         }
@@ -308,6 +317,15 @@ mod tests {
     }
 
     #[cfg(feature = "cpu")]
+    #[test]
+    #[cfg(feature = "cpu")]
+    fn auto_takes_the_cpu_for_what_only_it_can_build() {
+        let options = OpenOptions { preset: Preset::Best, ..OpenOptions::default() };
+        let opened = BackendKind::Auto.open_with(&options).unwrap();
+        assert_eq!(opened.backend.describe().name, "cpu");
+        assert_eq!(opened.reason, "auto: the CPU, since preset best is built on the CPU only");
+    }
+
     #[test]
     fn auto_says_what_it_took_and_why() {
         let opened = BackendKind::Auto.open().unwrap();

@@ -4,7 +4,7 @@ mod common;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Hostile, Strict, power_of_two, snap};
-use splitplane_core::bins::{BinAxis, wide_leaf_cost, wide_split_cost};
+use splitplane_core::bins::{BinAxis, expected_split_cost, wide_leaf_cost, wide_split_cost};
 use splitplane_core::config::{BuildConfig, MAX_BINS};
 use splitplane_test_support::random::Random;
 
@@ -173,7 +173,8 @@ const COSTS: &str = "
     let split = wide_split_cost(g[0], vec2<u32>(g[1], g[2]), g[3], g[4]);
     let leaf = wide_leaf_cost(g[0], g[3]);
     let less = select(0u, 1u, wide_less(split, leaf)) + select(0u, 2u, wide_less(leaf, split));
-    r = array<u32, 8>(split.x, split.y, leaf.x, leaf.y, less, 0u, 0u, 0u);";
+    let expected = expected_split_cost(g[0], vec2<u32>(g[1], g[2]), g[3], g[4]);
+    r = array<u32, 8>(split.x, split.y, leaf.x, leaf.y, less, expected.x, expected.y, 0u);";
 
 fn expected_cost(case: &[u32; 8]) -> [u32; 8] {
     let [node, left_area, right_area, left, right, block_width, traversal_cost, intersection_cost] =
@@ -184,8 +185,9 @@ fn expected_cost(case: &[u32; 8]) -> [u32; 8] {
     let leaf = wide_leaf_cost(&config, node, left);
     let words = |cost: u64| [cost as u32, (cost >> 32) as u32];
     let less = u32::from(split < leaf) + 2 * u32::from(leaf < split);
-    let ([a, b], [c, d]) = (words(split), words(leaf));
-    [a, b, c, d, less, 0, 0, 0]
+    let expected = expected_split_cost(&config, [node, left_area, right_area], left, right);
+    let ([a, b], [c, d], [e, f]) = (words(split), words(leaf), words(expected));
+    [a, b, c, d, less, e, f, 0]
 }
 
 /// How many results differ, and the first of them in words.
@@ -247,7 +249,11 @@ fn planted_faults_are_seen() {
         ["low.y + a.y * b", "low.y"],
         ["(middle >> 16u) + (other >> 16u)", "(middle >> 16u)"],
         ["a.y == b.y && a.x < b.x", "false"],
-        ["blocks(right), areas.y", "blocks(left), areas.y"],
+        ["children.y, areas.y", "children.x, areas.y"],
+        ["case 2u: { base = 362u; }", "case 2u: { base = 361u; }"],
+        ["(base + 4u) >> 3u", "base >> 3u"],
+        ["(part.y << (32u - power)) | ", ""],
+        ["if blocks <= 4u", "if blocks <= 5u"],
     ] {
         let (count, _) = differences(&library(fault), COSTS, &costs(), expected_cost);
         assert!(count > 0, "{fault:?} goes unnoticed");

@@ -128,9 +128,9 @@ impl NodeBins {
         sum
     }
 
-    /// The border of least expected cost, if a split there pays: if with children taken for leaves it
-    /// costs less than a leaf of all `count` references. Ties go to the lower axis, then to the lower
-    /// border.
+    /// The border of least expected cost among those that pay: where a split with children taken for
+    /// leaves costs less than a leaf of all `count` references. Ties go to the lower axis, then to the
+    /// lower border.
     pub fn best_border<A: Arithmetic>(
         &self,
         config: &BuildConfig,
@@ -154,15 +154,15 @@ impl NodeBins {
                 }
                 let offset = extents.offset::<A>(cell.lo[axis], position);
                 let areas = extents.split_areas(axis, offset);
+                let pays = wide_split_cost(config, areas, left, right) < leaf;
                 let expected = expected_split_cost(config, areas, left, right);
-                if expected < least {
+                if pays && expected < least {
                     least = expected;
-                    let pays = wide_split_cost(config, areas, left, right) < leaf;
-                    best = Some((SplitPlane { axis, position }, pays));
+                    best = Some(SplitPlane { axis, position });
                 }
             }
         }
-        best.filter(|&(_, pays)| pays).map(|(plane, _)| plane)
+        best
     }
 }
 

@@ -218,16 +218,22 @@ impl BuildConfig {
             Preset::Balanced => (self.bins, 0, 0),
             Preset::Best => (0, self.empty_bonus, self.bad_splits),
         };
+        let (limit, cutoff, nodes) = match self.preset {
+            Preset::Fast | Preset::Balanced => {
+                (self.small_node_limit, self.empty_cutoff, self.nodes_per_triangle)
+            }
+            Preset::Best => (0, 0, 0),
+        };
         [
             self.preset as u32,
             self.traversal_cost,
             self.intersection_cost,
             self.block_width,
-            self.small_node_limit,
-            self.empty_cutoff,
+            limit,
+            cutoff,
             self.max_depth,
             self.references_per_triangle,
-            self.nodes_per_triangle,
+            nodes,
             bins,
             !self.clip as u32,
             empty_bonus,
@@ -240,20 +246,25 @@ impl BuildConfig {
     pub fn from_words(words: [u32; 13]) -> Option<BuildConfig> {
         let preset = *Preset::ALL.get(words[0] as usize)?;
         let of_preset = BuildConfig::preset(preset);
+        // A knob that not every preset has.
+        let has = |preset_has: bool, word: usize, default| {
+            if preset_has { words[word] } else { default }
+        };
+        let best = preset == Preset::Best;
         let config = BuildConfig {
             preset,
             traversal_cost: words[1],
             intersection_cost: words[2],
             block_width: words[3],
-            small_node_limit: words[4],
-            empty_cutoff: words[5],
+            small_node_limit: has(!best, 4, of_preset.small_node_limit),
+            empty_cutoff: has(!best, 5, of_preset.empty_cutoff),
             max_depth: words[6],
             references_per_triangle: words[7],
-            nodes_per_triangle: words[8],
-            bins: if preset == Preset::Balanced { words[9] } else { of_preset.bins },
+            nodes_per_triangle: has(!best, 8, of_preset.nodes_per_triangle),
+            bins: has(preset == Preset::Balanced, 9, of_preset.bins),
             clip: words[10] == 0,
-            empty_bonus: if preset == Preset::Best { words[11] } else { of_preset.empty_bonus },
-            bad_splits: if preset == Preset::Best { words[12] } else { of_preset.bad_splits },
+            empty_bonus: has(best, 11, of_preset.empty_bonus),
+            bad_splits: has(best, 12, of_preset.bad_splits),
         };
         let canonical = config.validate().is_ok() && config.words() == words;
         canonical.then_some(config)

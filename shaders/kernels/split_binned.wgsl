@@ -2,7 +2,7 @@
 // One workgroup an active node, one invocation a border between bins, of which each axis has up to 63.
 // Reads: cell and tight bounds of the node; the bins of its chunks.
 // Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
-// Ties: least cost, then axis, then position.
+// Ties: least expected cost, then axis, then position.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
@@ -48,11 +48,11 @@ fn sum_bins(node: LargeNode, lane: u32) -> vec2<u32> {
     return sum;
 }
 
-// A plane and its cost.
+// A plane and its expected cost.
 struct Border {
     cost: vec2<u32>,
     position: f32,
-    // It lies strictly inside the cell and costs less than a leaf.
+    // It lies strictly inside the cell, and with children taken for leaves it costs less than a leaf.
     pays: bool,
 }
 
@@ -66,8 +66,9 @@ fn evaluate(node: LargeNode, bins: BinAxis, axis: u32, index: u32, left: u32, ri
     }
     let area = half_area(extents.cells);
     let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
-    let cost = wide_split_cost(area, split_areas(extents, axis, offset), left, right);
-    return Border(cost, position, wide_less(cost, wide_leaf_cost(area, node.count)));
+    let areas = split_areas(extents, axis, offset);
+    let pays = wide_less(wide_split_cost(area, areas, left, right), wide_leaf_cost(area, node.count));
+    return Border(expected_split_cost(area, areas, left, right), position, pays);
 }
 
 // That no border pays does not mean that none will: what is left is halved once, as the paper does. If
@@ -79,7 +80,7 @@ fn fallback(node: LargeNode) -> SplitPlane {
     return spatial_median(Aabb(cell_lo, cell_hi));
 }
 
-// Finds the border of least cost and decides on it.
+// Finds the border of least expected cost among those that pay and decides on it.
 fn choose(index: u32, node: LargeNode, lane: u32) {
     let axis = lane / MAX_BINS;
     let bin = lane % MAX_BINS;

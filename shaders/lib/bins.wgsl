@@ -49,11 +49,45 @@ fn bin_border(axis: BinAxis, index: u32) -> f32 {
 // Costs of a split, from the half areas of node, left and right, and of a leaf; times the node's half
 // area.
 fn wide_split_cost(node_area: u32, areas: vec2<u32>, left: u32, right: u32) -> vec2<u32> {
-    let tests = wide_sum(wide_product(blocks(left), areas.x), wide_product(blocks(right), areas.y));
-    return wide_sum(
-        wide_product(parameters.traversal_cost, node_area),
-        wide_multiple(tests, parameters.intersection_cost),
-    );
+    return weigh(node_area, areas, parameters.traversal_cost, vec2<u32>(blocks(left), blocks(right)));
+}
+
+// The same with children that cost what is expected of them, in quarters: what borders are compared by.
+fn expected_split_cost(node_area: u32, areas: vec2<u32>, left: u32, right: u32) -> vec2<u32> {
+    let children = vec2<u32>(expected_quarters(blocks(left)), expected_quarters(blocks(right)));
+    return weigh(node_area, areas, 4u * parameters.traversal_cost, children);
+}
+
+fn weigh(node_area: u32, areas: vec2<u32>, traversal: u32, children: vec2<u32>) -> vec2<u32> {
+    let tests = wide_sum(wide_product(children.x, areas.x), wide_product(children.y, areas.y));
+    return wide_sum(wide_product(traversal, node_area), wide_multiple(tests, parameters.intersection_cost));
+}
+
+// What a subtree over so many blocks is expected to cost: itself up to four, beyond them the power 3/4 of
+// their number; linear between powers of two.
+fn expected_quarters(blocks: u32) -> u32 {
+    if blocks <= 4u {
+        return 4u * blocks;
+    }
+    let power = firstLeadingBit(blocks);
+    let low = quarters_of_power(power);
+    let part = wide_product(quarters_of_power(power + 1u) - low, blocks - (1u << power));
+    return low + ((part.y << (32u - power)) | (part.x >> power));
+}
+
+fn quarters_of_power(power: u32) -> u32 {
+    let eights = (power - 2u) / 4u;
+    var base = 128u;
+    switch (power - 2u) % 4u {
+        case 1u: { base = 215u; }
+        case 2u: { base = 362u; }
+        case 3u: { base = 609u; }
+        default: {}
+    }
+    if eights == 0u {
+        return (base + 4u) >> 3u;
+    }
+    return base << (3u * (eights - 1u));
 }
 
 fn wide_leaf_cost(area: u32, count: u32) -> vec2<u32> {

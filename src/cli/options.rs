@@ -63,7 +63,16 @@ impl Common {
         OpenOptions {
             adapter: self.adapter.clone(),
             allow_structural: self.allow_structural,
+            preset: self.preset(),
             ..OpenOptions::default()
+        }
+    }
+
+    fn preset(&self) -> Preset {
+        match self.preset {
+            PresetName::Fast => Preset::Fast,
+            PresetName::Balanced => Preset::Balanced,
+            PresetName::Best => Preset::Best,
         }
     }
 
@@ -72,11 +81,7 @@ impl Common {
     /// # Errors
     /// Wrong usage: a knob that the preset does not have, or a value out of range.
     pub(super) fn build_options(&self) -> Result<BuildOptions, Failure> {
-        let preset = match self.preset {
-            PresetName::Fast => Preset::Fast,
-            PresetName::Balanced => Preset::Balanced,
-            PresetName::Best => Preset::Best,
-        };
+        let preset = self.preset();
         Ok(BuildOptions { config: self.knobs.config(preset)?, max_memory: self.max_memory })
     }
 

@@ -295,12 +295,20 @@ for_every_set! {
                 // At least these are left and right of any plane in the bin, and all are somewhere.
                 let (left, right) = (started[bin], unfinished[bin] - ends[bin]);
                 let blocks = [costs.blocks(left), costs.blocks(right)];
-                let free = all - blocks[0] - blocks[1];
-                let free = if free > 0.0 { free } else { 0.0 };
+                let rest = [all - blocks[1], all - blocks[0]];
+                let most_blocks = [
+                    if rest[0] > blocks[0] { rest[0] } else { blocks[0] },
+                    if rest[1] > blocks[1] { rest[1] } else { blocks[1] },
+                ];
                 let small = [areas.below(low), areas.above(high)];
-                let to_left = if small[0] < small[1] { free } else { 0.0 };
-                let blocks = [blocks[0] + to_left, blocks[1] + (free - to_left)];
-                let cost = costs.blocks_cost(cell.step, small, blocks) * LOWER;
+                // What is expected is concave: least where all that may be on either side is on one.
+                let fewest = blocks.map(|n| costs.expected(n));
+                let most_expected = most_blocks.map(|n| costs.expected(n));
+                let all_left = [most_expected[0], fewest[1]];
+                let all_right = [fewest[0], most_expected[1]];
+                let all_left = costs.blocks_cost(cell.step, small, all_left);
+                let all_right = costs.blocks_cost(cell.step, small, all_right);
+                let cost = if all_left < all_right { all_left } else { all_right } * LOWER;
                 let cost = if left == 0 || right == 0 { cost * costs.empty } else { cost };
                 least[bin] = if faces > 0 { cost } else { f64::INFINITY };
                 // The outermost bins may hold nothing but the sides of the cell.
@@ -308,7 +316,7 @@ for_every_set! {
                 let large = [areas.below(high), areas.above(low)];
                 let blocks =
                     [costs.blocks(started[bin] + starts[bin]), costs.blocks(unfinished[bin])];
-                let cost = costs.blocks_cost(cell.step, large, blocks);
+                let cost = costs.blocks_cost(cell.step, large, blocks.map(|n| costs.expected(n)));
                 let cost = if inner { cost } else { f64::INFINITY };
                 most = if cost < most { cost } else { most };
             }

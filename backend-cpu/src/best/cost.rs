@@ -21,6 +21,8 @@ pub(super) struct Costs {
     pub bad_splits: u32,
     /// 1 / W.
     inverse: f64,
+    /// Whether children are taken for leaves when planes are compared, too.
+    leaves: bool,
 }
 
 impl Costs {
@@ -35,7 +37,13 @@ impl Costs {
             max_depth: config.max_depth,
             bad_splits: config.bad_splits,
             inverse: 1.0 / f64::from(width),
+            leaves: false,
         }
+    }
+
+    /// The same costs with children taken for leaves throughout.
+    pub fn of_leaves(&self) -> Costs {
+        Costs { leaves: true, ..*self }
     }
 
     /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
@@ -52,17 +60,50 @@ impl Costs {
         self.intersection * (self.blocks(n) * area)
     }
 
+    /// What a child of so many blocks is expected to cost, in blocks: itself up to four, beyond them the
+    /// power 3/4 of their number (see [`splitplane_core::sah::expected_quarters`], the same in whole
+    /// numbers). Never falls, and is concave but for rounding: square roots round once.
+    #[inline(always)]
+    pub fn expected(&self, blocks: f64) -> f64 {
+        if self.leaves {
+            return blocks;
+        }
+        let root = (0.25 * blocks).sqrt();
+        let power = 4.0 * (root * root.sqrt());
+        // Below four blocks the power is the greater one.
+        if power < blocks { power } else { blocks }
+    }
+
     /// The cost of a split into leaves of these half areas and numbers of references, times the half
-    /// area of the root; `step` is K_T times the half area of the node. Never falls when any of the four
-    /// grows, because every operation rounds once and none has a negative operand.
+    /// area of the root; `step` is K_T times the half area of the node: Equation 6. Never falls when any
+    /// of the four grows, because every operation rounds once and none has a negative operand.
     #[inline(always)]
     pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = [self.blocks(counts[0]), self.blocks(counts[1])];
-        let cost = self.blocks_cost(step, areas, blocks);
+        self.forgive(self.blocks_cost(step, areas, blocks), counts)
+    }
+
+    /// The same with children that cost what [`Costs::expected`] says: what planes are compared by. Up to
+    /// four blocks in all it is [`Costs::split`].
+    #[inline(always)]
+    pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
+        let blocks = counts.map(|n| self.expected(self.blocks(n)));
+        self.forgive(self.blocks_cost(step, areas, blocks), counts)
+    }
+
+    /// The cost of a split, less what an empty side is forgiven.
+    #[inline(always)]
+    fn forgive(&self, cost: f64, counts: [u32; 2]) -> f64 {
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
     }
 
-    /// [`Costs::split`] from numbers of blocks, without what an empty side is forgiven.
+    /// Whether [`Costs::expected_split`] is [`Costs::split`] for every split of so many references.
+    #[inline(always)]
+    pub fn few(&self, count: u32) -> bool {
+        self.leaves || count <= 4 * self.width
+    }
+
+    /// The cost of a split from what its children cost, in blocks.
     #[inline(always)]
     pub fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
         step + self.intersection * (blocks[0] * areas[0] + blocks[1] * areas[1])
@@ -151,7 +192,7 @@ impl Cell {
 /// A plane, and what it makes of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
-    /// [`Costs::split`].
+    /// [`Costs::expected_split`].
     pub cost: f64,
     /// Axis the plane is perpendicular to, 0 to 2.
     pub axis: usize,
@@ -191,11 +232,11 @@ impl Best {
     ) {
         let areas = cell.axes[axis].at(f64::from(position));
         let mut counts = [left + planar, right];
-        let mut cost = costs.split(cell.step, areas, counts);
+        let mut cost = costs.expected_split(cell.step, areas, counts);
         let mut planar_right = false;
         if planar > 0 {
             let other = [left, right + planar];
-            let other_cost = costs.split(cell.step, areas, other);
+            let other_cost = costs.expected_split(cell.step, areas, other);
             if other_cost < cost {
                 (cost, counts, planar_right) = (other_cost, other, true);
             }
@@ -239,6 +280,23 @@ mod tests {
                 }
             }
             (0..64).for_each(|k| check((1 << 30) - k));
+        }
+    }
+
+    #[test]
+    fn expected_costs_never_fall_and_are_those_in_whole_numbers() {
+        let costs = Costs::of(&BuildConfig::default());
+        assert_eq!(costs.of_leaves().expected(77.0), 77.0);
+        let mut last = 0.0;
+        for blocks in 0..100_000u32 {
+            let found = costs.expected(f64::from(blocks));
+            assert!(found >= last && found <= f64::from(blocks), "{blocks}");
+            if blocks <= 4 {
+                assert_eq!(found, f64::from(blocks));
+            }
+            let whole = f64::from(splitplane_core::sah::expected_quarters(blocks)) / 4.0;
+            assert!((found - whole).abs() <= 0.25 + 0.025 * found, "{blocks} {found} {whole}");
+            last = found;
         }
     }
 

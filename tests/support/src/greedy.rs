@@ -22,7 +22,11 @@ struct Part {
 /// A plane and what it costs.
 #[derive(Clone, Copy)]
 struct Plane {
+    /// What planes are compared by: children cost less than leaves of their blocks where they have more
+    /// than four.
     cost: f64,
+    /// The cost with leaves for children.
+    leaves: f64,
     axis: usize,
     position: f32,
     planar_right: bool,
@@ -46,6 +50,12 @@ pub fn every_plane(mesh: &Mesh<'_>, config: &BuildConfig, clip: Option<&Clip>) -
     finish(&tree, bounds, mesh, config)
 }
 
+/// What a child of so many blocks is expected to cost.
+fn expected(blocks: f64) -> f64 {
+    let root = (blocks / 4.0).sqrt();
+    if blocks <= 4.0 { blocks } else { 4.0 * (root * root.sqrt()) }
+}
+
 struct EveryPlane<'a> {
     config: &'a BuildConfig,
     clip: Option<&'a Clip>,
@@ -58,7 +68,14 @@ impl EveryPlane<'_> {
     }
 
     /// The cost of a plane, planar references on the better side.
-    fn plane(&self, parts: &[Part], cell: &Aabb, axis: usize, position: f32) -> Plane {
+    fn plane(
+        &self,
+        parts: &[Part],
+        cell: &Aabb,
+        axis: usize,
+        position: f32,
+        expected: &dyn Fn(f64) -> f64,
+    ) -> Plane {
         let count = |test: &dyn Fn(f32, f32) -> bool| {
             let meets = |part: &&Part| test(part.bounds.lo[axis], part.bounds.hi[axis]);
             parts.iter().filter(meets).count() as u64
@@ -66,19 +83,26 @@ impl EveryPlane<'_> {
         let left = count(&|lo, _| lo < position);
         let right = count(&|_, hi| hi > position);
         let planar = count(&|lo, hi| lo == position && hi == position);
-        let on_left = self.cost(cell, axis, position, left + planar, right);
-        let on_right = self.cost(cell, axis, position, left, right + planar);
-        if on_right < on_left {
-            let right = right + planar;
-            Plane { cost: on_right, axis, position, planar_right: true, left, right }
-        } else {
-            let left = left + planar;
-            Plane { cost: on_left, axis, position, planar_right: false, left, right }
-        }
+        let on_left = self.cost(cell, axis, position, left + planar, right, expected);
+        let on_right = self.cost(cell, axis, position, left, right + planar, expected);
+        let planar_right = on_right < on_left;
+        let (left, right) =
+            if planar_right { (left, right + planar) } else { (left + planar, right) };
+        let cost = if planar_right { on_right } else { on_left };
+        let leaves = self.cost(cell, axis, position, left, right, &|blocks| blocks);
+        Plane { cost, leaves, axis, position, planar_right, left, right }
     }
 
-    /// K_T A + K_I (ceil(nL / W) A_L + ceil(nR / W) A_R), less for an empty side.
-    fn cost(&self, cell: &Aabb, axis: usize, position: f32, left: u64, right: u64) -> f64 {
+    /// K_T A + K_I (f(ceil(nL / W)) A_L + f(ceil(nR / W)) A_R), less for an empty side, where `child` is f.
+    fn cost(
+        &self,
+        cell: &Aabb,
+        axis: usize,
+        position: f32,
+        left: u64,
+        right: u64,
+        child: &dyn Fn(f64) -> f64,
+    ) -> f64 {
         let e = extents(cell);
         let (y, z) = (e[(axis + 1) % 3], e[(axis + 2) % 3]);
         let side = |length: f64| {
@@ -87,7 +111,7 @@ impl EveryPlane<'_> {
         let low = side(f64::from(position) - f64::from(cell.lo[axis]));
         let high = side(f64::from(cell.hi[axis]) - f64::from(position));
         let step = f64::from(self.config.traversal_cost) * half_area(cell);
-        let tests = self.blocks(left) * low + self.blocks(right) * high;
+        let tests = child(self.blocks(left)) * low + child(self.blocks(right)) * high;
         let cost = step + f64::from(self.config.intersection_cost) * tests;
         let kept = f64::from(256 - self.config.empty_bonus) / 256.0;
         if left.min(right) == 0 { cost * kept } else { cost }
@@ -114,22 +138,29 @@ impl EveryPlane<'_> {
             return as_leaf();
         }
         let mut best: Option<Plane> = None;
+        // The best with leaves for children: taken where the first does not pay.
+        let mut cheapest: Option<Plane> = None;
         for axis in 0..3 {
             for part in &parts {
                 for position in [part.bounds.lo[axis], part.bounds.hi[axis]] {
                     if !(cell.lo[axis] < position && position < cell.hi[axis]) {
                         continue;
                     }
-                    let plane = self.plane(&parts, &cell, axis, position);
+                    let plane = self.plane(&parts, &cell, axis, position, &expected);
                     let key = |plane: &Plane| (plane.cost, plane.axis, plane.position);
                     if best.as_ref().is_none_or(|best| key(&plane) < key(best)) {
                         best = Some(plane);
                     }
+                    let plane = self.plane(&parts, &cell, axis, position, &|blocks| blocks);
+                    if cheapest.as_ref().is_none_or(|best| key(&plane) < key(best)) {
+                        cheapest = Some(plane);
+                    }
                 }
             }
         }
+        let best = best.filter(|best| best.leaves < leaf).or(cheapest);
         let Some(best) = best else { return as_leaf() };
-        let pays = best.cost < leaf;
+        let pays = best.leaves < leaf;
         let one_block = n <= u64::from(self.config.block_width);
         if !pays && (one_block || bad >= self.config.bad_splits) {
             return as_leaf();
