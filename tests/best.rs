@@ -286,9 +286,9 @@ fn check_clip_within(
     for (side, part) in parts.iter().enumerate() {
         let mut half = *cell;
         if side == 0 {
-            half.hi[axis] = plane
+            half.hi[axis] = plane;
         } else {
-            half.lo[axis] = plane
+            half.lo[axis] = plane;
         }
         let points = part_points(triangle, &half);
         let size = sizes(triangle);
