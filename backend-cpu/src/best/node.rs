@@ -45,7 +45,7 @@ impl Node {
     pub fn children(&self, decision: &Decision, counts: [usize; 2]) -> [Node; 2] {
         let [left, right] = counts.map(|n| n as u64);
         // At most 2^30 each, so the product fits. What a child gets is never below its references.
-        let share = if left + right == 0 { 0 } else { self.budget * left / (left + right) };
+        let share = (self.budget * left).checked_div(left + right).unwrap_or(0);
         let (mut below, mut above) = (self.cell, self.cell);
         below.hi[decision.split.axis] = decision.split.position;
         above.lo[decision.split.axis] = decision.split.position;

@@ -34,13 +34,48 @@ struct Plane {
     right: u64,
 }
 
+/// The faces of a node's references on one axis, each list in order.
+struct Faces {
+    lows: Vec<f32>,
+    highs: Vec<f32>,
+    /// Where references without extent lie.
+    planar: Vec<f32>,
+}
+
+impl Faces {
+    fn of(parts: &[Part], axis: usize) -> Faces {
+        let sorted = |of: &dyn Fn(f32, f32) -> Option<f32>| {
+            let mut list: Vec<f32> = parts
+                .iter()
+                .filter_map(|part| of(part.bounds.lo[axis], part.bounds.hi[axis]))
+                .collect();
+            list.sort_unstable_by(f32::total_cmp);
+            list
+        };
+        Faces {
+            lows: sorted(&|lo, _| Some(lo)),
+            highs: sorted(&|_, hi| Some(hi)),
+            planar: sorted(&|lo, hi| (lo == hi).then_some(lo)),
+        }
+    }
+
+    /// How many references start before a plane, are planar in it, and end behind it.
+    fn sides(&self, plane: f32) -> [u64; 3] {
+        let below = |list: &[f32]| list.partition_point(|&face| face < plane);
+        let up_to = |list: &[f32]| list.partition_point(|&face| face <= plane);
+        let planar = up_to(&self.planar) - below(&self.planar);
+        let right = self.highs.len() - up_to(&self.highs);
+        [below(&self.lows), planar, right].map(|n| n as u64)
+    }
+}
+
 /// A finished subtree.
 enum Tree {
     Leaf(Vec<u32>),
     Split(usize, f32, Box<[Tree; 2]>),
 }
 
-/// The tree of preset `best`, by counting every reference for every plane. Quadratic; with `clip` absent,
+/// The tree of preset `best`, by counting the references on either side of every plane. With `clip` absent,
 /// bounds are cut at planes.
 pub fn every_plane(mesh: &Mesh<'_>, config: &BuildConfig, clip: Option<&Clip>) -> KdTree {
     let (triangles, parts, bounds) = input(mesh);
@@ -70,19 +105,13 @@ impl EveryPlane<'_> {
     /// The cost of a plane, planar references on the better side.
     fn plane(
         &self,
-        parts: &[Part],
+        faces: &Faces,
         cell: &Aabb,
         axis: usize,
         position: f32,
         expected: &dyn Fn(f64) -> f64,
     ) -> Plane {
-        let count = |test: &dyn Fn(f32, f32) -> bool| {
-            let meets = |part: &&Part| test(part.bounds.lo[axis], part.bounds.hi[axis]);
-            parts.iter().filter(meets).count() as u64
-        };
-        let left = count(&|lo, _| lo < position);
-        let right = count(&|_, hi| hi > position);
-        let planar = count(&|lo, hi| lo == position && hi == position);
+        let [left, planar, right] = faces.sides(position);
         let on_left = self.cost(cell, axis, position, left + planar, right, expected);
         let on_right = self.cost(cell, axis, position, left, right + planar, expected);
         let planar_right = on_right < on_left;
@@ -141,20 +170,19 @@ impl EveryPlane<'_> {
         // The best with leaves for children: taken where the first does not pay.
         let mut cheapest: Option<Plane> = None;
         for axis in 0..3 {
-            for part in &parts {
-                for position in [part.bounds.lo[axis], part.bounds.hi[axis]] {
-                    if !(cell.lo[axis] < position && position < cell.hi[axis]) {
-                        continue;
-                    }
-                    let plane = self.plane(&parts, &cell, axis, position, &expected);
-                    let key = |plane: &Plane| (plane.cost, plane.axis, plane.position);
-                    if best.as_ref().is_none_or(|best| key(&plane) < key(best)) {
-                        best = Some(plane);
-                    }
-                    let plane = self.plane(&parts, &cell, axis, position, &|blocks| blocks);
-                    if cheapest.as_ref().is_none_or(|best| key(&plane) < key(best)) {
-                        cheapest = Some(plane);
-                    }
+            let faces = Faces::of(&parts, axis);
+            for &position in faces.lows.iter().chain(&faces.highs) {
+                if !(cell.lo[axis] < position && position < cell.hi[axis]) {
+                    continue;
+                }
+                let plane = self.plane(&faces, &cell, axis, position, &expected);
+                let key = |plane: &Plane| (plane.cost, plane.axis, plane.position);
+                if best.as_ref().is_none_or(|best| key(&plane) < key(best)) {
+                    best = Some(plane);
+                }
+                let plane = self.plane(&faces, &cell, axis, position, &|blocks| blocks);
+                if cheapest.as_ref().is_none_or(|best| key(&plane) < key(best)) {
+                    cheapest = Some(plane);
                 }
             }
         }
@@ -234,41 +262,19 @@ fn textbook_node(config: &BuildConfig, parts: Vec<Part>, cell: Aabb, depth: u32)
     let longest = extents(&cell).into_iter().fold(0.0, f64::max);
     if depth < config.max_depth && n > 0 && longest >= 2f64.powi(-116) {
         for axis in 0..3 {
-            let mut lows: Vec<f32> = parts.iter().map(|part| part.bounds.lo[axis]).collect();
-            let mut highs: Vec<f32> = parts.iter().map(|part| part.bounds.hi[axis]).collect();
-            lows.sort_unstable_by(f32::total_cmp);
-            highs.sort_unstable_by(f32::total_cmp);
-            let mut planes: Vec<f32> = lows.iter().chain(&highs).copied().collect();
-            planes.sort_unstable_by(f32::total_cmp);
-            planes.dedup();
-            let mut planar: Vec<f32> = parts
-                .iter()
-                .filter(|part| part.bounds.lo[axis] == part.bounds.hi[axis])
-                .map(|part| part.bounds.lo[axis])
-                .collect();
-            planar.sort_unstable_by(f32::total_cmp);
-            let (mut begun, mut over, mut flat) = (0, 0, 0);
-            for plane in planes {
-                while begun < n && lows[begun] < plane {
-                    begun += 1;
-                }
-                while over < n && highs[over] <= plane {
-                    over += 1;
-                }
+            let faces = Faces::of(&parts, axis);
+            for &plane in faces.lows.iter().chain(&faces.highs) {
                 if !(cell.lo[axis] < plane && plane < cell.hi[axis]) {
                     continue;
                 }
-                while flat < planar.len() && planar[flat] < plane {
-                    flat += 1;
-                }
-                let in_plane = planar[flat..].iter().take_while(|&&place| place == plane).count();
+                let [left, planar, right] = faces.sides(plane).map(|n| n as f64);
                 let (mut low, mut high) = (cell, cell);
                 low.hi[axis] = plane;
                 high.lo[axis] = plane;
-                let tests = (begun + in_plane) as f64 * half_area(&low)
-                    + (n - over) as f64 * half_area(&high);
+                let tests = (left + planar) * half_area(&low) + right * half_area(&high);
                 let cost = traversal * whole + test * tests;
-                if cost < best.0 {
+                let tie = cost == best.0 && axis == best.1 && plane < best.2;
+                if cost < best.0 || tie {
                     best = (cost, axis, plane);
                 }
             }
