@@ -19,7 +19,7 @@
 //! # How it is found
 //! Wald and Havran keep three sorted lists of events and carry them down the tree. Here a node sorts only
 //! the few events that matter. Its references are counted into bins; from the counts follow a lower and
-//! an upper bound of the cost of every candidate in a bin ([`bins`]). Bins whose lower bound exceeds the
+//! an upper bound of the cost of every candidate in a bin. Bins whose lower bound exceeds the
 //! least upper bound cannot hold the least candidate. The events of the others are sorted and swept. The
 //! plane is the one that a sweep over all events finds; the tests hold it against one that looks at every
 //! plane and every reference. Where bounds rule nothing out (all events in few bins) all events are
@@ -53,7 +53,7 @@ use ledger::Ledger;
 use node::Node;
 use top::Builder;
 
-pub use top::Scratch;
+pub(crate) use top::Scratch;
 
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.

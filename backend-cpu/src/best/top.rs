@@ -27,7 +27,7 @@ const CHUNK: usize = 16_384;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
-pub struct Scratch {
+pub(crate) struct Scratch {
     workers: Mutex<Vec<Box<Worker>>>,
     lists: Mutex<Vec<Vec<Reference>>>,
 }
