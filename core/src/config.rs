@@ -141,7 +141,7 @@ pub enum ConfigError {
         /// Greatest allowed value.
         most: u32,
     },
-    /// Costs of a node could exceed 32 bits.
+    /// Costs of a node could exceed 32 bits. Not for [`Preset::Best`], whose costs are in `f64`.
     #[error(
         "traversal_cost + 2 * intersection_cost * ceil(small_node_limit / block_width) is {sum}, \
          but must be at most {most}, or costs would not fit 32 bits"
@@ -167,7 +167,13 @@ impl BuildConfig {
         let fast = BuildConfig { preset, ..BuildConfig::default() };
         match preset {
             Preset::Fast | Preset::Balanced => fast,
-            Preset::Best => BuildConfig { empty_bonus: 26, bad_splits: 3, ..fast },
+            Preset::Best => BuildConfig {
+                intersection_cost: 2,
+                block_width: 8,
+                empty_bonus: 26,
+                bad_splits: 3,
+                ..fast
+            },
         }
     }
 
@@ -194,6 +200,10 @@ impl BuildConfig {
             if value < least || value > most {
                 return Err(ConfigError::OutOfRange { field, value, least, most });
             }
+        }
+        if self.preset == Preset::Best {
+            // Its costs are in `f64`.
+            return Ok(());
         }
         let blocks = u64::from(self.small_node_limit.div_ceil(self.block_width));
         let sum = u64::from(self.traversal_cost) + 2 * u64::from(self.intersection_cost) * blocks;
@@ -337,6 +347,7 @@ mod tests {
         }
         let heavy = BuildConfig { intersection_cost: 200, block_width: 1, ..Default::default() };
         assert!(matches!(heavy.validate(), Err(ConfigError::CostTooLarge { .. })));
+        assert_eq!(BuildConfig { preset: Preset::Best, ..heavy }.validate(), Ok(()));
     }
 
     /// The bound behind [`BuildConfig::MAX_COST`].

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 
-use super::cost::{Best, Cell, Costs, Split};
+use super::cost::{Best, Cell, Costs, LOWER, Split};
 use super::ledger::Ledger;
 use super::sweep::{Event, Face, event, sweep};
 use super::wide::for_every_set;
@@ -27,9 +27,6 @@ const LEAST_EXTENT: f32 = 7.888_609e-31; // 2^-100
 /// What the borders of a bin are widened by, of the cell's extent. A position in bins collects two
 /// roundings of 2^-24 of its distance from the lower side.
 const SLACK: f64 = 1.0 / 1_048_576.0; // 2^-20
-/// A lower bound is lowered by this much of itself: the blocks that may lie on either side are given to
-/// the cheaper one, which is least in real numbers only.
-const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0; // 2^-40
 
 /// References that one task counts or looks through.
 const CHUNK: usize = 16_384;

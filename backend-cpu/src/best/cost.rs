@@ -4,6 +4,9 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
 
+/// A bound is lowered by this much of itself, far more than its roundings: 2^-40.
+pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
+
 /// What of the configuration decides.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Costs {
@@ -88,6 +91,23 @@ impl Costs {
     #[inline(always)]
     pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = counts.map(|n| self.expected(self.blocks(n)));
+        self.forgive(self.blocks_cost(step, areas, blocks), counts)
+    }
+
+    /// The least part of its blocks that a child of at most `count` references may be expected to cost:
+    /// that of all together, since what is expected is concave. 1 where nothing is expected but blocks.
+    pub fn share(&self, count: u32) -> f64 {
+        if self.few(count) {
+            return 1.0;
+        }
+        let blocks = self.blocks(count);
+        self.expected(blocks) / blocks * LOWER
+    }
+
+    /// A bound below [`Costs::expected_split`], from a [`Costs::share`]; the very cost where that is 1.
+    #[inline(always)]
+    pub fn least_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2], share: f64) -> f64 {
+        let blocks = counts.map(|n| share * self.blocks(n));
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 

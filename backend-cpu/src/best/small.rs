@@ -70,8 +70,8 @@ fn best<C: CountSides>(
     let references = &references[..references.len().min(MOST)];
     let count = references.len() as u32;
     let mut best = Best::below(limit);
-    // Up to four blocks cost what they are expected to, and roots are slow.
-    let few = costs.few(count);
+    // Roots are slow: a bound without any sorts out most planes.
+    let share = costs.share(count);
     for axis in 0..3 {
         let mut faces = Faces { lo: [0.0; MOST], hi: [0.0; MOST] };
         // Planes strictly inside, and what comes of rounding their number up to whole blocks.
@@ -93,22 +93,13 @@ fn best<C: CountSides>(
             let planar = either.map(|n| count - n);
             let mut least = [0.0; BLOCK];
             // Without branches, to be turned into vector instructions.
-            if few {
-                for k in 0..BLOCK {
-                    let areas = cell.axes[axis].at(f64::from(block[k]));
-                    let low = costs.split(cell.step, areas, [left[k] + planar[k], right[k]]);
-                    let high = costs.split(cell.step, areas, [left[k], right[k] + planar[k]]);
-                    least[k] = if high < low { high } else { low };
-                }
-            } else {
-                for k in 0..BLOCK {
-                    let areas = cell.axes[axis].at(f64::from(block[k]));
-                    let low = [left[k] + planar[k], right[k]];
-                    let high = [left[k], right[k] + planar[k]];
-                    let low = costs.expected_split(cell.step, areas, low);
-                    let high = costs.expected_split(cell.step, areas, high);
-                    least[k] = if high < low { high } else { low };
-                }
+            for k in 0..BLOCK {
+                let areas = cell.axes[axis].at(f64::from(block[k]));
+                let low = [left[k] + planar[k], right[k]];
+                let high = [left[k], right[k] + planar[k]];
+                let low = costs.least_split(cell.step, areas, low, share);
+                let high = costs.least_split(cell.step, areas, high, share);
+                least[k] = if high < low { high } else { low };
             }
             for k in 0..valid {
                 if least[k] <= best.cost {
