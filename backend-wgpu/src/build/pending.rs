@@ -207,7 +207,8 @@ impl PendingBuild {
         let (gpu, kernels) = (&shared.gpu, &shared.kernels);
         let buffers = self.buffers.as_mut().expect("until finished");
         let looking = Looking::Never(levels);
-        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking);
+        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking)
+            .limited(shared.max_workgroups());
         if let Some(profile) = &mut self.profile {
             executor = executor.profiled(profile);
         }
