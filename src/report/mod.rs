@@ -12,6 +12,7 @@ pub mod crown;
 pub mod cut;
 pub mod document;
 mod error;
+pub mod figures;
 pub mod machine;
 pub mod others;
 pub mod plot;

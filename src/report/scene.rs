@@ -7,9 +7,9 @@ use super::timing::{median, pool, timed};
 use super::{Builder, ReportError};
 use crate::backend::{BackendKind, OpenOptions};
 use crate::scene::{Camera, Placement, Scene};
-use crate::tracer::{FrameRequest, Tracer};
+use crate::tracer::{FrameRequest, Tracer, TracerError};
 use serde::Serialize;
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::stats::TreeStats;
@@ -152,6 +152,8 @@ pub struct SceneReport {
     pub survey: &'static SurveyScene,
     /// The builders, the offline one first.
     pub builders: Vec<BuilderRow>,
+    /// Builders that there are not, a sentence each.
+    pub left_out: Vec<String>,
 }
 
 impl SceneReport {
@@ -163,7 +165,6 @@ impl SceneReport {
 
 /// A builder at work on a scene, and the times it has taken so far.
 struct Contender {
-    builder: Builder,
     tracer: Tracer,
     options: BuildOptions,
     building: rayon::ThreadPool,
@@ -186,10 +187,16 @@ pub fn measure(
     let tracing = pool(settings.threads)?;
     let mut rays = None;
     let mut contenders = Vec::new();
+    let mut left_out = Vec::new();
     for &builder in &settings.builders {
-        let (contender, own) = Contender::new(builder, placed, settings, &tracing, rays.take())?;
-        rays = Some(own);
-        contenders.push(contender);
+        match Contender::new(builder, placed, settings, &tracing, &mut rays) {
+            Ok(contender) => contenders.push(contender),
+            // Presets come to devices one by one; what a GPU lacks, the report lacks and says.
+            Err(ReportError::Tracer(TracerError::Build(
+                error @ BuildError::PresetNotOnDevice { .. },
+            ))) if builder.gpu => left_out.push(error.to_string()),
+            Err(error) => return Err(error),
+        }
         step(&format!("{}: rays through {}", scene.name, builder.preset.name()));
     }
     let rays = rays.unwrap_or(FrameRays { camera: Vec::new(), shadow: Vec::new() });
@@ -225,6 +232,7 @@ pub fn measure(
         rays: rays.digest(),
         survey: nearest(triangles),
         builders: contenders.into_iter().map(Contender::finish).collect(),
+        left_out,
     })
 }
 
@@ -240,8 +248,8 @@ impl Contender {
         placed: &Placed,
         settings: &Settings,
         tracing: &rayon::ThreadPool,
-        rays: Option<FrameRays>,
-    ) -> Result<(Contender, FrameRays), ReportError> {
+        rays: &mut Option<FrameRays>,
+    ) -> Result<Contender, ReportError> {
         let kind = if builder.gpu { BackendKind::Wgpu } else { BackendKind::Cpu };
         let open = if builder.gpu { settings.open.clone() } else { OpenOptions::default() };
         let (mut tracer, _) = Tracer::open(kind, &open)?;
@@ -254,10 +262,12 @@ impl Contender {
         let accelerator = tracer.accelerator()?;
         let rays = match rays {
             Some(rays) => rays,
-            None => tracing
-                .install(|| FrameRays::of(scene, &placed.camera, settings.size, accelerator))?,
+            None => rays.insert(
+                tracing
+                    .install(|| FrameRays::of(scene, &placed.camera, settings.size, accelerator))?,
+            ),
         };
-        let rays_ms = tracing.install(|| trace(accelerator, &rays, settings.repeat))?;
+        let rays_ms = tracing.install(|| trace(accelerator, rays, settings.repeat))?;
         let view = accelerator.tree().view();
         // One C_ts for all, whatever shaped the tree.
         let config = BuildConfig {
@@ -283,7 +293,7 @@ impl Contender {
             digest: accelerator.tree().digest().to_string(),
         };
         let (tree_ms, trace_ms) = (Vec::new(), Vec::new());
-        Ok((Contender { builder, tracer, options, building, tree_ms, trace_ms, row }, rays))
+        Ok(Contender { tracer, options, building, tree_ms, trace_ms, row })
     }
 
     /// Builds the tree again and makes a frame; gives the frame's rays.
@@ -313,7 +323,7 @@ impl Contender {
     }
 
     fn finish(self) -> BuilderRow {
-        let Contender { tree_ms, trace_ms, row, builder: _, .. } = self;
+        let Contender { tree_ms, trace_ms, row, .. } = self;
         BuilderRow { tree_ms: median(tree_ms), trace_ms: median(trace_ms), ..row }
     }
 }

@@ -9,6 +9,8 @@ mod scaling;
 mod slice;
 mod style;
 
+pub use scaling::ScalingPlot;
+
 use crate::picture::{PictureError, encode_png};
 use image::RgbImage;
 use plotters::coord::Shift;
