@@ -8,6 +8,7 @@ use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use splitplane::backend::Engine;
 use splitplane::render::Size;
+use splitplane::report::asked::{Asked, BadLights, STAND_INS};
 use splitplane::report::document::{File, Report};
 use splitplane::report::figures::{self, Figures};
 use splitplane::report::machine::Machine;
@@ -21,15 +22,6 @@ use splitplane::{Backend, BackendInfo, BackendKind, CpuBackend, OpenOptions, Pre
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Of the survey's sizes, with its lights.
-const SCENES: [&str; 6] = [
-    "builtin:carousel:11000@1",
-    "builtin:city:27000@2",
-    "builtin:carousel:71000@3",
-    "builtin:city:111000@6",
-    "builtin:carousel:178000@2",
-    "builtin:city:252000@1",
-];
 /// To see that all of it works.
 const QUICK_SCENES: [&str; 2] = ["builtin:carousel:4000@1", "builtin:city:3000@2"];
 /// Letters of pictures end at z.
@@ -40,7 +32,7 @@ pub(super) struct Arguments {
     /// A scene to measure, an .obj file or builtin:NAME[:SIZE]; may be given many times. @LIGHTS behind
     /// it, 1 to 8, places that many lights in place of its own; built-in scenes of the paper's sizes
     /// and numbers of lights when left out
-    #[arg(long, value_name = "SCENE[@LIGHTS]", value_parser = asked)]
+    #[arg(long, value_name = "SCENE[@LIGHTS]")]
     scene: Vec<Asked>,
     /// What is measured besides the CPU, which always is: `wgpu` a GPU, `cpu` nothing, `auto` a GPU if
     /// there is one fit for it
@@ -91,27 +83,6 @@ enum Offline {
     Balanced,
     /// SAH over all planes, with clipping
     Best,
-}
-
-/// A scene, and how many lights it is to have.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Asked {
-    spec: String,
-    lights: Option<usize>,
-}
-
-/// `SCENE` or `SCENE@LIGHTS`.
-fn asked(text: &str) -> Result<Asked, String> {
-    let whole = || Asked { spec: text.to_owned(), lights: None };
-    let Some((spec, lights)) = text.rsplit_once('@') else { return Ok(whole()) };
-    match lights.parse() {
-        Ok(lights) if (1..=8).contains(&lights) => {
-            Ok(Asked { spec: spec.to_owned(), lights: Some(lights) })
-        }
-        Ok(_) => Err("a scene can be given 1 to 8 lights".to_owned()),
-        // A name with an @ in it.
-        Err(_) => Ok(whole()),
-    }
 }
 
 fn odd(text: &str) -> Result<usize, String> {
@@ -226,7 +197,8 @@ impl Arguments {
         if !self.scene.is_empty() {
             return Ok(self.scene.clone());
         }
-        let usual: &[&str] = if self.quick { &QUICK_SCENES } else { &SCENES };
+        let usual: &[&str] = if self.quick { &QUICK_SCENES } else { &STAND_INS };
+        let asked = |text: &&str| text.parse().map_err(|error: BadLights| error.to_string());
         usual.iter().map(|text| asked(text).map_err(Failure::usage)).collect()
     }
 
@@ -428,16 +400,6 @@ fn described(scene: &SceneReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn lights_stand_behind_a_scene() {
-        let of = |text: &str| asked(text).map(|asked| (asked.spec, asked.lights));
-        assert_eq!(of("a.obj"), Ok(("a.obj".into(), None)));
-        assert_eq!(of("a.obj@3"), Ok(("a.obj".into(), Some(3))));
-        assert_eq!(of("me@home/a.obj"), Ok(("me@home/a.obj".into(), None)));
-        assert!(of("a.obj@0").is_err() && of("a.obj@9").is_err());
-        assert!(SCENES.iter().chain(&QUICK_SCENES).all(|text| of(text).unwrap().1.is_some()));
-    }
 
     #[test]
     fn repeats_are_odd() {

@@ -6,6 +6,7 @@
 //! [`document`] put them side by side. Nothing here judges a time.
 
 pub mod areas;
+pub mod asked;
 mod builders;
 mod clip;
 pub mod crown;
