@@ -190,7 +190,10 @@ fn the_json_file_is_what_is_printed() {
         "worked",
     ];
     assert_eq!(keys, expected);
-    assert_eq!((&file["format"], &file["repeat"], &file["size"]), (&1.into(), &3.into(), &serde_json::json!([96, 96])));
+    assert_eq!(
+        (&file["format"], &file["repeat"], &file["size"]),
+        (&1.into(), &3.into(), &serde_json::json!([96, 96]))
+    );
     let machine = &file["machine"];
     assert!(machine["command"].as_str().unwrap().contains("paper --quick --repeat 3"));
     assert!(machine["instruction_set"].as_str().unwrap().starts_with("instruction set"));
@@ -245,7 +248,10 @@ fn ratios_follow_from_their_columns() {
     assert_eq!(table.len(), 6);
     for scene in table.chunks(3) {
         let [offline, balanced, fast] = scene else { panic!("three builders") };
-        assert_eq!([offline, balanced, fast].map(|row| row["builder"].as_str()), ["best", "balanced", "fast"]);
+        assert_eq!(
+            [offline, balanced, fast].map(|row| row["builder"].as_str()),
+            ["best", "balanced", "fast"]
+        );
         assert_eq!([offline, fast].map(|row| row["threads"].as_str()), ["1", "2"]);
         for column in ["build speed-up", "SAH ratio", "T_trace ratio"] {
             assert_eq!(offline[column], "");

@@ -30,8 +30,8 @@ const MOST_SCENES: usize = 26;
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
     /// A scene to measure, an .obj file or builtin:NAME[:SIZE]; may be given many times. @LIGHTS behind
-    /// it, 1 to 8, places that many lights in place of its own; built-in scenes of the paper's sizes
-    /// and numbers of lights when left out
+    /// it, 1 to 8, gives it that many lights, placed unless it brings as many; built-in scenes of the
+    /// paper's sizes and numbers of lights when left out
     #[arg(long, value_name = "SCENE[@LIGHTS]")]
     scene: Vec<Asked>,
     /// What is measured besides the CPU, which always is: `wgpu` a GPU, `cpu` nothing, `auto` a GPU if
@@ -177,7 +177,9 @@ impl Arguments {
         let usual = if self.quick { (96, 96) } else { (1024, 1024) };
         let size = match self.size {
             Some(size) => size,
-            None => Size::new(usual.0, usual.1).map_err(|error| Failure::usage(error.to_string()))?,
+            None => {
+                Size::new(usual.0, usual.1).map_err(|error| Failure::usage(error.to_string()))?
+            }
         };
         let offline = match self.offline {
             Offline::Balanced => Preset::Balanced,
@@ -362,8 +364,12 @@ fn scalings(
     progress: &Progress,
 ) -> Result<Vec<Scaling>, Failure> {
     let size = |placed: &&Placed| placed.scene.indices.len();
-    let mut chosen: Vec<(&Placed, f64)> =
-        placed.iter().max_by_key(size).map(|largest| (largest, SCALING_LARGEST)).into_iter().collect();
+    let mut chosen: Vec<(&Placed, f64)> = placed
+        .iter()
+        .max_by_key(size)
+        .map(|largest| (largest, SCALING_LARGEST))
+        .into_iter()
+        .collect();
     if placed.len() > 1 {
         chosen.extend(placed.iter().min_by_key(size).map(|smallest| (smallest, SCALING_SMALLEST)));
     }

@@ -8,7 +8,7 @@ use thiserror::Error;
 pub struct Asked {
     /// The path of an .obj file, or `builtin:NAME[:SIZE]`.
     pub spec: String,
-    /// Lights to be placed in place of its own; its own, or one, when left out.
+    /// Lights it is to have: its own if it brings as many, else placed; its own, or one, when left out.
     pub lights: Option<usize>,
 }
 

@@ -33,11 +33,7 @@ pub(super) fn clip(corners: [[f32; 3]; 3], cell: &Aabb) -> Vec<Corner> {
 }
 
 /// Where a triangle meets the plane at `position` across an axis; `None` where it does not.
-pub(super) fn section(
-    corners: [[f32; 3]; 3],
-    axis: usize,
-    position: f64,
-) -> Option<[Corner; 2]> {
+pub(super) fn section(corners: [[f32; 3]; 3], axis: usize, position: f64) -> Option<[Corner; 2]> {
     let corners = corners.map(|corner| corner.map(f64::from));
     let mut ends = Vec::new();
     for i in 0..3 {

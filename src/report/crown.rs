@@ -53,7 +53,13 @@ fn to_level(tree: &KdTreeView<'_>, levels: u32) -> Crown {
 
 impl Crown {
     /// Adds a node and what is drawn of its subtree; gives its number.
-    fn add(&mut self, tree: &KdTreeView<'_>, index: usize, parent: Option<usize>, depth: u32) -> usize {
+    fn add(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        index: usize,
+        parent: Option<usize>,
+        depth: u32,
+    ) -> usize {
         let number = self.nodes.len();
         let kind = tree.nodes.get(index).map(splitplane_core::node::KdNode::kind);
         let references = references(tree, index);

@@ -126,9 +126,11 @@ impl Report {
 
     fn others_note(&self) -> String {
         match &self.others {
-            None => "\nNo other structure was measured; `splitplane-dbvh` (`benches/dbvh`) measures a \
+            None => {
+                "\nNo other structure was measured; `splitplane-dbvh` (`benches/dbvh`) measures a \
                      bounding volume hierarchy, and `--others` takes its file.\n"
-                .to_owned(),
+                    .to_owned()
+            }
             Some(others) => format!(
                 "\n{}: built once, refitted every frame; the scenes stand still, so its quality does \
                  not decay here.\n",

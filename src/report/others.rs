@@ -58,9 +58,8 @@ impl Others {
         let failed = |reason: String| ReportError::Others { path: path.to_owned(), reason };
         let text = std::fs::read_to_string(path)
             .map_err(|error| failed(format!("cannot be read: {error}")))?;
-        let others: Others = serde_json::from_str(&text).map_err(|error| {
-            failed(format!("is no file of times by splitplane-dbvh: {error}"))
-        })?;
+        let others: Others = serde_json::from_str(&text)
+            .map_err(|error| failed(format!("is no file of times by splitplane-dbvh: {error}")))?;
         if others.format != FORMAT {
             return Err(failed(format!(
                 "is of format {}, but this version reads {FORMAT}; measure again",

@@ -2,11 +2,11 @@
 
 use crate::scene::Scene;
 use crate::surface::Surface;
+use glam::DVec3;
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, QueryError};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_render::{Light, Size};
-use glam::DVec3;
 
 /// Camera rays of a picture, and a ray from every surface they meet to every light on its side.
 #[derive(Clone, Debug, PartialEq)]

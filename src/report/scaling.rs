@@ -62,8 +62,8 @@ pub fn on_cpu(
     let counts = thread_counts(settings.threads);
     let pools: Result<Vec<_>, _> = counts.iter().map(|&threads| pool(threads)).collect();
     let pools = pools?;
-    let mut accelerator = pool(settings.threads)?
-        .install(|| backend.build_accelerator(&mesh, &options))?;
+    let mut accelerator =
+        pool(settings.threads)?.install(|| backend.build_accelerator(&mesh, &options))?;
     let mut times = vec![Vec::new(); counts.len()];
     for round in 0..=settings.repeat {
         for (pool, times) in pools.iter().zip(&mut times) {

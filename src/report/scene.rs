@@ -54,14 +54,18 @@ pub struct Placed {
 }
 
 impl Placed {
-    /// Opens a scene and gives it camera and lights: as many lights as asked for, placed by rule in
-    /// place of lights without a size that it brings; its own, or one, when no number is given.
+    /// Opens a scene and gives it camera and lights: as many lights without a size as asked for, its own
+    /// if it brings as many, else placed by rule; its own, or one, when no number is given.
     ///
     /// # Errors
     /// There is no such scene, it is empty, or no tree of it can be built.
-    pub fn open(spec: &str, lights: Option<usize>, settings: &Settings) -> Result<Placed, ReportError> {
+    pub fn open(
+        spec: &str,
+        lights: Option<usize>,
+        settings: &Settings,
+    ) -> Result<Placed, ReportError> {
         let mut scene = Scene::open(spec)?;
-        if lights.is_some() {
+        if lights.is_some_and(|lights| lights != scene.lights.len()) {
             scene.lights.clear();
         }
         let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default())?;
@@ -217,9 +221,9 @@ pub fn measure(
         step(&format!("{}: trees and frames", scene.name));
     }
     let triangles = scene.indices.len();
-    let dropped = contenders.first().map_or(Ok(0), |first| {
-        first.tracer.summary().map(|summary| summary.dropped)
-    })?;
+    let dropped = contenders
+        .first()
+        .map_or(Ok(0), |first| first.tracer.summary().map(|summary| summary.dropped))?;
     Ok(SceneReport {
         letter,
         name: scene.name.clone(),
@@ -262,10 +266,10 @@ impl Contender {
         let accelerator = tracer.accelerator()?;
         let rays = match rays {
             Some(rays) => rays,
-            None => rays.insert(
-                tracing
-                    .install(|| FrameRays::of(scene, &placed.camera, settings.size, accelerator))?,
-            ),
+            None => rays
+                .insert(tracing.install(|| {
+                    FrameRays::of(scene, &placed.camera, settings.size, accelerator)
+                })?),
         };
         let rays_ms = tracing.install(|| trace(accelerator, rays, settings.repeat))?;
         let view = accelerator.tree().view();

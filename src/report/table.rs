@@ -132,10 +132,7 @@ mod tests {
         let mut table = Table::new(&["what", "how, much"]);
         table.push(vec!["a \"b\"|, c".into(), Cell::Number(1.0 / 3.0, 2)]);
         table.push(vec![Cell::Missing]);
-        assert_eq!(
-            table.csv(),
-            "what,\"how, much\"\n\"a \"\"b\"\"|, c\",0.3333333333333333\n,\n"
-        );
+        assert_eq!(table.csv(), "what,\"how, much\"\n\"a \"\"b\"\"|, c\",0.3333333333333333\n,\n");
         assert_eq!(
             table.markdown(),
             "| what | how, much |\n|---|---:|\n| a \"b\"\\|, c | 0.33 |\n|  |  |\n"

@@ -140,7 +140,10 @@ mod tests {
             assert_eq!(right, if row.name == "(2, 1, 5)" { [true, false] } else { [false, true] });
         }
         assert_eq!(worked.empty_part, [0.0; 2]);
-        assert_eq!(format!("{:.2}", worked.equation_4), format!("{:.2}", worked.equation_4_printed));
+        assert_eq!(
+            format!("{:.2}", worked.equation_4),
+            format!("{:.2}", worked.equation_4_printed)
+        );
         assert_eq!((worked.table_1().rows().len(), worked.table_2().rows().len()), (2, 2));
     }
 }

@@ -43,8 +43,9 @@ pub struct WgpuExecutor<'a> {
     /// elsewhere.
     level: Option<u32>,
     dispatches: u32,
-    /// Most workgroups of a dispatch, where a caller limits them.
+    /// Most workgroups of a dispatch, where a caller limits them, and of any so far.
     max_workgroups: Option<NonZeroU32>,
+    most_workgroups: u32,
 }
 
 /// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU, few
@@ -77,6 +78,7 @@ impl<'a> WgpuExecutor<'a> {
             level: Some(0),
             dispatches: 0,
             max_workgroups: None,
+            most_workgroups: 0,
         }
     }
 
@@ -106,6 +108,11 @@ impl<'a> WgpuExecutor<'a> {
     /// Dispatches recorded so far.
     pub fn dispatches(&self) -> u32 {
         self.dispatches
+    }
+
+    /// Workgroups of the largest dispatch of the schedule so far.
+    pub(crate) fn most_workgroups(&self) -> u32 {
+        self.most_workgroups
     }
 
     /// The encoder, outside of any pass.
@@ -303,6 +310,7 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
         let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
         for (offset, groups) in dispatches {
             let groups = groups.min(most);
+            self.most_workgroups = self.most_workgroups.max(groups);
             pass.set_bind_group(0, &group, &[offset]);
             pass.dispatch_workgroups(groups, 1, 1);
             self.dispatches += 1;

@@ -44,7 +44,11 @@ impl Hierarchy {
             let moved = triangle(&triangles[index as usize]);
             (RtTriangle::from(&moved), moved.aabb())
         };
-        bvh.primitive_indices.par_iter().with_min_len(BATCH).map(moved).unzip_into_vecs(leaves, bounds);
+        bvh.primitive_indices
+            .par_iter()
+            .with_min_len(BATCH)
+            .map(moved)
+            .unzip_into_vecs(leaves, bounds);
         for node in bvh.nodes.iter_mut().filter(|node| node.is_leaf()) {
             let first = node.first_index as usize;
             let own = &bounds[first..first + node.prim_count as usize];
@@ -107,7 +111,8 @@ mod tests {
         hierarchy.refit(&after);
         let new = hierarchy.closest(&rays);
         assert_ne!(old, new);
-        let tree = CpuBackend::new().build(&scene.mesh().unwrap(), &BuildOptions::default()).unwrap();
+        let tree =
+            CpuBackend::new().build(&scene.mesh().unwrap(), &BuildOptions::default()).unwrap();
         let mut hits = vec![Hit::MISS; rays.len()];
         tree.closest_hits(&rays, &mut hits, &QueryOptions::default()).unwrap();
         let mut stopped = vec![false; rays.len()];

@@ -104,7 +104,8 @@ fn measure(asked: &Asked, options: &Options) -> Result<OtherScene, ReportError> 
         }
         let off = |(t, hit): &(&f32, &Hit)| {
             let equal_miss = t.is_infinite() && !hit.is_hit();
-            !equal_miss && ((*t - hit.t).abs() > 1e-3 * hit.t.abs() || t.is_infinite() == hit.is_hit())
+            !equal_miss
+                && ((*t - hit.t).abs() > 1e-3 * hit.t.abs() || t.is_infinite() == hit.is_hit())
         };
         different = distances.iter().zip(&expected).filter(off).count();
     }

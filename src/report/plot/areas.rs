@@ -51,8 +51,9 @@ impl Plot for Areas {
             [(true, BLUE, "cells of the tree"), (false, ORANGE, "random boxes")]
         {
             let points = self.points.iter().filter(|point| point.cell == cell);
-            let circles = points
-                .map(|point| Circle::new((point.area, point.hits as f64), 5, colour.mix(0.8).filled()));
+            let circles = points.map(|point| {
+                Circle::new((point.area, point.hits as f64), 5, colour.mix(0.8).filled())
+            });
             chart
                 .draw_series(circles)?
                 .label(label)

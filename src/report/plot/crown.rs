@@ -44,7 +44,8 @@ impl Plot for Crown {
                 }
             }
             // The lowest stand too close for words side by side: the odd ones go a line lower.
-            let lower = if node.depth == self.levels && node.place as usize % 2 == 1 { 17 } else { 0 };
+            let lower =
+                if node.depth == self.levels && node.place as usize % 2 == 1 { 17 } else { 0 };
             let style = letters(14, INK, HPos::Center, VPos::Top);
             area.draw(&Text::new(short(node.references), (x, y + 18 + lower), style))?;
         }
@@ -72,6 +73,9 @@ mod tests {
 
     #[test]
     fn counts_are_short() {
-        assert_eq!([0, 999, 1000, 12_345, 1_200_000].map(short), ["0", "999", "1.0k", "12.3k", "1.2M"]);
+        assert_eq!(
+            [0, 999, 1000, 12_345, 1_200_000].map(short),
+            ["0", "999", "1.0k", "12.3k", "1.2M"]
+        );
     }
 }

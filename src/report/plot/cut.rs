@@ -26,11 +26,7 @@ impl Plot for Cut {
         ];
         for (panel, title) in titles.into_iter().enumerate() {
             let left = 40.0 + 580.0 * panel as f64;
-            area.draw(&Text::new(
-                title,
-                (left as i32, 26),
-                bold(20, INK, HPos::Left, VPos::Top),
-            ))?;
+            area.draw(&Text::new(title, (left as i32, 26), bold(20, INK, HPos::Left, VPos::Top)))?;
             let map = self.map([left, 70.0, left + 540.0, 620.0]);
             self.triangles(area, &map)?;
             match panel {
@@ -81,7 +77,9 @@ impl Cut {
     {
         map.rectangle(area, self.corners(&self.cell), INK.stroke_width(2))?;
         let [[x0, y0], [x1, y1]] = self.corners(&self.tight);
-        for side in [[[x0, y0], [x1, y0]], [[x1, y0], [x1, y1]], [[x1, y1], [x0, y1]], [[x0, y1], [x0, y0]]] {
+        for side in
+            [[[x0, y0], [x1, y0]], [[x1, y0], [x1, y1]], [[x1, y1], [x0, y1]], [[x0, y1], [x0, y0]]]
+        {
             map.dashes(area, side, ORANGE.stroke_width(2))?;
         }
         let [left, _, _, bottom] = map.edges();

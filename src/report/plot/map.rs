@@ -1,8 +1,8 @@
 //! From coordinates of a scene to pixels, both axes to the same scale.
 
 use super::Area;
-use plotters::prelude::{DrawingBackend, PathElement, Polygon, Rectangle, ShapeStyle};
 use plotters::drawing::DrawingAreaErrorKind;
+use plotters::prelude::{DrawingBackend, PathElement, Polygon, Rectangle, ShapeStyle};
 
 /// Part of a plane of a scene, and where it is drawn.
 #[derive(Clone, Copy, Debug)]
@@ -21,7 +21,11 @@ type Done<B> = Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>
 impl Map {
     /// Shows all of a rectangle of the scene, as large as it can be, in the middle of a rectangle of
     /// pixels given by its left, top, right and bottom.
-    pub(super) fn new(lower: [f64; 2], upper: [f64; 2], [left, top, right, bottom]: [f64; 4]) -> Map {
+    pub(super) fn new(
+        lower: [f64; 2],
+        upper: [f64; 2],
+        [left, top, right, bottom]: [f64; 4],
+    ) -> Map {
         let extent = [upper[0] - lower[0], upper[1] - lower[1]].map(|e| e.max(1e-30));
         let (wide, high) = (right - left, bottom - top);
         let scale = (wide / extent[0]).min(high / extent[1]);

@@ -65,10 +65,9 @@ where
 {
     static FONT: Once = Once::new();
     FONT.call_once(|| {
-        for (style, bytes) in [
-            (FontStyle::Normal, dejavu::sans::regular()),
-            (FontStyle::Bold, dejavu::sans::bold()),
-        ] {
+        for (style, bytes) in
+            [(FontStyle::Normal, dejavu::sans::regular()), (FontStyle::Bold, dejavu::sans::bold())]
+        {
             // A font that cannot be read shows in the first text that is drawn.
             let _ = register_font(style::FONT, style, bytes);
         }

@@ -26,8 +26,7 @@ impl Plot for ScalingPlot<'_> {
         let points = || self.0.iter().flat_map(|scaling| &scaling.points);
         let most = points().map(|point| point.processors).max().unwrap_or(1);
         let linear = most <= MOST_LINEAR;
-        let place =
-            |count: usize| if linear { count as f64 } else { (count.max(1) as f64).log2() };
+        let place = |count: usize| if linear { count as f64 } else { (count.max(1) as f64).log2() };
         let printed = self.0.iter().map(|scaling| scaling.survey_speedup);
         let top = 1.1 * points().map(|point| point.speedup).chain(printed).fold(1.0, f64::max);
         let device = self.0.first().is_some_and(|scaling| scaling.backend != "cpu");

@@ -1,8 +1,8 @@
 //! Colours and letters that all figures share.
 
 use plotters::prelude::{IntoTextStyle, RGBColor, TextStyle};
-use plotters::style::{Color, FontStyle, IntoFont};
 use plotters::style::text_anchor::{HPos, Pos, VPos};
+use plotters::style::{Color, FontStyle, IntoFont};
 
 /// The font, by a name that viewers of SVG know as well.
 pub(super) const FONT: &str = "sans-serif";
