@@ -295,7 +295,7 @@ impl Arguments {
         let (boxes, lines) = if self.quick { (32, 4_000) } else { (96, 100_000) };
         let (first, tree) = (&placed[0], &trees[0]);
         let areas = areas::count(&tree.view(), &CpuBackend::new(), boxes, lines)?;
-        figures.tree(first, tree)?;
+        figures.tree(placed, &trees)?;
         figures.areas(&first.scene.name, &areas)?;
         progress.step("figures 4, 7 and 9");
         figures.cut(placed, &trees)?;

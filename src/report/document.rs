@@ -95,8 +95,9 @@ impl Report {
                 camera and shadow rays, one camera ray a pixel, no reflections, shaded, until its pixels are \
                 in memory; traced on all threads, or on the GPU, whoever built the tree. SAH cost: \
                 relative to the root, in units of K_I, each triangle of a leaf counted, with the \
-                C_ts of preset fast for all. The survey does not give its constants, so only ratios to \
-                the offline builder compare. The T_trace ratio is given where both were traced on the \
+                C_ts of preset fast for all. Builders minimise the block cost instead, which counts leaves \
+                by blocks of W triangles. The survey does not give its constants, so only ratios to the \
+                offline builder compare. The T_trace ratio is given where both were traced on the \
                 same device.\n\n";
         out += &table_3;
         out += &self.left_out();

@@ -70,13 +70,17 @@ impl Figures {
         self.draw(7, "figure-7", caption, areas)
     }
 
-    /// Figures 4 and 9: the tree of a scene by preset `fast`.
+    /// Figures 4 and 9: of the scene whose slice shows most cells.
     ///
     /// # Errors
     /// [`ReportError::Picture`].
-    pub fn tree(&mut self, placed: &Placed, tree: &KdTree) -> Result<(), ReportError> {
-        let (scene, view) = (&placed.scene, tree.view());
-        let slice = slice::take(&view, scene);
+    pub fn tree(&mut self, scenes: &[Placed], trees: &[KdTree]) -> Result<(), ReportError> {
+        let slices = scenes.iter().zip(trees).map(|(placed, tree)| {
+            (&placed.scene, tree.view(), slice::take(&tree.view(), &placed.scene))
+        });
+        let Some((scene, view, slice)) = slices.max_by_key(|(_, _, slice)| slice.cells.len()) else {
+            return Ok(());
+        };
         let caption = format!(
             "The tree of `{}` by preset fast as boxes: the cells that a plane through the scene meets, \
              down to level {}. White cells are empty.",

@@ -84,9 +84,9 @@ impl Others {
         let failed = |reason: String| ReportError::Others { path: path.to_owned(), reason };
         let mut known = 0;
         for scene in scenes {
-            let Some(other) = self.of(&scene.name) else { continue };
-            known += 1;
-            if other.rays != scene.rays {
+            if self.of(scene).is_some() {
+                known += 1;
+            } else if let Some(other) = self.scenes.iter().find(|o| o.scene == scene.name) {
                 return Err(failed(format!(
                     "`{}` was measured on rays {}, not on those of this report, {}; give both the \
                      same scenes, lights and size",
@@ -100,8 +100,8 @@ impl Others {
         }
     }
 
-    /// The times of a scene, by name.
-    pub fn of(&self, scene: &str) -> Option<&OtherScene> {
-        self.scenes.iter().find(|other| other.scene == scene)
+    /// The times of a scene, by its name and that of its rays.
+    pub fn of(&self, scene: &SceneReport) -> Option<&OtherScene> {
+        self.scenes.iter().find(|other| other.scene == scene.name && other.rays == scene.rays)
     }
 }

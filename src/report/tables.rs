@@ -7,7 +7,7 @@ use super::scene::{BuilderRow, SceneReport};
 use super::table::{Cell, Table};
 
 /// Columns of [`table_3`]. Ratios are ours over the offline builder's, but for the speed-up.
-pub const TABLE_3: [&str; 20] = [
+pub const TABLE_3: [&str; 21] = [
     "picture",
     "scene",
     "triangles",
@@ -18,6 +18,7 @@ pub const TABLE_3: [&str; 20] = [
     "T_tree ms",
     "T_trace ms",
     "SAH cost",
+    "block cost",
     "build speed-up",
     "SAH ratio",
     "T_trace ratio",
@@ -65,6 +66,7 @@ fn row_of_table_3(scene: &SceneReport, row: &BuilderRow) -> Vec<Cell> {
         Cell::Number(row.tree_ms, 2),
         Cell::Number(row.trace_ms, 2),
         Cell::Number(row.sah_cost, 2),
+        Cell::Number(row.block_cost, 2),
         Cell::number(base.map(|base| base.tree_ms / row.tree_ms), 2),
         Cell::number(base.map(|base| row.sah_cost / base.sah_cost), 3),
         Cell::number(traced_alike.map(|base| row.trace_ms / base.trace_ms), 3),
@@ -130,7 +132,7 @@ pub fn table_4(scenes: &[SceneReport], others: Option<&Others>) -> Table {
             cells.extend(end(printed));
             table.push(cells);
         }
-        if let Some((others, other)) = others.and_then(|all| Some((all, all.of(&scene.name)?))) {
+        if let Some((others, other)) = others.and_then(|all| Some((all, all.of(scene)?))) {
             let mut cells = start();
             cells.extend([
                 others.builder.as_str().into(),

@@ -46,8 +46,12 @@ impl Plot for Crown {
             // The lowest stand too close for words side by side: the odd ones go a line lower.
             let lower =
                 if node.depth == self.levels && node.place as usize % 2 == 1 { 17 } else { 0 };
+            let words = short(node.references);
+            // Lines to children pass behind the words.
+            let (half, top) = (4 * words.len() as i32 + 3, y + 17 + lower);
+            area.draw(&Rectangle::new([(x - half, top), (x + half, top + 15)], WHITE.filled()))?;
             let style = letters(14, INK, HPos::Center, VPos::Top);
-            area.draw(&Text::new(short(node.references), (x, y + 18 + lower), style))?;
+            area.draw(&Text::new(words, (x, top + 1), style))?;
         }
         let note = "circles: the axis of the plane that splits; squares: leaves, white without \
                     triangles; numbers: references in the leaves below";

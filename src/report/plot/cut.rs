@@ -83,7 +83,7 @@ impl Cut {
             map.dashes(area, side, ORANGE.stroke_width(2))?;
         }
         let [left, _, _, bottom] = map.edges();
-        let at = |line: i32| (left, bottom + 4 + 18 * line);
+        let at = |line: i32| (left, bottom + 9 + 19 * line);
         area.draw(&Text::new("cell", at(0), letters(15, INK, HPos::Left, VPos::Top)))?;
         let (x, y) = at(0);
         let style = letters(15, ORANGE, HPos::Left, VPos::Top);
@@ -124,8 +124,8 @@ impl Cut {
             0 => "cut off, in this order".to_owned(),
             _ => format!("cut off, in this order ({hidden} more towards the reader)"),
         };
-        area.draw(&Text::new(cuts, (left, bottom + 4), style(ORANGE)))?;
-        area.draw(&Text::new("median split", (left, bottom + 22), style(BLUE)))?;
+        area.draw(&Text::new(cuts, (left, bottom + 9), style(ORANGE)))?;
+        area.draw(&Text::new("median split", (left, bottom + 28), style(BLUE)))?;
         Ok(())
     }
 

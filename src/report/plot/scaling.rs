@@ -51,7 +51,7 @@ impl Plot for ScalingPlot<'_> {
             .bold_line_style(FAINT)
             .axis_style(GREY)
             .label_style(text.clone())
-            .x_labels(MOST_LINEAR)
+            .x_labels(if linear { most.max(2) } else { MOST_LINEAR })
             .x_desc(processors)
             .y_desc("speed-up")
             .x_label_formatter(&|x| match (x - x.round()).abs() < 1e-9 {
