@@ -13,6 +13,7 @@ use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh;
 
+use crate::best;
 use crate::buffers::{Buffers, Memory};
 use crate::executor::CpuExecutor;
 use crate::query::{CpuAccelerator, InstructionSet};
@@ -101,18 +102,25 @@ impl CpuBackend {
         then: impl FnOnce(KdTreeView<'_>, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
-        let preset = options.config.preset;
-        let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
-        schedule::build(&mut executor, planes)?;
-        let memory = executor.memory();
-        let buffers = executor.finish();
+        let planes = options.config.preset.planes();
+        match planes {
+            Some(planes) => schedule::build(&mut executor, planes)?,
+            None => schedule::start(&mut executor)?,
+        }
+        let mut memory = executor.memory();
+        let mut buffers = executor.finish();
         let counters = buffers.counters;
-        let nodes = counters[Counter::Nodes] as usize;
-        let references = counters[Counter::LeafReferences] as usize;
+        let (nodes, references) = if planes.is_some() {
+            let [nodes, references] =
+                [Counter::Nodes, Counter::LeafReferences].map(|counter| counters[counter] as usize);
+            (nodes, references)
+        } else {
+            best::build(&options.config, self.set, &mut buffers, &mut memory)?
+        };
         let tree = KdTreeView {
             nodes: &buffers.nodes[..nodes],
             references: &buffers.leaf_references[..references],

@@ -9,6 +9,7 @@ use splitplane_core::layout::{
 use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
 
+use crate::best::Scratch;
 use crate::kernels::build_small::Subtrees;
 
 /// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is
@@ -40,6 +41,8 @@ pub struct Buffers {
     pub(crate) root_bounds: Aabb,
     /// Not part of the schedule: the subtrees that `build_small` measured, kept for `emit_small`.
     pub(crate) subtrees: Vec<Subtrees>,
+    /// Scratch of preset `best`, which the schedule does not build.
+    pub(crate) best: Scratch,
 }
 
 /// Counts bytes against a limit.
@@ -123,5 +126,6 @@ impl Buffers {
             + of(&self.nodes)
             + of(&self.leaf_references)
             + self.subtrees.iter().map(Subtrees::bytes).sum::<u64>()
+            + self.best.bytes()
     }
 }

@@ -1,6 +1,7 @@
 #![doc = include_str!("../README.md")]
 
 pub mod backend;
+pub mod best;
 pub mod buffers;
 pub mod executor;
 pub(crate) mod kernels;

@@ -61,8 +61,12 @@ pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Res
     preorder_traversal(executor)
 }
 
-/// Triangle bounds, scene bounds, the root.
-fn start<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+/// Triangle bounds, scene bounds, the root: what every builder starts with, those too that do not run
+/// the rest of the schedule.
+///
+/// # Errors
+/// The first error of the executor.
+pub fn start<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
     executor.dispatch(Kernel::TriangleBounds)?;
     executor.dispatch(Kernel::ScanTriangles)?;
     executor.dispatch(Kernel::GatherReferences)

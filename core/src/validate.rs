@@ -293,7 +293,9 @@ impl Polygon {
             }
             if (dp > 0.0 && dq < 0.0) || (dp < 0.0 && dq > 0.0) {
                 let r = dp / (dp - dq);
-                let mut cut = [0, 1, 2].map(|k| p[k] + r * (q[k] - p[k]));
+                // Between the ends: beside a great coordinate rounding may carry it past a small one.
+                let mut cut = [0, 1, 2]
+                    .map(|k| (p[k] + r * (q[k] - p[k])).clamp(p[k].min(q[k]), p[k].max(q[k])));
                 cut[axis] = plane;
                 out.push(cut);
             }

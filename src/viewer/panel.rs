@@ -5,6 +5,7 @@ use super::boxes::{Content, MOST};
 use super::rig::Mode;
 use super::source::FrameReport;
 use super::state::State;
+use crate::backend::BackendKind;
 use egui::{Color32, Grid, RichText, ScrollArea, Slider, Ui};
 use splitplane_core::ray::Accuracy;
 
@@ -166,7 +167,10 @@ fn rendering(ui: &mut Ui, state: &mut State) {
         ui.label("preset");
         ui.horizontal(|ui| {
             for &preset in &can.presets {
-                ui.selectable_value(&mut choices.preset, preset, preset.name());
+                let possible = choices.backend == BackendKind::Cpu || preset.planes().is_some();
+                ui.add_enabled_ui(possible, |ui| {
+                    ui.selectable_value(&mut choices.preset, preset, preset.name());
+                });
             }
         });
         ui.end_row();

@@ -181,7 +181,10 @@ impl TracedSource {
         }
         let switched = self.built.as_ref().is_none_or(|built| built.backend != backend);
         let mut options = self.build;
-        options.config.preset = preset;
+        if preset != options.config.preset {
+            // The knobs that were given are those of the preset that was given.
+            options.config = preset.into();
+        }
         let (scene, pool) = (&self.scene, &self.pool);
         let tracer = match (&mut self.gpu, backend) {
             (Some(gpu), BackendKind::Wgpu) => gpu,
@@ -363,7 +366,7 @@ impl FrameSource for TracedSource {
         let bounds = accelerator.tree().bounds;
         let abilities = Abilities {
             backends: vec![BackendKind::Cpu, BackendKind::Wgpu],
-            presets: vec![Preset::Fast],
+            presets: Preset::ALL.to_vec(),
             accuracies: vec![Accuracy::Watertight, Accuracy::Fast],
             views: DebugView::ALL.to_vec(),
             max_depth: MAX_DEPTH,

@@ -146,6 +146,11 @@ pub unsafe fn trace(
 ) {
     let ready = PreparedRays::new();
     GROUPS_IN_FLIGHT.with_borrow_mut(|(groups, packet)| {
+        for group in groups.iter_mut() {
+            // Idle lanes load their node like the others, and it must be one of this tree's: where
+            // they last were may be beyond its end.
+            group.node = Row([0; LANES]);
+        }
         let mut source = Source { scene, blocks, rays, next: 0, ready, left: 0, packet };
         // SAFETY: the instruction set, by contract.
         unsafe { run(groups, &mut source, options, query, answer) };
@@ -291,6 +296,7 @@ fn take_lane(mask: &mut __mmask16) -> usize {
 #[target_feature(enable = "avx512f,avx512dq")]
 #[inline]
 unsafe fn load_8(nodes: &[WalkNode], indices: &[u32; LANES], first: usize) -> __m512i {
+    debug_assert!(indices[first..first + 8].iter().all(|&index| (index as usize) < nodes.len()));
     let base = nodes.as_ptr().cast::<i64>();
     // SAFETY: by contract; a node is 8 bytes.
     let pair = |i: usize| unsafe {

@@ -8,6 +8,7 @@ pub mod aim;
 pub mod exact;
 pub mod expansion;
 pub mod faulty;
+pub mod greedy;
 pub mod judge;
 pub mod oracle;
 pub mod random;

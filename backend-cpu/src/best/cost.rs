@@ -1,0 +1,257 @@
+//! What splits and leaves cost, and which of two splits is better: every way of finding a plane asks
+//! here, so all find the same one.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::config::BuildConfig;
+
+/// What of the configuration decides.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Costs {
+    /// K_T.
+    pub traversal: f64,
+    /// K_I.
+    pub intersection: f64,
+    /// W.
+    pub width: u32,
+    /// What is left of the cost of a split with an empty side.
+    pub empty: f64,
+    /// Most levels below the root.
+    pub max_depth: u32,
+    /// Splits in a row that do not pay.
+    pub bad_splits: u32,
+    /// Division by W as a product: `(x * multiplier) >> shift` is `x / W` for x below 2^31.
+    multiplier: u64,
+    shift: u32,
+}
+
+impl Costs {
+    /// The costs of a configuration.
+    pub fn of(config: &BuildConfig) -> Costs {
+        let width = config.block_width;
+        // With s = 31 + ceil(log2 W) the multiplier ceil(2^s / W) is off by less than 2^(s - 31) / W,
+        // which for x below 2^31 stays below the least gap between a quotient and the next integer
+        // (Granlund and Montgomery 1994).
+        let shift = 31 + width.next_power_of_two().trailing_zeros();
+        Costs {
+            traversal: f64::from(config.traversal_cost),
+            intersection: f64::from(config.intersection_cost),
+            width,
+            empty: 1.0 - f64::from(config.empty_bonus) / 256.0,
+            max_depth: config.max_depth,
+            bad_splits: config.bad_splits,
+            multiplier: (1u64 << shift).div_ceil(u64::from(width)),
+            shift,
+        }
+    }
+
+    /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
+    #[inline(always)]
+    pub fn blocks(&self, n: u32) -> u32 {
+        ((u64::from(n + self.width - 1) * self.multiplier) >> self.shift) as u32
+    }
+
+    /// The cost of a leaf, times the half area of the root.
+    #[inline(always)]
+    pub fn leaf(&self, area: f64, n: u32) -> f64 {
+        self.intersection * (f64::from(self.blocks(n)) * area)
+    }
+
+    /// The cost of a split into leaves of these half areas and numbers of references, times the half
+    /// area of the root; `step` is K_T times the half area of the node. Never falls when any of the four
+    /// grows, because every operation rounds once and none has a negative operand.
+    #[inline(always)]
+    pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
+        let blocks = counts.map(|n| f64::from(self.blocks(n)));
+        let cost = self.blocks_cost(step, areas, blocks);
+        if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
+    }
+
+    /// [`Costs::split`] from numbers of blocks, without what an empty side is forgiven.
+    #[inline(always)]
+    pub fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
+        step + self.intersection * (blocks[0] * areas[0] + blocks[1] * areas[1])
+    }
+}
+
+/// Half the surface area of a box with these extents; the length of one that is flat in two directions,
+/// so that what such a box is cut into still compares.
+#[inline]
+pub(super) fn half_area([x, y, z]: [f64; 3]) -> f64 {
+    let area = x * (y + z) + y * z;
+    if area > 0.0 { area } else { x + y + z }
+}
+
+/// Half areas of what planes across one axis leave of a cell.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct AxisAreas {
+    /// Sides of the cell.
+    pub lo: f64,
+    pub hi: f64,
+    /// Growth of the half area by length.
+    slope: f64,
+    /// Half area of the cross-section.
+    base: f64,
+}
+
+impl AxisAreas {
+    /// Half areas left and right of a plane.
+    #[inline(always)]
+    pub fn at(&self, plane: f64) -> [f64; 2] {
+        [self.below(plane), self.above(plane)]
+    }
+
+    /// Half area left of a plane.
+    #[inline(always)]
+    pub fn below(&self, plane: f64) -> f64 {
+        (plane - self.lo) * self.slope + self.base
+    }
+
+    /// Half area right of a plane.
+    #[inline(always)]
+    pub fn above(&self, plane: f64) -> f64 {
+        (self.hi - plane) * self.slope + self.base
+    }
+}
+
+/// A node's cell with what costs in it depend on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cell {
+    /// The cell.
+    pub bounds: Aabb,
+    /// Its half area.
+    pub area: f64,
+    /// K_T times its half area.
+    pub step: f64,
+    /// By axis.
+    pub axes: [AxisAreas; 3],
+}
+
+impl Cell {
+    /// A cell; extents cannot overflow in `f64`.
+    pub fn new(costs: &Costs, bounds: &Aabb) -> Cell {
+        let (lo, hi) = (bounds.lo.map(f64::from), bounds.hi.map(f64::from));
+        let extents = [0, 1, 2].map(|axis| hi[axis] - lo[axis]);
+        let area = half_area(extents);
+        let axes = [0, 1, 2].map(|axis| {
+            let (one, other) = (extents[(axis + 1) % 3], extents[(axis + 2) % 3]);
+            let flat = one + other <= 0.0;
+            AxisAreas {
+                lo: lo[axis],
+                hi: hi[axis],
+                slope: if flat { 1.0 } else { one + other },
+                base: one * other,
+            }
+        });
+        Cell { bounds: *bounds, area, step: costs.traversal * area, axes }
+    }
+
+    /// Whether a plane lies strictly inside.
+    #[inline(always)]
+    pub fn contains(&self, axis: usize, position: f32) -> bool {
+        self.bounds.lo[axis] < position && position < self.bounds.hi[axis]
+    }
+}
+
+/// A plane, and what it makes of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Split {
+    /// [`Costs::split`].
+    pub cost: f64,
+    /// Axis the plane is perpendicular to, 0 to 2.
+    pub axis: usize,
+    /// Its position.
+    pub position: f32,
+    /// Whether references planar in the plane go right.
+    pub planar_right: bool,
+    /// References left and right, straddling ones on both sides.
+    pub counts: [u32; 2],
+}
+
+/// The best split so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Best {
+    /// Its cost, or what a split must cost less than.
+    pub cost: f64,
+    /// The split.
+    pub split: Option<Split>,
+}
+
+impl Best {
+    /// None so far, and none of `limit` or more wanted.
+    pub fn below(limit: f64) -> Best {
+        Best { cost: limit, split: None }
+    }
+
+    /// Takes the better one of this and a plane with so many references that start before it, are planar
+    /// in it, and end behind it: the least (cost, axis, position), planar references left on a tie.
+    #[inline(always)]
+    pub fn consider(
+        &mut self,
+        costs: &Costs,
+        cell: &Cell,
+        axis: usize,
+        position: f32,
+        [left, planar, right]: [u32; 3],
+    ) {
+        let areas = cell.axes[axis].at(f64::from(position));
+        let mut counts = [left + planar, right];
+        let mut cost = costs.split(cell.step, areas, counts);
+        let mut planar_right = false;
+        if planar > 0 {
+            let other = [left, right + planar];
+            let other_cost = costs.split(cell.step, areas, other);
+            if other_cost < cost {
+                (cost, counts, planar_right) = (other_cost, other, true);
+            }
+        }
+        if cost <= self.cost {
+            self.offer(Split { cost, axis, position, planar_right, counts });
+        }
+    }
+
+    /// Takes a split if it is better.
+    #[inline]
+    pub fn offer(&mut self, split: Split) {
+        let better = match &self.split {
+            None => split.cost < self.cost,
+            Some(best) => {
+                split.cost < best.cost
+                    || (split.cost == best.cost
+                        && (split.axis, split.position) < (best.axis, best.position))
+            }
+        };
+        if better {
+            *self = Best { cost: split.cost, split: Some(split) };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_rounded_up_quotients() {
+        for block_width in 1..=64 {
+            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() });
+            let check = |n: u32| assert_eq!(costs.blocks(n), n.div_ceil(block_width), "{n}");
+            (0..1000).for_each(check);
+            for n in (1 << 30) / block_width - 50..=(1 << 30) / block_width {
+                for near in 0..3 {
+                    check((n * block_width).saturating_sub(near));
+                }
+            }
+            (0..64).for_each(|k| check((1 << 30) - k));
+        }
+    }
+
+    #[test]
+    fn boxes_without_area_compare_by_length() {
+        assert_eq!(half_area([2.0, 3.0, 4.0]), 26.0);
+        assert_eq!(half_area([2.0, 3.0, 0.0]), 6.0);
+        assert_eq!(half_area([0.0, 3.0, 0.0]), 3.0);
+        let costs = Costs::of(&BuildConfig::default());
+        let cell = Cell::new(&costs, &Aabb { lo: [0.0, 1.0, 0.0], hi: [0.0, 4.0, 0.0] });
+        assert_eq!(cell.axes[1].at(2.0), [1.0, 2.0]);
+    }
+}

@@ -1,0 +1,66 @@
+//! Bytes counted against a limit, from many threads.
+
+use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use splitplane_core::backend::BuildError;
+
+use crate::buffers::Memory;
+
+/// [`Memory`] that threads share. Which of them meets the limit first may differ from run to run; that
+/// it is met ends the build, so no tree depends on it.
+#[derive(Debug)]
+pub(super) struct Ledger {
+    held: AtomicU64,
+    peak: AtomicU64,
+    limit: Option<u64>,
+}
+
+impl Ledger {
+    /// Counts on from `memory`.
+    pub fn new(memory: Memory) -> Ledger {
+        Ledger {
+            held: AtomicU64::new(memory.held),
+            peak: AtomicU64::new(memory.peak),
+            limit: memory.limit,
+        }
+    }
+
+    /// What has been counted.
+    pub fn close(&self) -> Memory {
+        Memory { held: self.held.load(Relaxed), peak: self.peak.load(Relaxed), limit: self.limit }
+    }
+
+    /// Accounts for `bytes` more.
+    ///
+    /// # Errors
+    /// More than the limit.
+    pub fn take(&self, bytes: u64) -> Result<(), BuildError> {
+        let needed = self.held.fetch_add(bytes, Relaxed) + bytes;
+        if let Some(limit) = self.limit
+            && needed > limit
+        {
+            self.held.fetch_sub(bytes, Relaxed);
+            return Err(BuildError::OutOfMemory { needed, limit });
+        }
+        self.peak.fetch_max(needed, Relaxed);
+        Ok(())
+    }
+
+    /// Makes room for `more` elements behind those of a vector; at least doubles what it has, so that
+    /// room asked for piece by piece costs no more than the whole.
+    ///
+    /// # Errors
+    /// More memory than the limit allows, or than there is.
+    pub fn reserve<T>(&self, vector: &mut Vec<T>, more: usize) -> Result<(), BuildError> {
+        let (before, needed) = (vector.capacity(), vector.len() + more);
+        if needed <= before {
+            return Ok(());
+        }
+        let wanted = needed.max(before * 2);
+        let size = size_of::<T>() as u64;
+        self.take((wanted - before) as u64 * size)?;
+        let held = self.held.load(Relaxed);
+        vector
+            .try_reserve_exact(wanted - vector.len())
+            .map_err(|_| BuildError::OutOfMemory { needed: held, limit: held })
+    }
+}

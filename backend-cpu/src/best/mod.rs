@@ -1,0 +1,93 @@
+//! Preset `best`: the offline builder, greedy SAH over all planes with perfect splits (Wald and Havran
+//! 2006, *On building fast kd-trees for ray tracing, and on doing that in O(N log N)*).
+//!
+//! # What is built
+//! The candidates of a node are the faces of its references' bounds that lie strictly inside its cell.
+//! The node is split by the candidate of least (cost, axis, position); the cost is Equation 3 of
+//! [`splitplane_core::sah`] with blocks of W triangles, times `1 - empty_bonus / 256` where a side is
+//! empty. References planar in the plane go left together or right together, whichever costs less, left
+//! on a tie. A straddling reference goes to both sides, its bounds those of what the triangle has in
+//! either child's cell ([`clip`]).
+//!
+//! A node becomes a leaf when no split costs less than it would as a leaf, save that up to `bad_splits`
+//! splits in a row that cost more are tried; when it is at the greatest depth; when it is too small for
+//! its extents to be told apart; or when its references after the split would exceed its share of the
+//! reference cap. A node of at most W references is split only to cut off empty space where that pays: a
+//! plane with triangles on both sides adds to its one block. A finished subtree that costs no less than
+//! its node would as a leaf is retracted to that leaf.
+//!
+//! # How it is found
+//! Wald and Havran keep three sorted lists of events and carry them down the tree. Here a node sorts only
+//! the few events that matter. Its references are counted into bins; from the counts follow a lower and
+//! an upper bound of the cost of every candidate in a bin ([`bins`]). Bins whose lower bound exceeds the
+//! least upper bound cannot hold the least candidate. The events of the others are sorted and swept. The
+//! plane is the one that a sweep over all events finds; the tests hold it against one that looks at every
+//! plane and every reference. Where bounds rule nothing out (all events in few bins) all events are
+//! sorted, once a node.
+//!
+//! # Order
+//! All decisions are functions of the node's references, cell, depth and shares, never of threads or
+//! time: costs are `f64` operations that round once, in a fixed order.
+
+mod bins;
+pub mod clip;
+mod cost;
+mod emit;
+mod ledger;
+mod node;
+mod partition;
+mod small;
+mod subtree;
+mod sweep;
+mod top;
+
+use splitplane_core::backend::BuildError;
+use splitplane_core::config::BuildConfig;
+use splitplane_core::kernel::Counter;
+
+use crate::buffers::{Buffers, Memory};
+use crate::query::InstructionSet;
+use cost::Costs;
+use ledger::Ledger;
+use node::Node;
+use top::Builder;
+
+pub use top::Scratch;
+
+/// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
+/// into its nodes and leaf references. Returns how many there are of each.
+///
+/// # Errors
+/// More memory than the limit allows, or more nodes or references than the format can address.
+pub(crate) fn build(
+    config: &BuildConfig,
+    set: InstructionSet,
+    buffers: &mut Buffers,
+    memory: &mut Memory,
+) -> Result<(usize, usize), BuildError> {
+    let references = buffers.counters[Counter::ActiveReferences] as usize;
+    let ledger = Ledger::new(*memory);
+    let built = {
+        let builder = Builder {
+            costs: Costs::of(config),
+            clip: config.clip,
+            set,
+            triangles: &buffers.triangles,
+            ledger: &ledger,
+            scratch: &buffers.best,
+        };
+        let count = references as u32;
+        let root = Node::root(buffers.root_bounds, u64::from(config.reference_cap(count)));
+        let mut list = builder.list(references)?;
+        list[..references].copy_from_slice(&buffers.references[..references]);
+        builder.build(list, references, &root)?.0
+    };
+    *memory = ledger.close();
+    let (nodes, references) = built.check_size()?;
+    memory.grow(&mut buffers.nodes, nodes)?;
+    memory.grow(&mut buffers.leaf_references, references)?;
+    built.emit(&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    // What has been emitted is dropped here.
+    memory.held -= built.bytes();
+    Ok((nodes, references))
+}

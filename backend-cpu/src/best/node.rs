@@ -1,0 +1,127 @@
+//! A node that is not yet decided, and its decision.
+
+use splitplane_core::aabb::{Aabb, max, min};
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::backend::BuildError;
+use splitplane_core::layout::Reference;
+use splitplane_core::sah::Extents;
+
+use super::bins::{self, Bins};
+use super::cost::{Best, Cell, Costs, Split};
+use super::ledger::Ledger;
+use super::small;
+use crate::query::InstructionSet;
+
+/// A node besides its references.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    /// Its cell.
+    pub cell: Aabb,
+    /// Levels below the root.
+    pub depth: u32,
+    /// Splits right above that did not pay.
+    pub bad: u32,
+    /// Most references that its leaves may have in all.
+    pub budget: u64,
+}
+
+/// What is done with a node that is split.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Decision {
+    /// The plane.
+    pub split: Split,
+    /// [`Node::bad`] of the children.
+    pub bad: u32,
+}
+
+impl Node {
+    /// The root. A cell without references is never looked at.
+    pub fn root(cell: Aabb, budget: u64) -> Node {
+        Node { cell, depth: 0, bad: 0, budget }
+    }
+
+    /// The two children of a decision, when so many references went either way. The budget is handed down
+    /// in proportion to them, so that it binds in the same place whoever builds which child first.
+    pub fn children(&self, decision: &Decision, counts: [usize; 2]) -> [Node; 2] {
+        let [left, right] = counts.map(|n| n as u64);
+        // At most 2^30 each, so the product fits. What a child gets is never below its references.
+        let share = if left + right == 0 { 0 } else { self.budget * left / (left + right) };
+        let (mut below, mut above) = (self.cell, self.cell);
+        below.hi[decision.split.axis] = decision.split.position;
+        above.lo[decision.split.axis] = decision.split.position;
+        [(below, share), (above, self.budget - share)].map(|(cell, budget)| Node {
+            cell,
+            depth: self.depth + 1,
+            bad: decision.bad,
+            budget,
+        })
+    }
+
+    /// Whether and where the node is split.
+    ///
+    /// # Errors
+    /// More memory than the limit allows.
+    #[inline]
+    pub fn decide(
+        &self,
+        costs: &Costs,
+        set: InstructionSet,
+        cell: &Cell,
+        references: &[Reference],
+        bins: &mut Bins,
+        ledger: &Ledger,
+    ) -> Result<Option<Decision>, BuildError> {
+        let count = references.len() as u32;
+        if count == 0
+            || self.depth >= costs.max_depth
+            || Extents::of::<Strict>(&self.cell).is_none()
+        {
+            return Ok(None);
+        }
+        let leaf = costs.leaf(cell.area, count);
+        if count <= costs.width {
+            let split = cut_empty(costs, cell, references, leaf);
+            return Ok(split.map(|split| Decision { split, bad: 0 }));
+        }
+        let limit = if self.bad < costs.bad_splits { f64::INFINITY } else { leaf };
+        let split = if references.len() <= small::MOST {
+            small::best_split(set, costs, cell, references, limit)
+        } else {
+            bins::best_split(set, costs, cell, references, limit, bins, ledger)?
+        };
+        let Some(split) = split else { return Ok(None) };
+        let [left, right] = split.counts.map(u64::from);
+        if left + right > self.budget {
+            return Ok(None);
+        }
+        Ok(Some(Decision { split, bad: if split.cost < leaf { 0 } else { self.bad + 1 } }))
+    }
+}
+
+/// The split of a node that fits one block. Only planes with nothing on one side can pay, and the best of
+/// those touch the outermost faces.
+fn cut_empty(costs: &Costs, cell: &Cell, references: &[Reference], leaf: f64) -> Option<Split> {
+    let mut tight = Aabb::EMPTY;
+    for reference in references {
+        for axis in 0..3 {
+            tight.lo[axis] = min(tight.lo[axis], reference.lo[axis]);
+            tight.hi[axis] = max(tight.hi[axis], reference.hi[axis]);
+        }
+    }
+    let count = references.len() as u32;
+    let mut best = Best::below(leaf);
+    for axis in 0..3 {
+        // The high face first: where all are planar in one plane, left wins the tie.
+        for (position, counts) in [(tight.hi[axis], [count, 0]), (tight.lo[axis], [0, count])] {
+            if !cell.contains(axis, position) {
+                continue;
+            }
+            let areas = cell.axes[axis].at(f64::from(position));
+            let cost = costs.split(cell.step, areas, counts);
+            // References planar in the plane go with the others.
+            let planar_right = counts[0] == 0;
+            best.offer(Split { cost, axis, position, planar_right, counts });
+        }
+    }
+    best.split
+}
