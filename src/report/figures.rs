@@ -78,7 +78,8 @@ impl Figures {
         let slices = scenes.iter().zip(trees).map(|(placed, tree)| {
             (&placed.scene, tree.view(), slice::take(&tree.view(), &placed.scene))
         });
-        let Some((scene, view, slice)) = slices.max_by_key(|(_, _, slice)| slice.cells.len()) else {
+        let Some((scene, view, slice)) = slices.max_by_key(|(_, _, slice)| slice.cells.len())
+        else {
             return Ok(());
         };
         let caption = format!(

@@ -27,7 +27,7 @@ pub struct Machine {
     pub adapter_detail: Option<String>,
     /// Why it is used, or none is.
     pub backend_reason: String,
-    /// Whether the program was compiled without optimisation: its times then mean nothing.
+    /// Whether the program was compiled for debugging: its times then mean nothing.
     pub debug_build: bool,
 }
 
@@ -74,7 +74,7 @@ impl Machine {
             _ => format!("- no GPU is measured ({})\n", self.backend_reason),
         };
         if self.debug_build {
-            out += "- **compiled without optimisation: the times mean nothing**\n";
+            out += "- **a debug build: the times mean nothing**\n";
         }
         out
     }

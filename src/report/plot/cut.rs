@@ -119,11 +119,12 @@ impl Cut {
         self.plane(area, map, &self.left, self.split, BLUE)?;
         let [left, _, _, bottom] = map.edges();
         let style = |colour| letters(15, colour, HPos::Left, VPos::Top);
-        let hidden = self.cuts.iter().filter(|cut| !self.axes.contains(&cut.axis)).count();
-        let cuts = match hidden {
-            0 => "cut off, in this order".to_owned(),
-            _ => format!("cut off, in this order ({hidden} more towards the reader)"),
-        };
+        let mut cuts = "cut off, in this order".to_owned();
+        for (number, cut) in self.cuts.iter().enumerate() {
+            if !self.axes.contains(&cut.axis) {
+                cuts += &format!("; {} is across {}", number + 1, NAMES[cut.axis]);
+            }
+        }
         area.draw(&Text::new(cuts, (left, bottom + 9), style(ORANGE)))?;
         area.draw(&Text::new("median split", (left, bottom + 28), style(BLUE)))?;
         Ok(())
