@@ -352,7 +352,7 @@ fn pictures_can_be_read_and_show_something() {
     for name in FILES.iter().filter(|name| name.ends_with(".svg")) {
         let text = made.text(name);
         assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{name}");
-        assert!(text.matches("<text").count() > 3, "{name}");
+        assert!(text.matches("<text").count() > 1, "{name}");
         assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
     }
 }

@@ -17,7 +17,7 @@ use splitplane::report::scaling::{self, Scaling};
 use splitplane::report::scene::{self, Placed, SceneReport, Settings};
 use splitplane::report::survey::{SCALING_LARGEST, SCALING_SMALLEST};
 use splitplane::report::worked::Worked;
-use splitplane::report::{Builder, ReportError, areas};
+use splitplane::report::{Builder, areas};
 use splitplane::{Backend, BackendInfo, BackendKind, CpuBackend, OpenOptions, Preset};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -88,20 +88,6 @@ enum Offline {
 fn odd(text: &str) -> Result<usize, String> {
     let number: Option<usize> = text.parse().ok().filter(|n| n % 2 == 1 && *n < 1000);
     number.ok_or_else(|| "give an odd number from 1 to 999, so that there is a middle".to_owned())
-}
-
-impl From<ReportError> for Failure {
-    fn from(error: ReportError) -> Failure {
-        match error {
-            ReportError::Scene(error) => error.into(),
-            ReportError::Open(error) => error.into(),
-            ReportError::Tracer(error) => error.into(),
-            ReportError::Query(error) => error.into(),
-            ReportError::Picture(error) => error.into(),
-            ReportError::Threads { .. } => Failure::usage(error.to_string()),
-            error => Failure::file(error.to_string()),
-        }
-    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
