@@ -1,9 +1,13 @@
-//! Build times on the built-in scenes, by size and threads: `cargo bench --bench build`.
+//! Build times on the built-in scenes, by size, preset and threads: `cargo bench --bench build`.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use splitplane::scene::builtin;
 use splitplane_core::backend::BuildOptions;
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_cpu::CpuBackend;
+
+/// What is built for every frame; the offline builder is another matter.
+const PRESETS: [Preset; 2] = [Preset::Fast, Preset::Balanced];
 
 fn builds(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("build");
@@ -17,11 +21,13 @@ fn builds(criterion: &mut Criterion) {
                 rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
             // One backend for all repeats: a rebuild reuses its buffers.
             let backend = CpuBackend::new();
-            group.bench_function(BenchmarkId::new(name, threads), |bench| {
-                bench.iter(|| {
-                    pool.install(|| backend.build_accelerator(&mesh, &BuildOptions::default()))
+            for preset in PRESETS {
+                let options = BuildOptions::from(BuildConfig::preset(preset));
+                let row = BenchmarkId::new(format!("{name}/{}", preset.name()), threads);
+                group.bench_function(row, |bench| {
+                    bench.iter(|| pool.install(|| backend.build_accelerator(&mesh, &options)));
                 });
-            });
+            }
         }
     }
     group.finish();

@@ -11,13 +11,14 @@
 # OUT             where figures go; out/gpu-DATE by default
 # BIN_DIR         folder with the programs `splitplane` and `splitplane-measure-gpu`, for machines
 #                 without cargo; without it they are built
+# PRESETS         presets to compare and to measure, with commas; fast,balanced by default
 # MEASURE_OPTIONS more options for `splitplane-measure-gpu`, such as "--reps 21 --rays 8000000"
 # SMALL=1         small scenes and few rays, for software adapters
 #
-# Parity is compared on more scenes than are measured: on those, on every .obj file of the folder and on
-# all built-in scenes; after every dispatch, but for ten million triangles, where that takes too long
-# and the digests have to do. Frames of the built-in carousel, and of robots and horse where the folder has
-# them, are made on both backends and compared; their times are in frames-NAME-BACKEND.json.
+# Parity is compared on more scenes than are measured, each by every preset: on those, on every .obj file
+# of the folder and on all built-in scenes; after every dispatch, but for ten million triangles, where that
+# takes too long and the digests have to do. Frames of the built-in carousel, and of robots and horse where
+# the folder has them, are made on both backends and compared; their times are in frames-NAME-BACKEND.json.
 #
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: no GPU.
 set -euo pipefail
@@ -82,6 +83,7 @@ fi
 adapter=()
 if [ -n "${ADAPTER:-}" ]; then adapter=(--adapter "$ADAPTER"); fi
 read -r -a more <<<"${MEASURE_OPTIONS:-}"
+IFS=, read -r -a presets <<<"${PRESETS:-fast,balanced}"
 
 {
     date -u +%Y-%m-%dT%H:%M:%SZ
@@ -105,22 +107,25 @@ for scene in "${scenes[@]}" "${compared[@]}"; do
         say "parity of $scene: by digest only, below"
         continue
     fi
-    say "parity of $scene"
-    code=0
-    "$bin/splitplane" parity "$scene" ${adapter[@]+"${adapter[@]}"} --json |
-        tee -a "$out/parity.jsonl" || code=$?
-    case $code in
-    0) ;;
-    5) say "no GPU that can be used"; exit 5 ;;
-    *) say "parity of $scene: exit code $code"; failed=1 ;;
-    esac
+    for preset in "${presets[@]}"; do
+        say "parity of $scene by $preset"
+        code=0
+        "$bin/splitplane" parity "$scene" --preset "$preset" ${adapter[@]+"${adapter[@]}"} --json |
+            tee -a "$out/parity.jsonl" || code=$?
+        case $code in
+        0) ;;
+        5) say "no GPU that can be used"; exit 5 ;;
+        *) say "parity of $scene by $preset: exit code $code"; failed=1 ;;
+        esac
+    done
 done
 
 say "figures"
 code=0
 list=$(IFS=,; printf '%s' "${scenes[*]}")
+built_by=$(IFS=,; printf '%s' "${presets[*]}")
 "$bin/splitplane-measure-gpu" ${adapter[@]+"${adapter[@]}"} ${options[@]+"${options[@]}"} \
-    --scenes "$list" --out "$out" ${more[@]+"${more[@]}"} || code=$?
+    --scenes "$list" --preset "$built_by" --out "$out" ${more[@]+"${more[@]}"} || code=$?
 case $code in
 0) ;;
 5) say "no GPU that can be used"; exit 5 ;;

@@ -69,7 +69,7 @@ fn sorted<'a>(names: &[&'a str]) -> Vec<&'a str> {
     names
 }
 
-const BUILD_FIELDS: [&str; 17] = [
+const BUILD_FIELDS: [&str; 18] = [
     "scene",
     "triangles",
     "dropped",
@@ -77,6 +77,7 @@ const BUILD_FIELDS: [&str; 17] = [
     "backend",
     "adapter",
     "preset",
+    "config",
     "threads",
     "build_ms",
     "nodes",
@@ -134,9 +135,12 @@ fn help_says_what_there_is() {
     let help = program(folder.path(), &["--help"]).env("COLUMNS", "100").output().unwrap();
     assert_eq!(help.status.code(), Some(0));
     insta::assert_snapshot!("help", text(&help.stdout));
-    for verb in ["render", "build", "query", "verify"] {
+    for verb in ["render", "build", "stats", "query", "verify"] {
         let help = succeed(&folder, &[verb, "--help"]);
         assert!(help.contains("--threads") && help.contains("--allow-structural"), "{verb}");
+        assert!(help.contains("--bins") && help.contains("--traversal-cost"), "{verb}");
+        // The summary leaves the knobs out.
+        assert!(!succeed(&folder, &[verb, "-h"]).contains("--bins"), "{verb}");
     }
     assert!(succeed(&folder, &["adapters", "--help"]).contains("--json"));
     assert!(succeed(&folder, &["--version"]).starts_with("splitplane 0."));
@@ -188,6 +192,10 @@ fn reports_are_pinned() {
     fs::write(folder.path().join("grid.rays"), rays).unwrap();
     for (name, arguments) in [
         ("build-json", &["build", "builtin:cornell", "--json"][..]),
+        (
+            "stats-json",
+            &["stats", "builtin:cornell", "--json", "--rays", "2000", "--block-width", "4"],
+        ),
         ("query-json", &["query", "builtin:cornell", "--rays", "grid.rays", "--json"]),
         ("verify-json", &["verify", "builtin:cornell", "--rays", "200", "--json"]),
         ("render-json", &["render", "builtin:cornell", "--size", "16x16", "--json", "-o", "p.png"]),
@@ -247,6 +255,125 @@ fn build_reports_its_fields_and_writes_the_tree() {
     let bytes = fs::read(folder.path().join("square.tree")).unwrap();
     let file = splitplane::core::file::TreeFile::parse(&bytes).unwrap();
     assert_eq!(file.tree.digest().to_string(), report["digest"].as_str().unwrap());
+}
+
+#[test]
+fn knobs_shape_the_tree_and_are_reported() {
+    let folder = folder();
+    let build = |knobs: &[&str]| {
+        json(&folder, &[&["build", "builtin:spheres", "--json", "-q"][..], knobs].concat())
+    };
+    let plain = build(&[]);
+    let config = |report: &Value, field: &str| report["config"][field].clone();
+    assert_eq!(config(&plain, "traversal_cost"), 1);
+    assert_eq!(config(&plain, "clip"), true);
+    assert_eq!(config(&plain, "bins"), Value::Null);
+    for (knobs, field, value) in [
+        (&["--traversal-cost", "3"][..], "traversal_cost", Value::from(3)),
+        (&["--intersection-cost", "9"], "intersection_cost", 9.into()),
+        (&["--block-width", "4"], "block_width", 4.into()),
+        (&["--small-node-limit", "16"], "small_node_limit", 16.into()),
+        (&["--empty-cutoff", "10"], "empty_cutoff", 26.into()),
+        (&["--max-depth", "12"], "max_depth", 12.into()),
+        (&["--no-clip"], "clip", false.into()),
+        (&["--reference-cap", "2"], "references_per_triangle", 2.into()),
+        (&["--node-cap", "2"], "nodes_per_triangle", 2.into()),
+        (&["--preset", "balanced", "--bins", "8"], "bins", 8.into()),
+    ] {
+        let report = build(knobs);
+        assert_eq!(config(&report, field), value, "{knobs:?}");
+        assert_ne!(report["digest"], plain["digest"], "{knobs:?}");
+    }
+    let told =
+        succeed(&folder, &["build", "builtin:spheres", "--no-clip", "--empty-cutoff", "10%"]);
+    let line = "knobs    K_T 1, K_I 4, W 16, T 64, C_e 10.2 %, not clipped; at most 64 levels, \
+                4 nodes, 8 references a triangle\n";
+    assert!(told.contains(line), "{told}");
+    // What a knob does, and not only that it is noted.
+    assert!(build(&["--max-depth", "5"])["max_depth"].as_u64().unwrap() <= 5);
+    let nodes = |report: Value| report["nodes"].as_u64().unwrap();
+    assert!(nodes(build(&["--block-width", "1"])) > nodes(plain));
+}
+
+#[test]
+fn knobs_that_a_preset_lacks_and_values_out_of_range_are_2_and_named() {
+    let folder = folder();
+    for (knobs, words) in [
+        (&["--bins", "8"][..], "--bins is a knob of balanced only; preset fast does not have it"),
+        (&["--preset", "balanced", "--empty-bonus", "5"], "--empty-bonus is a knob of best only"),
+        (&["--preset", "best", "--small-node-limit", "5"], "of fast and balanced only"),
+        (&["--preset", "best", "--node-cap", "5"], "of fast and balanced only"),
+        (&["--bad-splits", "2"], "--bad-splits is a knob of best only"),
+        (&["--traversal-cost", "0"], "--traversal-cost is 0, but must be from 1 to 1367"),
+        (&["--small-node-limit", "65"], "--small-node-limit is 65, but must be from 1 to 64"),
+        (&["--reference-cap", "0"], "--reference-cap is 0, but must be from 1 to 65536"),
+        (&["--node-cap", "65537"], "--node-cap is 65537"),
+        (&["--max-depth", "97"], "--max-depth is 97, but must be from 1 to 96"),
+        (
+            &["--empty-cutoff", "100"],
+            "--empty-cutoff is 100 % (256/256), but must be from 0.4 % (1/256) to 99.6 % (255/256)",
+        ),
+        (&["--preset", "balanced", "--bins", "1"], "--bins is 1, but must be from 2 to 64"),
+        (&["--intersection-cost", "400", "--block-width", "1"], "only the ratio of the two costs"),
+    ] {
+        for verb in [&["build", "missing.obj"][..], &["render", "missing.obj"], &["stats", "x.obj"]]
+        {
+            let why = fail(&folder, 2, &[verb, knobs].concat());
+            assert!(why.contains(words), "{why}");
+        }
+    }
+    for knobs in [["--empty-cutoff", "a lot"], ["--bins", "few"], ["--max-depth", "9999999999"]] {
+        let output = run(&folder, &[&["build", "builtin:cornell"][..], &knobs].concat());
+        assert_eq!(output.status.code(), Some(2), "{knobs:?}");
+        assert!(text(&output.stderr).contains(knobs[0]), "{knobs:?}");
+    }
+}
+
+#[test]
+fn stats_are_told_in_columns() {
+    let folder = folder();
+    let fine = ["--block-width", "2", "--rays", "5000"];
+    let told = succeed(&folder, &[&["stats", "builtin:spheres"][..], &fine].concat());
+    insta::with_settings!({filters => vec![
+        (r"in [0-9.]+ ms", "in [time]"),
+        (r"\d+ threads?", "[threads]"),
+    ]}, { insta::assert_snapshot!("stats", told); });
+    let flat = "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n";
+    fs::write(folder.path().join("line.obj"), flat).unwrap();
+    let told = succeed(&folder, &["stats", "line.obj"]);
+    assert!(told.contains("No line meets the bounds"), "{told}");
+    assert_eq!(succeed(&folder, &["stats", "builtin:cornell", "--quiet", "--rays", "10"]), "");
+}
+
+/// What is expected is what is measured, and the figures fit one another.
+#[test]
+fn stats_agree_with_the_build_and_with_themselves() {
+    let folder = folder();
+    let scene = ["builtin:spheres", "--json", "-q"];
+    let build = json(&folder, &[&["build"][..], &scene].concat());
+    let stats = |more: &[&str]| json(&folder, &[&["stats"][..], &scene, more].concat());
+    let one = stats(&["--rays", "3000", "--threads", "1"]);
+    for field in BUILD_FIELDS.iter().filter(|field| !["build_ms", "threads"].contains(field)) {
+        assert_eq!(one[field], build[field], "{field}");
+    }
+    let three = stats(&["--rays", "3000", "--threads", "3"]);
+    for field in ["expected", "passing", "closest", "leaves_by_depth", "leaf_sizes"] {
+        assert_eq!(one[field], three[field], "{field}");
+    }
+    let number = |value: &Value| value.as_f64().unwrap();
+    for name in ["interior", "leaves", "empty_leaves", "tests", "blocks"] {
+        let [mean, error] =
+            ["mean", "standard_error"].map(|part| number(&one["passing"][part][name]));
+        let expected = number(&one["expected"][name]);
+        assert!((mean - expected).abs() < 5.0 * error, "{name}: {mean} {expected} {error}");
+        assert!(number(&one["closest"]["mean"][name]) <= mean, "{name}");
+    }
+    let sum = |counts: Vec<&Value>| counts.into_iter().map(|n| n.as_u64().unwrap()).sum::<u64>();
+    let by_depth = one["leaves_by_depth"].as_array().unwrap().iter().collect();
+    let sizes = one["leaf_sizes"].as_array().unwrap();
+    assert_eq!(sum(by_depth), one["leaves"].as_u64().unwrap());
+    assert_eq!(sum(sizes.iter().map(|class| &class["leaves"]).collect()), one["leaves"]);
+    assert_eq!(one["interior"].as_u64().unwrap() + 1, one["leaves"].as_u64().unwrap());
 }
 
 #[test]
@@ -362,6 +489,7 @@ fn wrong_usage_is_2() {
         &["build", "builtin:cornell", "--backend", "abacus"],
         &["build", "builtin:cornell", "--preset", "slow"],
         &["verify", "builtin:cornell", "--rays", "0"],
+        &["stats", "builtin:cornell", "--rays", "0"],
     ] {
         let output = run(&folder, arguments);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {}", text(&output.stderr));
@@ -501,6 +629,8 @@ fn parity_needs_a_gpu() {
 #[test]
 fn parity_with_the_cpu_or_without_a_scene_is_wrong_usage() {
     let folder = folder();
+    let why = fail(&folder, 2, &["parity", "builtin:cornell", "--preset", "best"]);
+    assert!(why.contains("preset best is built on the CPU only"), "{why}");
     let why = fail(&folder, 2, &["parity", "builtin:cornell", "--backend", "cpu"]);
     assert!(why.contains("leave --backend cpu out"), "{why}");
     assert_eq!(run(&folder, &["parity"]).status.code(), Some(2));

@@ -3,7 +3,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Backend, BuildError, BuildOptions, BuildSummary};
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::dump::dump;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::NodeKind;
@@ -17,6 +17,11 @@ use splitplane_test_support::oracle::snap;
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 use std::fmt::Write;
+
+/// The presets that run the schedule, as they are tuned.
+fn presets() -> [BuildConfig; 2] {
+    [Preset::Fast, Preset::Balanced].map(BuildConfig::preset)
+}
 
 fn build(backend: &dyn Backend, scene: &Scene, config: BuildConfig) -> (KdTree, BuildSummary) {
     let accelerator = backend
@@ -194,8 +199,10 @@ fn check_tree(scene: &Scene, tree: &KdTree, summary: &BuildSummary) {
 
 fn every_scene_keeps_the_invariants(backend: &dyn Backend) {
     for scene in all_scenes() {
-        let (tree, summary) = build(backend, &scene, BuildConfig::default());
-        check_tree(&scene, &tree, &summary);
+        for config in presets() {
+            let (tree, summary) = build(backend, &scene, config);
+            check_tree(&scene, &tree, &summary);
+        }
     }
 }
 
@@ -210,7 +217,12 @@ fn every_configuration_keeps_the_invariants(backend: &dyn Backend) {
         BuildConfig { traversal_cost: 1, intersection_cost: 10, block_width: 1, ..default },
         BuildConfig { traversal_cost: 1367 - 128, intersection_cost: 1, block_width: 1, ..default },
         BuildConfig { references_per_triangle: 1, nodes_per_triangle: 1, ..default },
+        BuildConfig { clip: false, ..default },
     ];
+    let balanced = BuildConfig::preset(Preset::Balanced);
+    let of_balanced = configs.map(|config| BuildConfig { preset: balanced.preset, ..config });
+    let bins = [2, 7, 64].map(|bins| BuildConfig { bins, ..balanced });
+    let configs: Vec<BuildConfig> = configs.into_iter().chain(of_balanced).chain(bins).collect();
     let scenes = [
         scenes::none(),
         scenes::one(),
@@ -225,7 +237,7 @@ fn every_configuration_keeps_the_invariants(backend: &dyn Backend) {
         scenes::spike(),
     ];
     for scene in &scenes {
-        for config in configs {
+        for &config in &configs {
             let (tree, summary) = build(backend, scene, config);
             assert_eq!(tree.config, config);
             check_tree(scene, &tree, &summary);
@@ -236,11 +248,11 @@ fn every_configuration_keeps_the_invariants(backend: &dyn Backend) {
 /// References stay below the configured cap, whatever the scene: what bounds memory.
 fn the_caps_hold(backend: &dyn Backend) {
     for scene in scenes::awkward() {
-        for per_triangle in [1, 8] {
+        for (config, per_triangle) in presets().iter().flat_map(|c| [(c, 1), (c, 8)]) {
             let config = BuildConfig {
                 references_per_triangle: per_triangle,
                 nodes_per_triangle: per_triangle,
-                ..Default::default()
+                ..*config
             };
             let (tree, summary) = build(backend, &scene, config);
             // A small root adds at most 1,023 references and 511 nodes to what the cap allows.
@@ -260,10 +272,12 @@ fn the_tree_is_the_same_every_time(backend: &dyn Backend) {
     });
     let mut first = Vec::new();
     let all = all_scenes();
-    for scene in &all {
-        let (tree, _) = build(backend, scene, BuildConfig::default());
+    let by_preset = presets();
+    let cases = || all.iter().flat_map(|scene| by_preset.map(|config| (scene, config)));
+    for (scene, config) in cases() {
+        let (tree, _) = build(backend, scene, config);
         for pool in &pools {
-            let (again, _) = pool.install(|| build(backend, scene, BuildConfig::default()));
+            let (again, _) = pool.install(|| build(backend, scene, config));
             let threads = pool.current_num_threads();
             assert_eq!(again.digest(), tree.digest(), "{} on {threads} threads", scene.name);
             assert_eq!(again, tree, "{} on {threads} threads", scene.name);
@@ -271,8 +285,8 @@ fn the_tree_is_the_same_every_time(backend: &dyn Backend) {
         first.push(tree);
     }
     // Backwards, so that every scene follows another one than before.
-    for (scene, tree) in all.iter().zip(&first).rev() {
-        let (again, _) = build(backend, scene, BuildConfig::default());
+    for ((scene, config), tree) in cases().zip(&first).collect::<Vec<_>>().into_iter().rev() {
+        let (again, _) = build(backend, scene, config);
         assert_eq!(again, *tree, "{} after another scene", scene.name);
     }
 }
@@ -282,21 +296,29 @@ fn indexed_and_soup_agree(backend: &dyn Backend) {
     for scene in [scenes::sphere(20, [0.5; 3], 1.0), scenes::grid_boxes(3), scenes::bad_vertices()]
     {
         let soup = scene.joined(&scenes::none(), "as soup");
-        let (indexed, _) = build(backend, &scene, BuildConfig::default());
-        let (separate, _) = build(backend, &soup, BuildConfig::default());
-        assert_eq!(indexed.digest(), separate.digest(), "{}", scene.name);
+        for config in presets() {
+            let (indexed, _) = build(backend, &scene, config);
+            let (separate, _) = build(backend, &soup, config);
+            assert_eq!(indexed.digest(), separate.digest(), "{}", scene.name);
+        }
     }
 }
 
 /// A limit on memory ends in its own error, at any limit below what the build takes.
 fn memory_limits_end_in_an_error(backend: &dyn Backend) {
+    for config in presets() {
+        check_memory_limits(backend, config);
+    }
+}
+
+fn check_memory_limits(backend: &dyn Backend, config: BuildConfig) {
     let scene = scenes::soup(3_000, 0.1, 23);
-    let (tree, summary) = build(backend, &scene, BuildConfig::default());
+    let (tree, summary) = build(backend, &scene, config);
     assert!(summary.peak_bytes > 0);
     let mut refused = 0;
     for eighth in 0..=9 {
         let max_memory = Some(summary.peak_bytes * eighth / 8);
-        let options = BuildOptions { max_memory, ..Default::default() };
+        let options = BuildOptions { config, max_memory };
         match backend.build(&scene.mesh(), &options) {
             Ok(built) => {
                 assert_eq!(*built.tree(), tree, "a limit that does not bind changes the tree");
@@ -364,6 +386,31 @@ fn snapshots_of_larger_trees() {
         let _ = write!(text, "\n{}", dump(&tree.view(), 12));
         insta::assert_snapshot!(slug(&scene.name), text);
     }
+}
+
+/// Trees of the preset `balanced`, a line a scene; where a scene has large nodes they differ from those
+/// of `fast`.
+#[test]
+fn snapshot_of_balanced_trees() {
+    let (mut text, mut different) = (String::new(), 0);
+    for scene in scenes::awkward() {
+        let [fast, balanced] = presets().map(|config| build(&CpuBackend::new(), &scene, config));
+        let (tree, summary) = balanced;
+        check_tree(&scene, &tree, &summary);
+        let small = scene.mesh().len() <= 64;
+        assert!(!small || tree.nodes == fast.0.nodes, "{}: no level splits it", scene.name);
+        different += u32::from(tree.nodes != fast.0.nodes);
+        let (name, digest) = (slug(&scene.name), tree.digest());
+        let (levels, roots) = (summary.large_levels, summary.small_roots);
+        let (nodes, references) = (tree.nodes.len(), tree.references.len());
+        let _ = writeln!(
+            text,
+            "{name} digest {digest} levels {levels} small roots {roots} nodes {nodes} references \
+             {references}"
+        );
+    }
+    assert!(different > 10, "only {different} scenes have other trees");
+    insta::assert_snapshot!("balanced", text);
 }
 
 fn slug(name: &str) -> String {

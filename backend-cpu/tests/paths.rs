@@ -2,7 +2,7 @@
 
 use splitplane_core::arithmetic::{Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::{BuildConfig, Planes};
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Buffer;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
@@ -156,8 +156,11 @@ fn every_path_equals_the_reference() {
 fn every_instruction_set_builds_the_same_tree() {
     let triangles = soup(5000, &mut Numbers(9));
     let mesh = Mesh::soup(&triangles).unwrap();
-    for width in [1, 3, 16] {
-        let config = BuildConfig { block_width: width, ..BuildConfig::default() };
+    for (width, preset) in [1, 3, 16].into_iter().flat_map(|w| Preset::ALL.map(|p| (w, p))) {
+        if preset.planes().is_none() {
+            continue;
+        }
+        let config = BuildConfig { block_width: width, ..preset.into() };
         let digests: Vec<_> = InstructionSet::available()
             .into_iter()
             .map(|set| {
@@ -181,23 +184,25 @@ fn a_hostile_device_changes_neither_digest_nor_hits() {
             *corner = corner.map(|x| x * scale);
         }
         let mesh = Mesh::soup(&triangles).unwrap();
-        let config = BuildConfig::default();
         let backend = CpuBackend::new();
-        let strict = backend.build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();
-        for set in InstructionSet::available() {
-            let buffers = Buffers::default();
-            let mut executor: CpuExecutor<'_, Hostile> =
-                CpuExecutor::new(mesh, config, set, buffers, None).unwrap();
-            schedule::build(&mut executor, Planes::Median).unwrap();
+        let build = |config| backend.build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();
+        for preset in [Preset::Balanced, Preset::Fast] {
+            let config = BuildConfig::preset(preset);
+            let strict = build(config);
             let tree = strict.tree();
-            let live = |buffer| executor.live(buffer).unwrap().to_vec();
-            assert_eq!(live(Buffer::Nodes), bytemuck::cast_slice::<_, u8>(&tree.nodes), "{scale}");
-            assert_eq!(
-                live(Buffer::LeafReferences),
-                bytemuck::cast_slice::<_, u8>(&tree.references),
-                "{scale}"
-            );
+            for set in InstructionSet::available() {
+                let buffers = Buffers::default();
+                let mut executor: CpuExecutor<'_, Hostile> =
+                    CpuExecutor::new(mesh, config, set, buffers, None).unwrap();
+                schedule::build(&mut executor, preset.planes().unwrap()).unwrap();
+                let live = |buffer| executor.live(buffer).unwrap().to_vec();
+                let nodes: &[u8] = bytemuck::cast_slice(&tree.nodes);
+                let references: &[u8] = bytemuck::cast_slice(&tree.references);
+                assert_eq!(live(Buffer::Nodes), nodes, "{scale} {preset:?}");
+                assert_eq!(live(Buffer::LeafReferences), references, "{scale} {preset:?}");
+            }
         }
+        let strict = build(BuildConfig::default());
         let mut rays = rays(&triangles, 2000, &mut numbers);
         for ray in &mut rays {
             ray.origin = ray.origin.map(|x| x * scale);

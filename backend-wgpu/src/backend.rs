@@ -230,7 +230,8 @@ impl WgpuBackend {
     /// the configuration allows, within the limits of the device.
     ///
     /// # Errors
-    /// A configuration out of range, or a device that cannot hold the scene.
+    /// A configuration out of range, a preset that devices do not build, or a device that cannot hold
+    /// the scene.
     pub fn with_executor<T>(
         &self,
         mesh: &Mesh<'_>,
@@ -238,6 +239,8 @@ impl WgpuBackend {
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
         config.validate()?;
+        let preset = config.preset;
+        preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &self.shared.gpu;
         let triangles = mesh.len() as u32;
         let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;

@@ -5,7 +5,7 @@ mod common;
 use std::time::{Duration, Instant};
 
 use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, BuildSummary};
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -13,7 +13,9 @@ use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceBuild, DeviceTree, Effort, Gpu, GpuError, PendingBuild, WgpuBackend};
+use splitplane_wgpu::{
+    DeviceBuild, DeviceMesh, DeviceTree, Effort, Gpu, GpuError, PendingBuild, WgpuBackend,
+};
 
 /// Nothing here takes as long; a test that waits longer hangs.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -461,6 +463,63 @@ fn bad_configurations_are_refused() {
     assert!(matches!(refused, Err(BuildError::Config(_))));
 }
 
+/// The preset `best` is built on the CPU alone: a device says so, however it is asked, and builds
+/// nothing else in its place.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_preset_of_the_cpu_is_refused() {
+    let backend = fresh();
+    let scene = scenes::soup(300, 0.1, 18);
+    let mesh = scene.mesh();
+    let config = BuildConfig::preset(Preset::Best);
+    let options = BuildOptions::from(config);
+    let positions = backend.gpu().buffer("positions", 12, wgpu::BufferUsages::COPY_SRC).unwrap();
+    let on_device = DeviceMesh { positions: &positions, vertices: 0, indices: None, triangles: 0 };
+    let refusals: [Option<BuildError>; 6] = [
+        Backend::build(&backend, &mesh, &options).err(),
+        backend.build_on_device(&mesh, &options).err(),
+        backend.submit_build(&mesh, &options).err(),
+        backend.submit_build_from(&on_device, &options).err(),
+        backend.build_profiled(&mesh, &options).err(),
+        backend.with_executor(&mesh, &config, |_| ()).err(),
+    ];
+    for (way, refused) in refusals.into_iter().enumerate() {
+        let expected = BuildError::PresetNotOnDevice { preset: Preset::Best };
+        assert_eq!(refused, Some(expected), "way {way}");
+    }
+    let query = QueryOptions::default();
+    let compared = splitplane::parity::compare(&backend, &mesh, &options, &[], &query, &|_| ());
+    let error = compared.expect_err("nothing to compare").to_string();
+    assert!(error.contains("best") && error.contains("CPU"), "{error}");
+}
+
+/// Presets by turns over the same buffers: each build is the CPU's by the same preset, and takes what
+/// it needs. Bins are only where planes are found by them.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn presets_by_turns() {
+    let scene = scenes::soup(3_000, 0.1, 19);
+    let [fast, balanced] = [Preset::Fast, Preset::Balanced].map(BuildConfig::preset);
+    let peak = |backend: &WgpuBackend, config: BuildConfig| {
+        let built = backend.build_on_device(&scene.mesh(), &config.into()).expect("a tree");
+        assert_tree(backend, &built, &expected(&scene, config).0, config.preset.name());
+        // What the other preset took says nothing of this one: no level is missing.
+        assert_eq!((built.effort.submissions, built.effort.repeats), (1, 0), "{config:?}");
+        built.summary.peak_bytes
+    };
+    let [alone, with_bins] = [fast, balanced].map(|config| peak(&fresh(), config));
+    let chunks = 3_000u64.div_ceil(256);
+    assert!(with_bins >= alone + 768 * chunks, "{alone} and {with_bins} bytes");
+    let backend = fresh();
+    assert_eq!(peak(&backend, fast), alone);
+    for _ in 0..2 {
+        peak(&backend, balanced);
+        peak(&backend, BuildConfig { bins: 5, clip: false, ..balanced });
+        peak(&backend, BuildConfig { empty_cutoff: 128, ..balanced });
+        peak(&backend, fast);
+    }
+}
+
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_tree_of_the_cpu_answers_like_one_built_here() {
@@ -566,18 +625,30 @@ fn threads_share_a_backend() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn every_kernel_is_timed() {
+    for preset in [Preset::Fast, Preset::Balanced] {
+        check_times(BuildConfig::preset(preset));
+    }
+}
+
+fn check_times(config: BuildConfig) {
     let backend = backend();
     let scene = scenes::soup(3_000, 0.1, 17);
-    let built = backend.build_profiled(&scene.mesh(), &BuildOptions::default()).unwrap();
-    assert_tree(&backend, &built, &expected(&scene, BuildConfig::default()).0, "profiled");
+    let options = BuildOptions::from(config);
+    let built = backend.build_profiled(&scene.mesh(), &options).unwrap();
+    assert_tree(&backend, &built, &expected(&scene, config).0, "profiled");
     let Some(times) = &built.times else {
         assert!(!backend.gpu().has_timestamps());
         return;
     };
     assert!(backend.gpu().has_timestamps());
-    assert_eq!(times.iter().map(|time| time.kernel).collect::<Vec<_>>(), Kernel::ALL);
+    let not_run: &[Kernel] = match config.preset {
+        Preset::Balanced => &[Kernel::SplitLarge],
+        _ => &[Kernel::BinReferences, Kernel::SplitBinned],
+    };
+    let run: Vec<_> = Kernel::ALL.into_iter().filter(|kernel| !not_run.contains(kernel)).collect();
+    assert_eq!(times.iter().map(|time| time.kernel).collect::<Vec<_>>(), run);
     for time in times {
-        let levels = times[Kernel::SplitLarge as usize].dispatches;
+        let levels = times[Kernel::NodeBounds as usize].dispatches;
         let by_level = (Kernel::NodeBounds as usize..=Kernel::ScatterReferences as usize)
             .contains(&(time.kernel as usize));
         assert_eq!(time.dispatches, if by_level { levels } else { 1 }, "{time:?}");
@@ -586,6 +657,6 @@ fn every_kernel_is_timed() {
     let all: f64 = times.iter().map(|time| time.nanoseconds).sum();
     assert!(all > 0.0 && all < PATIENCE.as_nanos() as f64, "{all} ns");
     // What was not asked for is not measured.
-    let plain = backend.build_on_device(&scene.mesh(), &BuildOptions::default()).unwrap();
+    let plain = backend.build_on_device(&scene.mesh(), &options).unwrap();
     assert_eq!(plain.times, None);
 }

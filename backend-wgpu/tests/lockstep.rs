@@ -3,7 +3,7 @@
 
 mod common;
 
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::mesh::Mesh;
@@ -30,7 +30,7 @@ fn in_step(
     match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
         Ok(dispatches) => Ok(dispatches),
         Err(LockstepError::Differs(difference)) => Err(difference),
-        Err(other) => panic!("{other}"),
+        Err(other) => panic!("{config:?}: {other}"),
     }
 }
 
@@ -45,8 +45,15 @@ fn check(backend: &WgpuBackend, scene: &Scene, config: &BuildConfig) {
 fn awkward_scenes() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
     for scene in scenes::awkward() {
-        check(&backend, &scene, &BuildConfig::default());
+        for config in by_every_preset(BuildConfig::default()) {
+            check(&backend, &scene, &config);
+        }
     }
+}
+
+/// A configuration with each preset that devices build.
+fn by_every_preset(config: BuildConfig) -> [BuildConfig; 2] {
+    [Preset::Fast, Preset::Balanced].map(|preset| BuildConfig { preset, ..config })
 }
 
 #[test]
@@ -65,11 +72,42 @@ fn other_configurations() {
         BuildConfig { max_depth: 1, ..default },
         BuildConfig { references_per_triangle: 1, ..default },
         BuildConfig { nodes_per_triangle: 1, references_per_triangle: 2, ..default },
+        BuildConfig { clip: false, ..default },
+        BuildConfig { clip: false, block_width: 1, small_node_limit: 9, ..default },
     ];
+    let configs = configs.into_iter().flat_map(by_every_preset);
+    let balanced = BuildConfig::preset(Preset::Balanced);
+    let bins = [2, 3, 7, 63, 64].map(|bins| BuildConfig { bins, ..balanced });
     let scenes = [scenes::soup(3000, 0.5, 5), scenes::fan(2500), scenes::nested_spheres()];
-    for config in configs {
+    for config in configs.chain(bins) {
         for scene in &scenes {
             check(&backend, scene, &config);
+        }
+    }
+}
+
+/// Costs of large nodes go beyond 32 bits, in every word of their products; bins of coordinates at the
+/// ends of the range of floats.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn binned_costs_and_places_at_their_limits() {
+    let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
+    let balanced = BuildConfig::preset(Preset::Balanced);
+    let dear = BuildConfig {
+        traversal_cost: 1,
+        intersection_cost: 683,
+        block_width: 1,
+        small_node_limit: 1,
+        max_depth: 12,
+        ..balanced
+    };
+    check(&backend, &scenes::soup(12_000, 0.3, 6), &dear);
+    for scale in [1e-36, 1e-33, 1e30, 3e37, 1.5e38] {
+        let scene = scenes::soup(700, 0.2, 7);
+        let positions = scene.positions.iter().map(|p| p.map(|x| (2.0 * x - 1.0) * scale));
+        let scene = Scene { positions: positions.collect(), ..scene };
+        for bins in [2, 3, 64] {
+            check(&backend, &scene, &BuildConfig { bins, ..balanced });
         }
     }
 }
@@ -87,8 +125,10 @@ fn caps_that_bind() {
         ..BuildConfig::default()
     };
     // 4,096 more nodes than triangles are allowed: enough triangles to want more.
-    check(&backend, &scenes::soup(20_000, 0.02, 3), &config);
-    check(&backend, &scenes::soup(12_000, 0.4, 4), &config);
+    for config in by_every_preset(config) {
+        check(&backend, &scenes::soup(20_000, 0.02, 3), &config);
+        check(&backend, &scenes::soup(12_000, 0.4, 4), &config);
+    }
 }
 
 /// A fault in any kernel is seen, at the first dispatch of that kernel.
@@ -96,6 +136,9 @@ fn caps_that_bind() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn planted_faults_are_named() {
     use Kernel as K;
+    let fast = BuildConfig::default();
+    let balanced = BuildConfig::preset(Preset::Balanced);
+    let whole = BuildConfig { clip: false, ..fast };
     let plants = [
         (K::TriangleBounds, "magnitude < vec3<u32>(0x800000u)", "magnitude < vec3<u32>(1u)"),
         (K::ScanTriangles, "select(0u, 1u, kept > 0u)", "2u"),
@@ -117,27 +160,64 @@ fn planted_faults_are_named() {
             "put_reference(first + rank_in(mask, lane)",
             "put_reference(first + count - 1u - rank_in(mask, lane)",
         ),
+    ]
+    .map(|(kernel, text, fault)| (kernel, text, fault, fast));
+    let of_balanced = [
+        (K::BinReferences, "whole > 0u", "false"),
+        (K::BinReferences, "range.x], 0x10001u", "range.x], 1u"),
+        (K::SplitBinned, "area, split_areas", "0u, split_areas"),
+        (K::SplitBinned, "border.cost.x == atomicLoad(&best_low)", "true"),
+        (K::SplitBinned, "position, gap > limit)", "position, false)"),
+    ]
+    .map(|(kernel, text, fault)| (kernel, text, fault, balanced));
+    let by_one = BuildConfig { block_width: 1, ..balanced };
+    let halves = BuildConfig { bins: 2, ..balanced };
+    let of_others = [
+        (K::SplitBinned, "low.y + a.y * b", "low.y", by_one),
+        (K::SplitBinned, "bin < parameters.bins", "bin + 1u < parameters.bins", halves),
+        (K::ClassifyReferences, "right && parameters.clip == 1u", "right", whole),
+        (K::ScatterReferences, "if parameters.clip == 1u", "if true", whole),
     ];
+    let plants = plants.into_iter().chain(of_balanced).chain(of_others);
+    let mut missing = Kernel::ALL.to_vec();
     // Subnormal coordinates, planar triangles, empty space and many levels, so that each fault shows.
     let scene = scenes::zeros_and_subnormals()
         .joined(&scenes::grid_boxes(4), "boxes")
         .joined(&scenes::soup(3000, 0.4, 9), "faults");
+    // Bounds that are flat on an axis; triangles that no plane separates.
+    let (flat, same) = (scenes::coplanar(1, 500), scenes::identical(500));
+    let of_flat = (K::BinReferences, "if !axes[axis].divisible", "if false", balanced);
+    let of_same = (K::SplitBinned, "node.inseparable == 1u", "false", balanced);
+    let plants = plants.map(|plant| (plant, &scene)).chain([(of_flat, &flat), (of_same, &same)]);
     let gpu = common::gpu();
-    let config = BuildConfig::default();
     let mut missed = Vec::new();
-    for (kernel, text, fault) in plants {
+    for ((kernel, text, fault, config), scene) in plants {
+        missing.retain(|without| *without != kernel);
         let source = splitplane_shaders::KERNELS[kernel as usize].source();
         let planted = source.replace(text, fault);
         assert!(planted != source, "{kernel:?}: the text to change is gone");
         let gpu = Gpu::clone(&gpu);
         let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
         match in_step(&backend, &scene.mesh(), &config) {
-            Ok(_) => missed.push(format!("{kernel:?}: the fault was not seen")),
+            Ok(_) => missed.push(format!("{kernel:?}, {fault}: the fault was not seen")),
             Err(difference) if difference.kernel == format!("{kernel:?}") => {}
-            Err(difference) => missed.push(format!("{kernel:?}: {difference}")),
+            Err(difference) => missed.push(format!("{kernel:?}, {fault}: {difference}")),
         }
     }
     assert!(missed.is_empty(), "{missed:#?}");
+    assert!(missing.is_empty(), "no fault is planted in {missing:?}");
+}
+
+/// A schedule for planes that the executor's preset does not find ends in an error.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_schedule_for_another_preset_is_refused() {
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let scene = scenes::soup(500, 0.1, 3);
+    let build = |mut gpu: WgpuExecutor<'_>| schedule::build(&mut gpu, Planes::Binned);
+    let refused = backend.with_executor(&scene.mesh(), &BuildConfig::default(), build);
+    let error = refused.expect("buffers").expect_err("a schedule that lacks a buffer");
+    assert!(error.to_string().contains("ChunkBins"), "{error}");
 }
 
 /// Those of the real scenes that the folder holds.
@@ -150,6 +230,8 @@ fn real_scenes() {
         ["horse", "bunny", "kitchen"].into_iter().filter_map(scenes::real).collect();
     assert!(!scenes.is_empty(), "the scenes folder holds none of the scenes");
     for scene in &scenes {
-        check(&backend, scene, &BuildConfig::default());
+        for config in by_every_preset(BuildConfig::default()) {
+            check(&backend, scene, &config);
+        }
     }
 }

@@ -130,7 +130,7 @@ pub fn max(a: f32, b: f32) -> f32 {
 
 /// Square root by Newton's method, since `core` has none without `std`. Accurate to a few units in
 /// the last place for normal arguments; 0 for arguments that are not positive.
-fn sqrt(x: f64) -> f64 {
+pub(crate) fn sqrt(x: f64) -> f64 {
     if x.is_nan() || x <= 0.0 || x.is_infinite() {
         return if x > 0.0 { x } else { 0.0 };
     }

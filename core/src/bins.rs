@@ -11,19 +11,21 @@ use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent};
 use crate::config::{BuildConfig, MAX_BINS};
 use crate::layout::ChunkBins;
-use crate::sah::{Extents, LEAST_EXPONENT};
+use crate::sah::{Extents, LEAST_EXPONENT, expected_quarters};
 use crate::split::{SplitPlane, strictly_inside};
 
 /// The bins of one axis of a node: equal parts of its tight bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BinAxis {
-    /// Half of the lower end.
+    /// A quarter of the lower end.
     pub lower: f32,
-    /// Half of the extent.
-    pub half: f32,
+    /// A quarter of the extent: of the greatest extent there is, half would be too much for two bins,
+    /// whose scale would be subnormal.
+    pub quarter: f32,
     /// How many bins.
     pub bins: u32,
-    /// Bins in half a unit of length: a place is the halved distance from the lower end times this.
+    /// Bins in a quarter of a unit of length: a place is a quarter of the distance from the lower end
+    /// times this. Never subnormal.
     pub scale: f32,
 }
 
@@ -36,14 +38,15 @@ impl BinAxis {
         if exponent(half) < LEAST_EXPONENT {
             return None;
         }
-        let lower = A::snapped_product(tight.lo[axis], 0.5);
-        Some(BinAxis { lower, half, bins, scale: A::quotient(bins as f32, half) })
+        let lower = A::snapped_product(tight.lo[axis], 0.25);
+        let quarter = A::product(half, 0.5);
+        Some(BinAxis { lower, quarter, bins, scale: A::quotient(bins as f32, quarter) })
     }
 
     /// Where a coordinate within the bounds lies, in bins from the lower end.
     #[inline(always)]
     pub fn place<A: Arithmetic>(&self, coordinate: f32) -> f32 {
-        let distance = A::snapped_difference(A::snapped_product(coordinate, 0.5), self.lower);
+        let distance = A::snapped_difference(A::snapped_product(coordinate, 0.25), self.lower);
         A::snapped_product(distance, self.scale)
     }
 
@@ -62,24 +65,38 @@ impl BinAxis {
     #[inline]
     pub fn border<A: Arithmetic>(&self, index: u32) -> f32 {
         let part = A::quotient(index as f32, self.bins as f32);
-        let half = A::snapped_sum(self.lower, A::snapped_product(self.half, part));
+        let quarter = A::snapped_sum(self.lower, A::snapped_product(self.quarter, part));
         // Exact, and within the bounds.
-        A::product(half, 2.0)
+        A::product(quarter, 4.0)
     }
 }
 
-/// The cost of a split of a node of any size, times the node's half area: as
-/// [`crate::sah::split_cost`], in 64 bits. Below 2^62.
+/// The cost of a split of a node of any size, times the node's half area: [`crate::sah::split_cost`]
+/// in 64 bits. Below 2^63.
 #[inline]
 pub fn wide_split_cost(config: &BuildConfig, areas: [u32; 3], left: u32, right: u32) -> u64 {
-    let [node, left_area, right_area] = areas.map(u64::from);
-    let blocks = |count: u32| u64::from(count.div_ceil(config.block_width));
-    u64::from(config.traversal_cost) * node
-        + u64::from(config.intersection_cost)
-            * (blocks(left) * left_area + blocks(right) * right_area)
+    let blocks = [left, right].map(|count| count.div_ceil(config.block_width));
+    weigh(config, areas, config.traversal_cost, blocks)
 }
 
-/// The cost of a leaf of any size, times the node's half area.
+/// The same with children that cost what [`expected_quarters`] says, in quarters of K_I: what borders
+/// are compared by. Below 2^62.
+#[inline]
+pub fn expected_split_cost(config: &BuildConfig, areas: [u32; 3], left: u32, right: u32) -> u64 {
+    let quarters = [left, right].map(|count| expected_quarters(count.div_ceil(config.block_width)));
+    weigh(config, areas, 4 * config.traversal_cost, quarters)
+}
+
+/// A step through the node, and both children's costs in units of K_I, by half area.
+#[inline]
+fn weigh(config: &BuildConfig, areas: [u32; 3], traversal: u32, children: [u32; 2]) -> u64 {
+    let [node, left_area, right_area] = areas.map(u64::from);
+    let [left, right] = children.map(u64::from);
+    u64::from(traversal) * node
+        + u64::from(config.intersection_cost) * (left * left_area + right * right_area)
+}
+
+/// The cost of a leaf of any size, times the node's half area. At most 2^30 references; below 2^62.
 #[inline]
 pub fn wide_leaf_cost(config: &BuildConfig, area: u32, triangles: u32) -> u64 {
     let blocks = u64::from(triangles.div_ceil(config.block_width));
@@ -111,8 +128,9 @@ impl NodeBins {
         sum
     }
 
-    /// The border of least cost, if it costs less than a leaf of all `count` references. Ties go to
-    /// the lower axis, then to the lower border.
+    /// The border of least expected cost, if a split there pays: if with children taken for leaves it
+    /// costs less than a leaf of all `count` references. Ties go to the lower axis, then to the lower
+    /// border.
     pub fn best_border<A: Arithmetic>(
         &self,
         config: &BuildConfig,
@@ -121,7 +139,8 @@ impl NodeBins {
         count: u32,
     ) -> Option<SplitPlane> {
         let extents = Extents::of::<A>(cell)?;
-        let mut least = wide_leaf_cost(config, Extents::half_area(extents.cells), count);
+        let leaf = wide_leaf_cost(config, Extents::half_area(extents.cells), count);
+        let mut least = u64::MAX;
         let mut best = None;
         for axis in 0..3 {
             let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins) else { continue };
@@ -135,14 +154,15 @@ impl NodeBins {
                 }
                 let offset = extents.offset::<A>(cell.lo[axis], position);
                 let areas = extents.split_areas(axis, offset);
-                let cost = wide_split_cost(config, areas, left, right);
-                if cost < least {
-                    least = cost;
-                    best = Some(SplitPlane { axis, position });
+                let expected = expected_split_cost(config, areas, left, right);
+                if expected < least {
+                    least = expected;
+                    let pays = wide_split_cost(config, areas, left, right) < leaf;
+                    best = Some((SplitPlane { axis, position }, pays));
                 }
             }
         }
-        best
+        best.filter(|&(_, pays)| pays).map(|(plane, _)| plane)
     }
 }
 
@@ -181,9 +201,12 @@ mod tests {
             assert_eq!(bins.border::<Strict>(48), 0.5 * unit);
         }
         let whole = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
-        for count in [2, 7, 31, 64] {
+        for count in [2, 3, 7, 31, 64] {
             let bins = BinAxis::of::<Strict>(&whole, 0, count).unwrap();
+            assert!(bins.scale.is_normal(), "{count}: a device may flush {bins:?}");
+            assert_eq!(BinAxis::of::<Hostile>(&whole, 0, count), Some(bins));
             assert_eq!(bins.range::<Strict>(-f32::MAX, f32::MAX), [0, count - 1]);
+            assert_eq!(bins.range::<Hostile>(-f32::MAX, f32::MAX), [0, count - 1]);
             for border in 1..count {
                 let plane = bins.border::<Strict>(border);
                 assert!(strictly_inside(&whole, 0, plane), "{border} of {count}: {plane}");
@@ -227,11 +250,16 @@ mod tests {
 
     #[test]
     fn the_greatest_costs_fit() {
-        let config =
-            BuildConfig { traversal_cost: 1, intersection_cost: 683, ..Default::default() };
+        let config = BuildConfig {
+            small_node_limit: 1,
+            block_width: 1,
+            intersection_cost: (BuildConfig::MAX_COST - 1) / 2,
+            ..Default::default()
+        };
+        assert_eq!(config.validate(), Ok(()));
         let area = 3 * 1023 * 1023;
-        let cost =
-            wide_split_cost(&BuildConfig { block_width: 1, ..config }, [area; 3], 1 << 30, 1 << 30);
-        assert!(cost < 1 << 63);
+        assert!(wide_leaf_cost(&config, area, 1 << 30) < 1 << 62);
+        assert!(wide_split_cost(&config, [area; 3], 1 << 30, 1 << 30) < 1 << 63);
+        assert!(expected_split_cost(&config, [area; 3], 1 << 30, 1 << 30) < 1 << 62);
     }
 }

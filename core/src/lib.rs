@@ -18,6 +18,7 @@ pub mod file;
 pub mod intersect;
 pub mod kernel;
 pub mod layout;
+pub mod lines;
 #[cfg(feature = "alloc")]
 pub mod lockstep;
 pub mod mask;

@@ -68,6 +68,12 @@ pub trait Observer {
     fn node(&mut self);
     /// A triangle was tested.
     fn triangle(&mut self);
+    /// The node just visited is a leaf with so many references. Gives whether its triangles are to
+    /// be tested; where no leaf's are, the ray passes through everything.
+    #[inline(always)]
+    fn leaf(&mut self, _references: u32) -> bool {
+        true
+    }
 }
 
 /// Takes no notice.
@@ -149,7 +155,8 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
                 continue;
             }
             NodeKind::Leaf { first, count } => {
-                for &triangle in tree.leaf(first, count) {
+                let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
+                for &triangle in tested {
                     if options.ignore == Some(triangle) {
                         continue;
                     }

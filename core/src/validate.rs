@@ -224,7 +224,7 @@ pub fn validate(tree: &KdTreeView<'_>) -> Result<(), Violation> {
 /// Checks a tree against its mesh: [`validate`], and that every reference is to a triangle that was
 /// kept and whose bounds meet the leaf's cell, and that no leaf's cell holds points of a triangle
 /// that the leaf does not name. The last is decided by clipping each triangle down the tree in
-/// `f64`; parts thinner than rounding errors of the cell's coordinates do not count.
+/// `f64`; parts thinner than rounding errors of the cell's and the triangle's coordinates do not count.
 ///
 /// # Errors
 /// The first violation.
@@ -268,21 +268,26 @@ pub fn validate_mesh(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> Result<(), Viola
 struct Polygon {
     corners: [[f64; 3]; 16],
     count: usize,
+    /// The triangle's greatest coordinate on each axis: where a plane cuts an edge is rounded by less
+    /// than 2^-52 of it, also where the result is next to zero.
+    reach: [f64; 3],
 }
 
 impl Polygon {
     fn of(triangle: &Triangle) -> Polygon {
         let mut corners = [[0.0; 3]; 16];
+        let mut reach = [0.0f64; 3];
         for (corner, input) in corners.iter_mut().zip(triangle) {
             *corner = input.map(f64::from);
+            reach = [0, 1, 2].map(|k| reach[k].max(corner[k].abs()));
         }
-        Polygon { corners, count: 3 }
+        Polygon { corners, count: 3, reach }
     }
 
     /// The part on one side of a plane (`sign` 1: below it, -1: above), or `None` when it is empty
     /// or too thin to tell.
     fn clipped(&self, axis: usize, plane: f64, sign: f64) -> Option<Polygon> {
-        let mut out = Polygon { corners: [[0.0; 3]; 16], count: 0 };
+        let mut out = Polygon { corners: [[0.0; 3]; 16], count: 0, reach: self.reach };
         let mut deepest = 0.0f64;
         for i in 0..self.count {
             let (p, q) = (self.corners[i], self.corners[(i + 1) % self.count]);
@@ -300,7 +305,7 @@ impl Polygon {
                 out.push(cut);
             }
         }
-        let tolerance = 1e-6 * plane.abs() + 1e-36;
+        let tolerance = 1e-6 * plane.abs() + 1e-14 * self.reach[axis] + 1e-36;
         (deepest > tolerance && out.count > 0).then_some(out)
     }
 
@@ -396,6 +401,39 @@ mod tests {
             leaf(0, 0),
         ];
         assert!(matches!(check(&deep, &[]), Err(Violation::TooDeep { depth: 3, most: 2, .. })));
+    }
+
+    /// A corner that only touches a cell, next to zero: edges cut there come out a rounding error of their
+    /// far end below it, which is no part of the triangle.
+    #[test]
+    fn rounding_of_cut_edges_is_no_part() {
+        let tip = 3.335_710_8e-16;
+        let triangles = [[
+            [tip, 1.0, 1.112_696_6e-31],
+            [0.074_657_835, 0.980_785_25, -0.180_239_96],
+            [0.038_060_233, 0.980_785_25, -0.191_341_71],
+        ]];
+        let mesh = Mesh::soup(&triangles).unwrap();
+        let bounds = Aabb { lo: [0.0, 0.0, -1.0], hi: [1.0; 3] };
+        let check = |z: f32, x: f32| {
+            let nodes = [
+                KdNode::interior(Axis::Z, z, 2),
+                KdNode::leaf(0, 1),
+                KdNode::interior(Axis::X, x, 4),
+                KdNode::leaf(1, 0),
+                KdNode::leaf(1, 1),
+            ];
+            let config = BuildConfig::default();
+            let references = &[0, 0];
+            validate_mesh(
+                &KdTreeView { nodes: &nodes, references, bounds, triangles: 1, config },
+                &mesh,
+            )
+        };
+        assert_eq!(check(5e-32, tip), Ok(()));
+        // Farther off there is one.
+        let lost = Err(Violation::Lost { node: 3, triangle: 0 });
+        assert_eq!(check(-1e-12, 1e-12), lost);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 // Finds the sides each reference goes to and counts them by chunk.
 // One workgroup a chunk, one invocation a reference.
-// Reads: decisions, references, corners of those whose bounds a plane cuts.
+// Reads: decisions, references, corners of those whose bounds a plane cuts where they are clipped.
 // Writes: the sides of each reference, and how many of the chunk's go to each.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
@@ -34,7 +34,7 @@ fn main(
                 let hi = on_axis(reference.hi, axis);
                 left = goes_left(lo, hi, position);
                 right = goes_right(hi, position);
-                if left && right {
+                if left && right && parameters.clip == 1u {
                     // The bounds straddle the plane, but what is left of the triangle may not.
                     let corners = corners_of(reference.triangle);
                     let bounds = Aabb(reference.lo, reference.hi);

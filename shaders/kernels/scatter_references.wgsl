@@ -1,6 +1,7 @@
 // Moves references to the children, clipped, and bounds them by chunk.
 // One workgroup a chunk, one invocation a reference.
-// Reads: decisions, sides, scanned counts, references, corners of those that a plane cuts.
+// Reads: decisions, sides, scanned counts, references, corners of those that a plane cuts where
+// they are clipped.
 // Writes: the references of the children, clipped to their side, in order; bounds by chunk and child.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
@@ -70,8 +71,13 @@ fn main(
                 // A reference that goes to one side only may still have bounds that cross the plane:
                 // its part on the other side came out empty.
                 if strictly_inside(bounds, decision.axis, decision.position) {
-                    let corners = corners_of(reference.triangle);
-                    parts = clip(corners, bounds, decision.axis, decision.position);
+                    if parameters.clip == 1u {
+                        let corners = corners_of(reference.triangle);
+                        parts = clip(corners, bounds, decision.axis, decision.position);
+                    } else {
+                        parts.left.hi = with_axis(bounds.hi, decision.axis, decision.position);
+                        parts.right.lo = with_axis(bounds.lo, decision.axis, decision.position);
+                    }
                 }
                 let offsets = load_counts(index);
                 if goes(0u, lane) {

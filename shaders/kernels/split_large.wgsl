@@ -15,11 +15,6 @@
 const LANES: u32 = 64u;
 const SWEEP_SAMPLES: u32 = 64u;
 
-// What the first invocation has decided so far.
-var<workgroup> cell_lo: vec3<f32>;
-var<workgroup> cell_hi: vec3<f32>;
-var<workgroup> decided: Decision;
-
 // A plane's rank: least cost (low and high word), then axis, then position.
 struct Ranked {
     cost: vec2<u32>,
@@ -29,8 +24,6 @@ struct Ranked {
 }
 
 var<workgroup> ranked: array<Ranked, LANES>;
-// 1 when a lane was cut short.
-var<workgroup> unfinished: atomic<u32>;
 
 fn precedes(a: Ranked, b: Ranked) -> bool {
     if a.cost.y != b.cost.y {
@@ -43,23 +36,6 @@ fn precedes(a: Ranked, b: Ranked) -> bool {
         return a.axis < b.axis;
     }
     return a.order < b.order;
-}
-
-// a * b in 64 bits: low word, high word.
-fn wide_product(a: u32, b: u32) -> vec2<u32> {
-    let a_low = a & 0xffffu;
-    let a_high = a >> 16u;
-    let b_low = b & 0xffffu;
-    let b_high = b >> 16u;
-    let low = a_low * b_low;
-    let middle = a_high * b_low + (low >> 16u);
-    let other = a_low * b_high + (middle & 0xffffu);
-    return vec2<u32>((other << 16u) | (low & 0xffffu), a_high * b_high + (middle >> 16u) + (other >> 16u));
-}
-
-fn wide_sum(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
-    let low = a.x + b.x;
-    return vec2<u32>(low, a.y + b.y + select(0u, 1u, low < a.x));
 }
 
 // References on the two sides of the three planes of one corner: those that go left, and right.
@@ -96,9 +72,6 @@ fn consider(best: Ranked, cell: Aabb, extents: Extents, axis: u32, planes: vec3<
     return best;
 }
 
-// Set when a driver ended a loop before its end: Mesa's llvmpipe does so after 65,535 rounds.
-var<private> cut_short: bool;
-
 // The planes of one lane: the faces of one sample, counted against all references of the node.
 fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Ranked {
     let samples = min(node.count, SWEEP_SAMPLES);
@@ -129,7 +102,6 @@ fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Rank
         low = add_sides(low, references[node.first + i], sample.lo);
         high = add_sides(high, references[node.first + i], sample.hi);
     }
-    // The zero keeps a compiler from concluding that this cannot be.
     cut_short = cut_short || (i ^ opaque_zero) < node.count;
     for (var axis = 0u; axis < 3u; axis++) {
         best = consider(best, cell, extents, axis, sample.lo, low);
@@ -201,60 +173,14 @@ fn sweep(node: LargeNode, lane: u32) {
     }
 }
 
-// Cuts and split of one node, into `decided`. For a node that must be swept a split on axis 0 stands
-// for "to be chosen".
+// Cuts and split of one node. For a node that must be swept a split on axis 0 stands for "to be chosen".
 fn decide(index: u32, node: LargeNode) {
-    decided.cuts = array<f32, 6>();
-    decided.cut_count = 0u;
-    decided.cut_sides = 0u;
-    decided.axis = TRANSFER;
-    decided.position = 0.0;
-    decided.counts = vec2<u32>(node.count, 0u);
-    decided.first = vec2<u32>(0u);
-    decided.first_node = 0u;
-    decided.source_first = node.first;
-    var cell = Aabb(node.lo, node.hi);
-    cell_lo = cell.lo;
-    cell_hi = cell.hi;
-    if node.count <= parameters.small_node_limit {
+    if !cut_empty_space(index, node) {
         return;
     }
-    let levels_left = parameters.max_depth - node.depth;
-    let at = 6u * index;
-    let tight = Aabb(
-        vec3<f32>(node_bounds[at], node_bounds[at + 1u], node_bounds[at + 2u]),
-        vec3<f32>(node_bounds[at + 3u], node_bounds[at + 4u], node_bounds[at + 5u]),
-    );
-    var cuts = 0u;
-    for (var side = 0u; side < 6u; side++) {
-        if cuts == levels_left {
-            return;
-        }
-        let cut = empty_cutoff(cell, tight, side);
-        if cut.found {
-            if side % 2u == 0u {
-                cell.lo = with_axis(cell.lo, cut.axis, cut.position);
-            } else {
-                cell.hi = with_axis(cell.hi, cut.axis, cut.position);
-            }
-            decided.cuts[cuts] = cut.position;
-            decided.cut_sides |= side << (4u * cuts);
-            cuts += 1u;
-            decided.cut_count = cuts;
-        }
-    }
-    if cuts == levels_left {
-        return;
-    }
-    cell_lo = cell.lo;
-    cell_hi = cell.hi;
     if node.inseparable == 1u {
         decided.axis = 0u;
         return;
     }
-    let plane = spatial_median(cell);
-    if plane.found {
-        decided.axis = plane.axis;
-        decided.position = plane.position;
-    }
+    decide_on(spatial_median(Aabb(cell_lo, cell_hi)));
 }

@@ -30,7 +30,12 @@ fn exclusive_scan(lane: u32, value: vec4<u32>) -> vec4<u32> {
         scan_parts[16] = before;
     }
     workgroupBarrier();
-    return scan_lanes[lane] + scan_parts[lane / SHARE];
+    return scanned(lane);
+}
+
+// What stood before any lane in the last scan.
+fn scanned(lane: u32) -> vec4<u32> {
+    return scan_lanes[lane] + scan_parts[lane / (LANES / 16u)];
 }
 
 // The sum of what all lanes gave to the last scan.

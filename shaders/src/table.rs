@@ -39,6 +39,9 @@ library! {
     CHUNK_BOUNDS_STORE "chunk_bounds_store"
     REDUCE "reduce"
     SCAN "scan"
+    WIDE "wide"
+    BINS "bins"
+    DECISION "decision"
     BALLOT "ballot"
     SMALL_NODE "small_node"
     RAY "ray"
@@ -84,9 +87,11 @@ shaders! {
         "scan_triangles": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE REDUCE SCAN;
         "gather_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE CHUNK_STATE BALLOT;
         "node_bounds": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE REDUCE;
-        "split_large": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH;
         "chunk_nodes": LAYOUT KERNEL SCAN;
         "assign_chunks": LAYOUT KERNEL;
+        "split_large": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH WIDE DECISION;
+        "bin_references": ARITHMETIC AABB LAYOUT KERNEL SAH WIDE BINS;
+        "split_binned": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH SCAN WIDE BINS DECISION;
         "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHUNK_STATE_STORE BALLOT;
         "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE SCAN;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SCAN;

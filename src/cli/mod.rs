@@ -6,6 +6,7 @@ mod bug;
 mod build;
 mod failure;
 mod hit_file;
+mod knobs;
 mod look;
 mod npy;
 mod options;
@@ -19,6 +20,8 @@ mod query;
 mod ray_file;
 mod render;
 mod stage;
+mod stats;
+mod table;
 mod tree;
 mod verify;
 #[cfg(feature = "viewer")]
@@ -48,6 +51,8 @@ enum Verb {
     Animate(animate::Arguments),
     /// Build a tree and report what it is like.
     Build(build::Arguments),
+    /// Build a tree and say all about it: memory, leaves, what rays are expected to cost and do.
+    Stats(stats::Arguments),
     /// Trace the rays of a file.
     Query(query::Arguments),
     /// Check a tree and its answers against a reference in f64.
@@ -86,6 +91,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Render(arguments)) => render::run(&arguments),
         Some(Verb::Animate(arguments)) => animate::run(&arguments),
         Some(Verb::Build(arguments)) => build::run(&arguments),
+        Some(Verb::Stats(arguments)) => stats::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),

@@ -1,10 +1,10 @@
 //! Options that every verb takes, and values in the forms users write.
 
+use super::failure::Failure;
+use super::knobs::Knobs;
 use clap::{Args, ValueEnum};
 use splitplane::render::Size;
-use splitplane::{
-    Accuracy, BackendKind, BuildConfig, BuildOptions, OpenOptions, Preset, QueryOptions,
-};
+use splitplane::{Accuracy, BackendKind, BuildOptions, OpenOptions, Preset, QueryOptions};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
@@ -18,7 +18,7 @@ pub(super) struct Common {
     /// Allow --backend wgpu a GPU whose results differ from the CPU's in some bits
     #[arg(long)]
     allow_structural: bool,
-    /// How the tree is built
+    /// How the tree is built; its knobs are listed by --help
     #[arg(long, value_enum, default_value_t = PresetName::Fast)]
     preset: PresetName,
     /// Which ray/triangle test; `fast` may lose rays aimed at edges
@@ -36,6 +36,8 @@ pub(super) struct Common {
     /// Print nothing but errors and what --json asks for
     #[arg(long, short)]
     pub(super) quiet: bool,
+    #[command(flatten)]
+    knobs: Knobs,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -65,14 +67,17 @@ impl Common {
         }
     }
 
-    pub(super) fn build_options(&self) -> BuildOptions {
+    /// The preset with the knobs given, checked.
+    ///
+    /// # Errors
+    /// Wrong usage: a knob that the preset does not have, or a value out of range.
+    pub(super) fn build_options(&self) -> Result<BuildOptions, Failure> {
         let preset = match self.preset {
             PresetName::Fast => Preset::Fast,
             PresetName::Balanced => Preset::Balanced,
             PresetName::Best => Preset::Best,
         };
-        let config = BuildConfig::preset(preset);
-        BuildOptions { config, max_memory: self.max_memory }
+        Ok(BuildOptions { config: self.knobs.config(preset)?, max_memory: self.max_memory })
     }
 
     pub(super) fn query_options(&self) -> QueryOptions {

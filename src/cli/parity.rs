@@ -40,11 +40,12 @@ mod compare {
     use splitplane::gpu::WgpuBackend;
     use splitplane::parity::{self, Comparison};
     use splitplane::scene::Scene;
-    use splitplane::{Backend, BackendKind, verify};
+    use splitplane::{Backend, BackendKind, BuildError, verify};
 
     #[derive(Serialize)]
     struct Report {
         scene: String,
+        preset: &'static str,
         triangles: usize,
         adapter: String,
         detail: String,
@@ -76,9 +77,14 @@ mod compare {
             let message = "only answers of accuracy `watertight` are equal on every backend";
             return Err(Failure::usage(message));
         }
+        let options = common.build_options();
+        let preset = options.config.preset;
+        if preset.planes().is_none() {
+            return Err(BuildError::PresetNotOnDevice { preset }.into());
+        }
         in_pool(common, || {
+            let options = common.build_options()?;
             let gpu = open_gpu(&common.open_options())?;
-            let options = common.build_options();
             let spinner = progress::spinner(common.quiet, "reading the scene");
             let scene = Scene::open(&arguments.scene)?;
             spinner.finish_and_clear();
@@ -93,10 +99,11 @@ mod compare {
             let found =
                 parity::compare(&backend, &mesh, &options, &rays, &query, &|rays| bar.inc(rays))?;
             bar.finish_and_clear();
+            let case = Case { scene: &scene.name, preset: preset.name(), triangles: mesh.len() };
             if common.json {
-                print_json(&report(&scene.name, mesh.len(), &adapter, &info.detail, &found))?;
+                print_json(&report(&case, &adapter, &info.detail, &found))?;
             } else if !common.quiet {
-                output::data(&describe(&scene.name, mesh.len(), &adapter, &found))?;
+                output::data(&describe(&case, &adapter, &found))?;
             }
             if found.is_bitwise() {
                 return Ok(());
@@ -110,17 +117,19 @@ mod compare {
         })
     }
 
-    fn report(
-        scene: &str,
+    /// What was compared.
+    struct Case<'a> {
+        scene: &'a str,
+        preset: &'static str,
         triangles: usize,
-        adapter: &str,
-        detail: &str,
-        found: &Comparison,
-    ) -> Report {
+    }
+
+    fn report(case: &Case<'_>, adapter: &str, detail: &str, found: &Comparison) -> Report {
         let difference = found.difference.as_ref();
         Report {
-            scene: scene.to_owned(),
-            triangles,
+            scene: case.scene.to_owned(),
+            preset: case.preset,
+            triangles: case.triangles,
             adapter: adapter.to_owned(),
             detail: detail.to_owned(),
             dispatches: found.dispatches,
@@ -142,15 +151,17 @@ mod compare {
         }
     }
 
-    fn describe(scene: &str, triangles: usize, adapter: &str, found: &Comparison) -> String {
+    fn describe(case: &Case<'_>, adapter: &str, found: &Comparison) -> String {
         let steps = match &found.difference {
             None => format!("all {} dispatches equal", found.dispatches),
             Some(difference) => format!("equal up to {difference}"),
         };
         let [cpu, gpu] = found.digests;
         let effort = found.effort;
+        let Case { scene, preset, triangles } = case;
         format!(
             "scene    {scene}: {triangles} triangles\n\
+             preset   {preset}\n\
              gpu      {adapter}\n\
              steps    {steps}\n\
              tree     CPU {cpu}, GPU {gpu}\n\

@@ -3,8 +3,9 @@
 use super::failure::Failure;
 use super::options::Common;
 use super::tree::{TreeStats, tree_stats};
-use super::{output, progress};
+use super::{knobs, output, progress};
 use serde::Serialize;
+use serde_json::{Map, Value};
 use splitplane::scene::Scene;
 use splitplane::{Accelerator, BackendInfo};
 use std::time::Instant;
@@ -38,9 +39,8 @@ impl Prepared {
     /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
     pub(super) fn open(spec: &str, common: &Common) -> Result<Prepared, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
+        let options = common.build_options()?;
         let opened = common.backend.open_with(&common.open_options())?;
-        let options = common.build_options();
-        options.config.validate().map_err(|error| Failure::usage(error.to_string()))?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let scene = Scene::open(spec)?;
         spinner.finish_and_clear();
@@ -94,6 +94,7 @@ impl Built<'_> {
             backend: self.info.name.clone(),
             adapter: self.info.adapter.clone(),
             preset: self.preset,
+            config: knobs::report(&self.accelerator.tree().config),
             threads: self.info.threads,
             build_ms: self.build_ms,
             stats: tree_stats(self.accelerator),
@@ -114,6 +115,7 @@ impl Built<'_> {
         format!(
             "scene    {}: {} triangles, {} dropped\n\
              backend  {} ({by}; {})\n\
+             knobs    {}\n\
              tree     {} nodes, {} leaves ({} empty), {} references, depth {}, SAH cost {:.2}\n\
              built    in {:.1} ms by preset {}, {} bytes, digest {}\n",
             report.scene,
@@ -121,6 +123,7 @@ impl Built<'_> {
             report.dropped,
             report.backend,
             self.reason,
+            knobs::describe(&self.accelerator.tree().config),
             stats.nodes,
             stats.leaves,
             stats.empty_leaves,
@@ -145,6 +148,7 @@ pub(super) struct BuildReport {
     backend: String,
     adapter: Option<String>,
     preset: &'static str,
+    config: Map<String, Value>,
     threads: Option<usize>,
     build_ms: f64,
     #[serde(flatten)]

@@ -24,10 +24,8 @@ pub(super) struct Stage {
 /// Opens the backend. To be called before a large file is read: what is asked for and cannot be had is
 /// said first.
 pub(super) fn open_tracer(common: &Common) -> Result<(Tracer, String), Failure> {
-    let opened = Tracer::open(common.backend, &common.open_options())?;
-    let options = common.build_options();
-    options.config.validate().map_err(|error| Failure::usage(error.to_string()))?;
-    Ok(opened)
+    common.build_options()?;
+    Ok(Tracer::open(common.backend, &common.open_options())?)
 }
 
 impl Stage {
@@ -43,7 +41,7 @@ impl Stage {
         if !common.quiet {
             output::note(&format!("backend: {} ({reason})", info.name));
         }
-        let options = common.build_options();
+        let options = common.build_options()?;
         let spinner = progress::spinner(common.quiet, "building the tree");
         let start = Instant::now();
         tracer.build(&scene, &options)?;

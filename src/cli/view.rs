@@ -73,8 +73,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.screenshot {
         output::check_ending(path)?;
     }
-    let build = common.build_options();
-    build.config.validate().map_err(|error| Failure::usage(error.to_string()))?;
+    let build = common.build_options()?;
     let pool = pool(common)?;
     let spinner = progress::spinner(common.quiet, "reading the scene");
     let scene_options =

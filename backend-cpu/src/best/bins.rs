@@ -4,12 +4,14 @@
 //! bin behind k ends behind them. So the counts of bins bound the numbers of references on either side of
 //! any plane in a bin, and the bin's borders bound the areas.
 
+use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 
 use super::cost::{Best, Cell, Costs, Split};
 use super::ledger::Ledger;
 use super::sweep::{Event, Face, event, sweep};
+use super::wide::for_every_set;
 use crate::query::InstructionSet;
 
 /// Most bins of an axis; a power of two.
@@ -29,24 +31,32 @@ const SLACK: f64 = 1.0 / 1_048_576.0; // 2^-20
 /// the cheaper one, which is least in real numbers only.
 const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0; // 2^-40
 
+/// References that one task counts or looks through.
+const CHUNK: usize = 16_384;
+
+/// Faces by word of a reference and bin: three words of lower faces, one that is none, three of upper
+/// faces, one that is none.
+type Faces = [[u32; MOST]; 8];
+
 /// Scratch of one thread.
 #[derive(Debug)]
 pub(super) struct Bins {
-    /// Faces by word of a reference and bin: lower faces, a word unused, upper faces, a word unused.
-    faces: [[u32; MOST]; 8],
+    faces: Faces,
     /// Lower bounds of the costs in a bin; infinite where there is no face.
     least: [[f64; MOST]; 3],
     /// References that start in bins before this one.
     started: [[u32; MOST]; 3],
     /// References that do not end in bins before this one.
     unfinished: [[u32; MOST]; 3],
-    /// Where the events of a bin end so far; `CLOSED` for bins that cannot hold the least split.
-    ends: [[u32; MOST]; 3],
+    /// Where the events of a bin end so far; [`CLOSED`] for bins that cannot hold the least split.
+    ends: Ends,
     /// The bins that can hold it.
     open: Vec<Open>,
     /// Their events.
     events: Vec<Event>,
 }
+
+type Ends = [[u32; MOST]; 3];
 
 /// A bin that can hold the least split.
 #[derive(Clone, Copy, Debug)]
@@ -86,64 +96,25 @@ pub(super) fn best_split(
     bins: &mut Bins,
     ledger: &Ledger,
 ) -> Result<Option<Split>, BuildError> {
-    match set {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: only sets that the processor has come here.
-        InstructionSet::Avx512 => unsafe { best_16(costs, cell, references, limit, bins, ledger) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        InstructionSet::Avx2 => unsafe { best_8(costs, cell, references, limit, bins, ledger) },
-        _ => best(costs, cell, references, limit, bins, ledger),
-    }
-}
-
-/// [`best`], compiled for AVX-512.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn best_16(
-    costs: &Costs,
-    cell: &Cell,
-    references: &[Reference],
-    limit: f64,
-    bins: &mut Bins,
-    ledger: &Ledger,
-) -> Result<Option<Split>, BuildError> {
-    best(costs, cell, references, limit, bins, ledger)
-}
-
-/// [`best`], compiled for AVX2.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn best_8(
-    costs: &Costs,
-    cell: &Cell,
-    references: &[Reference],
-    limit: f64,
-    bins: &mut Bins,
-    ledger: &Ledger,
-) -> Result<Option<Split>, BuildError> {
-    best(costs, cell, references, limit, bins, ledger)
-}
-
-#[inline(always)]
-fn best(
-    costs: &Costs,
-    cell: &Cell,
-    references: &[Reference],
-    limit: f64,
-    bins: &mut Bins,
-    ledger: &Ledger,
-) -> Result<Option<Split>, BuildError> {
     let count = (references.len() / PER_BIN).next_power_of_two().clamp(LEAST, MOST);
     let grid = Grid::new(cell, count);
-    bins.count(&grid, references);
-    let events = bins.bound(costs, cell, &grid, references.len() as u32, limit);
+    let parallel = references.len() > 2 * CHUNK;
+    for faces in &mut bins.faces {
+        faces[..count].fill(0);
+    }
+    if parallel {
+        bins.faces = references
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut faces = [[0; MOST]; 8];
+                count_faces(set, &grid, chunk, &mut faces);
+                faces
+            })
+            .reduce(|| [[0; MOST]; 8], sum);
+    } else {
+        count_faces(set, &grid, references, &mut bins.faces);
+    }
+    let events = bound(set, bins, costs, cell, &grid, references.len() as u32, limit);
     if bins.open.is_empty() {
         return Ok(None);
     }
@@ -152,8 +123,32 @@ fn best(
         ledger.reserve(&mut bins.events, more)?;
         bins.events.resize(events, 0);
     }
-    bins.gather(&grid, references);
+    if parallel {
+        let ends = &bins.ends;
+        let found: Vec<Vec<Reference>> = references
+            .par_chunks(CHUNK)
+            .map(|chunk| {
+                let mut found = Vec::new();
+                ledger.reserve(&mut found, chunk.len())?;
+                in_open_bins(set, &grid, chunk, ends, &mut found);
+                Ok(found)
+            })
+            .collect::<Result<_, BuildError>>()?;
+        for list in found {
+            gather(set, &grid, &list, &mut bins.ends, &mut bins.events);
+            ledger.give((list.capacity() * size_of::<Reference>()) as u64);
+        }
+    } else {
+        gather(set, &grid, references, &mut bins.ends, &mut bins.events);
+    }
     Ok(bins.search(costs, cell, limit))
+}
+
+fn sum(mut one: Faces, other: Faces) -> Faces {
+    for (one, other) in one.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
+        *one += other;
+    }
+    one
 }
 
 /// Bins of a cell. Words are those of a [`Reference`]: three lower faces, the triangle, three upper
@@ -191,18 +186,33 @@ impl Grid {
         bins
     }
 
-    /// Positions between which all those of a bin lie.
+    /// The borders of an axis's bins.
     #[inline(always)]
-    fn borders(&self, cell: &Cell, axis: usize, bin: usize) -> [f64; 2] {
+    fn borders(&self, cell: &Cell, axis: usize) -> Borders {
         let (lo, hi) = (cell.axes[axis].lo, cell.axes[axis].hi);
-        if self.scale[axis] == 0.0 {
-            return [lo, hi];
-        }
-        let width = 2.0 / f64::from(self.scale[axis]);
-        let slack = SLACK * (hi - lo);
-        let (below, above) = (bin as f64 - 0.5, bin as f64 + 0.5);
-        let (low, high) = (lo + below * width - slack, lo + above * width + slack);
-        [if low > lo { low } else { lo }, if high < hi { high } else { hi }]
+        // Without a scale all is in the first bin.
+        let scale = self.scale[axis];
+        let width = if scale == 0.0 { hi - lo } else { 2.0 / f64::from(scale) };
+        let slack = if scale == 0.0 { hi - lo } else { SLACK * (hi - lo) };
+        Borders { lo, hi, width, slack }
+    }
+}
+
+/// Between which positions all those of a bin lie.
+struct Borders {
+    lo: f64,
+    hi: f64,
+    width: f64,
+    slack: f64,
+}
+
+impl Borders {
+    #[inline(always)]
+    fn of(&self, bin: usize) -> [f64; 2] {
+        let bin = f64::from(bin as i32);
+        let low = self.lo + (bin - 0.5) * self.width - self.slack;
+        let high = self.lo + (bin + 0.5) * self.width + self.slack;
+        [if low > self.lo { low } else { self.lo }, if high < self.hi { high } else { self.hi }]
     }
 }
 
@@ -211,106 +221,6 @@ impl Bins {
     pub fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();
         (open + self.events.capacity() * size_of::<Event>()) as u64
-    }
-
-    /// Counts the faces in every bin.
-    #[inline(always)]
-    fn count(&mut self, grid: &Grid, references: &[Reference]) {
-        for faces in &mut self.faces {
-            faces[..grid.bins].fill(0);
-        }
-        let [x, y, z, _, far_x, far_y, far_z, _] = &mut self.faces;
-        for reference in references {
-            let bins = grid.bins_of(reference);
-            x[bins[0]] += 1;
-            y[bins[1]] += 1;
-            z[bins[2]] += 1;
-            far_x[bins[4]] += 1;
-            far_y[bins[5]] += 1;
-            far_z[bins[6]] += 1;
-        }
-    }
-
-    /// Bounds the costs in every bin, and opens those that may hold the least split. Returns how many
-    /// events they may have.
-    #[inline(always)]
-    fn bound(&mut self, costs: &Costs, cell: &Cell, grid: &Grid, count: u32, limit: f64) -> usize {
-        let mut most = limit;
-        let all = f64::from(costs.blocks(count));
-        for axis in 0..3 {
-            let (mut started, mut unfinished) = (0, count);
-            for bin in 0..grid.bins {
-                let (starts, ends) = (self.faces[axis][bin], self.faces[axis + 4][bin]);
-                self.started[axis][bin] = started;
-                self.unfinished[axis][bin] = unfinished;
-                self.least[axis][bin] = f64::INFINITY;
-                if starts + ends > 0 {
-                    let [low, high] = grid.borders(cell, axis, bin);
-                    let areas = &cell.axes[axis];
-                    // At least these are left and right of any plane in the bin, and all are somewhere.
-                    let (left, right) = (started, unfinished - ends);
-                    let blocks = [left, right].map(|n| f64::from(costs.blocks(n)));
-                    let free = all - blocks[0] - blocks[1];
-                    let free = if free > 0.0 { free } else { 0.0 };
-                    let small = [areas.below(low), areas.above(high)];
-                    let blocks = if small[0] < small[1] {
-                        [blocks[0] + free, blocks[1]]
-                    } else {
-                        [blocks[0], blocks[1] + free]
-                    };
-                    let cost = costs.blocks_cost(cell.step, small, blocks) * LOWER;
-                    let empty = left == 0 || right == 0;
-                    self.least[axis][bin] = if empty { cost * costs.empty } else { cost };
-                    // The outermost bins may hold nothing but the sides of the cell.
-                    if bin > 0 && bin + 1 < grid.bins {
-                        let large = [areas.below(high), areas.above(low)];
-                        let counts = [started + starts, unfinished].map(|n| costs.blocks(n));
-                        let cost = costs.blocks_cost(cell.step, large, counts.map(f64::from));
-                        most = if cost < most { cost } else { most };
-                    }
-                }
-                started += starts;
-                unfinished -= ends;
-            }
-        }
-        self.open.clear();
-        let mut events = 0;
-        for axis in 0..3 {
-            for bin in 0..grid.bins {
-                let least = self.least[axis][bin];
-                if least <= most && least < f64::INFINITY {
-                    let first = events;
-                    self.ends[axis][bin] = first;
-                    self.open.push(Open { least, axis: axis as u32, bin: bin as u32, first });
-                    events += self.faces[axis][bin] + self.faces[axis + 4][bin];
-                } else {
-                    self.ends[axis][bin] = CLOSED;
-                }
-            }
-        }
-        events as usize
-    }
-
-    /// Collects the events in open bins, bin by bin.
-    #[inline(always)]
-    fn gather(&mut self, grid: &Grid, references: &[Reference]) {
-        for reference in references {
-            let bins = grid.bins_of(reference);
-            for axis in 0..3 {
-                let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
-                let start = &mut self.ends[axis][bins[axis]];
-                if *start != CLOSED {
-                    let face = if lo == hi { Face::Planar } else { Face::Start };
-                    self.events[*start as usize] = event(lo, face);
-                    *start += 1;
-                }
-                let end = &mut self.ends[axis][bins[axis + 4]];
-                if *end != CLOSED && lo != hi {
-                    self.events[*end as usize] = event(hi, Face::End);
-                    *end += 1;
-                }
-            }
-        }
     }
 
     /// Sweeps the open bins, the most promising one first, as long as they may hold something better.
@@ -334,5 +244,138 @@ impl Bins {
             sweep(costs, cell, axis, events, counts, &mut best);
         }
         best.split
+    }
+}
+
+for_every_set! {
+    /// Counts the faces in every bin.
+    fn count_faces(grid: &Grid, references: &[Reference], faces: &mut Faces) -> () {
+        let [x, y, z, _, far_x, far_y, far_z, _] = faces;
+        for reference in references {
+            let bins = grid.bins_of(reference);
+            x[bins[0]] += 1;
+            y[bins[1]] += 1;
+            z[bins[2]] += 1;
+            far_x[bins[4]] += 1;
+            far_y[bins[5]] += 1;
+            far_z[bins[6]] += 1;
+        }
+    }
+}
+
+for_every_set! {
+    /// Bounds the costs in every bin, and opens those that may hold the least split. Returns how many
+    /// events they may have.
+    fn bound(
+        bins: &mut Bins,
+        costs: &Costs,
+        cell: &Cell,
+        grid: &Grid,
+        count: u32,
+        limit: f64,
+    ) -> usize {
+        let mut most = limit;
+        let all = costs.blocks(count);
+        for axis in 0..3 {
+            let (started, unfinished) = (&mut bins.started[axis], &mut bins.unfinished[axis]);
+            let (starts, ends) = (&bins.faces[axis], &bins.faces[axis + 4]);
+            let (mut left, mut right) = (0, count);
+            for bin in 0..grid.bins {
+                (started[bin], unfinished[bin]) = (left, right);
+                left += starts[bin];
+                right -= ends[bin];
+            }
+            let areas = &cell.axes[axis];
+            let least = &mut bins.least[axis];
+            let borders = grid.borders(cell, axis);
+            // Without branches, to be turned into vector instructions.
+            for bin in 0..grid.bins {
+                let faces = starts[bin] + ends[bin];
+                let [low, high] = borders.of(bin);
+                // At least these are left and right of any plane in the bin, and all are somewhere.
+                let (left, right) = (started[bin], unfinished[bin] - ends[bin]);
+                let blocks = [costs.blocks(left), costs.blocks(right)];
+                let free = all - blocks[0] - blocks[1];
+                let free = if free > 0.0 { free } else { 0.0 };
+                let small = [areas.below(low), areas.above(high)];
+                let to_left = if small[0] < small[1] { free } else { 0.0 };
+                let blocks = [blocks[0] + to_left, blocks[1] + (free - to_left)];
+                let cost = costs.blocks_cost(cell.step, small, blocks) * LOWER;
+                let cost = if left == 0 || right == 0 { cost * costs.empty } else { cost };
+                least[bin] = if faces > 0 { cost } else { f64::INFINITY };
+                // The outermost bins may hold nothing but the sides of the cell.
+                let inner = faces > 0 && bin > 0 && bin + 1 < grid.bins;
+                let large = [areas.below(high), areas.above(low)];
+                let blocks =
+                    [costs.blocks(started[bin] + starts[bin]), costs.blocks(unfinished[bin])];
+                let cost = costs.blocks_cost(cell.step, large, blocks);
+                let cost = if inner { cost } else { f64::INFINITY };
+                most = if cost < most { cost } else { most };
+            }
+        }
+        bins.open.clear();
+        let mut events = 0;
+        for axis in 0..3 {
+            for bin in 0..grid.bins {
+                let least = bins.least[axis][bin];
+                if least <= most && least < f64::INFINITY {
+                    let first = events;
+                    bins.ends[axis][bin] = first;
+                    bins.open.push(Open { least, axis: axis as u32, bin: bin as u32, first });
+                    events += bins.faces[axis][bin] + bins.faces[axis + 4][bin];
+                } else {
+                    bins.ends[axis][bin] = CLOSED;
+                }
+            }
+        }
+        events as usize
+    }
+}
+
+for_every_set! {
+    /// Collects the references that have a face in an open bin.
+    fn in_open_bins(
+        grid: &Grid,
+        references: &[Reference],
+        ends: &Ends,
+        found: &mut Vec<Reference>,
+    ) -> () {
+        for reference in references {
+            let bins = grid.bins_of(reference);
+            let open = (0..3).any(|axis| {
+                ends[axis][bins[axis]] != CLOSED || ends[axis][bins[axis + 4]] != CLOSED
+            });
+            if open {
+                found.push(*reference);
+            }
+        }
+    }
+}
+
+for_every_set! {
+    /// Collects the events in open bins, bin by bin.
+    fn gather(
+        grid: &Grid,
+        references: &[Reference],
+        ends: &mut Ends,
+        events: &mut [Event],
+    ) -> () {
+        for reference in references {
+            let bins = grid.bins_of(reference);
+            for axis in 0..3 {
+                let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
+                let start = &mut ends[axis][bins[axis]];
+                if *start != CLOSED {
+                    let face = if lo == hi { Face::Planar } else { Face::Start };
+                    events[*start as usize] = event(lo, face);
+                    *start += 1;
+                }
+                let end = &mut ends[axis][bins[axis + 4]];
+                if *end != CLOSED && lo != hi {
+                    events[*end as usize] = event(hi, Face::End);
+                    *end += 1;
+                }
+            }
+        }
     }
 }

@@ -34,20 +34,11 @@ pub fn clip(
             polygon.cut(side, hi + polygon.error[side], -1.0);
         }
     }
-    let mut limits = [*bounds, *bounds];
-    limits[0].hi[axis] = plane;
-    limits[1].lo[axis] = plane;
+    let (mut left, mut right) = (*bounds, *bounds);
+    left.hi[axis] = plane;
+    right.lo[axis] = plane;
     let extents = polygon.extents(axis, f64::from(plane));
-    [0, 1].map(|side| {
-        let (limit, [lo, hi]) = (&limits[side], &extents[side]);
-        let mut part = *limit;
-        for k in 0..3 {
-            let (low, high) = (down(lo[k] - polygon.error[k]), up(hi[k] + polygon.error[k]));
-            part.lo[k] = if low > part.lo[k] { low } else { part.lo[k] };
-            part.hi[k] = if high < part.hi[k] { high } else { part.hi[k] };
-        }
-        (!part.is_empty()).then_some(part)
-    })
+    [polygon.bounds(&extents[0], left), polygon.bounds(&extents[1], right)]
 }
 
 /// The part of a triangle within the planes so far.
@@ -80,57 +71,81 @@ impl Polygon {
     fn cut(&mut self, axis: usize, plane: f64, sign: f64) {
         let mut out = [[0.0; 3]; CORNERS + 1];
         let mut count = 0;
-        let mut push = |corner| {
+        let mut push = |corner: &[f64; 3]| {
             // A convex polygon gains one corner a cut; rounding may make it a little less convex, but
             // corners beyond the ninth lie on an edge.
-            out[count] = corner;
+            out[count] = *corner;
             count = (count + 1).min(CORNERS);
         };
         for i in 0..self.count {
-            let p = self.corners[i];
-            let q = self.corners[if i + 1 == self.count { 0 } else { i + 1 }];
+            let p = &self.corners[i];
+            let q = &self.corners[if i + 1 == self.count { 0 } else { i + 1 }];
             let (dp, dq) = ((p[axis] - plane) * sign, (q[axis] - plane) * sign);
             if dp >= 0.0 {
                 push(p);
             }
             if (dp > 0.0 && dq < 0.0) || (dp < 0.0 && dq > 0.0) {
-                let ratio = dp / (dp - dq);
-                let mut between = [0, 1, 2].map(|k| p[k] + ratio * (q[k] - p[k]));
-                between[axis] = plane;
-                push(between);
+                let mut cut = between(p, q, dp / (dp - dq));
+                cut[axis] = plane;
+                push(&cut);
             }
         }
         (self.corners, self.count) = (out, count);
     }
 
+    /// What `limit` has in common with the extents of a part, rounded outward.
+    #[inline(always)]
+    fn bounds(&self, [lo, hi]: &[[f64; 3]; 2], mut limit: Aabb) -> Option<Aabb> {
+        for k in 0..3 {
+            let (low, high) = (down(lo[k] - self.error[k]), up(hi[k] + self.error[k]));
+            limit.lo[k] = if low > limit.lo[k] { low } else { limit.lo[k] };
+            limit.hi[k] = if high < limit.hi[k] { high } else { limit.hi[k] };
+        }
+        (!limit.is_empty()).then_some(limit)
+    }
+
     /// Lower and upper ends, on each axis, of the parts on both sides of a plane.
     #[inline]
     fn extents(&self, axis: usize, plane: f64) -> [[[f64; 3]; 2]; 2] {
+        let (below, above) = (plane + self.error[axis], plane - self.error[axis]);
         let mut parts = [[[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]]; 2];
-        let mut add = |side: usize, point: [f64; 3]| {
-            let [lo, hi] = &mut parts[side];
-            for k in 0..3 {
-                lo[k] = least(lo[k], point[k]);
-                hi[k] = greatest(hi[k], point[k]);
-            }
-        };
-        let planes = [plane + self.error[axis], plane - self.error[axis]];
+        let [left, right] = &mut parts;
         for i in 0..self.count {
-            let p = self.corners[i];
-            let q = self.corners[if i + 1 == self.count { 0 } else { i + 1 }];
-            for (side, sign) in [(0, -1.0), (1, 1.0)] {
-                let (dp, dq) = ((p[axis] - planes[side]) * sign, (q[axis] - planes[side]) * sign);
-                if dp >= 0.0 {
-                    add(side, p);
-                }
-                if (dp > 0.0 && dq < 0.0) || (dp < 0.0 && dq > 0.0) {
-                    let ratio = dp / (dp - dq);
-                    add(side, [0, 1, 2].map(|k| p[k] + ratio * (q[k] - p[k])));
-                }
+            let p = &self.corners[i];
+            let q = &self.corners[if i + 1 == self.count { 0 } else { i + 1 }];
+            let (from, to) = (p[axis], q[axis]);
+            if from <= below {
+                add(left, p);
+            }
+            if from >= above {
+                add(right, p);
+            }
+            if (from < below && to > below) || (from > below && to < below) {
+                add(left, &between(p, q, (below - from) / (to - from)));
+            }
+            if (from < above && to > above) || (from > above && to < above) {
+                add(right, &between(p, q, (above - from) / (to - from)));
             }
         }
         parts
     }
+}
+
+#[inline(always)]
+fn add([lo, hi]: &mut [[f64; 3]; 2], point: &[f64; 3]) {
+    for k in 0..3 {
+        lo[k] = least(lo[k], point[k]);
+        hi[k] = greatest(hi[k], point[k]);
+    }
+}
+
+#[inline(always)]
+fn between(p: &[f64; 3], q: &[f64; 3], ratio: f64) -> [f64; 3] {
+    let mut out = [0.0; 3];
+    for k in 0..3 {
+        out[k] = p[k] + ratio * (q[k] - p[k]);
+    }
+    out
 }
 
 #[inline(always)]

@@ -19,19 +19,14 @@ pub(super) struct Costs {
     pub max_depth: u32,
     /// Splits in a row that do not pay.
     pub bad_splits: u32,
-    /// Division by W as a product: `(x * multiplier) >> shift` is `x / W` for x below 2^31.
-    multiplier: u64,
-    shift: u32,
+    /// 1 / W.
+    inverse: f64,
 }
 
 impl Costs {
     /// The costs of a configuration.
     pub fn of(config: &BuildConfig) -> Costs {
         let width = config.block_width;
-        // With s = 31 + ceil(log2 W) the multiplier ceil(2^s / W) is off by less than 2^(s - 31) / W,
-        // which for x below 2^31 stays below the least gap between a quotient and the next integer
-        // (Granlund and Montgomery 1994).
-        let shift = 31 + width.next_power_of_two().trailing_zeros();
         Costs {
             traversal: f64::from(config.traversal_cost),
             intersection: f64::from(config.intersection_cost),
@@ -39,21 +34,22 @@ impl Costs {
             empty: 1.0 - f64::from(config.empty_bonus) / 256.0,
             max_depth: config.max_depth,
             bad_splits: config.bad_splits,
-            multiplier: (1u64 << shift).div_ceil(u64::from(width)),
-            shift,
+            inverse: 1.0 / f64::from(width),
         }
     }
 
     /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
     #[inline(always)]
-    pub fn blocks(&self, n: u32) -> u32 {
-        ((u64::from(n + self.width - 1) * self.multiplier) >> self.shift) as u32
+    pub fn blocks(&self, n: u32) -> f64 {
+        // Half a step above the quotient, which is thus at least 2^-7 from the next integer on either
+        // side: two roundings of at most 2^-22 cannot carry it over.
+        ((f64::from((n + self.width - 1) as i32) + 0.5) * self.inverse).floor()
     }
 
     /// The cost of a leaf, times the half area of the root.
     #[inline(always)]
     pub fn leaf(&self, area: f64, n: u32) -> f64 {
-        self.intersection * (f64::from(self.blocks(n)) * area)
+        self.intersection * (self.blocks(n) * area)
     }
 
     /// The cost of a split into leaves of these half areas and numbers of references, times the half
@@ -61,7 +57,7 @@ impl Costs {
     /// grows, because every operation rounds once and none has a negative operand.
     #[inline(always)]
     pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
-        let blocks = counts.map(|n| f64::from(self.blocks(n)));
+        let blocks = [self.blocks(counts[0]), self.blocks(counts[1])];
         let cost = self.blocks_cost(step, areas, blocks);
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
     }
@@ -234,7 +230,8 @@ mod tests {
     fn blocks_are_rounded_up_quotients() {
         for block_width in 1..=64 {
             let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() });
-            let check = |n: u32| assert_eq!(costs.blocks(n), n.div_ceil(block_width), "{n}");
+            let check =
+                |n: u32| assert_eq!(costs.blocks(n), f64::from(n.div_ceil(block_width)), "{n}");
             (0..1000).for_each(check);
             for n in (1 << 30) / block_width - 50..=(1 << 30) / block_width {
                 for near in 0..3 {

@@ -40,6 +40,7 @@ mod small;
 mod subtree;
 mod sweep;
 mod top;
+mod wide;
 
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;

@@ -87,10 +87,20 @@ fn best<C: CountSides>(
             let [left, right, either] = C::count(&faces, references.len(), block);
             let valid = inside.min(BLOCK);
             inside -= valid;
+            // What neither starts before a plane nor ends behind it is planar in it.
+            let planar = either.map(|n| count - n);
+            let mut least = [0.0; BLOCK];
+            // Without branches, to be turned into vector instructions.
+            for k in 0..BLOCK {
+                let areas = cell.axes[axis].at(f64::from(block[k]));
+                let low = costs.split(cell.step, areas, [left[k] + planar[k], right[k]]);
+                let high = costs.split(cell.step, areas, [left[k], right[k] + planar[k]]);
+                least[k] = if high < low { high } else { low };
+            }
             for k in 0..valid {
-                // What neither starts before a plane nor ends behind it is planar in it.
-                let counts = [left[k], count - either[k], right[k]];
-                best.consider(costs, cell, axis, block[k], counts);
+                if least[k] <= best.cost {
+                    best.consider(costs, cell, axis, block[k], [left[k], planar[k], right[k]]);
+                }
             }
         }
     }

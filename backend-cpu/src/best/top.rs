@@ -4,13 +4,15 @@ use core::mem;
 use std::sync::Mutex;
 
 use bytemuck::Zeroable;
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::node::Axis;
 use splitplane_core::triangle::Triangle;
 
 use super::bins::Bins;
-use super::cost::{Cell, Costs};
+use super::cost::{Cell, Costs, Split};
 use super::emit::{Built, Subtree};
 use super::ledger::Ledger;
 use super::node::{Decision, Node};
@@ -20,6 +22,8 @@ use crate::query::InstructionSet;
 
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
+/// References of one task where a node has many.
+const CHUNK: usize = 16_384;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
@@ -132,8 +136,7 @@ impl Builder<'_> {
         };
         let split = decision.split;
         let mut left = self.list(count)?;
-        let counts =
-            partition(self.clip, self.triangles, &node.cell, &split, &mut list[..count], &mut left);
+        let counts = self.partition(&node.cell, &split, &mut list[..count], &mut left[..count]);
         let [below, above] = node.children(&decision, counts);
         let (left, right) = rayon::join(
             || self.build(left, counts[0], &below),
@@ -151,6 +154,31 @@ impl Builder<'_> {
         right.collect(&mut all);
         union(&mut all, 0);
         Ok((Built::leaf(all), leaf))
+    }
+
+    /// [`partition`], in chunks.
+    fn partition(
+        &self,
+        cell: &Aabb,
+        split: &Split,
+        references: &mut [Reference],
+        left: &mut [Reference],
+    ) -> [usize; 2] {
+        let counts: Vec<[usize; 2]> = references
+            .par_chunks_mut(CHUNK)
+            .zip(left.par_chunks_mut(CHUNK))
+            .map(|(chunk, left)| partition(self.clip, self.triangles, cell, split, chunk, left))
+            .collect();
+        // Close the gaps between the chunks.
+        let mut ends = [0; 2];
+        for (chunk, counts) in counts.iter().enumerate() {
+            let first = chunk * CHUNK;
+            for (list, side) in [(&mut *left, 0), (&mut *references, 1)] {
+                list.copy_within(first..first + counts[side], ends[side]);
+                ends[side] += counts[side];
+            }
+        }
+        ends
     }
 
     /// The subtree of a node that is one task. The list is put under the worker while it works.

@@ -66,7 +66,12 @@ impl Buffers {
     /// # Panics
     /// Before [`Buffers::reserve`].
     pub fn get(&self, buffer: Buffer) -> &wgpu::Buffer {
-        self.buffers[buffer.storage() as usize].as_ref().expect("reserved before use")
+        self.find(buffer).expect("reserved before use")
+    }
+
+    /// A buffer of the schedule, if there is one.
+    pub fn find(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+        self.buffers[buffer.storage() as usize].as_ref()
     }
 
     /// Takes a buffer out: the finished tree keeps it.
@@ -100,7 +105,11 @@ impl Buffers {
             self.readback = gpu.buffer("readback", bytes, READBACK)?;
         }
         for buffer in Capacities::BUFFERS {
-            self.grow(gpu, buffer, capacities.bytes_of(buffer))?;
+            let bytes = capacities.bytes_of(buffer);
+            // Bins are for builds that find planes by them.
+            if buffer != Buffer::ChunkBins || bytes > 0 {
+                self.grow(gpu, buffer, bytes)?;
+            }
         }
         self.grow(gpu, Buffer::Counters, 64)?;
         let slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
@@ -129,7 +138,8 @@ impl Buffers {
         let held = |buffer: Buffer, wanted: u64| {
             let held =
                 self.buffers[buffer.storage() as usize].as_ref().map_or(0, wgpu::Buffer::size);
-            held.max(wanted.max(16).next_multiple_of(4))
+            let least = if buffer == Buffer::ChunkBins { 0 } else { 16 };
+            held.max(wanted.max(least).next_multiple_of(4))
         };
         let growing = Capacities::BUFFERS.map(|buffer| held(buffer, capacities.bytes_of(buffer)));
         growing.iter().sum::<u64>()

@@ -1,6 +1,6 @@
 //! How much room each list gets, before it is known how long it becomes.
 
-use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::config::{BuildConfig, CHUNK, Planes};
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, Parameters};
 
@@ -11,6 +11,10 @@ use crate::error::GpuError;
 pub(crate) struct Capacities {
     pub triangles: u32,
     pub chunks: u32,
+    /// Chunks that were too many for what the device can bind; 0 if there were none.
+    pub too_many_chunks: u32,
+    /// Whether planes are found by bins: chunks then have bins.
+    pub binned: bool,
     pub nodes: u32,
     pub references: u32,
     pub small_roots: u32,
@@ -36,6 +40,8 @@ impl Capacities {
         Capacities {
             triangles,
             chunks: 0,
+            too_many_chunks: 0,
+            binned: config.preset.planes() == Some(Planes::Binned),
             nodes: 0,
             references: share(triangles, 3, 2, 4096),
             small_roots: share(triangles, 1, 12, 1024),
@@ -57,7 +63,7 @@ impl Capacities {
             small_roots: config.node_cap(triangles),
             small_references: references,
             top_nodes: config.node_cap(triangles).saturating_add(16),
-            tree_nodes: references,
+            tree_nodes: references.saturating_mul(2),
             leaf_references: references.saturating_mul(2),
             ..Capacities::estimate(triangles, config)
         }
@@ -96,15 +102,21 @@ impl Capacities {
         grow(&mut self.tree_nodes, Overflow::TreeNodes, counters[Counter::Nodes]);
         let leaf_references = counters[Counter::LeafReferences];
         grow(&mut self.leaf_references, Overflow::LeafReferences, leaf_references);
+        // There is room for all chunks that so many references make, unless no device can bind it.
+        if overflow & Overflow::Chunks as u32 != 0 {
+            self.too_many_chunks = counters[Counter::Chunks];
+        }
         self.with_bounds(config)
     }
 
-    /// The greater room of each kind.
+    /// The greater room of each kind, for a build as `self` has it.
     #[must_use]
     pub fn union(self, other: Capacities) -> Capacities {
         Capacities {
             triangles: self.triangles.max(other.triangles),
             chunks: self.chunks.max(other.chunks),
+            too_many_chunks: self.too_many_chunks,
+            binned: self.binned,
             nodes: self.nodes.max(other.nodes),
             references: self.references.max(other.references),
             small_roots: self.small_roots.max(other.small_roots),
@@ -131,8 +143,9 @@ impl Capacities {
             | Buffer::ChunkCounts
             | Buffer::ChunkBounds
             | Buffer::ChunkState
-            | Buffer::ChunkBins
             | Buffer::ReferenceSides => self.chunks,
+            Buffer::ChunkBins if self.binned => self.chunks,
+            Buffer::ChunkBins => 0,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => self.top_nodes,
             Buffer::LevelStarts => self.levels,
             Buffer::SmallRoots | Buffer::SmallSizes => self.small_roots,
@@ -147,8 +160,9 @@ impl Capacities {
         u64::from(self.of(buffer)) * buffer.element_size() as u64
     }
 
-    /// The buffers that grow, each storage once.
-    pub const BUFFERS: [Buffer; 19] = [
+    /// The buffers that grow, each storage once; [`Buffer::ChunkBins`] only where planes are found by
+    /// bins.
+    pub const BUFFERS: [Buffer; 20] = [
         Buffer::Triangles,
         Buffer::References,
         Buffer::NextReferences,
@@ -158,6 +172,7 @@ impl Capacities {
         Buffer::NodeBounds,
         Buffer::Chunks,
         Buffer::ChunkState,
+        Buffer::ChunkBins,
         Buffer::Decisions,
         Buffer::TopNodes,
         Buffer::LevelStarts,
@@ -185,6 +200,12 @@ impl Capacities {
         let most = |buffer: Buffer| {
             u32::try_from(limit / buffer.element_size() as u64).unwrap_or(u32::MAX)
         };
+        let beyond = |buffer: Buffer, needed: u32| GpuError::Limit {
+            what: format!("the buffer of {buffer:?} for this scene"),
+            limit: name,
+            needed: u64::from(needed) * buffer.element_size() as u64,
+            allowed: limit,
+        };
         let rooms: [(&mut u32, Buffer); 8] = [
             (&mut self.references, Buffer::References),
             (&mut self.small_roots, Buffer::SmallRoots),
@@ -203,16 +224,20 @@ impl Capacities {
                 _ => needed.map_or(0, |needed| needed.of(buffer)),
             };
             if needed > most(buffer) {
-                return Err(GpuError::Limit {
-                    what: format!("the buffer of {buffer:?} for this scene"),
-                    limit: name,
-                    needed: u64::from(needed) * buffer.element_size() as u64,
-                    allowed: limit,
-                });
+                return Err(beyond(buffer, needed));
             }
             *room = (*room).min(most(buffer));
         }
-        Ok(self.with_bounds(config))
+        self = self.with_bounds(config);
+        if self.binned {
+            let most = most(Buffer::ChunkBins);
+            if self.too_many_chunks > most {
+                return Err(beyond(Buffer::ChunkBins, self.too_many_chunks));
+            }
+            // Seldom reached where T is small: every node may have a chunk of its own.
+            self.chunks = self.chunks.min(most);
+        }
+        Ok(self)
     }
 
     /// The parameters that kernels read.
@@ -260,6 +285,8 @@ pub(crate) fn binding_limit(limits: &wgpu::Limits) -> (u64, &'static str) {
 
 #[cfg(test)]
 mod tests {
+    use splitplane_core::config::Preset;
+
     use super::*;
 
     #[test]
@@ -282,6 +309,32 @@ mod tests {
         counters[Counter::TopNodes] = 1;
         let grown = estimate.grown(&counters, &config);
         assert_eq!(grown, Capacities { top_nodes: 2 * estimate.top_nodes, ..estimate });
+    }
+
+    /// Bins of chunks are there only where planes are found by them. Where every node may have a chunk
+    /// of its own they are cut to what can be bound; chunks that then lack room end in an error.
+    #[test]
+    fn bins_are_cut_until_they_are_needed() {
+        let fast = BuildConfig::default();
+        let estimate = Capacities::estimate(1_000_000, &fast);
+        assert_eq!(estimate.bytes_of(Buffer::ChunkBins), 0);
+        let config = BuildConfig { small_node_limit: 1, ..Preset::Balanced.into() };
+        let limits = wgpu::Limits::default();
+        let (most, _) = binding_limit(&limits);
+        let estimate = Capacities::estimate(1_000_000, &config);
+        assert!(estimate.bytes_of(Buffer::ChunkBins) > most);
+        let cut = estimate.within(&limits, None, &config).unwrap();
+        assert!(cut.bytes_of(Buffer::ChunkBins) <= most && cut.chunks >= most as u32 / 768);
+        assert_eq!(Capacities { chunks: estimate.chunks, ..cut }, estimate);
+        // All other rooms as they are.
+        let mut counters = Counters::default();
+        counters[Counter::Overflow] = Overflow::Chunks as u32;
+        counters[Counter::Chunks] = cut.chunks + 1;
+        let grown = cut.grown(&counters, &config);
+        let error = grown.within(&limits, Some(&grown), &config).unwrap_err();
+        let GpuError::Limit { what, needed, allowed, .. } = error else { panic!("{error}") };
+        assert!(what.contains("ChunkBins"), "{what}");
+        assert_eq!((needed, allowed), (768 * u64::from(cut.chunks + 1), most));
     }
 
     #[test]

@@ -196,9 +196,14 @@ impl<'a> WgpuExecutor<'a> {
                 },
             ];
             for (index, binding) in kernel.storage_bindings().enumerate() {
+                let Some(buffer) = self.buffers.find(binding.buffer) else {
+                    // A schedule for another preset than the executor was made for.
+                    let what = format!("{kernel:?} needs {:?}", binding.buffer);
+                    return Err(GpuError::Refused(format!("{what}, which this preset lacks")));
+                };
                 entries.push(wgpu::BindGroupEntry {
                     binding: 2 + index as u32,
-                    resource: self.buffers.get(binding.buffer).as_entire_binding(),
+                    resource: buffer.as_entire_binding(),
                 });
             }
             *slot = Some(self.gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
@@ -372,6 +377,6 @@ impl Inspect<TreeBuilder> for WgpuExecutor<'_> {
             }
             _ => 0,
         };
-        self.read(self.buffers.get(buffer), offset, bytes)
+        self.buffers.find(buffer).map_or(Ok(Vec::new()), |held| self.read(held, offset, bytes))
     }
 }

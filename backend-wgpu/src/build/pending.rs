@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
 
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
-use splitplane_core::config::Planes;
+use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, LargeNode};
@@ -110,7 +110,7 @@ impl PendingBuild {
                 // Rooms that an earlier build needed are there already.
                 capacities = capacities.union(pooled.capacities);
                 capacities.triangles = triangles;
-                if pooled.triangles == triangles {
+                if (pooled.triangles, pooled.config) == (triangles, options.config) {
                     levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
                 }
                 pooled.buffers
@@ -376,6 +376,7 @@ impl PendingBuild {
             buffers,
             capacities: self.capacities,
             triangles,
+            config,
             levels: counters[Counter::Levels],
         });
         let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits)?;
@@ -395,7 +396,7 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
     gpu.guard(work)?
 }
 
-/// Levels recorded beyond those of the last build of as many triangles: moving scenes change theirs
+/// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
 /// little from frame to frame.
 const LEVELS_TO_SPARE: u32 = 2;
 
@@ -405,6 +406,7 @@ pub(crate) struct Pooled {
     pub buffers: Buffers,
     pub capacities: Capacities,
     pub triangles: u32,
+    pub config: BuildConfig,
     pub levels: u32,
 }
 

@@ -7,11 +7,10 @@
 use std::collections::HashMap;
 
 use serde::Serialize;
-use splitplane::core::config::Planes;
 use splitplane::core::kernel::{Access, Buffer, Counter, Kernel, TreeBuilder};
 use splitplane::core::schedule::{self, Executor};
 use splitplane::gpu::KernelTime;
-use splitplane::{BuildConfig, BuildError, Mesh};
+use splitplane::{BuildConfig, BuildError, Mesh, Preset};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
 
@@ -27,9 +26,14 @@ pub struct KernelFloor {
     pub bytes: u64,
 }
 
-/// All kernels in the order of the schedule.
-pub fn moved(mesh: &Mesh<'_>, times: &[KernelTime]) -> Result<Vec<KernelFloor>, Failure> {
-    let config = BuildConfig::default();
+/// The kernels that a preset runs, in the order of the schedule.
+pub fn moved(
+    mesh: &Mesh<'_>,
+    preset: Preset,
+    times: &[KernelTime],
+) -> Result<Vec<KernelFloor>, Failure> {
+    let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
+    let config = BuildConfig::preset(preset);
     let set = InstructionSet::available().last().copied().unwrap_or(InstructionSet::Portable);
     let executor = CpuExecutor::new(*mesh, config, set, Buffers::default(), None)?;
     let (positions, indices) = mesh.arrays();
@@ -37,20 +41,21 @@ pub fn moved(mesh: &Mesh<'_>, times: &[KernelTime]) -> Result<Vec<KernelFloor>, 
     let mut counting = Counting {
         executor,
         input: input as u64,
-        bytes: [0; Kernel::ALL.len()],
+        bytes: [None; Kernel::ALL.len()],
         written: HashMap::new(),
     };
-    schedule::build(&mut counting, Planes::Median)?;
+    schedule::build(&mut counting, planes)?;
     Ok(Kernel::ALL
         .iter()
-        .map(|&kernel| {
+        .filter_map(|&kernel| {
+            let bytes = counting.bytes[kernel as usize]?;
             let time = times.iter().find(|time| time.kernel == kernel);
-            KernelFloor {
+            Some(KernelFloor {
                 kernel: kernel.name(),
                 passes: time.map(|time| time.dispatches),
                 ms: time.map(|time| time.nanoseconds * 1e-6),
-                bytes: counting.bytes[kernel as usize],
-            }
+                bytes,
+            })
         })
         .collect())
 }
@@ -58,7 +63,8 @@ pub fn moved(mesh: &Mesh<'_>, times: &[KernelTime]) -> Result<Vec<KernelFloor>, 
 struct Counting<'a> {
     executor: CpuExecutor<'a>,
     input: u64,
-    bytes: [u64; Kernel::ALL.len()],
+    /// `None` for kernels that did not run.
+    bytes: [Option<u64>; Kernel::ALL.len()],
     /// How long appended lists were when they were written last.
     written: HashMap<Buffer, u64>,
 }
@@ -95,7 +101,7 @@ impl Counting<'_> {
                 _ => size * live(buffer),
             };
         }
-        self.bytes[kernel as usize] += bytes;
+        *self.bytes[kernel as usize].get_or_insert(0) += bytes;
     }
 }
 

@@ -15,9 +15,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use splitplane::BuildOptions;
 use splitplane::gpu::{Gpu, OpenOptions, WgpuBackend};
 use splitplane::scene::{Placement, Scene};
+use splitplane::{BuildConfig, BuildOptions, Preset};
 
 use crate::device::Costs;
 use crate::options::Options;
@@ -55,9 +55,12 @@ fn run(options: &Options) -> Result<bool, Failure> {
     report.costs(&costs)?;
     drop(backend);
     for scene in &options.scenes() {
-        eprintln!("{scene}");
-        if let Err(error) = measure_scene(scene, &costs, options, &mut report) {
-            report.failure(scene, &error.to_string())?;
+        for &preset in &options.preset {
+            eprintln!("{scene}, {}", preset.name());
+            report.begin(preset);
+            if let Err(error) = measure_scene(scene, preset, &costs, options, &mut report) {
+                report.failure(scene, &error.to_string())?;
+            }
         }
     }
     report.finish(options.check)
@@ -77,6 +80,7 @@ fn open(options: &Options) -> Result<(WgpuBackend, f64), Failure> {
 
 fn measure_scene(
     name: &str,
+    preset: Preset,
     costs: &Costs,
     options: &Options,
     report: &mut Report,
@@ -86,8 +90,9 @@ fn measure_scene(
     scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
     let mesh = scene.mesh()?;
     let (backend, _) = open(options)?;
-    let built = build::measure(&backend, &mesh, &BuildOptions::default(), options)?;
-    let floor = if options.check { None } else { Some(floor::moved(&mesh, &built.times)?) };
+    let build = BuildOptions::from(BuildConfig::preset(preset));
+    let built = build::measure(&backend, &mesh, &build, options)?;
+    let floor = if options.check { None } else { Some(floor::moved(&mesh, preset, &built.times)?) };
     // Built-in scenes with their size, files without their folder.
     let name = if name.starts_with("builtin:") { name } else { &scene.name };
     report.build(name, &built.figures, floor.as_deref(), costs)?;

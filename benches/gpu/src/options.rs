@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Parser;
+use splitplane::Preset;
 
 /// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
 ///
@@ -16,6 +17,9 @@ pub struct Options {
     /// .obj files or `builtin:NAME[:SIZE]`, separated by commas
     #[arg(long, value_name = "SCENES", value_delimiter = ',')]
     scenes: Vec<String>,
+    /// Presets to build by, one after the other, separated by commas
+    #[arg(long, value_name = "fast|balanced", value_delimiter = ',', default_value = "fast", value_parser = preset)]
+    pub preset: Vec<Preset>,
     /// Repeats of every figure; medians are reported
     #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub reps: u32,
@@ -37,6 +41,14 @@ pub struct Options {
     /// Builds only
     #[arg(long)]
     pub no_rays: bool,
+}
+
+/// A preset that devices build, by its name.
+fn preset(name: &str) -> Result<Preset, String> {
+    let built = Preset::ALL.into_iter().filter(|preset| preset.planes().is_some());
+    let names: Vec<_> = built.clone().map(Preset::name).collect();
+    let mut found = built.filter(|preset| preset.name() == name);
+    found.next().ok_or_else(|| format!("a GPU builds {}", names.join(" and ")))
 }
 
 impl Options {

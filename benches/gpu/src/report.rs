@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde_json::{Value, json};
+use splitplane::Preset;
 
 use crate::Failure;
 use crate::build::Figures as Build;
@@ -19,6 +20,8 @@ use crate::trace::Figures as Trace;
 pub struct Report {
     folder: PathBuf,
     lines: File,
+    /// What the scene at hand is built by.
+    preset: &'static str,
     adapter: String,
     builds: String,
     sizes: String,
@@ -37,6 +40,7 @@ impl Report {
         Ok(Report {
             folder: folder.to_owned(),
             lines,
+            preset: Preset::default().name(),
             adapter: empty(),
             builds: empty(),
             sizes: empty(),
@@ -45,6 +49,11 @@ impl Report {
             checks: empty(),
             notes: Vec::new(),
         })
+    }
+
+    /// What follows is by this preset.
+    pub fn begin(&mut self, preset: Preset) {
+        self.preset = preset.name();
     }
 
     /// A line of raw figures: to the file and to standard output.
@@ -57,6 +66,7 @@ impl Report {
         let mut object = json!({"kind": kind});
         if let Some(scene) = scene {
             object["scene"] = scene.into();
+            object["preset"] = self.preset.into();
         }
         if let (Value::Object(line), Value::Object(raw)) = (&mut object, serde_json::to_value(raw)?)
         {
@@ -113,13 +123,14 @@ impl Report {
         costs: &Costs,
     ) -> Result<(), Failure> {
         self.line("build", Some(scene), of)?;
+        let row = format!("{scene} | {}", self.preset);
         if !of.equal {
             let (cpu, gpu) = (&of.digest_cpu, &of.digest_gpu);
-            self.notes.push(format!("{scene}: digest {gpu}, the CPU's is {cpu}"));
+            self.notes.push(format!("{}: digest {gpu}, the CPU's is {cpu}", self.case(scene)));
         }
         writeln!(
             self.sizes,
-            "| {scene} | {} | {} | {} | {} | {} | `{}` | {} | {} | {} | {} | {} | {} |",
+            "| {row} | {} | {} | {} | {} | {} | `{}` | {} | {} | {} | {} | {} | {} |",
             of.triangles,
             of.levels,
             of.small_roots,
@@ -139,7 +150,7 @@ impl Report {
         let launch_ms = f64::from(of.dispatches) * costs.dispatch_us * 1e-3;
         writeln!(
             self.builds,
-            "| {scene} | {:.2} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {} | {:.2} | {:.2} |",
+            "| {row} | {:.2} | {:.2} | {:.2} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {} | {:.2} | {:.2} |",
             of.first_ms,
             of.rebuild(),
             median(&of.submit_ms),
@@ -158,7 +169,7 @@ impl Report {
             let least = floor_ms(kernel.bytes);
             writeln!(
                 self.kernels,
-                "| {scene} | `{}` | {} | {ms:.3} | {:.1} % | {} | {least:.4} | {:.0} |",
+                "| {row} | `{}` | {} | {ms:.3} | {:.1} % | {} | {least:.4} | {:.0} |",
                 kernel.kernel,
                 kernel.passes.unwrap_or(0),
                 1e2 * ms / of.kernels_ms.unwrap_or(f64::NAN),
@@ -171,19 +182,22 @@ impl Report {
 
     pub fn trace(&mut self, scene: &str, of: &Trace) -> Result<(), Failure> {
         self.line("trace", Some(scene), of)?;
+        let row = format!("{scene} | {}", self.preset);
         let (set, query) = (of.set, of.query.name());
         if let Some(first) = &of.first_difference {
             let different = of.different + of.resident_different.unwrap_or(0);
-            self.notes.push(format!("{scene}, {set}, {query}: {different} differ; first: {first}"));
+            let case = self.case(scene);
+            self.notes.push(format!("{case}, {set}, {query}: {different} differ; first: {first}"));
         }
         if of.left_out > 0 {
             let left_out = of.left_out;
+            let case = self.case(scene);
             self.notes
-                .push(format!("{scene}, {set}: {left_out} rays left out, no binding holds all"));
+                .push(format!("{case}, {set}: {left_out} rays left out, no binding holds all"));
         }
         writeln!(
             self.checks,
-            "| {scene} | {set} | {query} | {} | {} | {} | {} | {} |",
+            "| {row} | {set} | {query} | {} | {} | {} | {} | {} |",
             of.rays,
             of.hits,
             of.different,
@@ -194,7 +208,7 @@ impl Report {
             let (resident, cpu) = (of.resident_mrays(), of.mrays(&of.cpu_s));
             writeln!(
                 self.traces,
-                "| {scene} | {set} | {query} | {resident:.2} | {:.2} | {:.2} | {cpu:.2} | {:.3} | {} |",
+                "| {row} | {set} | {query} | {resident:.2} | {:.2} | {:.2} | {cpu:.2} | {:.3} | {} |",
                 of.mrays(&of.resident_wall_s),
                 of.mrays(&of.host_s),
                 resident / cpu,
@@ -204,9 +218,14 @@ impl Report {
         Ok(())
     }
 
+    /// A scene and how it is built, in words.
+    fn case(&self, scene: &str) -> String {
+        format!("{scene} by {}", self.preset)
+    }
+
     pub fn failure(&mut self, scene: &str, why: &str) -> Result<(), Failure> {
         self.line("failure", Some(scene), json!({"why": why}))?;
-        self.notes.push(format!("{scene}: not measured: {why}"));
+        self.notes.push(format!("{}: not measured: {why}", self.case(scene)));
         Ok(())
     }
 
@@ -225,7 +244,7 @@ impl Report {
         if !check {
             table(
                 "Builds, milliseconds (medians; mesh in host memory, tree on the device)",
-                "| scene | first | rebuild | of it until submitted | mesh alone sent | sum of kernels \
+                "| scene | preset | first | rebuild | of it until submitted | mesh alone sent | sum of kernels \
                  | with host copy | CPU | CPU / rebuild | moved at least, MiB | floor by bandwidth \
                  | floor by dispatches |",
                 &self.builds,
@@ -233,24 +252,24 @@ impl Report {
         }
         table(
             "Trees",
-            "| scene | triangles | levels | small roots | nodes | references | digest | equal \
+            "| scene | preset | triangles | levels | small roots | nodes | references | digest | equal \
              | build, MiB | tree, MiB | dispatches | submissions | readbacks |",
             &self.sizes,
         );
         table(
             "Kernels",
-            "| scene | kernel | passes | ms | share | moved at least, MiB | floor, ms | over the floor |",
+            "| scene | preset | kernel | passes | ms | share | moved at least, MiB | floor, ms | over the floor |",
             &self.kernels,
         );
         table(
             "Queries, million rays a second (medians)",
-            "| scene | set | query | on the device | the same by the host's clock | from host memory \
+            "| scene | preset | set | query | on the device | the same by the host's clock | from host memory \
              | CPU | device / CPU | dispatches a submission |",
             &self.traces,
         );
         table(
             "Answers against the CPU's, all words",
-            "| scene | set | query | rays | hits | different | different on the device | unfinished |",
+            "| scene | preset | set | query | rays | hits | different | different on the device | unfinished |",
             &self.checks,
         );
         if !self.notes.is_empty() {

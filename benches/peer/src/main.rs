@@ -5,9 +5,12 @@
 //! t_min, t_max); writes `PREFIX.SET.hits` (`f32` t, infinity for a miss, and `u32` triangle) and
 //! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET` or
 //! `splitplane-wgpu-PRESET` (the GPU that `WGPU_ADAPTER_NAME` names, or the best one; `splitplane-wgpu`
-//! alone is preset `fast`), then any of `-watertight|-leaky` (accuracy), `-K_T:K_I:W` (costs) and
-//! `-single|-batch` (path): `splitplane-fast`, `splitplane-fast-single`, `splitplane-wgpu-fast-leaky`.
-//! A name that asks for what this version does not have is an error.
+//! alone is preset `fast`), then any of `-watertight|-leaky` (accuracy), `-single|-batch` (path) and the
+//! knobs of the build: `-K_T:K_I:W` (costs), `-bN` (bins), `-tN` (T), `-eN` (C_e in percent), `-noclip`,
+//! `-nN` (empty bonus in percent), `-rN` (bad splits). So `splitplane-fast`, `splitplane-fast-single`,
+//! `splitplane-wgpu-fast-leaky`, `splitplane-balanced-1:4:16-b64-t32-e10-noclip`. Percentages become
+//! the nearest 256th. A name that asks for what this version does not have is an error, and so is a
+//! knob that the preset does not have or a value out of its range.
 //!
 //! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
 //! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
@@ -73,14 +76,38 @@ impl Plan {
                     plan.config.intersection_cost = intersection;
                     plan.config.block_width = width;
                 }
+                "noclip" => plan.config.clip = false,
+                word if knob(&mut plan.config, word) => {}
                 _ => return Err(format!("{name}: this version does not know {word}")),
             }
+        }
+        let config = &plan.config;
+        config.validate().map_err(|error| format!("{name}: {error}"))?;
+        // Words hold only what counts for the preset.
+        if BuildConfig::from_words(config.words()) != Some(*config) {
+            return Err(format!("{name}: a knob that preset {} does not have", preset.name()));
         }
         if plan.gpu && plan.single {
             return Err(format!("{name}: single rays are answered on the CPU"));
         }
         Ok(plan)
     }
+}
+
+/// Sets the knob that a word such as `b64` names; whether it names one.
+fn knob(config: &mut BuildConfig, word: &str) -> bool {
+    let Some((letter, digits)) = word.split_at_checked(1) else { return false };
+    let Ok(number) = digits.parse::<u32>() else { return false };
+    let of_256 = || u32::try_from((u64::from(number) * 256 + 50) / 100).unwrap_or(u32::MAX);
+    match letter {
+        "b" => config.bins = number,
+        "t" => config.small_node_limit = number,
+        "e" => config.empty_cutoff = of_256(),
+        "n" => config.empty_bonus = of_256(),
+        "r" => config.bad_splits = number,
+        _ => return false,
+    }
+    true
 }
 
 /// Who builds.
@@ -242,4 +269,49 @@ fn read<T: bytemuck::Pod>(path: &Path) -> Result<Vec<T>, String> {
 
 fn write(path: &str, bytes: &[u8]) -> Result<(), String> {
     std::fs::write(path, bytes).map_err(|error| format!("{path}: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_say_what_is_built() {
+        let config = |name| Plan::parse(name).map(|plan| plan.config);
+        assert_eq!(config("splitplane-fast"), Ok(BuildConfig::preset(Preset::Fast)));
+        let tuned = BuildConfig {
+            traversal_cost: 3,
+            intersection_cost: 2,
+            block_width: 8,
+            bins: 64,
+            small_node_limit: 32,
+            empty_cutoff: 26,
+            clip: false,
+            ..BuildConfig::preset(Preset::Balanced)
+        };
+        assert_eq!(config("splitplane-balanced-3:2:8-b64-t32-e10-noclip"), Ok(tuned));
+        let best =
+            BuildConfig { empty_bonus: 51, bad_splits: 5, ..BuildConfig::preset(Preset::Best) };
+        assert_eq!(config("splitplane-best-n20-r5"), Ok(best));
+        let single = Plan::parse("splitplane-fast-t48-single").unwrap();
+        assert!(single.single && single.config.small_node_limit == 48);
+    }
+
+    #[test]
+    fn names_that_ask_for_too_much_are_refused() {
+        for (name, why) in [
+            ("splitplane-fast-b64", "preset fast does not have"),
+            ("splitplane-balanced-n20", "preset balanced does not have"),
+            ("splitplane-balanced-b1", "bins is 1"),
+            ("splitplane-fast-t65", "small_node_limit is 65"),
+            ("splitplane-fast-e100", "empty_cutoff is 256"),
+            ("splitplane-fast-x3", "does not know x3"),
+            ("splitplane-fast-b", "does not know b"),
+            ("splitplane-fast-1:2", "costs are"),
+            ("splitplane-slow", "no preset slow"),
+        ] {
+            let error = Plan::parse(name).err().unwrap_or_default();
+            assert!(error.contains(why), "{name}: {error}");
+        }
+    }
 }

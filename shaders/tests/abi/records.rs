@@ -12,8 +12,8 @@ use naga::Handle;
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    Chunk, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Parameters, Reference,
-    Sides, SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Parameters,
+    Reference, Sides, SmallRoot, TopNode,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
@@ -102,6 +102,7 @@ pub fn records() -> Vec<Record> {
         record!(Chunk { node first count padding }),
         record!(Sides { left right }),
         record!(ChunkSides { left right }),
+        record!(ChunkBins { words }),
         record!(Decision {
             cuts cut_count cut_sides axis position counts first first_node source_first
         }),
@@ -114,7 +115,7 @@ pub fn records() -> Vec<Record> {
             zero swapped first count traversal_cost intersection_cost block_width small_node_limit
             empty_cutoff max_depth reference_cap node_cap first_index chunk_room node_room
             reference_room small_root_room small_reference_room top_node_room level_room
-            tree_node_room leaf_reference_room subtree_room padding
+            tree_node_room leaf_reference_room subtree_room bins clip padding
         }),
         record!(Aabb { lo hi }),
         record!(Ray { origin t_min direction t_max }),

@@ -22,6 +22,7 @@ use splitplane_core::file::{FileError, TreeFile};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::layout::Reference;
+use splitplane_core::lines::{Lines, scene_scale, trace_lines};
 use splitplane_core::mask::TriangleMask;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::KdNode;
@@ -111,6 +112,12 @@ fn first_wrong() -> i32 {
     let away = Ray::new([1.5, 1.0, 3.0], [0.0, 0.0, 1.0]);
     if traverse::any_hit(&tree, &mesh, &scale, &away, &options) {
         return 4;
+    }
+    let Some(lines) = Lines::through(&tree.bounds, 1) else { return 11 };
+    let scene = scene_scale(&tree, &corners[..]);
+    let measured = trace_lines(&tree, &corners[..], &scene, &lines, 0..100, &options);
+    if measured.passing.mean() != TreeStats::of(&tree).expected || measured.closest.hits != 100 {
+        return 11;
     }
     let mut hash = Xxh64::new(0);
     hash.write(b"abc");

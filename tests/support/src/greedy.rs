@@ -199,7 +199,9 @@ fn textbook_node(config: &BuildConfig, parts: Vec<Part>, cell: Aabb, depth: u32)
     let n = parts.len();
     let whole = half_area(&cell);
     let mut best = (test * n as f64 * whole, usize::MAX, 0.0f32);
-    if depth < config.max_depth && n > 0 {
+    // Too small a cell is a leaf whoever builds.
+    let longest = extents(&cell).into_iter().fold(0.0, f64::max);
+    if depth < config.max_depth && n > 0 && longest >= 2f64.powi(-116) {
         for axis in 0..3 {
             let mut lows: Vec<f32> = parts.iter().map(|part| part.bounds.lo[axis]).collect();
             let mut highs: Vec<f32> = parts.iter().map(|part| part.bounds.hi[axis]).collect();
@@ -208,7 +210,13 @@ fn textbook_node(config: &BuildConfig, parts: Vec<Part>, cell: Aabb, depth: u32)
             let mut planes: Vec<f32> = lows.iter().chain(&highs).copied().collect();
             planes.sort_unstable_by(f32::total_cmp);
             planes.dedup();
-            let (mut begun, mut over) = (0, 0);
+            let mut planar: Vec<f32> = parts
+                .iter()
+                .filter(|part| part.bounds.lo[axis] == part.bounds.hi[axis])
+                .map(|part| part.bounds.lo[axis])
+                .collect();
+            planar.sort_unstable_by(f32::total_cmp);
+            let (mut begun, mut over, mut flat) = (0, 0, 0);
             for plane in planes {
                 while begun < n && lows[begun] < plane {
                     begun += 1;
@@ -219,15 +227,14 @@ fn textbook_node(config: &BuildConfig, parts: Vec<Part>, cell: Aabb, depth: u32)
                 if !(cell.lo[axis] < plane && plane < cell.hi[axis]) {
                     continue;
                 }
-                let planar = parts
-                    .iter()
-                    .filter(|_| lows.get(begun) == Some(&plane))
-                    .filter(|part| part.bounds.lo[axis] == plane && part.bounds.hi[axis] == plane)
-                    .count();
+                while flat < planar.len() && planar[flat] < plane {
+                    flat += 1;
+                }
+                let in_plane = planar[flat..].iter().take_while(|&&place| place == plane).count();
                 let (mut low, mut high) = (cell, cell);
                 low.hi[axis] = plane;
                 high.lo[axis] = plane;
-                let tests = (begun + planar) as f64 * half_area(&low)
+                let tests = (begun + in_plane) as f64 * half_area(&low)
                     + (n - over) as f64 * half_area(&high);
                 let cost = traversal * whole + test * tests;
                 if cost < best.0 {

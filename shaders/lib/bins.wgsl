@@ -1,0 +1,61 @@
+// Twin of core/src/bins.rs: bins of a node's tight bounds, and what the planes between them cost. The
+// best of these planes is in the kernel that finds it. Needs the binding `parameters`.
+
+const MAX_BINS: u32 = 64u;
+
+// The bins of one axis: equal parts of the tight bounds.
+struct BinAxis {
+    // Quarters of the lower end and of the extent.
+    lower: f32,
+    quarter: f32,
+    // Bins in a quarter of a unit of length.
+    scale: f32,
+    // False when the bounds are flat on the axis or too small to be divided: then there are no bins.
+    divisible: bool,
+}
+
+fn bins_between(lo: f32, hi: f32) -> BinAxis {
+    let half = half_distance(lo, hi);
+    if exponent(half) < LEAST_EXPONENT {
+        return BinAxis(0.0, 0.0, 0.0, false);
+    }
+    let quarter = product(half, 0.5);
+    let factor = quotient(f32(parameters.bins), quarter);
+    return BinAxis(snapped_product(lo, 0.25), quarter, factor, true);
+}
+
+// Where a coordinate lies, in bins from the lower end.
+fn place_in_bins(axis: BinAxis, coordinate: f32) -> f32 {
+    let distance = snapped_difference(snapped_product(coordinate, 0.25), axis.lower);
+    return snapped_product(distance, axis.scale);
+}
+
+// The bins in which a reference starts and ends. One that ends exactly at a border ends below it.
+fn bin_range(axis: BinAxis, lo: f32, hi: f32) -> vec2<u32> {
+    let end = place_in_bins(axis, hi);
+    let whole = u32(end);
+    let at_border = f32(whole) == end && whole > 0u;
+    let last = min(whole - select(0u, 1u, at_border), parameters.bins - 1u);
+    return vec2<u32>(min(u32(place_in_bins(axis, lo)), last), last);
+}
+
+// The plane below bin `index`, which is not the first.
+fn bin_border(axis: BinAxis, index: u32) -> f32 {
+    let part = quotient(f32(index), f32(parameters.bins));
+    let quarter = snapped_sum(axis.lower, snapped_product(axis.quarter, part));
+    return product(quarter, 4.0);
+}
+
+// Costs of a split, from the half areas of node, left and right, and of a leaf; times the node's half
+// area.
+fn wide_split_cost(node_area: u32, areas: vec2<u32>, left: u32, right: u32) -> vec2<u32> {
+    let tests = wide_sum(wide_product(blocks(left), areas.x), wide_product(blocks(right), areas.y));
+    return wide_sum(
+        wide_product(parameters.traversal_cost, node_area),
+        wide_multiple(tests, parameters.intersection_cost),
+    );
+}
+
+fn wide_leaf_cost(area: u32, count: u32) -> vec2<u32> {
+    return wide_multiple(wide_product(blocks(count), area), parameters.intersection_cost);
+}
