@@ -5,7 +5,7 @@ use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
 use obvhs::ray::{Ray as BvhRay, RayHit};
 use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
-use obvhs::{Boundable, BvhBuildParams, aabb::Aabb};
+use obvhs::{BvhBuildParams, aabb::Aabb};
 use rayon::prelude::*;
 use splitplane::Ray;
 use std::time::Duration;
