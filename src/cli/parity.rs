@@ -77,13 +77,12 @@ mod compare {
             let message = "only answers of accuracy `watertight` are equal on every backend";
             return Err(Failure::usage(message));
         }
-        let options = common.build_options();
+        let options = common.build_options()?;
         let preset = options.config.preset;
         if preset.planes().is_none() {
             return Err(BuildError::PresetNotOnDevice { preset }.into());
         }
         in_pool(common, || {
-            let options = common.build_options()?;
             let gpu = open_gpu(&common.open_options())?;
             let spinner = progress::spinner(common.quiet, "reading the scene");
             let scene = Scene::open(&arguments.scene)?;
