@@ -207,7 +207,15 @@ impl Arguments {
         let placed = self.open(&asked, settings, &progress)?;
         let mut scenes = Vec::new();
         for (letter, placed) in ('a'..='z').zip(&placed) {
-            scenes.push(scene::measure(letter, placed, settings, &mut |what| progress.step(what))?);
+            let scene = scene::measure(letter, placed, settings, &mut |what| progress.step(what))?;
+            for preset in scene.differing().into_iter().filter(|_| !self.quiet) {
+                output::note(&format!(
+                    "note: {}: the GPU's tree by preset {preset} is not the CPU's; `splitplane parity` \
+                     finds out where they part",
+                    scene.name
+                ));
+            }
+            scenes.push(scene);
         }
         if let (Some(others), Some(path)) = (&others, &self.others) {
             others.check(path, &scenes)?;

@@ -122,7 +122,16 @@ impl Report {
     fn left_out(&self) -> String {
         let mut all: Vec<&String> = self.scenes.iter().flat_map(|scene| &scene.left_out).collect();
         all.dedup();
-        all.into_iter().map(|why| format!("\nLeft out: {why}.\n")).collect()
+        let mut out: String = all.into_iter().map(|why| format!("\nLeft out: {why}.\n")).collect();
+        for scene in &self.scenes {
+            for preset in scene.differing() {
+                out += &format!(
+                    "\n**The GPU's tree of `{}` by preset {preset} is another one than the CPU's.**\n",
+                    scene.name
+                );
+            }
+        }
+        out
     }
 
     fn others_note(&self) -> String {

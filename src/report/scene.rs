@@ -167,6 +167,17 @@ pub struct SceneReport {
 }
 
 impl SceneReport {
+    /// Presets whose tree on the GPU is another one than on the CPU. On a GPU whose parity is bitwise
+    /// there is none.
+    pub fn differing(&self) -> Vec<&'static str> {
+        let gpu = self.builders.iter().filter(|row| row.threads.is_none());
+        let differs = |row: &&BuilderRow| {
+            let same = |other: &&BuilderRow| other.preset == row.preset && other.threads.is_some();
+            self.builders.iter().find(same).is_some_and(|other| other.digest != row.digest)
+        };
+        gpu.filter(differs).map(|row| row.preset).collect()
+    }
+
     /// The builder that the others are compared with.
     pub fn offline(&self) -> Option<&BuilderRow> {
         self.builders.iter().find(|row| row.offline)
