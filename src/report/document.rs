@@ -104,8 +104,8 @@ impl Report {
         out += "\nIn the survey's row d, times (3.85 frames a second) and frames a second (4.84) \
                 contradict each other.\n";
         out += "\n## Table 4: frames a second, rebuilt for each\n\n\
-                Every frame begins with triangles that have moved: kd-trees are built from scratch, a \
-                bounding volume hierarchy is refitted. \"rays\" are two batches, the camera rays' closest \
+                As if the triangles had moved before each: kd-trees are built from scratch, a bounding \
+                volume hierarchy is refitted. \"rays\" are two batches, the camera rays' closest \
                 hits and for each of them a ray towards every light on the surface's side, the same \
                 for every structure, without shading. The survey's figures include shading.\n\n";
         out += &table_4;
