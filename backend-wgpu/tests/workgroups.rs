@@ -16,7 +16,7 @@ fn fewer_workgroups_build_the_same_tree() {
     let scene = scenes::soup(1200, 0.3, 8);
     let mesh = scene.mesh();
     let (expected, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
-    let mut build = || {
+    let build = || {
         let built = backend.build_on_device(&mesh, &options).expect("a build");
         let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
         assert_eq!(tree.digest(), expected.digest());
