@@ -59,6 +59,8 @@ pub mod picture;
 mod random;
 #[cfg(feature = "render")]
 pub use splitplane_render as render;
+#[cfg(feature = "paper")]
+pub mod report;
 #[cfg(feature = "scene")]
 pub mod scene;
 #[cfg(feature = "scene")]

@@ -1,5 +1,7 @@
 //! The GPU as a [`Backend`].
 
+use std::num::NonZeroU32;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use splitplane_core::backend::{
@@ -32,6 +34,8 @@ pub(crate) struct Shared {
     pub kernels: Kernels,
     pub queries: Arc<Queries>,
     pool: Mutex<Vec<Pooled>>,
+    /// Most workgroups of a dispatch of a build; 0 for no limit.
+    max_workgroups: AtomicU32,
 }
 
 /// Sets of build buffers kept for later: one for a build in each of two frames.
@@ -41,7 +45,13 @@ impl Shared {
     fn new(gpu: Gpu, kernels: Kernels) -> Shared {
         let gpu = Arc::new(gpu);
         let queries = Arc::new(Queries::new(Arc::clone(&gpu)));
-        Shared { gpu, kernels, queries, pool: Mutex::new(Vec::new()) }
+        let (pool, max_workgroups) = (Mutex::new(Vec::new()), AtomicU32::new(0));
+        Shared { gpu, kernels, queries, pool, max_workgroups }
+    }
+
+    /// Most workgroups of a dispatch of a build, if there is a limit.
+    pub fn max_workgroups(&self) -> Option<NonZeroU32> {
+        NonZeroU32::new(self.max_workgroups.load(Ordering::Relaxed))
     }
 
     /// Buffers of an earlier build, if there are any. A poisoned lock means that another thread
@@ -97,6 +107,14 @@ impl WgpuBackend {
     #[doc(hidden)]
     pub fn with_replaced_kernel(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
         WgpuBackend::untested(gpu, Kernels::with_replaced(kernel, source))
+    }
+
+    /// From now on no dispatch of a build has more workgroups than this, so that no more of the device
+    /// is used: for measuring how builds scale. Trees are the same, since workgroups loop to counts;
+    /// but a driver that ends long loops may then give up (Mesa's llvmpipe does). `None` lifts the limit.
+    pub fn limit_workgroups(&self, most: Option<NonZeroU32>) {
+        let most = most.map_or(0, NonZeroU32::get);
+        self.shared.max_workgroups.store(most, Ordering::Relaxed);
     }
 
     /// What the self-test found; `None` for a backend made without it.

@@ -48,7 +48,7 @@ fn check_tree(
 
 /// One submission, one readback, nothing repeated; gives the dispatches.
 fn dispatches(effort: Effort, name: &str) -> u32 {
-    let Effort { submissions, readbacks, dispatches, repeats } = effort;
+    let Effort { submissions, readbacks, dispatches, repeats, .. } = effort;
     assert_eq!((submissions, readbacks, repeats), (1, 1, 0), "{name}");
     dispatches
 }

@@ -2,6 +2,7 @@
 
 use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
+use splitplane::report::ReportError;
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
@@ -175,6 +176,21 @@ fn gpu_code(error: &splitplane::gpu::GpuError) -> u8 {
     match error {
         GpuError::Limit { .. } | GpuError::OutOfMemory { .. } => LIMIT,
         _ => DEVICE,
+    }
+}
+
+impl From<ReportError> for Failure {
+    fn from(error: ReportError) -> Failure {
+        match error {
+            ReportError::Scene(error) => error.into(),
+            ReportError::Open(error) => error.into(),
+            ReportError::Tracer(error) => error.into(),
+            ReportError::Query(error) => error.into(),
+            ReportError::Picture(error) => error.into(),
+            ReportError::Threads { .. } => Failure::usage(error.to_string()),
+            ReportError::Empty(_) | ReportError::Others { .. } => Failure::file(error.to_string()),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
     }
 }
 

@@ -11,6 +11,7 @@ mod look;
 mod npy;
 mod options;
 mod output;
+mod paper;
 mod parity;
 mod percentiles;
 mod prepared;
@@ -60,6 +61,8 @@ enum Verb {
     Adapters(adapters::Arguments),
     /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
     Parity(parity::Arguments),
+    /// Measure what the paper and its survey report, on scenes, and draw their figures.
+    Paper(paper::Arguments),
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
@@ -93,6 +96,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        Some(Verb::Paper(arguments)) => paper::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
     };

@@ -102,7 +102,7 @@ impl Common {
 }
 
 /// `4096`, `64k`, `512M`, `2G`.
-fn bytes(text: &str) -> Result<u64, String> {
+pub(super) fn bytes(text: &str) -> Result<u64, String> {
     let shift = match text.bytes().last() {
         Some(b'k' | b'K') => 10,
         Some(b'm' | b'M') => 20,

@@ -1,5 +1,7 @@
 //! Records the schedule's steps as commands of the device.
 
+use std::num::NonZeroU32;
+
 use splitplane_core::kernel::{Buffer, Counter, Grid, Kernel, TreeBuilder};
 use splitplane_core::layout::{Counters, LargeNode};
 use splitplane_core::lockstep::Inspect;
@@ -41,6 +43,9 @@ pub struct WgpuExecutor<'a> {
     /// elsewhere.
     level: Option<u32>,
     dispatches: u32,
+    /// Most workgroups of a dispatch, where a caller limits them, and of any so far.
+    max_workgroups: Option<NonZeroU32>,
+    most_workgroups: u32,
 }
 
 /// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU, few
@@ -72,7 +77,15 @@ impl<'a> WgpuExecutor<'a> {
             swapped: false,
             level: Some(0),
             dispatches: 0,
+            max_workgroups: None,
+            most_workgroups: 0,
         }
+    }
+
+    /// With no more than this many workgroups a dispatch.
+    pub(crate) fn limited(mut self, most: Option<NonZeroU32>) -> WgpuExecutor<'a> {
+        self.max_workgroups = most;
+        self
     }
 
     /// Goes on where another executor over the same buffers stopped.
@@ -95,6 +108,11 @@ impl<'a> WgpuExecutor<'a> {
     /// Dispatches recorded so far.
     pub fn dispatches(&self) -> u32 {
         self.dispatches
+    }
+
+    /// Workgroups of the largest dispatch of the schedule so far.
+    pub(crate) fn most_workgroups(&self) -> u32 {
+        self.most_workgroups
     }
 
     /// The encoder, outside of any pass.
@@ -294,7 +312,10 @@ impl Executor<TreeBuilder> for WgpuExecutor<'_> {
         }
         let pass = self.pass.as_mut().expect("opened above");
         pass.set_pipeline(&pipeline);
+        let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
         for (offset, groups) in dispatches {
+            let groups = groups.min(most);
+            self.most_workgroups = self.most_workgroups.max(groups);
             pass.set_bind_group(0, &group, &[offset]);
             pass.dispatch_workgroups(groups, 1, 1);
             self.dispatches += 1;

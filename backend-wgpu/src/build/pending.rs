@@ -49,6 +49,8 @@ pub struct Effort {
     pub readbacks: u32,
     /// Dispatches.
     pub dispatches: u32,
+    /// Workgroups of the largest dispatch of the schedule.
+    pub most_workgroups: u32,
     /// Builds begun again with more room.
     pub repeats: u32,
 }
@@ -207,7 +209,8 @@ impl PendingBuild {
         let (gpu, kernels) = (&shared.gpu, &shared.kernels);
         let buffers = self.buffers.as_mut().expect("until finished");
         let looking = Looking::Never(levels);
-        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking);
+        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking)
+            .limited(shared.max_workgroups());
         if let Some(profile) = &mut self.profile {
             executor = executor.profiled(profile);
         }
@@ -224,6 +227,7 @@ impl PendingBuild {
         executor.read_back(self.tree_to_host);
         executor.submit_after(self.mesh_copy.take())?;
         self.effort.dispatches += executor.dispatches();
+        self.effort.most_workgroups = self.effort.most_workgroups.max(executor.most_workgroups());
         self.effort.submissions += 1;
         self.swapped = executor.swapped();
         self.mapped = Arc::new(AtomicU8::new(WAITING));

@@ -194,7 +194,7 @@ impl Figures {
     /// What a build asked of the device.
     fn asked(&mut self, built: &DeviceBuild) {
         self.build_bytes = built.summary.peak_bytes;
-        let Effort { submissions, readbacks, dispatches, repeats } = built.effort;
+        let Effort { submissions, readbacks, dispatches, repeats, .. } = built.effort;
         (self.submissions, self.readbacks) = (submissions, readbacks);
         (self.dispatches, self.repeats) = (dispatches, repeats);
     }

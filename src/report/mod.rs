@@ -1,0 +1,32 @@
+//! What Martin's survey of Zhou, Hou, Wang and Guo 2008 reports, measured here: its worked example, its
+//! tables of times, costs and frames a second, its figures, each beside the printed value.
+//!
+//! Whatever is printed stands in [`survey`]; whatever is measured comes from [`scene`], [`scaling`] and
+//! [`areas`]; what is drawn comes from trees that were built ([`cut`], [`mod@slice`], [`crown`]). [`tables`] and
+//! [`document`] put them side by side. Nothing here judges a time.
+
+pub mod areas;
+pub mod asked;
+mod builders;
+mod clip;
+pub mod crown;
+pub mod cut;
+pub mod document;
+mod error;
+pub mod figures;
+pub mod machine;
+pub mod others;
+pub mod plot;
+pub mod rays;
+pub mod scaling;
+pub mod scene;
+pub mod slice;
+pub mod survey;
+pub mod table;
+pub mod tables;
+mod timing;
+pub mod worked;
+
+pub use builders::Builder;
+pub use error::ReportError;
+pub use timing::median;

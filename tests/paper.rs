@@ -1,0 +1,455 @@
+//! The verb `paper` from outside: files, tables, figures, exit codes.
+
+use serde_json::Value;
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+fn run(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
+    command.current_dir(folder).arg("paper").args(arguments).env_remove("RUST_BACKTRACE");
+    // What the machine has must not matter: no adapter is found.
+    command.env("WGPU_BACKEND", "vulkan").env_remove("WGPU_ADAPTER_NAME");
+    command.env("VK_DRIVER_FILES", "/nonexistent").env("VK_ICD_FILENAMES", "/nonexistent");
+    command.output().unwrap()
+}
+
+#[track_caller]
+fn succeed(folder: &Path, arguments: &[&str]) -> Output {
+    let output = run(folder, arguments);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {error}");
+    output
+}
+
+/// Expects this exit code and one line that says why, and gives the line.
+#[track_caller]
+fn fail(folder: &Path, code: i32, arguments: &[&str]) -> String {
+    let output = run(folder, arguments);
+    let error = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {error}");
+    assert!(!error.contains("panicked"), "{error}");
+    assert!(output.stdout.is_empty());
+    error
+}
+
+fn folder() -> TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn files(folder: &Path) -> Vec<String> {
+    let names = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let mut names: Vec<String> = names.map(|name| name.into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+const QUICK: [&str; 3] = ["--quick", "--repeat", "3"];
+
+/// A quick report that all tests look at, with what the program printed.
+struct Made {
+    folder: TempDir,
+    printed: Value,
+    note: String,
+}
+
+impl Made {
+    fn path(&self, name: &str) -> std::path::PathBuf {
+        self.folder.path().join("report").join(name)
+    }
+
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap()
+    }
+
+    fn table(&self, name: &str) -> Vec<HashMap<String, String>> {
+        let (head, rows) = csv(&self.text(&format!("{name}.csv")));
+        for row in &rows {
+            assert_eq!(row.len(), head.len(), "{name}: {row:?}");
+        }
+        rows.into_iter().map(|row| head.iter().cloned().zip(row).collect()).collect()
+    }
+}
+
+fn made() -> &'static Made {
+    static MADE: OnceLock<Made> = OnceLock::new();
+    MADE.get_or_init(|| {
+        let folder = folder();
+        let arguments = [&QUICK[..], &["--threads", "2", "--out", "report", "--json"]].concat();
+        let output = succeed(folder.path(), &arguments);
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert_eq!(text.lines().count(), 1, "one JSON object");
+        let note = String::from_utf8(output.stderr).unwrap();
+        Made { folder, printed: serde_json::from_str(&text).unwrap(), note }
+    })
+}
+
+/// Fields of a CSV file (RFC 4180): the first line, and the others.
+fn csv(text: &str) -> (Vec<String>, Vec<Vec<String>>) {
+    let (mut rows, mut row, mut field, mut quoted) = (Vec::new(), Vec::new(), String::new(), false);
+    let mut characters = text.chars().peekable();
+    while let Some(c) = characters.next() {
+        match c {
+            '"' if quoted && characters.peek() == Some(&'"') => {
+                characters.next();
+                field.push('"');
+            }
+            '"' => quoted = !quoted,
+            ',' if !quoted => row.push(std::mem::take(&mut field)),
+            '\n' if !quoted => {
+                row.push(std::mem::take(&mut field));
+                rows.push(std::mem::take(&mut row));
+            }
+            c => field.push(c),
+        }
+    }
+    assert!(field.is_empty() && row.is_empty() && !quoted, "the last line ends");
+    let head = rows.remove(0);
+    (head, rows)
+}
+
+fn number(row: &HashMap<String, String>, column: &str) -> f64 {
+    row[column].parse().unwrap_or_else(|_| panic!("{column}: `{}`", row[column]))
+}
+
+#[track_caller]
+fn near(a: f64, b: f64) {
+    assert!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()), "{a} {b}");
+}
+
+const FILES: [&str; 20] = [
+    "figure-10.png",
+    "figure-10.svg",
+    "figure-11-a.png",
+    "figure-11-b.png",
+    "figure-12.csv",
+    "figure-12.png",
+    "figure-12.svg",
+    "figure-4.png",
+    "figure-4.svg",
+    "figure-7.csv",
+    "figure-7.png",
+    "figure-7.svg",
+    "figure-9.png",
+    "figure-9.svg",
+    "report.json",
+    "report.md",
+    "table-1.csv",
+    "table-2.csv",
+    "table-3.csv",
+    "table-4.csv",
+];
+
+#[test]
+fn every_file_is_there_and_named() {
+    let made = made();
+    assert_eq!(files(&made.path("")), FILES);
+    let mut named: Vec<&str> = made.printed["output"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|path| path.as_str().unwrap().strip_prefix("report/").unwrap())
+        .collect();
+    named.sort_unstable();
+    assert_eq!(named, FILES);
+    // The text shows every picture and has every table.
+    let text = made.text("report.md");
+    for name in FILES.iter().filter(|name| name.ends_with(".png")) {
+        assert!(text.contains(&format!("]({name})")), "{name}");
+    }
+    for heading in ["## Tables 1 and 2", "## Table 3", "## Table 4", "survey's T_tree ms"] {
+        assert!(text.contains(heading), "{heading}");
+    }
+    assert!(made.note.contains("--quick"), "why no GPU is measured: {}", made.note);
+}
+
+#[test]
+fn the_json_file_is_what_is_printed() {
+    let made = made();
+    let file: Value = serde_json::from_str(&made.text("report.json")).unwrap();
+    let mut printed = made.printed.clone();
+    printed.as_object_mut().unwrap().remove("output");
+    assert_eq!(file, printed);
+    let mut keys: Vec<&str> = file.as_object().unwrap().keys().map(String::as_str).collect();
+    keys.sort_unstable();
+    let expected = [
+        "areas",
+        "areas_scene",
+        "figures",
+        "format",
+        "machine",
+        "others",
+        "presets",
+        "repeat",
+        "scaling",
+        "scenes",
+        "size",
+        "worked",
+    ];
+    assert_eq!(keys, expected);
+    assert_eq!(
+        (&file["format"], &file["repeat"], &file["size"]),
+        (&1.into(), &3.into(), &serde_json::json!([96, 96]))
+    );
+    let machine = &file["machine"];
+    assert!(machine["command"].as_str().unwrap().contains("paper --quick --repeat 3"));
+    assert!(machine["instruction_set"].as_str().unwrap().starts_with("instruction set"));
+    assert_eq!((&machine["threads"], &machine["adapter"]), (&2.into(), &Value::Null));
+    let presets = file["presets"].as_array().unwrap();
+    let names: Vec<&str> = presets.iter().map(|knobs| knobs["preset"].as_str().unwrap()).collect();
+    assert_eq!(names, ["fast", "balanced", "best"]);
+    for scene in file["scenes"].as_array().unwrap() {
+        // A scene's rays do not depend on who builds, and neither does its frame.
+        assert_eq!(scene["camera_rays"], 96 * 96);
+        assert!(scene["frame_rays"].as_u64().unwrap() >= 96 * 96);
+        assert_eq!(scene["rays"].as_str().unwrap().len(), 16);
+        for row in scene["builders"].as_array().unwrap() {
+            for time in ["tree_ms", "trace_ms", "rays_ms", "sah_cost"] {
+                assert!(row[time].as_f64().unwrap() > 0.0, "{time}");
+            }
+            assert!(row["references"].as_u64().unwrap() >= scene["triangles"].as_u64().unwrap());
+            assert_eq!(row["digest"].as_str().unwrap().len(), 16);
+        }
+    }
+}
+
+/// The surface of a box, face by face.
+fn half_area(extents: &str) -> f64 {
+    let sides: Vec<f64> = extents.split(" x ").map(|side| side.parse().unwrap()).collect();
+    let faces = [(0, 1), (1, 2), (2, 0), (0, 1), (1, 2), (2, 0)];
+    faces.map(|(a, b)| sides[a] * sides[b]).iter().sum::<f64>() / 2.0
+}
+
+#[test]
+fn the_worked_example_is_right_where_the_survey_is_not() {
+    let made = made();
+    let table = made.table("table-1");
+    assert_eq!(table.len(), 2);
+    for row in &table {
+        near(number(row, "computed"), half_area(&row["extents"]));
+    }
+    let values = |row: usize| {
+        ["printed terms come to", "printed", "computed"].map(|column| number(&table[row], column))
+    };
+    assert_eq!((values(0), values(1)), ([68.0, 88.0, 68.0], [200.0, 220.0, 220.0]));
+    let table = made.table("table-2");
+    assert_eq!([number(&table[0], "printed"), number(&table[0], "computed")], [0.0, 0.0]);
+    near(number(&table[1], "computed"), 14.0 / 3.0);
+    near(number(&table[1], "printed"), 4.67);
+}
+
+#[test]
+fn ratios_follow_from_their_columns() {
+    let table = made().table("table-3");
+    // Offline, balanced and fast for each of two scenes.
+    assert_eq!(table.len(), 6);
+    for scene in table.chunks(3) {
+        let [offline, balanced, fast] = scene else { panic!("three builders") };
+        assert_eq!(
+            [offline, balanced, fast].map(|row| row["builder"].as_str()),
+            ["best", "balanced", "fast"]
+        );
+        assert_eq!([offline, fast].map(|row| row["threads"].as_str()), ["1", "2"]);
+        for column in ["build speed-up", "SAH ratio", "T_trace ratio"] {
+            assert_eq!(offline[column], "");
+        }
+        for row in [balanced, fast] {
+            let of = |column| (number(offline, column), number(row, column));
+            let (base, own) = of("T_tree ms");
+            near(number(row, "build speed-up"), base / own);
+            let (base, own) = of("SAH cost");
+            near(number(row, "SAH ratio"), own / base);
+            let (base, own) = of("T_trace ms");
+            near(number(row, "T_trace ratio"), own / base);
+        }
+        // The survey's, of its row of 11,000 triangles, as printed.
+        assert_eq!(number(fast, "survey's triangles"), 11_000.0);
+        near(number(fast, "survey's build speed-up"), 0.085 / 0.012);
+        near(number(fast, "survey's SAH ratio"), 67.9 / 79.0);
+        near(number(fast, "survey's T_trace ratio"), 0.018 / 0.022);
+        near(number(fast, "survey's T_tree ms"), 12.0);
+        near(number(offline, "survey's T_tree ms"), 85.0);
+        assert_eq!(balanced["survey's T_tree ms"], "");
+    }
+}
+
+#[test]
+fn rates_follow_from_their_columns() {
+    let table = made().table("table-4");
+    assert_eq!(table.len(), 6);
+    for row in &table {
+        let update = number(row, "update ms");
+        near(number(row, "frames/s"), 1e3 / (update + number(row, "T_trace ms")));
+        near(number(row, "frames/s, rays alone"), 1e3 / (update + number(row, "rays ms")));
+    }
+    let printed = ["", "23.5", "32"];
+    for (row, printed) in table.iter().zip(printed.iter().cycle()) {
+        assert_eq!(row["survey's frames/s"], *printed, "{}", row["structure"]);
+    }
+}
+
+#[test]
+fn lines_meet_boxes_by_area() {
+    let made = made();
+    let table = made.table("figure-7");
+    assert!(table.len() >= 24, "{}", table.len());
+    assert!(["cell", "random"].iter().all(|kind| table.iter().any(|row| row["box"] == *kind)));
+    let points: Vec<[f64; 2]> =
+        table.iter().map(|row| [number(row, "area"), number(row, "lines that meet it")]).collect();
+    // The correlation, by its definition.
+    let n = points.len() as f64;
+    let sum = |f: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(f).sum::<f64>();
+    let (x, y) = (sum(&|p| p[0]), sum(&|p| p[1]));
+    let (xx, yy, xy) = (sum(&|p| p[0] * p[0]), sum(&|p| p[1] * p[1]), sum(&|p| p[0] * p[1]));
+    let correlation = (n * xy - x * y) / ((n * xx - x * x) * (n * yy - y * y)).sqrt();
+    let areas = &made.printed["areas"];
+    let r_squared = areas["r_squared"].as_f64().unwrap();
+    assert!((r_squared - correlation * correlation).abs() < 1e-9, "{r_squared} {correlation}");
+    assert!((0.97..=1.0).contains(&r_squared), "{r_squared}");
+    let (slope, lines) = (areas["slope"].as_f64().unwrap(), areas["lines"].as_f64().unwrap());
+    assert!((slope / lines - 1.0).abs() < 0.1, "Crofton: {slope} of {lines}");
+    for row in &table {
+        near(number(row, "expected"), lines * number(row, "area"));
+        assert!((0.0..=1.0).contains(&number(row, "area")));
+    }
+}
+
+#[test]
+fn speed_ups_follow_from_times() {
+    let table = made().table("figure-12");
+    // One and two threads, of the largest and the smallest scene.
+    assert_eq!(table.len(), 4);
+    for points in table.chunks(2) {
+        assert_eq!([&points[0], &points[1]].map(|row| row["processors"].as_str()), ["1", "2"]);
+        assert_eq!(number(&points[0], "speed-up"), 1.0);
+        let ratio = number(&points[0], "T_tree ms") / number(&points[1], "T_tree ms");
+        near(number(&points[1], "speed-up"), ratio);
+    }
+    let printed = [&table[0], &table[2]].map(|row| number(row, "survey's greatest speed-up"));
+    assert_eq!(printed, [6.0, 3.0]);
+    assert!(number(&table[0], "triangles") > number(&table[2], "triangles"));
+}
+
+#[test]
+fn pictures_can_be_read_and_show_something() {
+    let made = made();
+    for name in FILES.iter().filter(|name| name.ends_with(".png")) {
+        let picture = image::open(made.path(name)).unwrap().to_rgb8();
+        let (width, height) = picture.dimensions();
+        let expected = if name.starts_with("figure-11") { 96 } else { 700 };
+        assert!(width >= expected && height >= expected, "{name}");
+        let mut counts: HashMap<[u8; 3], usize> = HashMap::new();
+        for pixel in picture.pixels() {
+            *counts.entry(pixel.0).or_default() += 1;
+        }
+        let most = counts.values().max().unwrap();
+        assert!(counts.len() > 20, "{name} has {} colours", counts.len());
+        assert!(*most < picture.pixels().len() * 99 / 100, "{name} is of one colour");
+    }
+    for name in FILES.iter().filter(|name| name.ends_with(".svg")) {
+        let text = made.text(name);
+        assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{name}");
+        assert!(text.matches("<text").count() > 1, "{name}");
+        assert!(!text.contains("NaN") && !text.contains("inf"), "{name}");
+    }
+}
+
+/// Cell, planes and triangles of Figure 10 are in the tree: its caption and note name them.
+#[test]
+fn figure_10_says_which_node_it_shows() {
+    let made = made();
+    let svg = made.text("figure-10.svg");
+    assert!(svg.contains("median split") && svg.contains("cut off, in this order"));
+    assert!(svg.lines().any(|line| line.contains("node ") && line.contains("at level")));
+}
+
+#[test]
+fn times_of_others_join_the_table_only_where_the_rays_are_the_same() {
+    let made = made();
+    let scene = &made.printed["scenes"][0];
+    let mut others = serde_json::json!({
+        "format": 1,
+        "builder": "a refitted one",
+        "threads": 2,
+        "repeat": 3,
+        "scenes": [{
+            "scene": scene["name"],
+            "triangles": scene["triangles"],
+            "camera_rays": scene["camera_rays"],
+            "shadow_rays": scene["shadow_rays"],
+            "rays": scene["rays"],
+            "build_ms": 7.0,
+            "update_ms": 3.0,
+            "rays_ms": 5.0,
+            "different": 0,
+        }],
+    });
+    let folder = folder();
+    let write = |others: &Value| {
+        fs::write(folder.path().join("others.json"), others.to_string()).unwrap();
+    };
+    write(&others);
+    let arguments = ["--quick", "--others", "others.json", "-q"];
+    let output = succeed(folder.path(), &arguments);
+    assert!(output.stdout.is_empty() && output.stderr.is_empty(), "quiet");
+    let table = fs::read_to_string(folder.path().join("paper/table-4.csv")).unwrap();
+    let (head, rows) = csv(&table);
+    assert_eq!(rows.len(), 7);
+    let row: HashMap<String, String> = head.into_iter().zip(rows[3].clone()).collect();
+    assert_eq!(row["structure"], "a refitted one");
+    assert_eq!((number(&row, "frames/s, rays alone"), &row["frames/s"][..]), (125.0, ""));
+    assert_eq!(number(&row, "survey's frames/s"), 10.5);
+
+    // Other rays, a file that is none, a time that is none: no report, and what was there stays.
+    let before = fs::read(folder.path().join("paper/report.json")).unwrap();
+    others["scenes"][0]["rays"] = "0123456789abcdef".into();
+    write(&others);
+    let error = fail(folder.path(), 3, &arguments);
+    assert!(error.contains("others.json") && error.contains("0123456789abcdef"), "{error}");
+    others["scenes"][0]["update_ms"] = 0.0.into();
+    write(&others);
+    assert!(fail(folder.path(), 3, &arguments).contains("above 0"));
+    fs::write(folder.path().join("others.json"), "{}").unwrap();
+    assert!(fail(folder.path(), 3, &arguments).contains("others.json"));
+    fail(folder.path(), 3, &["--quick", "--others", "nothing.json"]);
+    assert_eq!(fs::read(folder.path().join("paper/report.json")).unwrap(), before);
+    assert!(files(&folder.path().join("paper")).iter().all(|name| !name.ends_with(".part")));
+}
+
+#[test]
+fn what_is_wrong_is_said_and_leaves_nothing() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("empty.obj"), "v 0 0 0\n").unwrap();
+    fs::write(path("broken.obj"), "v 0 0 0\nf 1 2 3\n").unwrap();
+    fs::write(path("flat.obj"), "v 0 0 0\nv 1 0 0\nv nan 1 0\nf 1 2 3\n").unwrap();
+    fs::write(path("file"), "").unwrap();
+    let before = files(folder.path());
+    for (code, scene) in [
+        (3, "nothing.obj"),
+        (3, "empty.obj"),
+        (3, "broken.obj"),
+        (3, "flat.obj"),
+        (2, "builtin:nothing"),
+        (2, "builtin:city:7"),
+        (2, "builtin:city@9"),
+        (2, "scene.xyz"),
+    ] {
+        // A good one before it, so that there is something to leave behind.
+        let arguments = ["--quick", "-q", "--scene", "builtin:cornell", "--scene", scene];
+        let error = fail(folder.path(), code, &arguments);
+        assert!(!error.is_empty(), "{scene}");
+        assert_eq!(files(folder.path()), before, "{scene}");
+    }
+    assert!(fail(folder.path(), 3, &["--quick", "--out", "file"]).contains("`file`"));
+    assert!(fail(folder.path(), 3, &["--quick", "--out", "file/below"]).contains("file/below"));
+    fail(folder.path(), 2, &["--quick", "--repeat", "4"]);
+    fail(folder.path(), 2, &["--quick", "--size", "0x0"]);
+    fail(folder.path(), 2, &["--quick", "--threads", "0"]);
+    fail(folder.path(), 5, &["--quick", "--backend", "wgpu"]);
+    fail(folder.path(), 4, &["--quick", "--max-memory", "1k"]);
+    assert_eq!(files(folder.path()), before);
+}
