@@ -36,6 +36,8 @@ fn configs() -> Vec<BuildConfig> {
         best(),
         BuildConfig { clip: false, ..best() },
         BuildConfig { empty_bonus: 0, bad_splits: 0, ..best() },
+        BuildConfig { bad_splits: 3, ..best() },
+        BuildConfig { intersection_cost: 4, block_width: 16, bad_splits: 1, ..best() },
         classic(),
         plain,
         BuildConfig { clip: false, ..plain },

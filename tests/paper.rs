@@ -253,7 +253,7 @@ fn ratios_follow_from_their_columns() {
             ["best", "balanced", "fast"]
         );
         assert_eq!([offline, fast].map(|row| row["threads"].as_str()), ["1", "2"]);
-        for column in ["build speed-up", "SAH ratio", "T_trace ratio"] {
+        for column in ["build speed-up", "SAH ratio", "block cost ratio", "T_trace ratio"] {
             assert_eq!(offline[column], "");
         }
         for row in [balanced, fast] {
@@ -262,6 +262,8 @@ fn ratios_follow_from_their_columns() {
             near(number(row, "build speed-up"), base / own);
             let (base, own) = of("SAH cost");
             near(number(row, "SAH ratio"), own / base);
+            let (base, own) = of("block cost");
+            near(number(row, "block cost ratio"), own / base);
             let (base, own) = of("T_trace ms");
             near(number(row, "T_trace ratio"), own / base);
         }

@@ -47,6 +47,10 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         buffers.counters[Counter::Triangles] = triangles;
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
         buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
+        if limit.is_some_and(|limit| buffers.bytes() > limit) {
+            // Memory of a larger build before: a limit must not depend on what was built earlier.
+            buffers = Buffers { counters: buffers.counters, ..Buffers::default() };
+        }
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
         Ok(CpuExecutor { mesh, config, set, buffers, memory, arithmetic: PhantomData })

@@ -171,7 +171,7 @@ impl BuildConfig {
                 intersection_cost: 2,
                 block_width: 8,
                 empty_bonus: 26,
-                bad_splits: 3,
+                bad_splits: 0,
                 ..fast
             },
         }

@@ -1,9 +1,10 @@
 //! The surface area heuristic: the paper's equations, and the integer form that decides.
 //!
 //! Equations 1 to 6 are numbered as in Martin's survey of Zhou et al. 2008. They are here in `f64`
-//! to explain and to report; no tree depends on them. Trees are decided by [`Extents`] and
-//! [`split_cost`], which compute the same heuristic in `u32` on extents quantised to 10 bits, and
-//! so give the same answer on every device.
+//! to explain and to report; no tree of the schedule depends on them. Those trees are decided by
+//! [`Extents`], [`split_cost`] and [`expected_quarters`], the same heuristic in whole numbers on
+//! extents quantised to 10 bits, which gives the same answer on every device. Preset `best` is built
+//! on CPUs only and computes its costs in `f64`.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, power_of_two};
@@ -157,8 +158,8 @@ pub fn leaf_cost(config: &BuildConfig, area: u32, triangles: u32) -> u32 {
     config.intersection_cost * triangles.div_ceil(config.block_width) * area
 }
 
-/// What a subtree over so many blocks is expected to cost, in quarters of K_I: its blocks as long as
-/// there are at most four, beyond them the power 3/4 of their number.
+/// What a subtree over so many blocks is expected to cost, in quarters of a block: as many as there
+/// are up to four blocks, beyond them `4 (b / 4)^(3/4)` for b blocks.
 ///
 /// The greedy heuristic (Equation 6) takes both children of a split for leaves. A child of many
 /// triangles will be split again and then costs far less than a leaf of them; taking it for a leaf

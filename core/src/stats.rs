@@ -82,7 +82,8 @@ pub struct TreeStats {
     /// Equation 5, corrected (see [`equation_5`]), in units of K_I: the expected cost of a random
     /// ray that meets the bounds and hits nothing.
     pub sah_cost: f64,
-    /// The same with a leaf of n costed as ceil(n / W) blocks: what the builder minimises.
+    /// The same with a leaf of n costed as ceil(n / W) blocks: what builders make small. Compares trees
+    /// of equal K_T, K_I and W only.
     pub block_cost: f64,
     /// What a uniform line through the bounds is expected to do if it passes through everything.
     /// `sah_cost` is [`RayCost::by_tests`] of it, `block_cost` is [`RayCost::by_blocks`]. Zero where

@@ -109,7 +109,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     done
 }
 
-/// Makes the folder, and says whether it was not there. That it cannot be written to is said before
+/// Makes the folder, and says whether it was not there. That this cannot be done is said before
 /// anything is measured.
 fn make_folder(path: &Path) -> Result<bool, Failure> {
     let new = !path.exists();
@@ -288,7 +288,8 @@ impl Arguments {
         let mut figures = Figures::default();
         let (boxes, lines) = if self.quick { (32, 4_000) } else { (96, 100_000) };
         let (first, tree) = (&placed[0], &trees[0]);
-        let areas = areas::count(&tree.view(), &CpuBackend::new(), boxes, lines)?;
+        let count = || areas::count(&tree.view(), &CpuBackend::new(), boxes, lines);
+        let areas = splitplane::report::pool(settings.threads)?.install(count)?;
         figures.tree(placed, &trees)?;
         figures.areas(&first.scene.name, &areas)?;
         progress.step("figures 4, 7 and 9");

@@ -42,7 +42,8 @@ pub struct Areas {
     pub r_squared: f64,
 }
 
-/// Counts lines through boxes: half of them cells of the tree, half random ones within its bounds.
+/// Counts lines through boxes: up to half of them cells of the tree, of sizes that differ, the others
+/// random ones within its bounds. Runs in the rayon pool of the caller.
 ///
 /// # Errors
 /// The backend refuses boxes or rays.

@@ -78,13 +78,15 @@ impl Report {
             self.repeat,
             if self.repeat == 1 { "" } else { "s" }
         );
+        if self.repeat == 1 {
+            out += "**One run is no measurement: the times below only show that the program works.**\n\n";
+        }
         out += "The presets that shaped the trees:\n\n";
         out += &presets(&self.presets).markdown();
         out += "\n## Tables 1 and 2, Equation 4: the worked example\n\n\
-                Half areas and costs by the survey's equations (`core/src/sah.rs`). The survey itself was \
-                not at hand, only a list of its misprints and the result of Equation 4. So these are \
-                the two rows with a misprint, and Equation 4 is that of a cut with the same cost: a cube of \
-                side 10 halved, with 2 and 5 triangles.\n\n";
+                Half areas and costs by the survey's equations (`core/src/sah.rs`): the two rows with a \
+                misprint, and Equation 4 for a cut of the same cost, a cube of side 10 halved, with 2 and 5 \
+                triangles. The other rows are not reproduced.\n\n";
         out += &table_1;
         out += "\nThe misprint of 88 for 68 goes into Table 2 and Equation 4 with a factor of no \
                 triangles, and so changes neither:\n\n";
@@ -95,8 +97,9 @@ impl Report {
                 camera and shadow rays, one camera ray a pixel, no reflections, shaded, until its pixels are \
                 in memory; traced on all threads, or on the GPU, whoever built the tree. SAH cost: \
                 relative to the root, in units of K_I, each triangle of a leaf counted, with the \
-                C_ts of preset fast for all. Builders minimise the block cost instead, which counts leaves \
-                by blocks of W triangles. The survey does not give its constants, so only ratios to the \
+                C_ts of preset fast for all. Builders for wide triangle tests make the block cost small, \
+                which counts leaves by blocks of W triangles; both columns are in the units of preset fast, \
+                so that trees compare, though best is tuned for W = 8 and K_T : K_I = 1 : 2. The survey does not give its constants, so only ratios to the \
                 offline builder compare. The T_trace ratio is given where both were traced on the \
                 same device.\n\n";
         out += &table_3;

@@ -174,7 +174,7 @@ impl Figures {
         let caption = format!(
             "Build time by preset fast against the number of {processors}, for the smallest and the \
              largest scene. Dashed: the greatest speed-ups that the survey prints for its own, 3 (toys) \
-             and 6 (dragon), from and to a number of processors that is not known here."
+             and 6 (dragon), whatever their numbers of processors."
         );
         self.draw(12, name, caption, &ScalingPlot(scalings))
     }

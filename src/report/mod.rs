@@ -29,4 +29,4 @@ pub mod worked;
 
 pub use builders::Builder;
 pub use error::ReportError;
-pub use timing::median;
+pub use timing::{median, pool};

@@ -120,7 +120,7 @@ pub struct BuilderRow {
     /// SAH cost of the finished tree, root-normalised, in units of K_I with every triangle counted
     /// and the C_ts of preset `fast`, whatever the builder's own.
     pub sah_cost: f64,
-    /// The same with leaves costed by blocks of W triangles, W of preset `fast`: what builders minimise.
+    /// The same with leaves costed by blocks of W triangles, W of preset `fast`.
     pub block_cost: f64,
     /// Nodes.
     pub nodes: usize,

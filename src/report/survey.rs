@@ -118,7 +118,7 @@ pub const SCENES: [SurveyScene; 6] = [
 ];
 
 /// Greatest speed-up with more processors that its Figure 12 shows for its largest scene (the dragon).
-/// From how many processors to how many is not known here.
+/// They compare as ratios only.
 pub const SCALING_LARGEST: f64 = 6.0;
 /// The same for its smallest (the toys).
 pub const SCALING_SMALLEST: f64 = 3.0;

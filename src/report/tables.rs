@@ -7,7 +7,7 @@ use super::scene::{BuilderRow, SceneReport};
 use super::table::{Cell, Table};
 
 /// Columns of [`table_3`]. Ratios are ours over the offline builder's, but for the speed-up.
-pub const TABLE_3: [&str; 21] = [
+pub const TABLE_3: [&str; 22] = [
     "picture",
     "scene",
     "triangles",
@@ -21,6 +21,7 @@ pub const TABLE_3: [&str; 21] = [
     "block cost",
     "build speed-up",
     "SAH ratio",
+    "block cost ratio",
     "T_trace ratio",
     "survey's triangles",
     "survey's T_tree ms",
@@ -69,6 +70,7 @@ fn row_of_table_3(scene: &SceneReport, row: &BuilderRow) -> Vec<Cell> {
         Cell::Number(row.block_cost, 2),
         Cell::number(base.map(|base| base.tree_ms / row.tree_ms), 2),
         Cell::number(base.map(|base| row.sah_cost / base.sah_cost), 3),
+        Cell::number(base.map(|base| row.block_cost / base.block_cost), 3),
         Cell::number(traced_alike.map(|base| row.trace_ms / base.trace_ms), 3),
         column.map_or(Cell::Missing, |_| Cell::from(1000 * survey.kilo_triangles)),
         printed(survey.tree_s.map(|s| 1e3 * s), 0),

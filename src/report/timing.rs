@@ -21,7 +21,7 @@ pub(super) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
 }
 
 /// A pool of this many threads.
-pub(super) fn pool(threads: usize) -> Result<rayon::ThreadPool, ReportError> {
+pub fn pool(threads: usize) -> Result<rayon::ThreadPool, ReportError> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| ReportError::Threads { threads, reason: error.to_string() })
 }

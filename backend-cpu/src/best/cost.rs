@@ -63,8 +63,8 @@ impl Costs {
         self.intersection * (self.blocks(n) * area)
     }
 
-    /// What a child of so many blocks is expected to cost, in blocks: itself up to four, beyond them the
-    /// power 3/4 of their number (see [`splitplane_core::sah::expected_quarters`], the same in whole
+    /// What a child of so many blocks is expected to cost, in blocks: itself up to four, beyond them
+    /// `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
     /// numbers). Never falls, and is concave but for rounding: square roots round once.
     #[inline(always)]
     pub fn expected(&self, blocks: f64) -> f64 {

@@ -65,6 +65,10 @@ impl Built {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         match self {
+            // The node of a leaf is not counted anywhere.
+            Built::Whole(subtree) if subtree.nodes.len() == 1 => {
+                (subtree.references.capacity() * size_of::<u32>()) as u64
+            }
             Built::Whole(subtree) => {
                 let nodes = subtree.nodes.capacity() * size_of::<KdNode>();
                 (nodes + subtree.references.capacity() * size_of::<u32>()) as u64

@@ -60,9 +60,13 @@ impl Ledger {
         if needed <= before {
             return Ok(());
         }
-        let wanted = needed.max(before * 2);
         let size = size_of::<T>() as u64;
-        self.take((wanted - before) as u64 * size)?;
+        let mut wanted = needed.max(before * 2);
+        if self.take((wanted - before) as u64 * size).is_err() {
+            // What is needed may fit where twice as much does not.
+            wanted = needed;
+            self.take((wanted - before) as u64 * size)?;
+        }
         let held = self.held.load(Relaxed);
         vector
             .try_reserve_exact(wanted - vector.len())

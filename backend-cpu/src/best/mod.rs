@@ -5,7 +5,9 @@
 //! The candidates of a node are the faces of its references' bounds that lie strictly inside its cell.
 //! The node is split by the candidate of least (cost, axis, position); the cost is Equation 3 of
 //! [`splitplane_core::sah`] with blocks of W triangles, times `1 - empty_bonus / 256` where a side is
-//! empty. References planar in the plane go left together or right together, whichever costs less, left
+//! empty. Candidates are compared with children that cost what [`splitplane_core::sah::expected_quarters`]
+//! says; whether a split pays is asked with leaves for children, and where the first does not pay, the
+//! one that is least with leaves is tried. References planar in the plane go left together or right together, whichever costs less, left
 //! on a tie. A straddling reference goes to both sides, its bounds those of what the triangle has in
 //! either child's cell ([`clip`]).
 //!
@@ -22,8 +24,8 @@
 //! an upper bound of the cost of every candidate in a bin. Bins whose lower bound exceeds the
 //! least upper bound cannot hold the least candidate. The events of the others are sorted and swept. The
 //! plane is the one that a sweep over all events finds; the tests hold it against one that looks at every
-//! plane and every reference. Where bounds rule nothing out (all events in few bins) all events are
-//! sorted, once a node.
+//! plane. Where bounds rule nothing out (all events in few bins) all events are
+//! sorted, at most twice a node.
 //!
 //! # Order
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or

@@ -153,6 +153,9 @@ impl Builder<'_> {
         left.collect(&mut all);
         right.collect(&mut all);
         union(&mut all, 0);
+        // What is retracted is held no longer.
+        self.ledger.give(left.bytes() + right.bytes());
+        drop((left, right));
         Ok((Built::leaf(all), leaf))
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Reads: cell and tight bounds of the node; the bins of its chunks. Writes: the decision: cuts of
 //! empty space, then a split or a transfer to the small list.
-//! Ties: least cost, then axis, then position.
+//! Ties: least expected cost, then axis, then position.
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
