@@ -173,7 +173,7 @@ pub fn expected_quarters(blocks: u32) -> u32 {
     let power = 31 - blocks.leading_zeros();
     let (low, high) = (quarters_of_power(power), quarters_of_power(power + 1));
     let beyond = u64::from(blocks - (1 << power));
-    low + (u64::from(high - low) * beyond >> power) as u32
+    low + ((u64::from(high - low) * beyond) >> power) as u32
 }
 
 /// `16 * 2^(3/4 (power - 2))`, rounded: four times the power 3/4 of `2^power / 4`, in quarters.
