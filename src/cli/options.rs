@@ -4,7 +4,9 @@ use super::failure::Failure;
 use super::knobs::Knobs;
 use clap::{Args, ValueEnum};
 use splitplane::render::Size;
-use splitplane::{Accuracy, BackendKind, BuildOptions, OpenOptions, Preset, QueryOptions};
+use splitplane::{
+    Accuracy, BackendKind, BuildError, BuildOptions, OpenOptions, Preset, QueryOptions,
+};
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Common options")]
@@ -82,6 +84,10 @@ impl Common {
     /// Wrong usage: a knob that the preset does not have, or a value out of range.
     pub(super) fn build_options(&self) -> Result<BuildOptions, Failure> {
         let preset = self.preset();
+        // Said before a device is opened.
+        if self.backend == BackendKind::Wgpu && preset.planes().is_none() {
+            return Err(BuildError::PresetNotOnDevice { preset }.into());
+        }
         Ok(BuildOptions { config: self.knobs.config(preset)?, max_memory: self.max_memory })
     }
 

@@ -15,7 +15,8 @@ impl Plot for Crown {
     where
         B::ErrorType: 'static,
     {
-        let title = format!("The tree to level {}", self.levels);
+        let deepest = self.nodes.iter().map(|node| node.depth).max().unwrap_or(0);
+        let title = format!("The tree to level {deepest}");
         area.draw(&Text::new(title, (40, 24), letters(TITLE, INK, HPos::Left, VPos::Top)))?;
         let step = 1320.0 / self.places.max(1) as f64;
         let row = 560.0 / f64::from(self.levels.max(1));
@@ -43,15 +44,21 @@ impl Plot for Crown {
                     area.draw(&Rectangle::new(corners, GREEN.stroke_width(2)))?;
                 }
             }
-            // The lowest stand too close for words side by side: the odd ones go a line lower.
-            let lower =
-                if node.depth == self.levels && node.place as usize % 2 == 1 { 17 } else { 0 };
             let words = short(node.references);
-            // Lines to children pass behind the words.
-            let (half, top) = (4 * words.len() as i32 + 3, y + 17 + lower);
-            area.draw(&Rectangle::new([(x - half, top), (x + half, top + 15)], WHITE.filled()))?;
-            let style = letters(14, INK, HPos::Center, VPos::Top);
-            area.draw(&Text::new(words, (x, top + 1), style))?;
+            if node.axis.is_some() && node.depth < self.levels {
+                // Beside the node, away from its parent: no line passes there.
+                let parent = node.parent.and_then(|parent| self.nodes.get(parent));
+                let is_left = parent.is_some_and(|parent| node.place < parent.place);
+                let (place, side) =
+                    if is_left { (x - 20, HPos::Right) } else { (x + 20, HPos::Left) };
+                area.draw(&Text::new(words, (place, y), letters(14, INK, side, VPos::Center)))?;
+            } else {
+                // The lowest stand too close for words side by side: the odd ones go a line lower.
+                let lower =
+                    if node.depth == self.levels && node.place as usize % 2 == 1 { 17 } else { 0 };
+                let style = letters(14, INK, HPos::Center, VPos::Top);
+                area.draw(&Text::new(words, (x, y + 18 + lower), style))?;
+            }
         }
         let note = "circles: the axis of the plane that splits; squares: leaves, white without \
                     triangles; numbers: references in the leaves below";
