@@ -267,7 +267,8 @@ mod tests {
     fn each_knob_sets_its_own_field() {
         for (index, knob) in KNOBS.iter().enumerate() {
             let preset = knob.presets[0];
-            let value = (knob.get)(&BuildConfig::preset(preset)) - 1;
+            // Another value than the default, which may be 0.
+            let value = (knob.get)(&BuildConfig::preset(preset)).checked_sub(1).unwrap_or(1);
             let mut values = [None; 11];
             values[index] = Some(value);
             let [a, b, c, d, e, f, g, h, i, j, k] = values;
