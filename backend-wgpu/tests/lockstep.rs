@@ -165,7 +165,11 @@ fn planted_faults_are_named() {
     let of_balanced = [
         (K::BinReferences, "whole > 0u", "false"),
         (K::BinReferences, "range.x], 0x10001u", "range.x], 1u"),
-        (K::SplitBinned, "area, split_areas", "0u, split_areas"),
+        (
+            K::SplitBinned,
+            "expected_split_cost(area, areas, left, right)",
+            "expected_split_cost(area, areas, left, left)",
+        ),
         (K::SplitBinned, "border.cost.x == atomicLoad(&best_low)", "true"),
         (K::SplitBinned, "position, gap > limit)", "position, false)"),
     ]
