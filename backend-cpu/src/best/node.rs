@@ -83,33 +83,32 @@ impl Node {
             let split = cut_empty(costs, cell, references, leaf);
             return Ok(split.map(|split| Decision { split, bad: 0 }));
         }
-        let search = |costs: &Costs, bins: &mut Bins| {
+        let search = |costs: &Costs, limit: f64, bins: &mut Bins| {
             if references.len() <= small::MOST {
-                Ok(small::best_split(set, costs, cell, references, f64::INFINITY))
+                Ok(small::best_split(set, costs, cell, references, limit))
             } else {
-                bins::best_split(set, costs, cell, references, f64::INFINITY, bins, ledger)
+                bins::best_split(set, costs, cell, references, limit, bins, ledger)
             }
         };
+        // What does not pay need not be found where it is not tried.
+        let limit = if self.bad < costs.bad_splits { f64::INFINITY } else { leaf };
         // Whether a split pays is asked with children taken for leaves: what they are expected to cost,
         // they cost only if they can be split well, and references that no plane separates cannot.
         let pays = |split: &Split| {
             let areas = cell.axes[split.axis].at(f64::from(split.position));
             costs.split(cell.step, areas, split.counts) < leaf
         };
-        let mut found = search(costs, bins)?;
-        if !costs.few(count) && !found.as_ref().is_some_and(pays) {
-            found = search(&costs.of_leaves(), bins)?;
+        let few = costs.few(count);
+        let mut found = search(costs, if few { limit } else { f64::INFINITY }, bins)?;
+        if !few && !found.as_ref().is_some_and(pays) {
+            found = search(&costs.of_leaves(), limit, bins)?;
         }
         let Some(split) = found else { return Ok(None) };
         let [left, right] = split.counts.map(u64::from);
         if left + right > self.budget {
             return Ok(None);
         }
-        let pays = pays(&split);
-        if !pays && self.bad >= costs.bad_splits {
-            return Ok(None);
-        }
-        Ok(Some(Decision { split, bad: if pays { 0 } else { self.bad + 1 } }))
+        Ok(Some(Decision { split, bad: if pays(&split) { 0 } else { self.bad + 1 } }))
     }
 }
 
