@@ -1,11 +1,14 @@
 //! The seam between backends: object-safe traits at batch level.
 
+use crate::all_hits::AllHits;
 use crate::config::{BuildConfig, ConfigError, Preset};
 use crate::mesh::Mesh;
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::tree::KdTree;
+use crate::watch::{Progress, Stage, Watch};
 use alloc::boxed::Box;
 use alloc::string::String;
+use alloc::vec::Vec;
 use thiserror::Error;
 
 /// Builds trees and the structures that answer rays through them. Whoever embeds the core may bring
@@ -24,6 +27,25 @@ pub trait Backend: Send + Sync {
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
 
+    /// As [`Backend::build`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// A backend that leaves this as it is asks `watch` before and after the build only.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`], and [`BuildError::Cancelled`].
+    fn build_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let total = mesh.len() as u64;
+        go_on(watch, Progress { stage: Stage::Start, done: 0, total })?;
+        let built = self.build(mesh, options)?;
+        go_on(watch, Progress { stage: Stage::Layout, done: total, total })?;
+        Ok(built)
+    }
+
     /// Makes an accelerator from a tree built earlier, over the same mesh.
     ///
     /// # Errors
@@ -34,6 +56,43 @@ pub trait Backend: Send + Sync {
         tree: KdTree,
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
+}
+
+/// Asks whether to go on with a build.
+///
+/// # Errors
+/// [`BuildError::Cancelled`] where the watch ends it.
+#[inline]
+pub fn go_on(watch: &dyn Watch, progress: Progress) -> Result<(), BuildError> {
+    if watch.progress(&progress).is_break() {
+        return Err(BuildError::Cancelled { progress });
+    }
+    Ok(())
+}
+
+/// Asks whether to go on with a batch of rays.
+///
+/// # Errors
+/// [`QueryError::Cancelled`] where the watch ends it.
+#[inline]
+pub fn go_on_tracing(watch: &dyn Watch, done: u64, total: u64) -> Result<(), QueryError> {
+    if watch.progress(&Progress { stage: Stage::Rays, done, total }).is_break() {
+        return Err(QueryError::Cancelled { done, total });
+    }
+    Ok(())
+}
+
+/// What is to be known of the answers to a batch besides the answers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct QueryReport {
+    /// Rays of accuracy `exact` that a device's bounds of error left undecided. The CPU leaves none.
+    pub undecided: u64,
+    /// Of those the ones without an answer, by their place in the batch, in ascending order: all of
+    /// them where the options say [`Undecided::Flag`](crate::ray::Undecided), else none. What stands in
+    /// their place is not to be used.
+    pub flagged: Vec<usize>,
+    /// Rays that a device's driver did not follow to their end and that the CPU answered instead.
+    pub unfinished: u64,
 }
 
 /// A built tree, ready for rays. Answers do not depend on the order of rays or the thread count.
@@ -56,7 +115,7 @@ pub trait Accelerator: Send + Sync {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError>;
+    ) -> Result<QueryReport, QueryError>;
 
     /// For every ray, whether it hits anything.
     ///
@@ -67,7 +126,48 @@ pub trait Accelerator: Send + Sync {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError>;
+    ) -> Result<QueryReport, QueryError>;
+
+    /// As [`Accelerator::closest_hits`], telling `watch` how far it is; `watch` may end it. What `hits`
+    /// then holds is not to be used.
+    ///
+    /// An accelerator that leaves this as it is asks `watch` between slices of 65,536 rays.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::closest_hits`], and [`QueryError::Cancelled`].
+    fn closest_hits_watched(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        in_slices(rays, hits, watch, |rays, hits| self.closest_hits(rays, hits, options))
+    }
+
+    /// As [`Accelerator::any_hits`], telling `watch` how far it is; `watch` may end it. What `occluded`
+    /// then holds is not to be used.
+    ///
+    /// An accelerator that leaves this as it is asks `watch` between slices of 65,536 rays.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::any_hits`], and [`QueryError::Cancelled`].
+    fn any_hits_watched(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        in_slices(rays, occluded, watch, |rays, occluded| self.any_hits(rays, occluded, options))
+    }
+
+    /// All crossings of every ray with surfaces between its limits, in order along it: see
+    /// [`crate::all_hits`]. They are exact whatever accuracy the options name.
+    ///
+    /// # Errors
+    /// A device that fails.
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError>;
 
     /// Rays of batches that a device's driver did not follow to their end and that the CPU answered
     /// instead, so far. 0 for whoever answers all.
@@ -80,6 +180,40 @@ pub trait Accelerator: Send + Sync {
 
     /// Whether a single ray hits anything.
     fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool;
+}
+
+/// Rays between two looks at the watch.
+const SLICE: usize = 1 << 16;
+
+/// Answers a batch in slices and asks the watch between them.
+fn in_slices<T>(
+    rays: &[Ray],
+    results: &mut [T],
+    watch: &dyn Watch,
+    mut answer: impl FnMut(&[Ray], &mut [T]) -> Result<QueryReport, QueryError>,
+) -> Result<QueryReport, QueryError> {
+    let total = rays.len();
+    if total != results.len() {
+        return Err(QueryError::LengthMismatch { rays: total, results: results.len() });
+    }
+    let mut all = QueryReport::default();
+    let mut done = 0;
+    for (rays, results) in rays.chunks(SLICE).zip(results.chunks_mut(SLICE)) {
+        go_on_tracing(watch, done as u64, total as u64)?;
+        all.append(answer(rays, results)?, done);
+        done += rays.len();
+    }
+    go_on_tracing(watch, done as u64, total as u64)?;
+    Ok(all)
+}
+
+impl QueryReport {
+    /// Adds the report on a part of the batch that begins at ray `first`, behind all parts before.
+    pub fn append(&mut self, part: QueryReport, first: usize) {
+        self.undecided += part.undecided;
+        self.unfinished += part.unfinished;
+        self.flagged.extend(part.flagged.iter().map(|place| first + place));
+    }
 }
 
 /// Who does the work.
@@ -141,6 +275,15 @@ pub enum BuildError {
         needed: u64,
         /// The limit.
         limit: u64,
+    },
+    /// The watch ended the build.
+    #[error(
+        "cancelled in the {} ({} of {} done)",
+        progress.stage.name(), progress.done, Amount(progress.total)
+    )]
+    Cancelled {
+        /// How far it had come.
+        progress: Progress,
     },
     /// A builder that this backend does not have.
     #[error(
@@ -210,6 +353,18 @@ pub enum BuildError {
     },
 }
 
+/// A number that may not be known.
+struct Amount(u64);
+
+impl core::fmt::Display for Amount {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self.0 {
+            0 => f.write_str("unknown"),
+            amount => amount.fmt(f),
+        }
+    }
+}
+
 /// Why a query was refused.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum QueryError {
@@ -220,6 +375,14 @@ pub enum QueryError {
         rays: usize,
         /// Room for results.
         results: usize,
+    },
+    /// The watch ended the batch.
+    #[error("cancelled after {done} of {total} rays")]
+    Cancelled {
+        /// Rays answered.
+        done: u64,
+        /// Rays of the batch.
+        total: u64,
     },
     /// A device failed.
     #[error("the device failed: {0}")]

@@ -6,6 +6,8 @@
 extern crate alloc;
 
 pub mod aabb;
+#[cfg(feature = "alloc")]
+pub mod all_hits;
 pub mod arithmetic;
 #[cfg(feature = "alloc")]
 pub mod backend;
@@ -14,6 +16,7 @@ pub mod config;
 pub mod digest;
 #[cfg(feature = "alloc")]
 pub mod dump;
+pub mod exact;
 pub mod file;
 pub mod intersect;
 pub mod kernel;
@@ -33,3 +36,4 @@ pub mod traverse;
 pub mod tree;
 pub mod triangle;
 pub mod validate;
+pub mod watch;

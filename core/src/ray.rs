@@ -101,6 +101,36 @@ pub enum Accuracy {
     /// that share an edge or a vertex.
     #[default]
     Watertight,
+    /// The hit that real arithmetic gives for the mesh and the ray as they are (see
+    /// [`crate::exact`]): least exact distance, among equal ones the lowest index. Its `t` is that
+    /// distance rounded to nearest. A triangle without area is met nowhere, and neither is one in
+    /// whose plane the ray lies.
+    Exact,
+}
+
+impl Accuracy {
+    /// All of them, the cheapest first.
+    pub const ALL: [Accuracy; 3] = [Accuracy::Fast, Accuracy::Watertight, Accuracy::Exact];
+
+    /// The name on the command line and in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Accuracy::Fast => "fast",
+            Accuracy::Watertight => "watertight",
+            Accuracy::Exact => "exact",
+        }
+    }
+}
+
+/// What becomes of rays of accuracy [`Accuracy::Exact`] that a device cannot decide within its bounds
+/// of error. Either way their number is in the [`QueryReport`](crate::backend::QueryReport).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Undecided {
+    /// They are traced again on the CPU, exactly.
+    #[default]
+    Redo,
+    /// They are left without an answer and named in the report.
+    Flag,
 }
 
 /// What a query asks for besides the rays.
@@ -112,4 +142,6 @@ pub struct QueryOptions {
     pub culling: Culling,
     /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
     pub ignore: Option<u32>,
+    /// What becomes of rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
+    pub undecided: Undecided,
 }

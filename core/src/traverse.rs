@@ -3,6 +3,7 @@
 
 use crate::arithmetic::{Arithmetic, Strict};
 use crate::config::MAX_DEPTH;
+use crate::exact;
 use crate::intersect::{PreparedRay, SceneScale, moeller_trumbore, watertight};
 use crate::node::{KdNode, NodeKind};
 use crate::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -114,7 +115,7 @@ pub fn trace<A: Arithmetic>(
     trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
 }
 
-/// The one loop, in any arithmetic. Front to back; both children are visited when the plane lies
+/// The one loop, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Front to back; both children are visited when the plane lies
 /// within its error of the interval; triangles are tested against the whole ray; it stops when the
 /// next entry lies beyond the best hit and its error.
 pub fn trace_observed<A: Arithmetic, O: Observer>(
@@ -126,6 +127,9 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
     query: Query,
     observer: &mut O,
 ) -> Hit {
+    if options.accuracy == Accuracy::Exact {
+        return exact::trace(tree, triangles, ray, options, query, observer);
+    }
     let mut best = Hit::MISS;
     let Some(prepared) = PreparedRay::new::<A>(ray, scene) else { return best };
     let Some((mut enter, mut exit)) = prepared.enter::<A>(&scene.bounds) else { return best };
@@ -163,12 +167,10 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
                     observer.triangle();
                     let corners = triangles.corners(triangle);
                     let candidate = match options.accuracy {
-                        Accuracy::Watertight => {
-                            watertight::<A>(&prepared, &corners, options.culling)
-                        }
                         Accuracy::Fast => {
                             moeller_trumbore::<A>(&prepared, &corners, options.culling)
                         }
+                        _ => watertight::<A>(&prepared, &corners, options.culling),
                     };
                     let Some(candidate) = candidate else { continue };
                     let Some(t) = prepared.outer_t::<A>(candidate.t) else { continue };

@@ -1,0 +1,320 @@
+//! Where a ray meets a triangle, decided exactly.
+//!
+//! With corners A, B, C relative to the origin and direction d, the three edge functions are
+//! U = d.(C x B), V = d.(A x C), W = d.(B x A), positive all three or negative all three where the ray
+//! passes inside. Their sum is -d.N for the triangle's normal N = (B - A) x (C - A), and the distance
+//! is t = N.A / N.d.
+
+use core::cmp::Ordering;
+
+use super::ExactRay;
+use super::integer::{Integer, quotient};
+use crate::ray::{Culling, Hit};
+use crate::triangle::Triangle;
+
+/// Half a unit in the last place of 1 in `f64`.
+const EPSILON: f64 = f64::EPSILON / 2.0;
+/// Relative to the sum of the magnitudes of its terms, a triple product of three vectors that were each
+/// rounded once errs by less than this: at most eight roundings a term (one for each of three
+/// factors, two products, three sums of the terms and their like), and their products.
+const TRIPLE_ERROR: f64 = 10.0 * EPSILON;
+
+/// A number known in `f64`, and how far off it may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Approximate {
+    pub value: f64,
+    pub error: f64,
+}
+
+impl Approximate {
+    /// The sign, if the error leaves no doubt of it.
+    #[inline(always)]
+    pub fn sign(self) -> Option<Ordering> {
+        if self.value > self.error {
+            Some(Ordering::Greater)
+        } else if self.value < -self.error {
+            Some(Ordering::Less)
+        } else if self.error == 0.0 {
+            Some(Ordering::Equal)
+        } else {
+            None
+        }
+    }
+
+    fn negated(self) -> Approximate {
+        Approximate { value: -self.value, ..self }
+    }
+}
+
+#[inline(always)]
+fn minus(a: &[f32; 3], b: &[f32; 3]) -> [f64; 3] {
+    core::array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
+}
+
+/// `d . (p x q)`, all three known to within one rounding a component.
+#[inline(always)]
+fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
+    let (mut value, mut magnitude) = (0.0, 0.0);
+    for k in 0..3 {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let (left, right) = (p[i] * q[j], p[j] * q[i]);
+        value += d[k] * (left - right);
+        magnitude += d[k].abs() * (left.abs() + right.abs());
+    }
+    Approximate { value, error: magnitude * TRIPLE_ERROR }
+}
+
+/// `d . (p x q)` in whole numbers.
+pub(super) fn triple_exactly(d: &[Integer; 3], p: &[Integer; 3], q: &[Integer; 3]) -> Integer {
+    let mut sum = Integer::ZERO;
+    for k in 0..3 {
+        let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+        let minor = p[i].times(&q[j]).minus(&p[j].times(&q[i]));
+        sum = sum.plus(&d[k].times(&minor));
+    }
+    sum
+}
+
+pub(super) fn difference_exactly(a: &[f32; 3], b: &[f32; 3]) -> [Integer; 3] {
+    core::array::from_fn(|i| Integer::difference(a[i], b[i]))
+}
+
+/// The edge functions of a ray and a triangle: U, V, W.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edges<'a> {
+    pub ray: &'a ExactRay,
+    pub corners: &'a Triangle,
+    pub(super) approximate: [Approximate; 3],
+}
+
+impl<'a> Edges<'a> {
+    #[inline(always)]
+    pub fn new(ray: &'a ExactRay, corners: &'a Triangle) -> Edges<'a> {
+        let d = ray.direction.map(f64::from);
+        let [a, b, c] = [0, 1, 2].map(|i| minus(&corners[i], &ray.origin));
+        Edges {
+            ray,
+            corners,
+            approximate: [triple(&d, &c, &b), triple(&d, &a, &c), triple(&d, &b, &a)],
+        }
+    }
+
+    /// The two corners of each edge, in the order of their product.
+    pub const ENDS: [[usize; 2]; 3] = [[2, 1], [0, 2], [1, 0]];
+
+    pub(super) fn exactly(&self, edge: usize) -> Integer {
+        let [p, q] =
+            Self::ENDS[edge].map(|i| difference_exactly(&self.corners[i], &self.ray.origin));
+        triple_exactly(&self.ray.direction.map(Integer::from_float), &p, &q)
+    }
+
+    /// The exact sign of an edge function.
+    #[inline(always)]
+    pub fn sign(&self, edge: usize) -> Ordering {
+        match self.approximate[edge].sign() {
+            Some(sign) => sign,
+            None => self.exactly(edge).sign(),
+        }
+    }
+}
+
+/// A triangle that a ray's line meets.
+#[derive(Clone, Copy, Debug)]
+pub struct Meeting {
+    ray: ExactRay,
+    corners: Triangle,
+    /// The numerator and denominator of the distance: N.A and N.d.
+    numerator: Approximate,
+    denominator: Approximate,
+    /// The distance.
+    t: Approximate,
+    /// V and W, the weights of the second and third corner before division by the sum of all.
+    weights: [Approximate; 2],
+    front: bool,
+}
+
+/// Whether the line of a ray meets a closed triangle (snapped corners), in both directions and
+/// whatever the limits.
+#[inline]
+pub fn meet(ray: &ExactRay, corners: &Triangle, culling: Culling) -> Option<Meeting> {
+    let edges = Edges::new(ray, corners);
+    let (mut positive, mut negative) = (false, false);
+    for edge in 0..3 {
+        match edges.sign(edge) {
+            Ordering::Less => negative = true,
+            Ordering::Equal => {}
+            Ordering::Greater => positive = true,
+        }
+        if positive && negative {
+            return None;
+        }
+    }
+    // With none of either sign the triangle has no area as the ray sees it.
+    let front = positive;
+    let culled = match culling {
+        Culling::None => false,
+        Culling::Back => !front,
+        Culling::Front => front,
+    };
+    ((positive || negative) && !culled).then(|| Meeting::new(&edges, front))
+}
+
+impl Meeting {
+    pub(super) fn new(edges: &Edges<'_>, front: bool) -> Meeting {
+        let Edges { ray, corners, approximate: [_, v, w] } = *edges;
+        let [a, b, c] = corners;
+        let (ab, ac, oa) = (minus(b, a), minus(c, a), minus(a, &ray.origin));
+        let numerator = triple(&oa, &ab, &ac);
+        let denominator = triple(&ray.direction.map(f64::from), &ab, &ac);
+        let value = numerator.value / denominator.value;
+        let error = if denominator.value.abs() > 2.0 * denominator.error {
+            // (n + e) / (d + f) - n / d = (e - f n / d) / (d + f), and |d + f| > |d| / 2; then the
+            // rounding of the quotient and of this.
+            let spread = numerator.error + denominator.error * value.abs();
+            2.1 * spread / denominator.value.abs() + 2.0 * EPSILON * value.abs()
+        } else {
+            f64::INFINITY
+        };
+        // A quotient of subnormal numbers is no estimate; nothing above gets there.
+        let t = Approximate { value, error: if value.is_finite() { error } else { f64::INFINITY } };
+        Meeting { ray: *ray, corners: *corners, numerator, denominator, t, weights: [v, w], front }
+    }
+
+    /// Whether the ray comes from the side from which the corners run counter-clockwise.
+    pub fn is_front(&self) -> bool {
+        self.front
+    }
+
+    fn normal_products(&self) -> (Integer, Integer) {
+        let [a, b, c] = &self.corners;
+        let (ab, ac) = (difference_exactly(b, a), difference_exactly(c, a));
+        let numerator = triple_exactly(&difference_exactly(a, &self.ray.origin), &ab, &ac);
+        let denominator = triple_exactly(&self.ray.direction.map(Integer::from_float), &ab, &ac);
+        (numerator, denominator)
+    }
+
+    /// An interval of `f64` that holds the distance; unbounded where `f64` cannot tell.
+    #[inline]
+    pub fn t_interval(&self) -> (f64, f64) {
+        if self.t.error.is_finite() {
+            (self.t.value - self.t.error, self.t.value + self.t.error)
+        } else {
+            (f64::NEG_INFINITY, f64::INFINITY)
+        }
+    }
+
+    /// How the exact distance compares with a limit, which is not NaN.
+    #[inline]
+    pub fn compare_limit(&self, limit: f32) -> Ordering {
+        let (least, most) = self.t_interval();
+        let wide = f64::from(limit);
+        if most < wide {
+            Ordering::Less
+        } else if least > wide {
+            Ordering::Greater
+        } else {
+            self.compare_limit_exactly(limit)
+        }
+    }
+
+    #[cold]
+    fn compare_limit_exactly(&self, limit: f32) -> Ordering {
+        if limit.is_infinite() {
+            return if limit > 0.0 { Ordering::Less } else { Ordering::Greater };
+        }
+        let (numerator, denominator) = self.normal_products();
+        // In units of 2^-149 each: the distance counts in whole ones, the limit in parts.
+        let one = Integer::from_float(1.0);
+        let difference =
+            numerator.times(&one).minus(&denominator.times(&Integer::from_float(limit))).sign();
+        if denominator.sign().is_lt() { difference.reverse() } else { difference }
+    }
+
+    /// Whether the exact distance lies between the ray's limits, both included.
+    #[inline]
+    pub fn is_within_limits(&self) -> bool {
+        self.compare_limit(self.ray.t_min).is_ge() && self.compare_limit(self.ray.t_max).is_le()
+    }
+
+    /// How the exact distances of two meetings of one ray compare.
+    #[inline]
+    pub fn compare_t(&self, other: &Meeting) -> Ordering {
+        let ((a, b), (c, d)) = (self.t_interval(), other.t_interval());
+        if b < c {
+            Ordering::Less
+        } else if a > d {
+            Ordering::Greater
+        } else {
+            self.compare_t_exactly(other)
+        }
+    }
+
+    #[cold]
+    fn compare_t_exactly(&self, other: &Meeting) -> Ordering {
+        if self.corners == other.corners {
+            return Ordering::Equal;
+        }
+        let ((n, d), (m, e)) = (self.normal_products(), other.normal_products());
+        let difference = n.times(&e).minus(&m.times(&d)).sign();
+        if d.sign() == e.sign() { difference } else { difference.reverse() }
+    }
+
+    /// The distance, rounded to nearest; below 2^-126 it is 0, beyond `f32::MAX` that.
+    #[inline]
+    pub fn t(&self) -> f32 {
+        let (least, most) = self.t_interval();
+        let (low, high) = (least as f32, most as f32);
+        // Rounding is monotone: equal ends, equal in between.
+        if low == high && low.abs() >= f32::MIN_POSITIVE && low.is_finite() {
+            return low;
+        }
+        self.t_exactly()
+    }
+
+    #[cold]
+    fn t_exactly(&self) -> f32 {
+        let (numerator, denominator) = self.normal_products();
+        quotient(&numerator, &denominator)
+    }
+
+    /// The weights of the second and third corner, each within 2^-24 of what they are, in `[0, 1]`.
+    #[inline]
+    pub fn weights(&self) -> [f32; 2] {
+        let sum = self.denominator.negated();
+        [0, 1].map(|i| {
+            let Approximate { value, error } = self.weights[i];
+            let known = sum.value.abs() > 2.0 * sum.error;
+            if known && 4.0 * (error + sum.error) < sum.value.abs() * WEIGHT_ERROR {
+                ((value / sum.value) as f32).clamp(0.0, 1.0)
+            } else {
+                self.weight_exactly(i)
+            }
+        })
+    }
+
+    #[cold]
+    fn weight_exactly(&self, i: usize) -> f32 {
+        let edges = Edges::new(&self.ray, &self.corners);
+        let [u, v, w] = [0, 1, 2].map(|edge| edges.exactly(edge));
+        let sum = u.plus(&v).plus(&w);
+        quotient(if i == 0 { &v } else { &w }, &sum)
+    }
+
+    /// The record of this hit.
+    #[inline]
+    pub fn hit(&self, triangle: u32) -> Hit {
+        let [u, v] = self.weights();
+        Hit { t: self.t(), triangle, u, v: if u + v > 1.0 { 1.0 - u } else { v } }
+    }
+}
+
+/// Least part of the sum to which weights are known in `f64` before whole numbers are asked.
+const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
+
+#[cfg(all(test, feature = "alloc"))]
+impl Meeting {
+    /// Whether numerator and denominator were known to `f64`'s bounds; for tests of the bounds.
+    pub(super) fn parts(&self) -> ([Approximate; 2], (Integer, Integer)) {
+        ([self.numerator, self.denominator], self.normal_products())
+    }
+}

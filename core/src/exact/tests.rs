@@ -1,0 +1,139 @@
+//! Bounds against whole numbers, and surfaces crossed once.
+
+use alloc::vec::Vec;
+use core::cmp::Ordering;
+
+use super::integer::{self, Integer};
+use super::meeting::Edges;
+use super::*;
+use crate::ray::Culling;
+use crate::triangle::Triangle;
+
+/// A small generator: numbers of the given kind.
+struct Numbers(u32);
+
+impl Numbers {
+    fn bits(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        self.0 ^ self.0 >> 16
+    }
+
+    /// Whole numbers from -4 to 4, where much is degenerate; or any floats; or neighbours of 1.
+    fn float(&mut self, kind: u32) -> f32 {
+        let bits = self.bits();
+        match kind % 4 {
+            0 => (bits % 9) as f32 - 4.0,
+            1 => {
+                let x = snap(f32::from_bits(bits));
+                if x.is_finite() { x } else { 1.0 }
+            }
+            2 => f32::from_bits(1.0f32.to_bits() + bits % 16),
+            _ => (bits >> 8) as f32 / 8_388_608.0 - 1.0,
+        }
+    }
+
+    fn point(&mut self, kind: u32) -> [f32; 3] {
+        core::array::from_fn(|_| self.float(kind))
+    }
+
+    fn ray(&mut self, kind: u32) -> Option<ExactRay> {
+        ExactRay::new(&Ray::new(self.point(kind), self.point(kind)))
+    }
+
+    fn triangle(&mut self, kind: u32) -> Triangle {
+        core::array::from_fn(|_| self.point(kind))
+    }
+}
+
+#[test]
+fn what_bounds_decide_is_right() {
+    let mut numbers = Numbers(3);
+    let (mut decided, mut met, mut zero) = (0, 0, 0);
+    for round in 0..20_000 {
+        let Some(ray) = numbers.ray(round) else { continue };
+        let corners = numbers.triangle(round / 4);
+        let edges = Edges::new(&ray, &corners);
+        for edge in 0..3 {
+            let exact = edges.exactly(edge).sign();
+            zero += u32::from(exact.is_eq());
+            if let Some(sign) = edges.approximate[edge].sign() {
+                assert_eq!(sign, exact, "{ray:?} {corners:?}");
+                decided += 1;
+            }
+        }
+        if let Some(meeting) = meet(&ray, &corners, Culling::None) {
+            met += 1;
+            let ([n, d], (numerator, denominator)) = meeting.parts();
+            assert!(n.sign().is_none_or(|sign| sign == numerator.sign()));
+            assert!(d.sign().is_none_or(|sign| sign == denominator.sign()));
+            assert_eq!(meeting.t(), integer::quotient(&numerator, &denominator));
+            // The interval holds the distance: compared with floats around it.
+            for limit in [meeting.t().next_down(), meeting.t(), meeting.t().next_up(), 0.0] {
+                if limit.is_infinite() {
+                    continue;
+                }
+                let (least, most) = meeting.t_interval();
+                let exact = numerator
+                    .times(&Integer::from_float(1.0))
+                    .minus(&denominator.times(&Integer::from_float(limit)));
+                let order = match denominator.sign() {
+                    Ordering::Less => exact.sign().reverse(),
+                    _ => exact.sign(),
+                };
+                assert!(f64::from(limit) >= least || order.is_gt());
+                assert!(f64::from(limit) <= most || order.is_lt());
+                assert_eq!(meeting.compare_limit(limit), order);
+            }
+        }
+    }
+    assert!(decided > 20_000 && met > 500 && zero > 100, "{decided} {met} {zero}");
+}
+
+/// A closed surface: the eight triangles around a vertex at the origin and their mirror images.
+fn octahedron() -> Vec<Triangle> {
+    let mut out = Vec::new();
+    for octant in 0..8 {
+        let sign = |axis: u32| if octant >> axis & 1 == 0 { 1.0 } else { -1.0 };
+        let (x, y, z) = ([sign(0), 0.0, 0.0], [0.0, sign(1), 0.0], [0.0, 0.0, sign(2)]);
+        // Outside is the front.
+        let outward = sign(0) * sign(1) * sign(2) > 0.0;
+        out.push(if outward { [x, y, z] } else { [x, z, y] });
+    }
+    out
+}
+
+#[test]
+fn closed_surfaces_are_crossed_in_and_out() {
+    let surface = octahedron();
+    let mut through_edges = 0;
+    for round in 0..2_000 {
+        let mut numbers = Numbers(round);
+        let kind = [0, 3][round as usize % 2];
+        let Some(ray) = numbers.ray(kind) else { continue };
+        let crossed: Vec<_> =
+            surface.iter().filter_map(|corners| cross(&ray, corners, Culling::None)).collect();
+        let fronts = crossed.iter().filter(|met| met.is_front()).count();
+        assert_eq!(crossed.len(), 2 * fronts, "{ray:?}");
+        let touched =
+            surface.iter().filter(|corners| meet(&ray, corners, Culling::None).is_some()).count();
+        assert!(
+            crossed.len() <= 2 && touched >= crossed.len(),
+            "{} {touched} {ray:?}",
+            crossed.len()
+        );
+        through_edges += u32::from(touched > crossed.len());
+    }
+    assert!(through_edges > 20, "{through_edges}");
+}
+
+#[test]
+fn rays_in_a_plane_meet_nothing_there() {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let ray = ExactRay::new(&Ray::new([-1.0, 0.25, 0.0], [1.0, 0.0, 0.0])).unwrap();
+    assert!(meet(&ray, &corners, Culling::None).is_none());
+    assert!(cross(&ray, &corners, Culling::None).is_none());
+    let line = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [2.0, 2.0, 2.0]];
+    let across = ExactRay::new(&Ray::new([1.0, 1.0, 0.0], [0.0, 0.0, 1.0])).unwrap();
+    assert!(meet(&across, &line, Culling::None).is_none());
+    assert!(cross(&across, &line, Culling::None).is_none());
+}

@@ -1,0 +1,71 @@
+//! Watching work that takes long, and ending it.
+
+use core::ops::ControlFlow;
+
+/// What a build or a batch is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Bounds and references of all triangles.
+    Start,
+    /// The large-node stage; `done` counts levels, whose number is not known before the end.
+    LargeNodes,
+    /// The small-node stage; `done` counts small roots.
+    SmallNodes,
+    /// Nodes and references take their places.
+    Output,
+    /// The offline builder, in place of the two stages; `done` counts references that have come to
+    /// rest in leaves, `total` estimates them.
+    Offline,
+    /// What queries read is made from the tree; `done` counts leaves.
+    Layout,
+    /// A device works on what it was handed.
+    Device,
+    /// Rays are traced; `done` counts rays.
+    Rays,
+}
+
+impl Stage {
+    /// The stage in a few words.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Stage::Start => "triangle bounds",
+            Stage::LargeNodes => "large-node stage",
+            Stage::SmallNodes => "small-node stage",
+            Stage::Output => "output stage",
+            Stage::Offline => "offline builder",
+            Stage::Layout => "query layout",
+            Stage::Device => "device",
+            Stage::Rays => "rays",
+        }
+    }
+}
+
+/// How far work has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// What is being done.
+    pub stage: Stage,
+    /// How much of the stage is done, in the stage's unit.
+    pub done: u64,
+    /// How much there is to do; 0 where that is not known.
+    pub total: u64,
+}
+
+/// Is told how far work has come, and may end it.
+///
+/// Called from any of the threads that work, several at once, often (about every millisecond of work
+/// of a thread; on devices between submissions and while waiting for one): an answer should take little
+/// time. After the first [`ControlFlow::Break`] the work ends with an error that says where; what was
+/// built or answered until then is dropped, and everything stays fit for use.
+pub trait Watch: Sync {
+    /// Work has come this far; `Break` ends it.
+    fn progress(&self, progress: &Progress) -> ControlFlow<()>;
+}
+
+/// Takes no notice.
+impl Watch for () {
+    #[inline]
+    fn progress(&self, _progress: &Progress) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
