@@ -75,15 +75,18 @@ pub mod viewer;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
+pub use splitplane_core::all_hits::{AllHits, Crossing};
 pub use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
+    QueryReport,
 };
 pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
 pub use splitplane_core::digest::Digest;
 pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::node::{Axis, KdNode, NodeKind};
-pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
+pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
+pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]
 pub use splitplane_cpu::CpuBackend;
 #[cfg(feature = "wgpu")]

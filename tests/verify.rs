@@ -3,8 +3,8 @@
 use splitplane::scene::Scene;
 use splitplane::verify::{Report, check};
 use splitplane::{
-    Accelerator, Backend, BuildOptions, BuildSummary, CpuBackend, Hit, KdTree, Mesh, QueryError,
-    QueryOptions, Ray,
+    Accelerator, AllHits, Backend, BuildOptions, BuildSummary, CpuBackend, Hit, KdTree, Mesh,
+    QueryError, QueryOptions, QueryReport, Ray,
 };
 
 /// Answers of a sound accelerator, changed.
@@ -28,25 +28,28 @@ impl<F: Fn(&Ray, Hit) -> Hit + Send + Sync> Accelerator for Damaged<F> {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         self.sound.closest_hits(rays, hits, options)?;
         for (ray, hit) in rays.iter().zip(hits) {
             *hit = (self.change)(ray, *hit);
         }
-        Ok(())
+        Ok(QueryReport::default())
     }
     fn any_hits(
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         let mut hits = vec![Hit::MISS; rays.len()];
         self.closest_hits(rays, &mut hits, options)?;
         for (occluded, hit) in occluded.iter_mut().zip(hits) {
             *occluded = hit.is_hit();
         }
-        Ok(())
+        Ok(QueryReport::default())
+    }
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        self.sound.all_hits(rays, options)
     }
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
         (self.change)(ray, self.sound.closest_hit(ray, options).unwrap_or(Hit::MISS)).some()

@@ -124,7 +124,7 @@ fn every_path_equals_the_reference() {
                 (Accuracy::Watertight, Culling::Back, Some(7)),
                 (Accuracy::Fast, Culling::Front, None),
             ] {
-                let options = QueryOptions { accuracy, culling, ignore };
+                let options = QueryOptions { accuracy, culling, ignore, ..Default::default() };
                 let expected: Vec<Hit> = rays
                     .iter()
                     .map(|ray| {

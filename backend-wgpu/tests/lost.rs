@@ -7,7 +7,9 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryError};
+use splitplane_core::backend::{
+    Accelerator, Backend, BuildError, BuildOptions, QueryError, QueryReport,
+};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
@@ -56,7 +58,7 @@ fn assert_build_lost<T>(result: Result<T, BuildError>, what: &str) {
 
 /// A query on a lost device.
 #[track_caller]
-fn assert_query_lost(result: &Result<(), QueryError>, what: &str) {
+fn assert_query_lost(result: &Result<QueryReport, QueryError>, what: &str) {
     assert!(matches!(result, Err(QueryError::DeviceLost { .. })), "{what}: {result:?}");
 }
 

@@ -1,12 +1,12 @@
 //! All hits of a ray, in order, each crossing of a surface once.
 
 use alloc::vec::Vec;
-use core::cmp::Ordering;
 
 use crate::exact::{ExactRay, Meeting, cross};
-use crate::ray::{Hit, QueryOptions, Ray};
+use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::traverse::Triangles;
 use crate::tree::KdTreeView;
+use crate::triangle::Triangle;
 
 /// A place where a ray crosses a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +28,22 @@ pub struct AllHits {
 }
 
 impl AllHits {
+    /// The crossings of rays, one ray after the other: the reference.
+    pub fn one_by_one(
+        tree: &KdTreeView<'_>,
+        triangles: &(impl Triangles + ?Sized),
+        rays: &[Ray],
+        options: &QueryOptions,
+    ) -> AllHits {
+        let mut all = AllHits { starts: Vec::with_capacity(rays.len() + 1), crossings: Vec::new() };
+        all.starts.push(0);
+        for ray in rays {
+            all_hits(tree, triangles, ray, options, &mut all.crossings);
+            all.starts.push(all.crossings.len());
+        }
+        all
+    }
+
     /// The crossings of a ray of the batch, the nearest first.
     pub fn of(&self, ray: usize) -> &[Crossing] {
         &self.crossings[self.starts[ray]..self.starts[ray + 1]]
@@ -46,32 +62,41 @@ pub fn all_hits(
     options: &QueryOptions,
     out: &mut Vec<Crossing>,
 ) {
-    let mut found: Vec<(Meeting, u32)> = Vec::new();
-    crate::exact::visit(
-        tree,
-        triangles,
-        ray,
-        options,
-        &mut (),
-        |ray: &ExactRay, corners, triangle| {
-            if let Some(met) = cross(ray, corners, options.culling)
-                && met.is_within_limits()
-            {
-                found.push((met, triangle));
-            }
-            f64::INFINITY
-        },
-    );
-    // A triangle may be in several leaves.
-    found.sort_unstable_by_key(|&(_, triangle)| triangle);
-    found.dedup_by_key(|&mut (_, triangle)| triangle);
-    found.sort_by(|(a, i), (b, j)| match a.compare_t(b) {
-        Ordering::Equal => i.cmp(j),
-        order => order,
+    let mut collector = Collector::default();
+    crate::exact::visit(tree, triangles, ray, options, &mut (), |ray, corners, triangle| {
+        collector.test(ray, corners, triangle, options.culling);
+        f64::INFINITY
     });
-    out.extend(
-        found
-            .iter()
-            .map(|(met, triangle)| Crossing { hit: met.hit(*triangle), front: met.is_front() }),
-    );
+    collector.finish(out);
+}
+
+/// Collects the crossings of one ray from the triangles of the leaves it passes.
+#[derive(Clone, Debug, Default)]
+pub struct Collector {
+    found: Vec<(Meeting, u32)>,
+}
+
+impl Collector {
+    /// Tests a triangle (snapped corners), which may come more than once.
+    #[inline]
+    pub fn test(&mut self, ray: &ExactRay, corners: &Triangle, triangle: u32, culling: Culling) {
+        if let Some(met) = cross(ray, corners, culling)
+            && met.is_within_limits()
+        {
+            self.found.push((met, triangle));
+        }
+    }
+
+    /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray.
+    pub fn finish(&mut self, out: &mut Vec<Crossing>) {
+        self.found.sort_unstable_by_key(|&(_, triangle)| triangle);
+        self.found.dedup_by_key(|&mut (_, triangle)| triangle);
+        // Stable: equal distances stay in order of their triangles.
+        self.found.sort_by(|(a, _), (b, _)| a.compare_t(b));
+        let crossing = |(met, triangle): (Meeting, u32)| Crossing {
+            hit: met.hit(triangle),
+            front: met.is_front(),
+        };
+        out.extend(self.found.drain(..).map(crossing));
+    }
 }

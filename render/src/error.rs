@@ -19,6 +19,14 @@ pub enum RenderError {
     #[cfg(feature = "wgpu")]
     #[error(transparent)]
     Gpu(#[from] splitplane_wgpu::GpuError),
+    /// Frames on a device are traced `fast` or `watertight`: rays that a device cannot decide exactly
+    /// would have to come back to the host.
+    #[cfg(feature = "wgpu")]
+    #[error(
+        "frames on a GPU are traced with accuracy fast or watertight, not exact; take backend cpu, or \
+         another accuracy"
+    )]
+    ExactOnDevice,
     /// A buffer that the picture is to be written to does not suit.
     #[cfg(feature = "wgpu")]
     #[error("the buffer for the picture {reason}")]

@@ -93,6 +93,7 @@ impl From<BuildError> for Failure {
     fn from(error: BuildError) -> Failure {
         let code = match error {
             BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => USAGE,
+            BuildError::Cancelled { .. } => CANCELLED,
             BuildError::OutOfMemory { .. }
             | BuildError::TooLarge { .. }
             | BuildError::DeviceLimit { .. }
@@ -110,6 +111,7 @@ impl From<QueryError> for Failure {
     fn from(error: QueryError) -> Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
+            QueryError::Cancelled { .. } => CANCELLED,
             QueryError::DeviceLimit { .. } | QueryError::DeviceMemory { .. } => LIMIT,
             QueryError::Device(_)
             | QueryError::DeviceLost { .. }
@@ -156,6 +158,8 @@ impl From<TracerError> for Failure {
                     | RenderError::PixelTooDeep { .. }
                     | RenderError::Appearance(_) => LIMIT,
                     RenderError::Plan(_) => USAGE,
+                    #[cfg(feature = "wgpu")]
+                    RenderError::ExactOnDevice => USAGE,
                     #[cfg(feature = "wgpu")]
                     RenderError::Gpu(error) => gpu_code(error),
                     _ => BUG,

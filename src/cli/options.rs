@@ -58,6 +58,8 @@ enum AccuracyName {
     Fast,
     /// Woop, Benthin and Wald 2013
     Watertight,
+    /// What real arithmetic gives for the mesh and the rays as they are
+    Exact,
 }
 
 impl Common {
@@ -95,15 +97,13 @@ impl Common {
         let accuracy = match self.accuracy {
             AccuracyName::Fast => Accuracy::Fast,
             AccuracyName::Watertight => Accuracy::Watertight,
+            AccuracyName::Exact => Accuracy::Exact,
         };
         QueryOptions { accuracy, ..QueryOptions::default() }
     }
 
     pub(super) fn accuracy_name(&self) -> &'static str {
-        match self.accuracy {
-            AccuracyName::Fast => "fast",
-            AccuracyName::Watertight => "watertight",
-        }
+        self.query_options().accuracy.name()
     }
 }
 

@@ -50,6 +50,7 @@ struct QueryReport {
     build_ms: f64,
     trace_ms: f64,
     mrays_per_s: f64,
+    undecided: u64,
     answered_by_cpu: u64,
     digest: String,
 }
@@ -68,14 +69,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let bar = progress::bar(common.quiet, "tracing", u64::from(arguments.repeat));
         let mut times = Vec::new();
+        let mut undecided = 0;
         for _ in 0..arguments.repeat {
             let start = Instant::now();
-            match arguments.kind {
-                Kind::Closest => {
-                    prepared.accelerator.closest_hits(&rays, &mut closest, &options)?;
-                }
-                Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options)?,
-            }
+            let answers = match arguments.kind {
+                Kind::Closest => prepared.accelerator.closest_hits(&rays, &mut closest, &options),
+                Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options),
+            };
+            undecided = answers?.undecided;
             times.push(milliseconds(start));
             bar.inc(1);
         }
@@ -97,9 +98,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: rays.len() as f64 / trace_ms.max(1e-6) / 1e3,
+            undecided,
             answered_by_cpu: prepared.accelerator.answered_by_cpu(),
             digest: prepared.accelerator.tree().digest().to_string(),
         };
+        if undecided > 0 && !common.quiet {
+            output::note(&format!(
+                "note: the device could not decide {} exactly; the CPU did",
+                counted(undecided, "ray")
+            ));
+        }
         if report.answered_by_cpu > 0 && !common.quiet {
             output::note(&format!(
                 "note: the driver did not follow {} to the end; the CPU answered instead",

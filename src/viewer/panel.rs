@@ -177,7 +177,7 @@ fn rendering(ui: &mut Ui, state: &mut State) {
         ui.label("accuracy");
         ui.horizontal(|ui| {
             for &accuracy in &can.accuracies {
-                ui.selectable_value(&mut choices.accuracy, accuracy, name_of(accuracy));
+                ui.selectable_value(&mut choices.accuracy, accuracy, accuracy.name());
             }
         });
         ui.end_row();
@@ -255,13 +255,6 @@ fn row(ui: &mut Ui, what: &str, value: String) {
         ui.add(egui::Label::new(RichText::new(value).monospace().size(12.0)).truncate());
     });
     ui.end_row();
-}
-
-fn name_of(accuracy: Accuracy) -> &'static str {
-    match accuracy {
-        Accuracy::Fast => "fast",
-        Accuracy::Watertight => "watertight",
-    }
 }
 
 /// Millions of rays a second.

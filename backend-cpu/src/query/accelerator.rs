@@ -2,14 +2,16 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
+use splitplane_core::all_hits::{AllHits, Collector, Crossing};
+use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
 use splitplane_core::intersect::{Limits, SceneScale};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::blocks::Blocks;
+use super::exact;
 #[cfg(target_arch = "x86_64")]
 use super::lanes;
 use super::leaf::InstructionSet;
@@ -87,14 +89,14 @@ impl CpuAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         check(rays.len(), hits.len())?;
         rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
             for (ray, hit) in rays.iter().zip(hits) {
                 *hit = self.trace(ray, options, Query::Closest);
             }
         });
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     /// Whether rays hit anything, one ray after the other.
@@ -106,17 +108,20 @@ impl CpuAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         check(rays.len(), occluded.len())?;
         rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
             for (ray, occluded) in rays.iter().zip(occluded) {
                 *occluded = self.trace(ray, options, Query::Any).is_hit();
             }
         });
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+        if options.accuracy == Accuracy::Exact {
+            return exact::trace(&self.blocks, &self.tree.bounds, ray, options, query);
+        }
         let Some((ray, interval)) = prepare_one(ray, &self.scene) else { return Hit::MISS };
         // SAFETY: `set` was detected on this processor.
         unsafe { single::trace(self.set, &self.blocks, &ray, interval, options, query) }
@@ -131,7 +136,10 @@ impl CpuAccelerator {
         mut answer: impl FnMut(usize, Hit),
     ) {
         #[cfg(target_arch = "x86_64")]
-        if self.set == InstructionSet::Avx512 && rays.len() >= lanes::WORTHWHILE {
+        if self.set == InstructionSet::Avx512
+            && rays.len() >= lanes::WORTHWHILE
+            && options.accuracy != Accuracy::Exact
+        {
             let (blocks, scene) = (&self.blocks, &self.scene);
             // SAFETY: `set` was detected on this processor.
             unsafe { lanes::trace(blocks, scene, rays, options, query, &mut answer) };
@@ -179,12 +187,12 @@ impl Accelerator for CpuAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         check(rays.len(), hits.len())?;
         rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
             self.trace_batch(rays, options, Query::Closest, |index, hit| hits[index] = hit);
         });
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     fn any_hits(
@@ -192,14 +200,37 @@ impl Accelerator for CpuAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         check(rays.len(), occluded.len())?;
         rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
             self.trace_batch(rays, options, Query::Any, |index, hit| {
                 occluded[index] = hit.is_hit();
             });
         });
-        Ok(())
+        Ok(QueryReport::default())
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        let parts: Vec<(Vec<usize>, Vec<Crossing>)> = rays
+            .par_chunks(TASK)
+            .map(|rays| {
+                let (mut ends, mut crossings) = (Vec::with_capacity(rays.len()), Vec::new());
+                let mut collector = Collector::default();
+                for ray in rays {
+                    let (blocks, bounds) = (&self.blocks, &self.tree.bounds);
+                    exact::all_hits(blocks, bounds, ray, options, &mut collector, &mut crossings);
+                    ends.push(crossings.len());
+                }
+                (ends, crossings)
+            })
+            .collect();
+        let mut all = AllHits { starts: vec![0], crossings: Vec::new() };
+        for (ends, crossings) in parts {
+            let first = all.crossings.len();
+            all.starts.extend(ends.iter().map(|end| first + end));
+            all.crossings.extend(crossings);
+        }
+        Ok(all)
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

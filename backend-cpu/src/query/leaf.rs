@@ -78,8 +78,8 @@ pub(crate) fn decide(
     options: &QueryOptions,
 ) -> Option<Candidate> {
     match options.accuracy {
-        Accuracy::Watertight => watertight::<Strict>(ray, triangle, options.culling),
         Accuracy::Fast => moeller_trumbore::<Strict>(ray, triangle, options.culling),
+        _ => watertight::<Strict>(ray, triangle, options.culling),
     }
 }
 

@@ -6,6 +6,7 @@
 
 mod accelerator;
 mod blocks;
+mod exact;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod leaf;

@@ -3,8 +3,9 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use splitplane_core::backend::{Accelerator, BuildSummary, QueryError};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::all_hits::AllHits;
+use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
@@ -98,13 +99,21 @@ impl Accelerator for WgpuAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
+        if options.accuracy == Accuracy::Exact {
+            same_length(rays.len(), hits.len())?;
+            for (ray, hit) in rays.iter().zip(hits) {
+                *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
+            }
+            return Ok(QueryReport { undecided: rays.len() as u64, ..QueryReport::default() });
+        }
         let marked = self.queries.closest_hits_marking(&self.device, rays, hits, options)?;
-        self.answered_by_cpu.fetch_add(marked.len() as u64, Ordering::Relaxed);
+        let unfinished = marked.len() as u64;
+        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
         for ray in marked {
             hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
         }
-        Ok(())
+        Ok(QueryReport { unfinished, ..QueryReport::default() })
     }
 
     fn any_hits(
@@ -112,13 +121,26 @@ impl Accelerator for WgpuAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
+        if options.accuracy == Accuracy::Exact {
+            same_length(rays.len(), occluded.len())?;
+            for (ray, answer) in rays.iter().zip(occluded) {
+                *answer = self.any_hit(ray, options);
+            }
+            return Ok(QueryReport { undecided: rays.len() as u64, ..QueryReport::default() });
+        }
         let marked = self.queries.any_hits_marking(&self.device, rays, occluded, options)?;
-        self.answered_by_cpu.fetch_add(marked.len() as u64, Ordering::Relaxed);
+        let unfinished = marked.len() as u64;
+        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
         for ray in marked {
             occluded[ray] = self.any_hit(&rays[ray], options);
         }
-        Ok(())
+        Ok(QueryReport { unfinished, ..QueryReport::default() })
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
     }
 
     fn answered_by_cpu(&self) -> u64 {
@@ -134,4 +156,8 @@ impl Accelerator for WgpuAccelerator {
         let scale = self.device.scene_scale();
         traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
     }
+}
+
+fn same_length(rays: usize, results: usize) -> Result<(), QueryError> {
+    if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
 }

@@ -25,10 +25,10 @@ impl QueryKernel {
     /// The kernel that answers a query.
     pub(super) fn of(query: Query, options: &QueryOptions) -> QueryKernel {
         match (query, options.accuracy) {
-            (Query::Closest, Accuracy::Watertight) => QueryKernel::ClosestHit,
             (Query::Closest, Accuracy::Fast) => QueryKernel::ClosestHitFast,
-            (Query::Any, Accuracy::Watertight) => QueryKernel::AnyHit,
+            (Query::Closest, _) => QueryKernel::ClosestHit,
             (Query::Any, Accuracy::Fast) => QueryKernel::AnyHitFast,
+            (Query::Any, _) => QueryKernel::AnyHit,
         }
     }
 }

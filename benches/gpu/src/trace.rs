@@ -92,7 +92,7 @@ impl Answers {
         match self {
             Answers::Closest(hits) => accelerator.closest_hits(rays, hits, &options)?,
             Answers::Any(any) => accelerator.any_hits(rays, any, &options)?,
-        }
+        };
         Ok(())
     }
 

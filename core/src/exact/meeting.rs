@@ -123,8 +123,7 @@ impl<'a> Edges<'a> {
 pub struct Meeting {
     ray: ExactRay,
     corners: Triangle,
-    /// The numerator and denominator of the distance: N.A and N.d.
-    numerator: Approximate,
+    /// The denominator of the distance, N.d.
     denominator: Approximate,
     /// The distance.
     t: Approximate,
@@ -177,7 +176,7 @@ impl Meeting {
         };
         // A quotient of subnormal numbers is no estimate; nothing above gets there.
         let t = Approximate { value, error: if value.is_finite() { error } else { f64::INFINITY } };
-        Meeting { ray: *ray, corners: *corners, numerator, denominator, t, weights: [v, w], front }
+        Meeting { ray: *ray, corners: *corners, denominator, t, weights: [v, w], front }
     }
 
     /// Whether the ray comes from the side from which the corners run counter-clockwise.
@@ -313,8 +312,8 @@ const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
 
 #[cfg(all(test, feature = "alloc"))]
 impl Meeting {
-    /// Whether numerator and denominator were known to `f64`'s bounds; for tests of the bounds.
-    pub(super) fn parts(&self) -> ([Approximate; 2], (Integer, Integer)) {
-        ([self.numerator, self.denominator], self.normal_products())
+    /// Numerator and denominator of the distance in whole numbers, and the latter in `f64`.
+    pub(super) fn parts(&self) -> (Approximate, (Integer, Integer)) {
+        (self.denominator, self.normal_products())
     }
 }

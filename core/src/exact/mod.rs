@@ -17,7 +17,7 @@ mod traverse;
 pub use meeting::{Meeting, meet};
 pub use perturbed::cross;
 pub(crate) use traverse::visit;
-pub use traverse::{closest_hit, trace};
+pub use traverse::{Best, Walker, closest_hit, trace};
 
 use crate::arithmetic::snap;
 use crate::ray::Ray;

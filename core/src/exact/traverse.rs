@@ -6,7 +6,7 @@ use super::meeting::{Meeting, meet};
 use crate::aabb::Aabb;
 use crate::config::MAX_DEPTH;
 use crate::node::NodeKind;
-use crate::ray::{Hit, QueryOptions, Ray};
+use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::traverse::{Observer, Query, Triangles};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
@@ -15,23 +15,30 @@ use crate::triangle::Triangle;
 /// rounding of `f64` each, 2^-53, and so is the widening; this is twice that.
 const PLANE_SLACK: f64 = 8.0 * f64::EPSILON / 2.0;
 
-/// A ray among the planes of a tree.
+/// A ray among the planes of a tree, for traversals of any layout.
 #[derive(Clone, Copy, Debug)]
-struct Walker {
+pub struct Walker {
     origin: [f64; 3],
     direction: [f64; 3],
 }
 
 impl Walker {
-    fn new(ray: &ExactRay) -> Walker {
+    /// The walker of a ray.
+    pub fn new(ray: &ExactRay) -> Walker {
         Walker { origin: ray.origin.map(f64::from), direction: ray.direction.map(f64::from) }
+    }
+
+    /// Whether the ray comes to the upper side of a plane first.
+    #[inline]
+    pub fn is_backwards(&self, axis: usize) -> bool {
+        self.direction[axis] < 0.0
     }
 
     /// The least and greatest `t` at which the ray may be at a plane: from minus to plus infinity for
     /// one it lies in; both of the same infinity for one that it never reaches, on the side where it
     /// makes the ray be on the near side for ever or on the far one.
     #[inline]
-    fn plane_interval(&self, axis: usize, position: f32) -> (f64, f64) {
+    pub fn plane_interval(&self, axis: usize, position: f32) -> (f64, f64) {
         let distance = f64::from(position) - self.origin[axis];
         if self.direction[axis] == 0.0 {
             // Near is below, since the direction is not negative.
@@ -48,12 +55,14 @@ impl Walker {
         (t - error, t + error)
     }
 
-    fn enter(&self, bounds: &Aabb, ray: &ExactRay) -> Option<(f64, f64)> {
+    /// The interval in which the ray may be inside the bounds, which must not be empty; `None` when it
+    /// is nowhere between its limits.
+    pub fn enter(&self, bounds: &Aabb, ray: &ExactRay) -> Option<(f64, f64)> {
         let (mut enter, mut exit) = (f64::from(ray.t_min), f64::from(ray.t_max));
         for axis in 0..3 {
             let low = self.plane_interval(axis, bounds.lo[axis]);
             let high = self.plane_interval(axis, bounds.hi[axis]);
-            let (near, far) = if self.direction[axis] < 0.0 { (high, low) } else { (low, high) };
+            let (near, far) = if self.is_backwards(axis) { (high, low) } else { (low, high) };
             enter = enter.max(near.0);
             exit = exit.min(far.1);
         }
@@ -82,25 +91,54 @@ pub fn trace<O: Observer>(
     query: Query,
     observer: &mut O,
 ) -> Hit {
-    let mut best: Option<(Meeting, u32)> = None;
+    let mut best = Best::default();
     visit(tree, triangles, ray, options, observer, |ray, corners, triangle| {
-        if let Some(met) = meet(ray, corners, options.culling)
+        best.test(ray, corners, triangle, options.culling, query)
+    });
+    best.hit()
+}
+
+/// The best of the triangles tested so far: least (exact distance, index).
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Best(Option<(Meeting, u32)>);
+
+impl Best {
+    /// Tests a triangle (snapped corners). Gives the `t` beyond which no leaf is of interest any more.
+    #[inline]
+    pub fn test(
+        &mut self,
+        ray: &ExactRay,
+        corners: &Triangle,
+        triangle: u32,
+        culling: Culling,
+        query: Query,
+    ) -> f64 {
+        if let Some(met) = meet(ray, corners, culling)
             && met.is_within_limits()
         {
-            let nearer = best.is_none_or(|(other, index)| {
-                met.compare_t(&other).then(triangle.cmp(&index)).is_lt()
+            let nearer = self.0.is_none_or(|(best, index)| {
+                met.compare_t(&best).then(triangle.cmp(&index)).is_lt()
             });
             if nearer {
-                best = Some((met, triangle));
+                self.0 = Some((met, triangle));
             }
         }
-        match best {
+        match self.0 {
             None => f64::INFINITY,
             Some(_) if query == Query::Any => f64::NEG_INFINITY,
             Some((best, _)) => best.t_interval().1,
         }
-    });
-    best.map_or(Hit::MISS, |(met, triangle)| met.hit(triangle))
+    }
+
+    /// The hit, or the record of a miss.
+    pub fn hit(&self) -> Hit {
+        self.0.map_or(Hit::MISS, |(met, triangle)| met.hit(triangle))
+    }
+
+    /// Whether anything was hit.
+    pub fn is_hit(&self) -> bool {
+        self.0.is_some()
+    }
 }
 
 /// Calls `test` for the triangles of all leaves that the ray may pass, near ones first, a triangle as
@@ -128,7 +166,7 @@ pub(crate) fn visit<O: Observer>(
         match tree.nodes[node as usize].kind() {
             NodeKind::Interior { axis, split, right } => {
                 let (least, greatest) = walker.plane_interval(axis.index(), split);
-                let backwards = walker.direction[axis.index()] < 0.0;
+                let backwards = walker.is_backwards(axis.index());
                 let (near, far) = if backwards { (right, node + 1) } else { (node + 1, right) };
                 if greatest < enter {
                     node = far;

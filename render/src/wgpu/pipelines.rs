@@ -36,8 +36,9 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
         area_lights: plan.area_samples() > 0,
         dielectrics: needs.dielectrics,
         test: match accuracy {
-            Accuracy::Watertight => TriangleTest::Watertight,
             Accuracy::Fast => TriangleTest::MoellerTrumbore,
+            // Frames of accuracy `exact` are refused before.
+            _ => TriangleTest::Watertight,
         },
     }
 }

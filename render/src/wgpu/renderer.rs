@@ -11,6 +11,7 @@ use crate::kernel::{Buffer, Counter, Kernel, first_counters};
 use crate::layout::{Counters, FirstCost, FirstHit, Frame};
 use crate::plan::{Plan, Room};
 use crate::schedule;
+use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
 use std::sync::Arc;
@@ -161,6 +162,9 @@ impl WgpuRenderer {
     ) -> Result<(), RenderError> {
         self.pending = None;
         self.finished = None;
+        if input.query.accuracy == Accuracy::Exact {
+            return Err(RenderError::ExactOnDevice);
+        }
         let frame = self.prepare(tree, input, &plan)?;
         let features = features(&plan, input.query.accuracy);
         self.record(plan, frame, features, 0)

@@ -3,8 +3,10 @@
 
 use crate::oracle::{Oracle, snap};
 use splitplane_core::aabb::Aabb;
+use splitplane_core::all_hits::AllHits;
 use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
+    QueryReport,
 };
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::KdNode;
@@ -113,12 +115,12 @@ impl Accelerator for ExactAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), hits.len())?;
         for (ray, hit) in rays.iter().zip(hits) {
             *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
         }
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     fn any_hits(
@@ -126,12 +128,17 @@ impl Accelerator for ExactAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), occluded.len())?;
         for (ray, answer) in rays.iter().zip(occluded) {
             *answer = self.any_hit(ray, options);
         }
-        Ok(())
+        Ok(QueryReport::default())
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

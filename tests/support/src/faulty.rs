@@ -2,8 +2,10 @@
 //! catch: a check that cannot fail proves nothing.
 
 use crate::exact::{one_leaf, same_length};
+use splitplane_core::all_hits::AllHits;
 use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
+    QueryReport,
 };
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
@@ -190,7 +192,7 @@ impl Accelerator for FaultyAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         self.inner.closest_hits(rays, hits, options)?;
         for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
             *hit = self.alter(ray, options).unwrap_or(Hit::MISS);
@@ -200,7 +202,7 @@ impl Accelerator for FaultyAccelerator {
         {
             *last = Hit::MISS;
         }
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     fn any_hits(
@@ -208,12 +210,16 @@ impl Accelerator for FaultyAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         self.inner.any_hits(rays, occluded, options)?;
         for (ray, answer) in rays.iter().zip(occluded) {
             *answer = self.any_hit(ray, options);
         }
-        Ok(())
+        Ok(QueryReport::default())
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        self.inner.all_hits(rays, options)
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
@@ -285,12 +291,12 @@ impl Accelerator for LeakyAccelerator {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), hits.len())?;
         for (ray, hit) in rays.iter().zip(hits) {
             *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
         }
-        Ok(())
+        Ok(QueryReport::default())
     }
 
     fn any_hits(
@@ -298,12 +304,17 @@ impl Accelerator for LeakyAccelerator {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<(), QueryError> {
+    ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), occluded.len())?;
         for (ray, answer) in rays.iter().zip(occluded) {
             *answer = self.any_hit(ray, options);
         }
-        Ok(())
+        Ok(QueryReport::default())
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

@@ -1,0 +1,100 @@
+//! One ray at a time, exactly: the reference traversal of accuracy `exact` over blocks.
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::all_hits::{Collector, Crossing};
+use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::exact::{Best, ExactRay, Walker};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+use splitplane_core::triangle::Triangle;
+
+use super::blocks::{Blocks, WalkNode};
+
+/// The exact closest hit of a ray, or any hit.
+pub(crate) fn trace(
+    blocks: &Blocks,
+    bounds: &Aabb,
+    ray: &Ray,
+    options: &QueryOptions,
+    query: Query,
+) -> Hit {
+    let mut best = Best::default();
+    visit(blocks, bounds, ray, options, |ray, corners, triangle| {
+        best.test(ray, corners, triangle, options.culling, query)
+    });
+    best.hit()
+}
+
+/// All crossings of a ray, added to `out`; `collector` is kept between rays.
+pub(crate) fn all_hits(
+    blocks: &Blocks,
+    bounds: &Aabb,
+    ray: &Ray,
+    options: &QueryOptions,
+    collector: &mut Collector,
+    out: &mut Vec<Crossing>,
+) {
+    visit(blocks, bounds, ray, options, |ray, corners, triangle| {
+        collector.test(ray, corners, triangle, options.culling);
+        f64::INFINITY
+    });
+    collector.finish(out);
+}
+
+/// Calls `test` for the triangles of all leaves that a ray may pass, near ones first. `test` gives the `t`
+/// beyond which no more leaves are of interest.
+fn visit(
+    blocks: &Blocks,
+    bounds: &Aabb,
+    ray: &Ray,
+    options: &QueryOptions,
+    mut test: impl FnMut(&ExactRay, &Triangle, u32) -> f64,
+) {
+    let Some(ray) = ExactRay::new(ray) else { return };
+    if bounds.is_empty() {
+        return;
+    }
+    let walker = Walker::new(&ray);
+    let Some((mut enter, mut exit)) = walker.enter(bounds, &ray) else { return };
+    let mut stop = f64::INFINITY;
+    let mut stack = [(0u32, 0.0f64, 0.0f64); MAX_DEPTH as usize + 1];
+    let mut top = 0;
+    let mut node = 0u32;
+    loop {
+        let WalkNode { word, tagged } = blocks.nodes[node as usize];
+        let axis = (tagged & 3) as usize;
+        if axis < 3 {
+            let (least, greatest) = walker.plane_interval(axis, f32::from_bits(word));
+            let (left, right) = (node + 1, tagged >> WalkNode::SHIFT);
+            let (near, far) = if walker.is_backwards(axis) { (right, left) } else { (left, right) };
+            if greatest < enter {
+                node = far;
+            } else if least > exit {
+                node = near;
+            } else {
+                stack[top] = (far, enter.max(least), exit);
+                top += 1;
+                (node, exit) = (near, exit.min(greatest));
+            }
+            continue;
+        }
+        for block in blocks.leaf(word, tagged >> WalkNode::SHIFT) {
+            for index in 0..block.count {
+                let triangle = block.triangle(index);
+                if options.ignore != Some(triangle) {
+                    stop = test(&ray, &block.corners(index), triangle);
+                }
+            }
+        }
+        loop {
+            if top == 0 {
+                return;
+            }
+            top -= 1;
+            (node, enter, exit) = stack[top];
+            if enter <= stop {
+                break;
+            }
+        }
+    }
+}
