@@ -16,6 +16,7 @@ mod traverse;
 
 pub use meeting::{Meeting, meet};
 pub use perturbed::cross;
+#[cfg(feature = "alloc")]
 pub(crate) use traverse::visit;
 pub use traverse::{Best, Walker, closest_hit, trace};
 
