@@ -120,11 +120,14 @@ impl CpuAccelerator {
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
         if options.accuracy == Accuracy::Exact {
-            return exact::trace(&self.blocks, &self.tree.bounds, ray, options, query);
+            // SAFETY: `set` was detected on this processor.
+            return unsafe {
+                exact::trace(self.set, &self.blocks, &self.scene, ray, options, query)
+            };
         }
         let Some((ray, interval)) = prepare_one(ray, &self.scene) else { return Hit::MISS };
         // SAFETY: `set` was detected on this processor.
-        unsafe { single::trace(self.set, &self.blocks, &ray, interval, options, query) }
+        unsafe { single::trace(self.set, &self.blocks, &ray, interval, options, query, None) }
     }
 
     /// Traces a batch by the best path there is; `answer` takes ray number and hit.
@@ -136,10 +139,7 @@ impl CpuAccelerator {
         mut answer: impl FnMut(usize, Hit),
     ) {
         #[cfg(target_arch = "x86_64")]
-        if self.set == InstructionSet::Avx512
-            && rays.len() >= lanes::WORTHWHILE
-            && options.accuracy != Accuracy::Exact
-        {
+        if self.set == InstructionSet::Avx512 && rays.len() >= lanes::WORTHWHILE {
             let (blocks, scene) = (&self.blocks, &self.scene);
             // SAFETY: `set` was detected on this processor.
             unsafe { lanes::trace(blocks, scene, rays, options, query, &mut answer) };

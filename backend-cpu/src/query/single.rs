@@ -8,6 +8,7 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::{Block, Blocks, WalkNode};
 use super::leaf::{InstructionSet, decide, sift};
+use super::sieve::ExactLane;
 
 /// The best hit so far and what follows from it.
 #[derive(Clone, Copy, Debug)]
@@ -67,7 +68,8 @@ pub(crate) unsafe fn test_leaf<'a>(
     false
 }
 
-/// Traces one ray from the root; `interval` is that of [`PreparedRay::enter`].
+/// Traces one ray from the root; `interval` is that of [`PreparedRay::enter`]. With `exact` that
+/// decides what is hit, and has the answer in the end.
 ///
 /// # Safety
 /// The processor must have `set`.
@@ -79,6 +81,7 @@ pub(crate) unsafe fn trace(
     interval: (f32, f32),
     options: &QueryOptions,
     query: Query,
+    mut exact: Option<&mut ExactLane>,
 ) -> Hit {
     let (mut enter, mut exit) = interval;
     let back_to_front = query == Query::Any && far_end_is_solid(ray, interval);
@@ -133,7 +136,13 @@ pub(crate) unsafe fn trace(
         } else {
             let leaf = blocks.leaf(word, tagged >> WalkNode::SHIFT);
             // SAFETY: the caller's contract.
-            if unsafe { test_leaf(set, ray, leaf, options, query, &mut best) } {
+            let answered = unsafe {
+                match exact.as_deref_mut() {
+                    Some(exact) => exact.test_leaf(set, ray, leaf, options, query, &mut best.stop),
+                    None => test_leaf(set, ray, leaf, options, query, &mut best),
+                }
+            };
+            if answered {
                 return best.hit;
             }
         }

@@ -123,11 +123,19 @@ impl Best {
                 self.0 = Some((met, triangle));
             }
         }
-        match self.0 {
-            None => f64::INFINITY,
-            Some(_) if query == Query::Any => f64::NEG_INFINITY,
-            Some((best, _)) => best.t_interval().1,
-        }
+        if query == Query::Any && self.0.is_some() { f64::NEG_INFINITY } else { self.stop() }
+    }
+
+    /// The `t` beyond which nothing is of interest when the closest hit is asked for.
+    #[inline]
+    pub fn stop(&self) -> f64 {
+        self.0.as_ref().map_or(f64::INFINITY, |(best, _)| best.t_interval().1)
+    }
+
+    /// The triangle of the best hit so far.
+    #[inline]
+    pub fn triangle(&self) -> Option<u32> {
+        self.0.as_ref().map(|&(_, triangle)| triangle)
     }
 
     /// The hit, or the record of a miss.
