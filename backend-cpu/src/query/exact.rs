@@ -36,7 +36,7 @@ pub(crate) unsafe fn trace(
     let Some(interval) = prepared.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
     // SAFETY: the caller's contract.
     unsafe { single::trace(set, blocks, &prepared, interval, options, query, Some(&mut exact)) };
-    exact.hit()
+    exact.hit(query)
 }
 
 /// The same in `f64` from the root on, for rays of all kinds.

@@ -629,7 +629,7 @@ impl Group {
             let lane = take_lane(&mut rest);
             if self.index[lane] != usize::MAX {
                 let exact = options.accuracy == Accuracy::Exact;
-                let hit = if exact { self.exact[lane].hit() } else { self.best[lane].hit };
+                let hit = if exact { self.exact[lane].hit(query) } else { self.best[lane].hit };
                 answer(self.index[lane], hit);
                 self.index[lane] = usize::MAX;
             }

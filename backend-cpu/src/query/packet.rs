@@ -250,7 +250,7 @@ impl Packet {
                     if query == Query::Any {
                         open &= !best.hit_lanes();
                         if open == 0 {
-                            return self.hits(&best, rays, exactly);
+                            return self.hits(&best, rays, exactly, query);
                         }
                     }
                 }
@@ -258,7 +258,7 @@ impl Packet {
             if go_back {
                 loop {
                     if top == 0 {
-                        return self.hits(&best, rays, exactly);
+                        return self.hits(&best, rays, exactly, query);
                     }
                     top -= 1;
                     let entry = &self.stack[top];
@@ -281,9 +281,9 @@ impl Packet {
 
 impl Packet {
     /// The answers of the rays of a mask.
-    fn hits(&self, best: &Bests, rays: __mmask16, exactly: bool) -> [Hit; LANES] {
+    fn hits(&self, best: &Bests, rays: __mmask16, exactly: bool, query: Query) -> [Hit; LANES] {
         core::array::from_fn(|lane| match exactly {
-            true if rays >> lane & 1 != 0 => self.exact[lane].1.hit(),
+            true if rays >> lane & 1 != 0 => sieve::answer(&self.exact[lane].1, query),
             _ => best.hit(lane),
         })
     }

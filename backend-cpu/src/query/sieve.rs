@@ -114,10 +114,10 @@ impl ExactLane {
 }
 
 impl ExactLane {
-    /// The hit, or the record of a miss.
+    /// The answer.
     #[inline]
-    pub fn hit(&self) -> Hit {
-        self.best.hit()
+    pub fn hit(&self, query: Query) -> Hit {
+        answer(&self.best, query)
     }
 
     /// Tests the blocks of a leaf; `stop` is the inner `t` beyond which nothing can precede the best
@@ -151,6 +151,15 @@ impl ExactLane {
             }
         }
         false
+    }
+}
+
+/// The answer to a query: the hit, or the record of a miss; for any hit the triangle says it all.
+#[inline]
+pub(crate) fn answer(best: &Best, query: Query) -> Hit {
+    match query {
+        Query::Closest => best.hit(),
+        Query::Any => best.triangle().map_or(Hit::MISS, |triangle| Hit { triangle, ..Hit::MISS }),
     }
 }
 

@@ -63,8 +63,10 @@ fn what_bounds_decide_is_right() {
         }
         if let Some(meeting) = meet(&ray, &corners, Culling::None) {
             met += 1;
-            let (d, (numerator, denominator)) = meeting.parts();
-            assert!(d.sign().is_none_or(|sign| sign == denominator.sign()));
+            let (numerator, denominator) = meeting.parts();
+            for (known, exact) in edges.plane().iter().zip([&numerator, &denominator]) {
+                assert!(known.sign().is_none_or(|sign| sign == exact.sign()));
+            }
             assert_eq!(meeting.t(), integer::quotient(&numerator, &denominator));
             // The interval holds the distance: compared with floats around it.
             for limit in [meeting.t().next_down(), meeting.t(), meeting.t().next_up(), 0.0] {

@@ -74,7 +74,11 @@ impl Crossing {
         if limit.is_infinite() {
             return if limit > 0.0 { Ordering::Less } else { Ordering::Greater };
         }
-        let limit = f64::from(limit);
+        self.compare(f64::from(limit))
+    }
+
+    /// How the exact distance compares with a number of the size of a float.
+    fn compare(&self, limit: f64) -> Ordering {
         let margin = 1e-14 * (self.t.abs() + limit.abs());
         if (self.t - limit).abs() > margin {
             return self.t.total_cmp(&limit);
@@ -84,6 +88,28 @@ impl Crossing {
             Ordering::Less => difference.reverse(),
             _ => difference,
         }
+    }
+
+    /// The exact distance as accuracy `exact` reports it: rounded to the nearest float, ties to even;
+    /// below 2^-126 it is 0, and what no float holds is the greatest one.
+    pub fn reported_t(&self) -> f32 {
+        if self.t.abs() >= f64::from(f32::MAX) {
+            return if self.t > 0.0 { f32::MAX } else { -f32::MAX };
+        }
+        // Within one float of the answer; borders between floats are exact in `f64`.
+        let mut near = self.t as f32;
+        for _ in 0..2 {
+            let border = |other: f32| 0.5 * (f64::from(near) + f64::from(other));
+            let odd = near.to_bits() & 1 == 1;
+            let above = self.compare(border(near.next_up()));
+            let below = self.compare(border(near.next_down()));
+            if above.is_gt() || (above.is_eq() && odd) {
+                near = near.next_up();
+            } else if below.is_lt() || (below.is_eq() && odd) {
+                near = near.next_down();
+            }
+        }
+        snap(near)
     }
 }
 
@@ -202,6 +228,17 @@ impl Oracle {
         }
         triangles.sort_unstable();
         OracleHit::Hit { t: best.t, triangles, on_edge }
+    }
+
+    /// What accuracy `exact` must report of a ray: of the triangles met at the least distance the
+    /// one of the lowest index, and the distance; `None` for a miss.
+    pub fn exactly(&self, ray: &Ray, options: &QueryOptions) -> Option<(u32, f32)> {
+        let mut found = self.crossings(ray, options);
+        found.retain(|crossing| {
+            crossing.compare_limit(ray.t_min).is_ge() && crossing.compare_limit(ray.t_max).is_le()
+        });
+        // Sorted by distance, then triangle; of equal triangles the lowest stands for all.
+        found.first().map(|best| (best.triangle, best.reported_t()))
     }
 
     /// Everything the whole line through the ray meets, its limits set aside, nearest first. Each
