@@ -519,7 +519,7 @@ fn finish<A: Arithmetic>(
 
 /// The error of an interpolated `t` is at most this part of `disorder / |det|`: 24 roundings of
 /// 2^-24, and a third more for those of this estimate itself.
-const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
+pub const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
 
 /// How badly `t` interpolated from the corners may err, times the determinant and 2^24 / 24.
 ///

@@ -2,7 +2,7 @@
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::intersect::{
-    Candidate, EDGE_LEAST, PreparedRay, moeller_trumbore, watertight,
+    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay, moeller_trumbore, watertight,
 };
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::triangle::Triangle;
@@ -155,14 +155,16 @@ mod x86 {
     //! The same with vector instructions. Products and sums round separately, as the reference's
     //! do: no fused operation may stand here.
 
-    use super::{Block, EDGE_LEAST, PreparedRay};
+    use super::{Block, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay};
     use core::arch::x86_64::*;
 
     macro_rules! sieves {
         ($watertight:ident, $fast:ident, $features:literal, $width:literal, $load:path, $set:path,
-         $add:path, $sub:path, $mul:path, $div:path, $min:path, $max:path, $le:expr, $and:expr,
-         $and_not_bits:expr, $bits:expr) => {
-            /// Triangles whose edges enclose the ray and whose corners reach into its limits.
+         $add:path, $sub:path, $mul:path, $div:path, $min:path, $max:path, $abs:expr, $where_le:expr,
+         $le:expr, $and:expr, $and_not_bits:expr, $bits:expr) => {
+            /// Triangles whose edges enclose the ray and whose corners reach into its limits. Where corners
+            /// lie on both sides of the start, their `t` is looked at as the reference does: many rays
+            /// start on a triangle, which the reference would take a long time to let go.
             ///
             /// # Safety
             /// The processor must have the instruction set, and a wide load from any row must stay
@@ -182,30 +184,55 @@ mod x86 {
                     let row = |corner: usize, axis: usize| unsafe {
                         $load(start.add((corner * 3 + axis) * block.stride + at))
                     };
-                    let (az, bz, cz) =
-                        ($sub(row(0, kz), oz), $sub(row(1, kz), oz), $sub(row(2, kz), oz));
-                    let ax = $sub($sub(row(0, kx), ox), $mul(sx, az));
-                    let ay = $sub($sub(row(0, ky), oy), $mul(sy, az));
-                    let bx = $sub($sub(row(1, kx), ox), $mul(sx, bz));
-                    let by = $sub($sub(row(1, ky), oy), $mul(sy, bz));
-                    let cx = $sub($sub(row(2, kx), ox), $mul(sx, cz));
-                    let cy = $sub($sub(row(2, ky), oy), $mul(sy, cz));
+                    let from = |corner: usize| {
+                        let x = $sub(row(corner, kx), ox);
+                        let y = $sub(row(corner, ky), oy);
+                        let z = $sub(row(corner, kz), oz);
+                        ((x, y, z), $sub(x, $mul(sx, z)), $sub(y, $mul(sy, z)))
+                    };
+                    let ((a, ax, ay), (b, bx, by), (c, cx, cy)) = (from(0), from(1), from(2));
                     let u = $sub($mul(cx, by), $mul(cy, bx));
                     let v = $sub($mul(ax, cy), $mul(ay, cx));
                     let w = $sub($mul(bx, ay), $mul(by, ax));
                     let least = $min(u, $min(v, w));
                     let most = $max(u, $max(v, w));
-                    let (da, db, dc) = ($mul(sz, az), $mul(sz, bz), $mul(sz, cz));
+                    let (da, db, dc) = ($mul(sz, a.2), $mul(sz, b.2), $mul(sz, c.2));
                     let nearest = $min(da, $min(db, dc));
                     let farthest = $max(da, $max(db, dc));
                     let below = $le(least, $set(-EDGE_LEAST));
                     let above = $le($set(EDGE_LEAST), most);
                     let reached = $and($le($set(ray.t_min), farthest), $le(nearest, $set(limit)));
-                    let bits: u32 = $and_not_bits($and(below, above), reached);
+                    let mut bits: u32 = $and_not_bits($and(below, above), reached);
+                    // Of what follows the last triangle nothing counts.
+                    bits &= ((1u64 << (block.count - at)) - 1) as u32;
+                    let around = $bits($le(nearest, $set(ray.t_min)));
+                    if bits & around != 0 {
+                        let counts = |x| $where_le($set(EDGE_LEAST), $abs(x), x);
+                        let (u, v, w) = (counts(u), counts(v), counts(w));
+                        let det = $add($add(u, v), w);
+                        let sum = $add($add($mul(u, da), $mul(v, db)), $mul(w, dc));
+                        let interpolated = $div(sum, det);
+                        let most = |x, y, z| $max($max($abs(x), $abs(y)), $abs(z));
+                        let reach = $max(
+                            $max(most(a.0, a.1, a.2), most(b.0, b.1, b.2)),
+                            most(c.0, c.1, c.2),
+                        );
+                        let width = $max(most(ax, bx, cx), most(ay, by, cy));
+                        let disorder = $mul($mul(reach, width), $sub(farthest, nearest));
+                        let fine = $bits($le(disorder, $mul($set(8.0), $abs(sum))));
+                        let t = $min($max(interpolated, nearest), farthest);
+                        let kept = $bits($and($le($set(ray.t_min), t), $le(t, $set(limit))));
+                        let error = $mul($div(disorder, $abs(det)), $set(INTERPOLATION_ERROR));
+                        // Less than, and greater than; what is no number stays.
+                        let (low, high) = (ray.t_min.next_down(), ray.t_max.next_up());
+                        let before = $bits($le($add(interpolated, error), $set(low)));
+                        let behind = $bits($le($set(high), $sub(interpolated, error)));
+                        bits &= (fine & kept) | !(fine | before | behind);
+                    }
                     all |= bits << at;
                     at += $width;
                 }
-                all & (((1u64 << block.count) - 1) as u32)
+                all
             }
 
             /// Triangles that the fast test accepts, whichever way they face.
@@ -276,6 +303,8 @@ mod x86 {
         _mm512_div_ps,
         _mm512_min_ps,
         _mm512_max_ps,
+        |x| _mm512_abs_ps(x),
+        |a, b, x| _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b), x),
         |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
         |a: u16, b: u16| a & b,
         |a: u16, b: u16| u32::from(!a & b),
@@ -295,6 +324,8 @@ mod x86 {
         _mm256_div_ps,
         _mm256_min_ps,
         _mm256_max_ps,
+        |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
+        |a, b, x| _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b), x),
         |a, b| _mm256_cmp_ps::<_CMP_LE_OQ>(a, b),
         |a, b| _mm256_and_ps(a, b),
         |a, b| _mm256_movemask_ps(_mm256_andnot_ps(a, b)) as u32,

@@ -11,7 +11,9 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::{self, ExactRay};
-use splitplane_core::intersect::{EDGE_LEAST, PLANE_SLACK, PreparedRay, STOP_SLACK, SceneScale};
+use splitplane_core::intersect::{
+    EDGE_LEAST, INTERPOLATION_ERROR, PLANE_SLACK, PreparedRay, STOP_SLACK, SceneScale,
+};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -485,9 +487,15 @@ impl Bests {
         let disorder = _mm512_mul_ps(_mm512_mul_ps(reach, width), spread);
         let enough = _mm512_mul_ps(_mm512_set1_ps(8.0), _mm512_abs_ps(sum));
         let fine = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(left, disorder, enough);
-        let undecided = left & !fine;
+        // As in the reference: most such triangles are the one that the ray starts on.
+        let part = _mm512_div_ps(disorder, _mm512_abs_ps(det));
+        let error = _mm512_mul_ps(part, _mm512_set1_ps(INTERPOLATION_ERROR));
+        let interpolated = _mm512_div_ps(sum, det);
+        let before = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(_mm512_add_ps(interpolated, error), t_min);
+        let behind = _mm512_cmp_ps_mask::<_CMP_GT_OQ>(_mm512_sub_ps(interpolated, error), t_max);
+        let undecided = left & !fine & !before & !behind;
 
-        let inner = _mm512_min_ps(_mm512_max_ps(_mm512_div_ps(sum, det), nearest), farthest);
+        let inner = _mm512_min_ps(_mm512_max_ps(interpolated, nearest), farthest);
         let mut kept = _mm512_mask_cmp_ps_mask::<_CMP_GE_OQ>(fine, inner, t_min);
         kept = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(kept, inner, t_max);
         // The caller's t: packets hold no moved rays, and exponents within one power of two.
