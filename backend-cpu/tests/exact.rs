@@ -3,7 +3,7 @@
 //! instruction set gives the same bits as the reference in the core. (That computes in `f64` and whole
 //! numbers, so the hostile arithmetic of other tests has nothing to disturb in it.)
 //!
-//! `SPLITPLANE_LONG=1` casts 50 times as many rays.
+//! `SPLITPLANE_LONG=1` casts ten times as many rays.
 
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, BuildOptions};
@@ -30,7 +30,7 @@ const fn options(culling: Culling, ignore: Option<u32>) -> QueryOptions {
 
 fn many(rays: usize) -> usize {
     let long = std::env::var_os("SPLITPLANE_LONG").is_some_and(|value| value == "1");
-    if long { 50 * rays } else { rays }
+    if long { 10 * rays } else { rays }
 }
 
 fn build(scene: &Scene, set: InstructionSet) -> CpuAccelerator {
@@ -202,6 +202,18 @@ fn crowds(scene: &Scene, seed: u64) -> Vec<Ray> {
         for other in &rays.clone()[rays.len() - 32..] {
             let direction = [0, 1, 2].map(|k| other.origin[k] - end[k] + other.direction[k] * 0.01);
             rays.push(Ray::new(end, direction).with_limits(1e-3, 1.0));
+        }
+    }
+    // From one place to the edges of one triangle, 16 at a time; from near and from far.
+    for ray in aim::rays(&mesh, Kind::Faces, 48, seed + 1) {
+        let corners = mesh.triangle(random.below(mesh.len()));
+        for i in 0..16 {
+            let (a, b, s) = (corners[i % 3], corners[(i + 1) % 3], random.unit());
+            let target = [0, 1, 2].map(|k| {
+                let (a, b) = (f64::from(a[k]), f64::from(b[k]));
+                a + s * (b - a)
+            });
+            rays.push(aim::aimed(ray.origin, target));
         }
     }
     for kind in Kind::ALL {

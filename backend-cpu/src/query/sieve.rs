@@ -11,7 +11,7 @@
 //! u P from the last difference: by e <= 4.1 u R + u P.
 //!
 //! *Edge functions.* `a_x b_y - a_y b_x` errs by 4 P e + 2 e^2 from its factors and by 4.1 u P^2 from
-//! its own roundings. P is at most 2.1 R, so this is less than 33 u R P + 34 u^2 R^2. The sieve takes
+//! its own roundings. P is at most 2.1 R, so this is less than 34 u R P + 34 u^2 R^2. The sieve takes
 //! 36 u R (P + 2 u R), and [`EDGE_LEAST`] more for products that underflow. Only where two rounded edge
 //! functions of different signs are both greater than that is the ray certainly outside.
 //!
@@ -23,7 +23,7 @@
 //! `sum (U' - U) (z - t) / D`, which is at most 3 m spread / |D| with spread the difference of the
 //! depths. Where |D| >= 8 m, the weights sum to at most 1.5 |D| in magnitude, and the roundings of
 //! depths, products, sums and quotient come to less than 12 * 1.5 u of the greatest depth. The sieve
-//! takes 5 m spread / |D| and 32 u, and 2^-140 / |D| for products that underflow.
+//! takes 5 m spread / |D| and 32 u, and 2^-120 / |D| for products that underflow.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::exact::{Best, ExactRay};
@@ -41,7 +41,7 @@ pub(crate) const CORNER_ERROR: f32 = 2.0 * UNIT;
 /// Part of the greatest depth by which a distance may be off.
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * UNIT;
 /// What products that underflow may add to the numerator of a distance.
-pub(crate) const TINY: f32 = 7.174_648e-43; // 2^-140
+pub(crate) const TINY: f32 = 7.523_163_8e-37; // 2^-120
 /// The rounding error of 1.
 const UNIT: f32 = 5.960_464_5e-8; // 2^-24
 
@@ -527,7 +527,7 @@ mod tests {
             println!("{set:?}: {lost} lost of {met} met, {kept} kept of {all}");
             assert_eq!(lost, 0, "{set:?}: {met} met");
             // And little else: these rays are aimed at edges.
-            assert!(met > 40_000 && kept < 2 * met && kept * 2 < all, "{met} {kept} {all}");
+            assert!(met > 30_000 && kept < 3 * met && kept * 4 < all, "{met} {kept} {all}");
         }
     }
 
