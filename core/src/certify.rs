@@ -21,7 +21,7 @@ use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 
 /// The `triangle` of a hit that is not decided. Its `t` is no greater than that of whatever is in doubt.
-pub const UNDECIDED: u32 = u32::MAX - 2;
+pub const UNDECIDED_HIT: u32 = 0xffff_fffd;
 
 /// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis: 6 roundings
 /// of 2^-24 (one of the difference, three of slope, difference and product, two of the last
@@ -218,20 +218,14 @@ fn decide<A: Arithmetic>(
     nearest: f32,
 ) -> Verdict {
     let direction = ray.direction.map(Double::from_float);
-    let away: [[Double; 3]; 3] =
-        core::array::from_fn(|corner| minus::<A>(&triangle[corner], &ray.origin));
+    let [a, b, c] = triangle;
     let (mut positive, mut negative, mut open) = (false, false, false);
-    for (i, [p, q]) in [[2, 1], [0, 2], [1, 0]].into_iter().enumerate() {
-        let (mut value, mut error) = (edges[i], margin);
-        if value.abs() <= margin {
-            let known = dot::<A>(&cross::<A>(&away[p], &away[q]), &direction);
-            (value, error) = (known.value.high, known.error);
-            // As a weight, in the units of the sheared ones.
-            edges[i] = A::product(value, ray.shear[2].abs());
-        }
+    for (weight, (p, q)) in edges.iter_mut().zip([(c, b), (a, c), (b, a)]) {
+        let (value, error) = decide_edge::<A>(ray, *weight, margin, p, q);
         positive |= value > error;
         negative |= value < -error;
         open |= error != 0.0 && value.abs() <= error;
+        *weight = value;
     }
     let culled = match culling {
         Culling::None => false,
@@ -242,9 +236,7 @@ fn decide<A: Arithmetic>(
     if (positive && negative) || culled || !some {
         return Verdict::Not;
     }
-    let ab = minus::<A>(&triangle[1], &triangle[0]);
-    let ac = minus::<A>(&triangle[2], &triangle[0]);
-    let normal = cross::<A>(&ab, &ac);
+    let normal = cross::<A>(&minus::<A>(b, a), &minus::<A>(c, a));
     let denominator = dot::<A>(&normal, &direction);
     if denominator.error == 0.0 {
         // The ray lies in the triangle's plane, or beside it.
@@ -254,7 +246,7 @@ fn decide<A: Arithmetic>(
     if speed <= doubled {
         return Verdict::InDoubt(nearest);
     }
-    let numerator = dot::<A>(&normal, &away[0]);
+    let numerator = dot::<A>(&normal, &minus::<A>(a, &ray.origin));
     let Some((t, error)) = quotient::<A>(&numerator, &denominator) else {
         return Verdict::InDoubt(nearest);
     };
@@ -277,6 +269,24 @@ fn decide<A: Arithmetic>(
     } else {
         Verdict::Met(met)
     }
+}
+
+/// An edge function and its error: as sheared where that is decided, else by the triple product of the
+/// direction and the two corners. In the units of the sheared ones, in which its last digits do not count.
+fn decide_edge<A: Arithmetic>(
+    ray: &PreparedRay,
+    sheared: f32,
+    margin: f32,
+    p: &[f32; 3],
+    q: &[f32; 3],
+) -> (f32, f32) {
+    if sheared.abs() > margin {
+        return (sheared, margin);
+    }
+    let normal = cross::<A>(&minus::<A>(p, &ray.origin), &minus::<A>(q, &ray.origin));
+    let known = dot::<A>(&normal, &ray.direction.map(Double::from_float));
+    let unit = ray.shear[2].abs();
+    (A::product(known.value.high, unit), A::product(known.error, unit))
 }
 
 /// The quotient of two numbers that are known, the second to within half of itself; `None` where it is
@@ -407,13 +417,16 @@ impl Search {
                 Hit { t: outer(met.t.high), triangle, u: met.u, v: met.v }
             }
             None if self.doubt == f32::INFINITY => Hit::MISS,
-            _ => Hit { t: outer(self.doubt), triangle: UNDECIDED, u: 0.0, v: 0.0 },
+            best => {
+                let least = best.map_or(self.doubt, |(met, _)| min(self.doubt, met.least::<A>()));
+                Hit { t: outer(least), triangle: UNDECIDED_HIT, u: 0.0, v: 0.0 }
+            }
         }
     }
 }
 
 /// One ray as a device that is certain traces it: the exact hit but for the last bits of `t` and the
-/// weights, a miss, or [`UNDECIDED`].
+/// weights, a miss, or [`UNDECIDED_HIT`].
 ///
 /// `tree` must be valid (see [`crate::validate`]).
 pub fn trace<A: Arithmetic>(
@@ -439,7 +452,7 @@ fn trace_with<A: Arithmetic>(
 ) -> Hit {
     let Some(prepared) = PreparedRay::new::<A>(ray, scene) else { return Hit::MISS };
     if !is_as_given(ray, &prepared) {
-        return Hit { t: -f32::MAX, triangle: UNDECIDED, u: 0.0, v: 0.0 };
+        return Hit { t: -f32::MAX, triangle: UNDECIDED_HIT, u: 0.0, v: 0.0 };
     }
     let Some((mut enter, mut exit)) = prepared.enter::<A>(&scene.bounds) else { return Hit::MISS };
     let mut search = Search::START;
@@ -502,3 +515,6 @@ fn trace_with<A: Arithmetic>(
         }
     }
 }
+
+#[cfg(all(test, feature = "alloc"))]
+mod tests;

@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::certify::{self, UNDECIDED};
+use splitplane_core::certify::{self, UNDECIDED_HIT};
 use splitplane_core::exact;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{QueryOptions, Ray};
@@ -40,8 +40,8 @@ impl Counts {
         let any = found(Query::Any);
         let expected = exact::closest_hit(&tree, mesh, ray, &options);
         let expected_triangle = expected.map_or(u32::MAX, |hit| hit.triangle);
-        let undecided = closest.triangle == UNDECIDED;
-        let undecided_any = any.triangle == UNDECIDED;
+        let undecided = closest.triangle == UNDECIDED_HIT;
+        let undecided_any = any.triangle == UNDECIDED_HIT;
         let wrong = (!undecided && closest.triangle != expected_triangle)
             || (!undecided_any && any.is_hit() != expected.is_some());
         Counts {
