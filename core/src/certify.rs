@@ -197,7 +197,7 @@ pub fn examine<A: Arithmetic>(
     if nearest > min(farthest, ray.t_max) || greatest < ray.t_min {
         return Verdict::Not;
     }
-    decide::<A>(ray, triangle, culling, farthest, edges, margin, nearest)
+    decide::<A>(ray, triangle, culling, farthest, &flat, edges, margin, nearest)
 }
 
 /// An edge function: twice the signed area of the origin and two sheared corners.
@@ -208,20 +208,24 @@ fn edge<A: Arithmetic>(p: &[f32; 2], q: &[f32; 2]) -> f32 {
 
 /// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are
 /// still open, and the distance.
+#[allow(clippy::too_many_arguments, reason = "all of it is at hand in registers")]
 fn decide<A: Arithmetic>(
     ray: &PreparedRay,
     triangle: &Triangle,
     culling: Culling,
     farthest: f32,
+    flat: &[[f32; 2]; 3],
     mut edges: [f32; 3],
     margin: f32,
     nearest: f32,
 ) -> Verdict {
     let direction = ray.direction.map(Double::from_float);
     let [a, b, c] = triangle;
+    let widths = flat.map(|[x, y]| max(x.abs(), y.abs()));
     let (mut positive, mut negative, mut open) = (false, false, false);
-    for (weight, (p, q)) in edges.iter_mut().zip([(c, b), (a, c), (b, a)]) {
-        let (value, error) = decide_edge::<A>(ray, *weight, margin, p, q);
+    for (weight, [p, q]) in edges.iter_mut().zip([[2, 1], [0, 2], [1, 0]]) {
+        let ends = [&triangle[p], &triangle[q]];
+        let (value, error) = decide_edge::<A>(ray, *weight, margin, ends, widths[q] < widths[p]);
         positive |= value > error;
         negative |= value < -error;
         open |= error != 0.0 && value.abs() <= error;
@@ -272,18 +276,24 @@ fn decide<A: Arithmetic>(
 }
 
 /// An edge function and its error: as sheared where that is decided, else by the triple product of the
-/// direction and the two corners. In the units of the sheared ones, in which its last digits do not count.
+/// direction and the two corners, of which the edge itself takes the place of one: that is shorter by
+/// far than the way to it, and so is the error. The other should be the one that the ray passes nearer, so that
+/// zeros stay zeros. In the units of the sheared ones, in which its last digits do not count.
 fn decide_edge<A: Arithmetic>(
     ray: &PreparedRay,
     sheared: f32,
     margin: f32,
-    p: &[f32; 3],
-    q: &[f32; 3],
+    [p, q]: [&[f32; 3]; 2],
+    from_second: bool,
 ) -> (f32, f32) {
     if sheared.abs() > margin {
         return (sheared, margin);
     }
-    let normal = cross::<A>(&minus::<A>(p, &ray.origin), &minus::<A>(q, &ray.origin));
+    let normal = if from_second {
+        cross::<A>(&minus::<A>(p, q), &minus::<A>(q, &ray.origin))
+    } else {
+        cross::<A>(&minus::<A>(p, &ray.origin), &minus::<A>(q, p))
+    };
     let known = dot::<A>(&normal, &ray.direction.map(Double::from_float));
     let unit = ray.shear[2].abs();
     (A::product(known.value.high, unit), A::product(known.error, unit))

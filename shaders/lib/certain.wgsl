@@ -186,23 +186,30 @@ fn examine(ray: PreparedRay, triangle: Triangle, culling: u32, farthest: f32) ->
     if nearest > least(farthest, ray.t_max) || greatest < ray.t_min {
         return verdict_not();
     }
-    return decide(ray, triangle, culling, farthest, edges, margin, nearest);
+    return decide(ray, triangle, culling, farthest, seen, edges, margin, nearest);
 }
 
 // An edge function and its error: as sheared where that is decided, else by the triple product of the
-// direction and the two corners. In the units of the sheared ones, in which its last digits do not count.
+// direction and the two corners, of which the edge itself takes the place of one. In the units of the
+// sheared ones, in which its last digits do not count.
 fn decide_edge(
     ray: PreparedRay,
     sheared: f32,
     margin: f32,
     p: vec3<f32>,
     q: vec3<f32>,
+    from_second: bool,
 ) -> vec2<f32> {
     if abs(sheared) > margin {
         return vec2<f32>(sheared, margin);
     }
-    let normal =
-        certain_cross(double3_difference_of(p, ray.origin), double3_difference_of(q, ray.origin));
+    var first = double3_difference_of(p, ray.origin);
+    var second = double3_difference_of(q, p);
+    if from_second {
+        first = double3_difference_of(p, q);
+        second = double3_difference_of(q, ray.origin);
+    }
+    let normal = certain_cross(first, second);
     let known = certain_dot(normal, double3_of(ray.direction));
     let unit = abs(ray.shear.z);
     return vec2<f32>(product(known.value.high, unit), product(known.error, unit));
@@ -220,13 +227,17 @@ fn decide(
     triangle: Triangle,
     culling: u32,
     farthest: f32,
+    seen: Sheared,
     edges: vec3<f32>,
     margin: f32,
     nearest: f32,
 ) -> Verdict {
-    let u = decide_edge(ray, edges.x, margin, triangle.c, triangle.b);
-    let v = decide_edge(ray, edges.y, margin, triangle.a, triangle.c);
-    let w = decide_edge(ray, edges.z, margin, triangle.b, triangle.a);
+    let a = most(abs(seen.a.x), abs(seen.a.y));
+    let b = most(abs(seen.b.x), abs(seen.b.y));
+    let c = most(abs(seen.c.x), abs(seen.c.y));
+    let u = decide_edge(ray, edges.x, margin, triangle.c, triangle.b, b < c);
+    let v = decide_edge(ray, edges.y, margin, triangle.a, triangle.c, c < a);
+    let w = decide_edge(ray, edges.z, margin, triangle.b, triangle.a, a < b);
     let positive = u.x > u.y || v.x > v.y || w.x > w.y;
     let negative = u.x < -u.y || v.x < -v.y || w.x < -w.y;
     let open = is_open(u) || is_open(v) || is_open(w);
