@@ -416,6 +416,9 @@ fn raw_rays_give_raw_hits() {
         "build_ms",
         "trace_ms",
         "mrays_per_s",
+        "undecided",
+        "undecided_share",
+        "flagged",
         "answered_by_cpu",
         "digest",
     ];

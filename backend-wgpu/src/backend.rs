@@ -88,7 +88,11 @@ impl WgpuBackend {
     pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
         gpu.check_limits()?;
         let mut backend = WgpuBackend::untested(gpu, Kernels::default());
-        backend.parity = Some(selftest::run(&backend)?);
+        let parity = selftest::run(&backend)?;
+        if !parity.is_bitwise() {
+            backend.queries().set_uncertain();
+        }
+        backend.parity = Some(parity);
         Ok(backend)
     }
 

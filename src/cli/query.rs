@@ -6,7 +6,7 @@ use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use splitplane::Hit;
+use splitplane::{Hit, QueryOptions, Undecided};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -25,6 +25,9 @@ pub(super) struct Arguments {
     /// for closest; one byte for any
     #[arg(long, value_name = "FILE")]
     hits: Option<PathBuf>,
+    /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
+    #[arg(long, value_enum, default_value_t = UndecidedName::Redo)]
+    undecided: UndecidedName,
     /// Trace so many times and report the median
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
@@ -41,6 +44,14 @@ enum Kind {
     Any,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum UndecidedName {
+    /// The CPU traces them again
+    Redo,
+    /// They have no answer: triangle 4294967293, or byte 255 for any
+    Flag,
+}
+
 #[derive(Serialize)]
 struct QueryReport {
     rays: usize,
@@ -51,6 +62,8 @@ struct QueryReport {
     trace_ms: f64,
     mrays_per_s: f64,
     undecided: u64,
+    undecided_share: f64,
+    flagged: usize,
     answered_by_cpu: u64,
     digest: String,
 }
@@ -60,7 +73,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     in_pool(common, || {
         let rays = ray_file::read(&arguments.rays)?;
         let prepared = Prepared::open(&arguments.scene, common)?;
-        let options = common.query_options();
+        let undecided = match arguments.undecided {
+            UndecidedName::Redo => Undecided::Redo,
+            UndecidedName::Flag => Undecided::Flag,
+        };
+        let options = QueryOptions { undecided, ..common.query_options() };
         let mut closest = Vec::new();
         let mut any = Vec::new();
         match arguments.kind {
@@ -69,14 +86,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let bar = progress::bar(common.quiet, "tracing", u64::from(arguments.repeat));
         let mut times = Vec::new();
-        let mut undecided = 0;
+        let mut last = Default::default();
         for _ in 0..arguments.repeat {
             let start = Instant::now();
             let answers = match arguments.kind {
                 Kind::Closest => prepared.accelerator.closest_hits(&rays, &mut closest, &options),
                 Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options),
             };
-            undecided = answers?.undecided;
+            last = answers?;
             times.push(milliseconds(start));
             bar.inc(1);
         }
@@ -84,8 +101,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if let Some(path) = &arguments.hits {
             match arguments.kind {
                 Kind::Closest => hit_file::write_closest(path, &closest)?,
-                Kind::Any => hit_file::write_any(path, &any)?,
+                Kind::Any => hit_file::write_any(path, &any, &last.flagged)?,
             }
+        }
+        // What stands in the place of a flagged ray is no answer.
+        for &place in &last.flagged {
+            closest.get_mut(place).map(|hit| *hit = Hit::MISS);
+            any.get_mut(place).map(|hit| *hit = false);
         }
         let hits = closest.iter().filter(|hit| hit.is_hit()).count()
             + any.iter().filter(|hit| **hit).count();
@@ -98,14 +120,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: rays.len() as f64 / trace_ms.max(1e-6) / 1e3,
-            undecided,
+            undecided: last.undecided,
+            undecided_share: last.undecided as f64 / rays.len().max(1) as f64,
+            flagged: last.flagged.len(),
             answered_by_cpu: prepared.accelerator.answered_by_cpu(),
             digest: prepared.accelerator.tree().digest().to_string(),
         };
-        if undecided > 0 && !common.quiet {
+        if report.undecided > 0 && !common.quiet {
+            let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
             output::note(&format!(
-                "note: the device could not decide {} exactly; the CPU did",
-                counted(undecided, "ray")
+                "note: the device could not decide {} exactly, a share of {:.1e}; {what}",
+                counted(report.undecided, "ray"),
+                report.undecided_share
             ));
         }
         if report.answered_by_cpu > 0 && !common.quiet {

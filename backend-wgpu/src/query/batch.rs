@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::atomic::Ordering::Relaxed;
 use std::time::{Duration, Instant};
 
+use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -30,6 +31,28 @@ const TOO_LONG: Duration = Duration::from_millis(250);
 /// A slice that takes less is followed by one of four times the rays.
 const SHORT: Duration = Duration::from_millis(30);
 
+/// Rays of a batch that have no answer, by their places in it, in ascending order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Marked {
+    /// Those that the driver did not let finish.
+    pub unfinished: Vec<usize>,
+    /// Those that bounds of error leave undecided; accuracy `exact` only.
+    pub undecided: Vec<usize>,
+}
+
+impl Marked {
+    /// An error when there are any.
+    fn none(&self) -> Result<(), DeviceQueryError> {
+        if let Some(&first) = self.unfinished.first() {
+            return Err(DeviceQueryError::Unfinished { rays: self.unfinished.len(), first });
+        }
+        match self.undecided.first() {
+            None => Ok(()),
+            Some(&first) => Err(DeviceQueryError::Undecided { rays: self.undecided.len(), first }),
+        }
+    }
+}
+
 /// A slice that was submitted.
 struct Pending {
     set: Staging,
@@ -44,8 +67,8 @@ impl Queries {
     /// is traced, the next is uploaded.
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, a driver that ends traversals early, or a device that
-    /// fails; then some of `hits` may hold
+    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are left
+    /// undecided, or a device that fails; then some of `hits` may hold
     /// answers and others what they held before: none is to be used.
     pub fn closest_hits(
         &self,
@@ -54,7 +77,7 @@ impl Queries {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
-        finished(&self.closest_hits_marking(tree, rays, hits, options)?)
+        self.closest_hits_marking(tree, rays, hits, options)?.none()
     }
 
     /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
@@ -68,11 +91,14 @@ impl Queries {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
-        finished(&self.any_hits_marking(tree, rays, occluded, options)?)
+        self.any_hits_marking(tree, rays, occluded, options)?.none()
     }
 
-    /// As [`Queries::closest_hits`], but rays that the driver did not let finish are no error: gives
-    /// their places in the batch. Their `hits` are not to be used.
+    /// As [`Queries::closest_hits`], but rays without an answer are no error: gives their places in
+    /// the batch. Their `hits` are not to be used.
+    ///
+    /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
+    /// the device computed, see [`splitplane_core::certify`].
     ///
     /// # Errors
     /// `rays` and `hits` of different length, or a device that fails.
@@ -82,21 +108,26 @@ impl Queries {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<Vec<usize>, DeviceQueryError> {
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), hits.len())?;
-        let mut unfinished = Vec::new();
+        let mut out = Marked::default();
         self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
             let first = range.start;
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
-            let marked = hits.iter().enumerate().filter(|(_, hit)| hit.triangle == UNFINISHED);
-            unfinished.extend(marked.map(|(place, _)| first + place));
+            for (place, hit) in hits.iter().enumerate() {
+                match hit.triangle {
+                    UNFINISHED => out.unfinished.push(first + place),
+                    UNDECIDED_HIT => out.undecided.push(first + place),
+                    _ => {}
+                }
+            }
         })?;
-        Ok(unfinished)
+        Ok(out)
     }
 
-    /// As [`Queries::any_hits`], but rays that the driver did not let finish are no error: gives their
-    /// places in the batch. Their answers are not to be used.
+    /// As [`Queries::any_hits`], but rays without an answer are no error: gives their places in the
+    /// batch. Their answers are not to be used.
     ///
     /// # Errors
     /// `rays` and `occluded` of different length, or a device that fails.
@@ -106,18 +137,22 @@ impl Queries {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<Vec<usize>, DeviceQueryError> {
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
-        let mut unfinished = Vec::new();
+        let mut out = Marked::default();
         self.trace_slices(tree, rays, options, Query::Any, |range, bytes| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
-                occluded[place] = word == 1u32.to_ne_bytes();
-                if word == 2u32.to_ne_bytes() {
-                    unfinished.push(place);
+                let word = [word[0], word[1], word[2], word[3]];
+                occluded[place] = false;
+                match u32::from_ne_bytes(word) {
+                    1 => occluded[place] = true,
+                    2 => out.unfinished.push(place),
+                    3 => out.undecided.push(place),
+                    _ => {}
                 }
             }
         })?;
-        Ok(unfinished)
+        Ok(out)
     }
 
     /// Most rays of a slice under the limits of the device.
@@ -218,14 +253,6 @@ impl Queries {
         let took = slice.since.elapsed();
         self.keep_staging(slice.set);
         Ok((slice.rays, answers, took))
-    }
-}
-
-/// An error when there are unfinished rays.
-fn finished(unfinished: &[usize]) -> Result<(), DeviceQueryError> {
-    match unfinished.first() {
-        None => Ok(()),
-        Some(&first) => Err(DeviceQueryError::Unfinished { rays: unfinished.len(), first }),
     }
 }
 

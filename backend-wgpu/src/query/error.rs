@@ -45,6 +45,17 @@ pub enum DeviceQueryError {
         /// The first of them.
         first: usize,
     },
+    /// Accuracy `exact`: the device's bounds of error leave some rays undecided.
+    #[error(
+        "the device could not decide {rays} rays exactly, the first of them ray {first}; trace them \
+         on the CPU"
+    )]
+    Undecided {
+        /// How many rays.
+        rays: usize,
+        /// The first of them.
+        first: usize,
+    },
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
