@@ -13,3 +13,4 @@ pub mod judge;
 pub mod oracle;
 pub mod random;
 pub mod scenes;
+pub mod stability;
