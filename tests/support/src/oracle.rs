@@ -292,6 +292,11 @@ impl Oracle {
         found
     }
 
+    /// All triangles with the corners of a crossing's, in ascending order.
+    pub fn alike(&self, crossing: &Crossing) -> &[u32] {
+        &self.unique[crossing.unique as usize].members
+    }
+
     /// Whether the line through the ray passes through the closed triangle.
     pub fn covers(&self, ray: &Ray, triangle: u32) -> bool {
         self.crossing_of(ray, triangle).is_some()
