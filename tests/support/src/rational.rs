@@ -563,6 +563,40 @@ mod tests {
         assert!(met > 1_500, "{met}");
     }
 
+    /// Distances exactly in the middle between two floats, on planes for which `f64` errs to either
+    /// side of it.
+    #[test]
+    fn distances_between_two_floats() {
+        let mut random = Random::new(9);
+        let mut met = 0;
+        for _ in 0..2_000 {
+            let coarse =
+                |random: &mut Random| (random.below(1 << 22) as f32 - 2_097_152.0) / 65_536.0;
+            // A point with half a unit, on the edge between two corners about it.
+            let way = [(); 3].map(|()| coarse(&mut random));
+            let point = [0.5, coarse(&mut random), coarse(&mut random)];
+            let a = [0, 1, 2].map(|i| point[i] + way[i]);
+            let b = [0, 1, 2].map(|i| point[i] - way[i]);
+            let c = [(); 3].map(|()| coarse(&mut random));
+            let exact =
+                (0..3).all(|i| f64::from(a[i]) + f64::from(b[i]) == 2.0 * f64::from(point[i]));
+            let steps = 8_388_608.0 + random.below(8_000_000) as f32;
+            let ray = Ray::new([-steps, point[1], point[2]], [1.0, 0.0, 0.0]);
+            let scene = Scene { name: "between".into(), positions: vec![a, b, c], indices: None };
+            let mesh = scene.mesh();
+            let oracle = Oracle::new(&mesh);
+            compare(&scene, &oracle, &ray, &QueryOptions::default());
+            if let Some(nearest) = oracle.nearest(&ray, &QueryOptions::default())
+                && exact
+            {
+                let even = if steps % 2.0 == 0.0 { steps } else { steps + 1.0 };
+                assert_eq!(nearest.t, even, "{ray:?}");
+                met += 1;
+            }
+        }
+        assert!(met > 1_000, "{met}");
+    }
+
     /// Of a closed mesh a line crosses as many fronts as backs, however it is moved, and how far makes
     /// no difference.
     #[test]
