@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use splitplane::{Accelerator, Backend, BuildConfig, BuildOptions, Hit, QueryOptions, Ray};
 use splitplane_test_support::aim::Aim;
 use splitplane_test_support::oracle::Oracle;
-use splitplane_test_support::stability::{Counter, Shots, Subject, Tally};
+use splitplane_test_support::stability::{Counter, Place, Shots, Side, Subject, Tally};
 use std::error::Error;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -56,7 +56,12 @@ fn run(options: &Options, backend: &dyn Backend) -> Result<bool, Failure> {
             for &sizes in moves {
                 let moved = subject.moved(sizes);
                 let run = Run::new(&moved, options, backend)?;
-                for &side in &options.from {
+                // Rays from far away come from outside; asked for once.
+                let sides = options
+                    .from
+                    .iter()
+                    .filter(|&&side| place != Place::Distant || side == Side::Outside);
+                for &side in sides {
                     for &target in &options.aims {
                         let started = Instant::now();
                         let tally = run.trace(Shots { target, place, side }, share)?;
@@ -97,7 +102,7 @@ impl<'a> Run<'a> {
         let mesh = subject.scene.mesh();
         let build = BuildOptions::from(BuildConfig::preset(options.preset));
         let accelerator = backend.build(&mesh, &build)?;
-        let query = QueryOptions { accuracy: options.accuracy.accuracy(), ..Default::default() };
+        let query = QueryOptions { accuracy: options.accuracy, ..Default::default() };
         let (seed, any) = (options.seed, !options.closest_only);
         Ok(Run { subject, accelerator, oracle: Oracle::new(&mesh), query, seed, any })
     }

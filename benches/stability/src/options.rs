@@ -1,6 +1,6 @@
 //! The command line.
 
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use splitplane::{Accuracy, BackendKind, Preset};
 use splitplane_test_support::stability::{Place, Side, Target};
 use std::path::PathBuf;
@@ -30,8 +30,8 @@ pub struct Options {
     #[arg(long, default_value = "cpu", value_parser = |name: &str| name.parse::<BackendKind>())]
     pub backend: BackendKind,
     /// Which triangle test
-    #[arg(long, default_value = "watertight")]
-    pub accuracy: AccuracyName,
+    #[arg(long, default_value = "watertight", value_parser = accuracy)]
+    pub accuracy: Accuracy,
     /// Which builder
     #[arg(long, default_value = "fast", value_parser = preset)]
     pub preset: Preset,
@@ -50,27 +50,10 @@ pub struct Options {
     pub json: Option<PathBuf>,
 }
 
-/// Accuracies by name.
-#[derive(Clone, Copy, Debug, ValueEnum, PartialEq, Eq)]
-pub enum AccuracyName {
-    /// Moeller and Trumbore
-    Fast,
-    /// Woop, Benthin and Wald, the default
-    Watertight,
-}
-
-impl AccuracyName {
-    /// As the library has it.
-    pub fn accuracy(self) -> Accuracy {
-        match self {
-            AccuracyName::Fast => Accuracy::Fast,
-            AccuracyName::Watertight => Accuracy::Watertight,
-        }
-    }
-
+impl Options {
     /// Whether answers must be the oracle's to the bit.
-    pub fn is_exact(self) -> bool {
-        false
+    pub fn is_exact(&self) -> bool {
+        self.accuracy == Accuracy::Exact
     }
 }
 
@@ -84,6 +67,10 @@ fn place(name: &str) -> Result<Place, String> {
 
 fn side(name: &str) -> Result<Side, String> {
     by_name(Side::ALL, Side::name, name)
+}
+
+fn accuracy(name: &str) -> Result<Accuracy, String> {
+    by_name(Accuracy::ALL, Accuracy::name, name)
 }
 
 fn preset(name: &str) -> Result<Preset, String> {

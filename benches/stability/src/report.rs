@@ -39,7 +39,7 @@ impl Report {
              other triangle | wrong | ties | inexact | contradictions |"
         );
         println!("|---|--:|---|---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|");
-        Report { rows: Vec::new(), exact: options.accuracy.is_exact() }
+        Report { rows: Vec::new(), exact: options.is_exact() }
     }
 
     /// Prints a row and keeps it.
