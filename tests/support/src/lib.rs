@@ -7,6 +7,7 @@
 pub mod aim;
 pub mod exact;
 pub mod expansion;
+pub mod extremes;
 pub mod faulty;
 pub mod greedy;
 pub mod judge;
