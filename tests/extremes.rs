@@ -114,3 +114,170 @@ extremes! {
     built_in_stadium: built_in("stadium"), 200;
     built_in_city: built_in("city:2000"), 200;
 }
+
+/// The scenes of the extremes suite, gone through by every preset, instruction set and accuracy.
+mod suite {
+    use super::*;
+    use splitplane_core::backend::Accelerator;
+    use splitplane_core::config::{BuildConfig, Preset};
+    use splitplane_core::ray::Accuracy;
+    use splitplane_cpu::{CpuAccelerator, InstructionSet};
+    use splitplane_test_support::aim::Aim;
+    use splitplane_test_support::extremes;
+    use splitplane_test_support::judge::Verdict;
+
+    /// Bits, so that -0 differs from 0.
+    fn bits(hit: &Hit) -> [u32; 4] {
+        [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
+    }
+
+    fn all_bits(hits: &[Hit]) -> Vec<[u32; 4]> {
+        hits.iter().map(bits).collect()
+    }
+
+    fn options(accuracy: Accuracy) -> QueryOptions {
+        QueryOptions { accuracy, ..QueryOptions::default() }
+    }
+
+    fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+        let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
+        let mut hits = vec![stale; rays.len()];
+        built.closest_hits(rays, &mut hits, options).expect("equal lengths");
+        hits
+    }
+
+    /// The accelerators of one preset on every instruction set, which must have one tree.
+    fn build_all(scene: &Scene, preset: Preset) -> Vec<CpuAccelerator> {
+        let mesh = scene.mesh();
+        let build = BuildOptions::from(BuildConfig::preset(preset));
+        let built: Vec<CpuAccelerator> = InstructionSet::available()
+            .into_iter()
+            .map(|set| {
+                let backend = CpuBackend::with_instruction_set(set);
+                backend.build_accelerator(&mesh, &build).expect("a tree")
+            })
+            .collect();
+        let tree = built[0].tree();
+        if let Err(violation) = validate_mesh(&tree.view(), &mesh) {
+            panic!("{}, {}: {violation}", scene.name, preset.name());
+        }
+        for other in &built[1..] {
+            assert!(other.tree() == tree, "{}, {}", scene.name, preset.name());
+        }
+        built
+    }
+
+    /// One accuracy over one batch: the same bits by every way there is to ask, on every tree and
+    /// instruction set; gives the hits.
+    fn one_answer(
+        scene: &Scene,
+        all: &[Vec<CpuAccelerator>],
+        rays: &[Ray],
+        accuracy: Accuracy,
+    ) -> Vec<Hit> {
+        let name = &scene.name;
+        let options = options(accuracy);
+        let first = closest(&all[0][0], rays, &options);
+        for built in all.iter().flatten() {
+            let what = (built.tree().config.preset.name(), built.instruction_set().name());
+            let batch = closest(built, rays, &options);
+            let mut occluded = vec![false; rays.len()];
+            built.any_hits(rays, &mut occluded, &options).expect("equal lengths");
+            for (i, ray) in rays.iter().enumerate() {
+                let alone = built.closest_hit(ray, &options).unwrap_or(Hit::MISS);
+                assert_eq!(
+                    bits(&batch[i]),
+                    bits(&alone),
+                    "{name}, {what:?}, {accuracy:?}: {ray:?}"
+                );
+                // The fast test may see an edge otherwise where the tree is otherwise.
+                if accuracy != Accuracy::Fast {
+                    assert_eq!(bits(&alone), bits(&first[i]), "{name}, {what:?}: {ray:?}");
+                    assert_eq!(occluded[i], alone.is_hit(), "{name}, {what:?}: {ray:?}");
+                    assert_eq!(built.any_hit(ray, &options), alone.is_hit(), "{name}: {ray:?}");
+                }
+            }
+        }
+        first
+    }
+
+    /// Judges watertight hits, and holds exact ones against the oracle. Gives how many rays hit, and
+    /// of how many the judge had to say that rounding accounts for them.
+    fn judge(scene: &Scene, oracle: &Oracle, rays: &[Ray], hits: [&[Hit]; 2]) -> (usize, usize) {
+        let mesh = scene.mesh();
+        let judge = Judge::new(&mesh, oracle);
+        let (watertight, exact) = (options(Accuracy::Watertight), options(Accuracy::Exact));
+        let (mut met, mut excused) = (0, 0);
+        for (i, ray) in rays.iter().enumerate() {
+            match judge.closest(ray, &watertight, hits[0][i].some()) {
+                Err(why) => panic!("{}: {why}", scene.name),
+                Ok(verdict) => excused += usize::from(verdict == Verdict::Rounding),
+            }
+            let nearest = oracle.nearest(ray, &exact);
+            let given = hits[1][i].some().map(|hit| (hit.t, hit.triangle));
+            assert_eq!(given, nearest.map(|n| (n.t, n.triangle)), "{}, exact: {ray:?}", scene.name);
+            met += usize::from(nearest.is_some());
+        }
+        (met, excused)
+    }
+
+    fn go_through(scene: &Scene, each: usize) -> (usize, usize, usize) {
+        let mesh = scene.mesh();
+        let all: Vec<Vec<CpuAccelerator>> =
+            Preset::ALL.map(|preset| build_all(scene, preset)).into();
+        let oracle = Oracle::new(&mesh);
+        let mut rays = extremes::rays(&mesh, each, 91);
+        for built in &all {
+            let view = built[0].tree().view();
+            let mut aim = Aim::new(&mesh, 92);
+            rays.extend((0..each).map(|_| aim.in_split_plane(&view)));
+        }
+        let limited = {
+            let hits = closest(&all[0][0], &rays, &options(Accuracy::Watertight));
+            let mut limited = extremes::with_limits_at(&rays, &hits);
+            // Some of all kinds, not all of one.
+            let step = (limited.len() / (8 * each)).max(1);
+            limited = limited.into_iter().step_by(step).collect();
+            limited
+        };
+        rays.extend(limited);
+        let watertight = one_answer(scene, &all, &rays, Accuracy::Watertight);
+        let exact = one_answer(scene, &all, &rays, Accuracy::Exact);
+        one_answer(scene, &all, &rays, Accuracy::Fast);
+        let (met, excused) = judge(scene, &oracle, &rays, [&watertight, &exact]);
+        (rays.len(), met, excused)
+    }
+
+    #[test]
+    fn every_scene_by_every_way() {
+        let (mut rays, mut met) = (0, 0);
+        for scene in extremes::scenes() {
+            // Rays that meet thousands of triangles at once take their time.
+            let each = if scene.name.contains("identical") { 2 } else { 25 };
+            let (cast, hit, excused) = go_through(&scene, each);
+            println!("{}: {cast} rays, {hit} hit, {excused} put down to rounding", scene.name);
+            rays += cast;
+            met += hit;
+        }
+        assert!(met * 3 > rays, "{met} of {rays}");
+    }
+}
+
+/// A million triangles at one place: no plane separates anything, and every preset must end.
+#[test]
+fn identical_1_000_000() {
+    use splitplane_core::config::{BuildConfig, Preset};
+    let scene = scenes::identical(1_000_000);
+    let mesh = scene.mesh();
+    let rays = aim::rays(&mesh, Kind::Faces, 3, 93);
+    for preset in Preset::ALL {
+        let build = BuildOptions::from(BuildConfig::preset(preset));
+        let built = CpuBackend::new().build(&mesh, &build).expect("a tree");
+        validate_mesh(&built.tree().view(), &mesh).expect("a valid tree");
+        assert!(built.tree().references.len() < 2_000_000, "{}", preset.name());
+        for ray in &rays {
+            let hit = built.closest_hit(ray, &QueryOptions::default()).expect("a hit");
+            assert_eq!(hit.triangle, 0, "{}: {ray:?}", preset.name());
+        }
+    }
+}
