@@ -9,7 +9,7 @@
 
 pub mod animation;
 pub mod arguments;
-pub mod build;
+pub mod build_tree;
 mod folder;
 pub mod obj;
 pub mod ray_file;
@@ -29,7 +29,7 @@ pub type Target = fn(&[u8]);
 pub const ALL: [(&str, Target); 6] = [
     ("animation", animation::run),
     ("arguments", arguments::run),
-    ("build", build::run),
+    ("build_tree", build_tree::run),
     ("obj", obj::run),
     ("ray_file", ray_file::run),
     ("tree_file", tree_file::run),

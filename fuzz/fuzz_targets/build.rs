@@ -1,5 +1,0 @@
-//! See `build` in `tests/targets`.
-
-#![no_main]
-
-libfuzzer_sys::fuzz_target!(|data: &[u8]| splitplane_fuzz_targets::build::run(data));
