@@ -9,7 +9,7 @@ use splitplane::{
 use splitplane_core::validate::validate_mesh;
 use splitplane_test_support::exact::is_dropped;
 use splitplane_test_support::judge::Judge;
-use splitplane_test_support::oracle::{Oracle, ValidRay, snap};
+use splitplane_test_support::oracle::{Oracle, OracleHit, ValidRay, snap};
 use splitplane_test_support::random::Random;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -296,9 +296,10 @@ fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, random: &mut Random, tall
     let any_index = random.bits();
     let near = random.below(mesh.len() + 2) as u32;
     let options = QueryOptions {
-        accuracy: random.pick(&[Accuracy::Watertight, Accuracy::Watertight, Accuracy::Fast]),
+        accuracy: random.pick(&[Accuracy::Watertight, Accuracy::Exact, Accuracy::Fast]),
         culling: random.pick(&[Culling::None, Culling::Back, Culling::Front]),
         ignore: random.pick(&[None, None, Some(near), Some(u32::MAX), Some(any_index)]),
+        ..QueryOptions::default()
     };
     let (mut hits, mut any) = (vec![Hit::MISS; batch.len()], vec![false; batch.len()]);
     let results = random.below(3 * batch.len() + 2);
@@ -329,11 +330,21 @@ fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, random: &mut Random, tall
         if hit.is_some() {
             count("hit");
         }
-        // The fast test may lose rays; the other may not.
-        if options.accuracy == Accuracy::Watertight
-            && let Err(wrong) = judge.closest(ray, &options, hit)
-        {
-            panic!("{wrong}");
+        match options.accuracy {
+            Accuracy::Watertight => {
+                if let Err(wrong) = judge.closest(ray, &options, hit) {
+                    panic!("{wrong}");
+                }
+            }
+            Accuracy::Exact => {
+                let triangle = match oracle.closest_with(ray, &options) {
+                    OracleHit::Miss => None,
+                    OracleHit::Hit { triangles, .. } => triangles.first().copied(),
+                };
+                assert_eq!(hit.map(|hit| hit.triangle), triangle, "{ray:?} {options:?}");
+            }
+            // It may lose rays.
+            Accuracy::Fast => {}
         }
     }
 }

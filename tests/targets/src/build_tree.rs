@@ -2,14 +2,15 @@
 //! whose answers the exact oracle accepts.
 
 use crate::source::Source;
-use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
+use splitplane_core::all_hits::Crossing;
+use splitplane_core::backend::{Accelerator, BuildError, BuildOptions, QueryReport};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::validate::validate_mesh;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::judge::Judge;
-use splitplane_test_support::oracle::Oracle;
+use splitplane_test_support::oracle::{Oracle, OracleHit};
 
 thread_local! {
     static BACKEND: CpuBackend = CpuBackend::new();
@@ -179,18 +180,21 @@ fn ask(accelerator: &CpuAccelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) {
     let judge = Judge::new(mesh, &oracle);
     let rays: Vec<Ray> = (0..1 + source.below(5)).map(|_| ray(source, mesh)).collect();
     let options = QueryOptions {
-        accuracy: source.pick(&[Accuracy::Watertight, Accuracy::Watertight, Accuracy::Fast]),
+        accuracy: source.pick(&[Accuracy::Watertight, Accuracy::Exact, Accuracy::Fast]),
         culling: source.pick(&[Culling::None, Culling::Back, Culling::Front]),
         ignore: match source.below(4) {
             0 => Some(source.below(mesh.len() + 2) as u32),
             1 => Some(source.count()),
             _ => None,
         },
+        ..QueryOptions::default()
     };
     let batch: Vec<Ray> = rays.iter().copied().cycle().take(BATCH).collect();
     let (mut hits, mut any) = (vec![Hit::MISS; BATCH], vec![false; BATCH]);
-    accelerator.closest_hits(&batch, &mut hits, &options).expect("lengths are equal");
-    accelerator.any_hits(&batch, &mut any, &options).expect("lengths are equal");
+    let report = accelerator.closest_hits(&batch, &mut hits, &options).expect("lengths are equal");
+    assert_eq!(report, QueryReport::default());
+    let report = accelerator.any_hits(&batch, &mut any, &options).expect("lengths are equal");
+    assert_eq!(report, QueryReport::default());
     for (i, ray) in batch.iter().enumerate() {
         let hit = hits[i].some();
         if i >= rays.len() {
@@ -200,21 +204,76 @@ fn ask(accelerator: &CpuAccelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) {
         assert_eq!(accelerator.closest_hit(ray, &options), hit, "one by one: {ray:?} {options:?}");
         assert_eq!(accelerator.any_hit(ray, &options), any[i], "one by one: {ray:?} {options:?}");
         assert_eq!(any[i], hit.is_some(), "{ray:?} {options:?}");
-        let verdict = judge.closest(ray, &options, hit);
-        match (options.accuracy, verdict) {
-            (Accuracy::Watertight, Err(wrong)) => panic!("{wrong}"),
+        match options.accuracy {
+            Accuracy::Watertight => {
+                if let Err(wrong) = judge.closest(ray, &options, hit) {
+                    panic!("{wrong}");
+                }
+            }
+            Accuracy::Exact => is_exact(&oracle, ray, &options, hit),
             // It may miss, and its distances err more; but what it hits is there.
-            (_, Err(_)) => {
+            Accuracy::Fast => {
                 if let Some(hit) = hit {
-                    assert!(
-                        (hit.triangle as usize) < mesh.len()
-                            && options.ignore != Some(hit.triangle)
-                    );
+                    let there = (hit.triangle as usize) < mesh.len();
+                    assert!(there && options.ignore != Some(hit.triangle));
                     assert!(hit.t >= ray.t_min && hit.t <= ray.t_max, "{hit:?} {ray:?}");
                 }
             }
-            _ => {}
         }
+    }
+    let all = accelerator.all_hits(&rays, &options).expect("the CPU does not fail");
+    assert_eq!(all.starts.len(), rays.len() + 1);
+    for (i, ray) in rays.iter().enumerate() {
+        are_all(&oracle, ray, &options, all.of(i));
+    }
+}
+
+/// What the documents say becomes of an exact distance.
+fn rounds_to(exact: f64, t: f32) -> bool {
+    let rounded = (exact as f32).clamp(f32::MIN, f32::MAX);
+    let snapped = if rounded.abs() < f32::MIN_POSITIVE { 0.0 } else { rounded };
+    // The oracle's own distance is rounded, by less than half a unit of a float.
+    [snapped, rounded.next_up(), rounded.next_down()].contains(&t)
+        || (t == 0.0 && rounded.abs() <= f32::MIN_POSITIVE)
+}
+
+/// The hit is the one that real arithmetic gives.
+fn is_exact(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: Option<Hit>) {
+    let expected = oracle.closest_with(ray, options);
+    match (&expected, hit) {
+        (OracleHit::Miss, None) => {}
+        (OracleHit::Hit { t, triangles, .. }, Some(hit))
+            if triangles.first() == Some(&hit.triangle) && rounds_to(*t, hit.t) => {}
+        _ => panic!("{hit:?} where {expected:?} was expected\n  {ray:?}\n  {options:?}"),
+    }
+}
+
+/// All crossings, in order, each of a triangle that the ray meets; those within triangles are all
+/// there.
+fn are_all(oracle: &Oracle, ray: &Ray, options: &QueryOptions, found: &[Crossing]) {
+    let expected = oracle.crossings(ray, options);
+    let within: Vec<_> = expected
+        .iter()
+        .filter(|c| c.compare_limit(ray.t_min).is_ge() && c.compare_limit(ray.t_max).is_le())
+        .collect();
+    for pair in found.windows(2) {
+        assert!(pair[0].hit.t <= pair[1].hit.t, "{found:?} is not in order\n  {ray:?}");
+        assert!(pair[0].hit.triangle != pair[1].hit.triangle);
+    }
+    for crossing in found {
+        let hit = crossing.hit;
+        assert!(options.ignore != Some(hit.triangle));
+        let Some(exact) = oracle.t_of(ray, hit.triangle) else {
+            panic!("{hit:?} is none\n  {ray:?}\n  {options:?}");
+        };
+        assert!(rounds_to(exact, hit.t), "{hit:?} should be at {exact}\n  {ray:?}");
+    }
+    for inner in within.iter().filter(|crossing| !crossing.on_edge) {
+        let same = |c: &&Crossing| c.hit.triangle == inner.triangle;
+        let Some(crossing) = found.iter().find(same) else {
+            panic!("{} at {} is missed\n  {ray:?}\n  {options:?}", inner.triangle, inner.t);
+        };
+        assert_eq!(crossing.front, inner.front, "{crossing:?} {ray:?}");
     }
 }
 
