@@ -206,6 +206,11 @@ fn options(random: &mut Random) -> BuildOptions {
         let near = random.below(70) as u32;
         *field(&mut config) = random.pick(&[0, 1, 65, 97, 256, 1368, u32::MAX, value, near, near]);
     }
+    if random.below(64) == 0 {
+        // Each in its range, together too much for 32 bits.
+        (config.intersection_cost, config.block_width) = (100 + random.below(600) as u32, 1);
+        config.small_node_limit = 64;
+    }
     let small = random.below(60_000) as u64;
     let limits = [None, None, None, None, Some(0), Some(1), Some(small), Some(u64::MAX)];
     BuildOptions { config, max_memory: random.pick(&limits) }

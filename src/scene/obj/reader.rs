@@ -233,3 +233,19 @@ pub(super) fn shorten(word: &str) -> String {
     }
     short
 }
+
+/// Enough of a name for a message: of a file, of a material. It may be any text of a file, so what
+/// would not be printed as it is, such as what commands a terminal, is written by its number.
+pub(super) fn told(name: &str) -> String {
+    let mut short = String::new();
+    for letter in name.chars().take(160) {
+        match letter {
+            '\'' | '"' | '\\' => short.push(letter),
+            _ => short.extend(letter.escape_debug()),
+        }
+    }
+    if name.chars().nth(160).is_some() {
+        short.push_str("...");
+    }
+    short
+}

@@ -1,6 +1,7 @@
 //! Textures of materials: each file decoded once, all of them within a limit of memory.
 
 use super::library::find;
+use super::reader::told;
 use crate::scene::Texture;
 use image::{ImageReader, Limits};
 use std::collections::HashMap;
@@ -79,6 +80,7 @@ impl Album {
     }
 
     fn warn(&mut self, material: &str, name: &str, why: &str) {
+        let (name, material) = (told(name), told(material));
         self.warnings
             .push(format!("the texture `{name}` of material `{material}` is left out: {why}"));
     }

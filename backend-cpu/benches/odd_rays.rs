@@ -1,17 +1,17 @@
-//! What odd rays cost beside normal ones: `cargo bench --bench odd_rays`.
+//! What odd rays cost beside normal ones: `cargo bench -p splitplane-cpu --bench odd_rays`.
 //!
 //! Each kind of odd ray is made from the normal rays by one change. Batches of all kinds take turns,
 //! in one thread, and the least time of each kind counts: what else the machine does only ever adds.
 //! Printed are ratios to the normal rays, all odd and every other one odd, for closest hit and any
 //! hit, by batch and one by one.
 
-use splitplane::scene::builtin;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::aimed;
 use splitplane_test_support::random::Random;
+use splitplane_test_support::scenes;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -146,12 +146,10 @@ fn measure(name: &str, accelerator: &CpuAccelerator, normal: &[Ray]) -> f64 {
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     let mut worst = 0.0f64;
-    for name in ["spheres", "city:100000"] {
-        let scene = builtin::open(name).expect("a built-in scene");
-        let mesh = scene.mesh().expect("a valid mesh");
-        let accelerator = CpuBackend::new()
-            .build_accelerator(&mesh, &BuildOptions::default())
-            .expect("a tree of a built-in scene");
+    for scene in [scenes::soup(100_000, 0.02, 3), scenes::sphere(128, [0.0; 3], 1.0)] {
+        let (name, mesh) = (&scene.name, scene.mesh());
+        let accelerator =
+            CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default()).expect("a tree");
         for (kind, rays) in
             [("random", random_rays(&mesh, &accelerator)), ("primary", primary_rays(&accelerator))]
         {
