@@ -146,8 +146,9 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
         _ => {
             // Odd numbers are no error: what cannot be hit is left out and counted.
             let odd = random.pick(&["nan", "inf", "-0", "1e-45", "3e38", "1e39"]);
-            fs::write(path("odd.obj"), format!("v {odd} 1 {odd}\n{GOOD}f 1 2 3\nf 1 1 1\n"))
-                .unwrap();
+            let library = "mtllib \u{1b}[2J.mtl\nusemtl \u{1b}[31m\n";
+            let text = format!("{library}v {odd} 1 {odd}\n{GOOD}f 1 2 3\nf 1 1 1\n");
+            fs::write(path("odd.obj"), text).unwrap();
             case(&with(&[verb, &path("odd.obj")]), 0, "")
         }
     }

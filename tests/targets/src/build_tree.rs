@@ -3,12 +3,14 @@
 
 use crate::source::Source;
 use splitplane_core::all_hits::Crossing;
-use splitplane_core::backend::{Accelerator, BuildError, BuildOptions, QueryReport};
+use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryReport};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::digest::Digest;
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
+use splitplane_core::triangle::prepare;
 use splitplane_core::validate::validate_mesh;
-use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use splitplane_cpu::CpuBackend;
 use splitplane_test_support::judge::Judge;
 use splitplane_test_support::oracle::{Oracle, OracleHit};
 
@@ -19,9 +21,19 @@ thread_local! {
 /// Rays of a batch: enough for the lanes.
 const BATCH: usize = 40;
 
-/// Bytes as a mesh, a configuration and rays.
+/// Bytes as a mesh, a configuration and rays, for the CPU backend.
 pub fn run(data: &[u8]) {
     crate::single_thread();
+    BACKEND.with(|backend| on(data, backend, Some(backend)));
+}
+
+/// The same for any backend, such as one with a fault.
+pub fn run_on(data: &[u8], backend: &dyn Backend) {
+    on(data, backend, None);
+}
+
+/// `cpu` is the backend by its own type, if that is what it is.
+fn on(data: &[u8], backend: &dyn Backend, cpu: Option<&CpuBackend>) {
     let mut source = Source::new(data);
     let options = options(&mut source);
     let soup = source.once_in(3);
@@ -34,7 +46,7 @@ pub fn run(data: &[u8]) {
         Mesh::indexed(&positions, &indices)
     };
     match mesh {
-        Ok(mesh) => build(&mesh, &options, &mut source),
+        Ok(mesh) => build(backend, cpu, &mesh, &options, &mut source),
         Err(error) => {
             let bad = |corners: &[u32; 3]| corners.iter().any(|&c| c as usize >= positions.len());
             let first = indices.iter().position(bad).expect("an index out of range");
@@ -129,9 +141,15 @@ fn arrays(source: &mut Source<'_>, soup: bool) -> (Vec<[f32; 3]>, Vec<[u32; 3]>)
     (positions, indices)
 }
 
-fn build(mesh: &Mesh<'_>, options: &BuildOptions, source: &mut Source<'_>) {
-    let built = BACKEND.with(|backend| backend.build_accelerator(mesh, options));
-    let mut accelerator = match (built, options.config.validate()) {
+fn build(
+    backend: &dyn Backend,
+    cpu: Option<&CpuBackend>,
+    mesh: &Mesh<'_>,
+    options: &BuildOptions,
+    source: &mut Source<'_>,
+) {
+    let built = backend.build(mesh, options);
+    let accelerator = match (built, options.config.validate()) {
         (Ok(accelerator), Ok(())) => accelerator,
         (Err(BuildError::Config(error)), Err(expected)) => {
             assert_eq!(error, expected);
@@ -144,7 +162,7 @@ fn build(mesh: &Mesh<'_>, options: &BuildOptions, source: &mut Source<'_>) {
             crate::check_message(&error.to_string(), &limit.to_string());
             // Without the limit it goes on.
             let options = BuildOptions { max_memory: None, ..*options };
-            BACKEND.with(|backend| backend.build_tree(mesh, &options)).expect("no limit");
+            backend.build(mesh, &options).map(drop).expect("no limit");
             return;
         }
         (Ok(_), Err(error)) => panic!("built, though {error}"),
@@ -153,29 +171,31 @@ fn build(mesh: &Mesh<'_>, options: &BuildOptions, source: &mut Source<'_>) {
     if let Err(violation) = validate_mesh(&accelerator.tree().view(), mesh) {
         panic!("{violation}");
     }
-    if let Some(limit) = options.max_memory {
-        assert!(accelerator.summary().peak_bytes <= limit);
-    }
-    ask(&accelerator, mesh, source);
-    rebuild(&mut accelerator, mesh, options);
+    let summary = accelerator.summary();
+    assert!(options.max_memory.is_none_or(|limit| summary.peak_bytes <= limit));
+    let kept = (0..mesh.len()).filter(|&i| prepare(&mesh.triangle(i)).kept).count();
+    assert_eq!(summary.triangles as usize - summary.dropped as usize, kept);
+    ask(accelerator.as_ref(), mesh, source);
+    let digest = accelerator.tree().digest();
+    let free = BuildOptions { max_memory: None, ..*options };
+    let again = match cpu {
+        Some(backend) => rebuild(backend, mesh, &free),
+        None => backend.build(mesh, &free).expect("as before").tree().digest(),
+    };
+    assert_eq!(again, digest, "another tree the second time");
 }
 
-/// Into memory that held something else: the same again.
-fn rebuild(accelerator: &mut CpuAccelerator, mesh: &Mesh<'_>, options: &BuildOptions) {
-    let digest = accelerator.tree().digest();
+/// The digest of a tree built into memory that held another one.
+fn rebuild(backend: &CpuBackend, mesh: &Mesh<'_>, options: &BuildOptions) -> Digest {
     let other = [[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
     let other = Mesh::soup(&other).expect("one triangle");
-    let free = BuildOptions { max_memory: None, ..*options };
-    BACKEND.with(|backend| {
-        backend.rebuild(accelerator, &other, &free).expect("one triangle");
-        assert_eq!(accelerator.tree().triangles, 1);
-        backend.rebuild(accelerator, mesh, &free).expect("as before");
-    });
-    assert_eq!(accelerator.tree().digest(), digest, "another tree the second time");
+    let mut accelerator = backend.build_accelerator(&other, options).expect("one triangle");
+    backend.rebuild(&mut accelerator, mesh, options).expect("as before");
+    accelerator.tree().digest()
 }
 
 /// Rays of all kinds, by batch and one by one, against the oracle.
-fn ask(accelerator: &CpuAccelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) {
+fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) {
     let oracle = Oracle::new(mesh);
     let judge = Judge::new(mesh, &oracle);
     let rays: Vec<Ray> = (0..1 + source.below(5)).map(|_| ray(source, mesh)).collect();

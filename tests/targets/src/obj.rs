@@ -8,21 +8,29 @@ use crate::source::Source;
 use splitplane::scene::obj::{self, ObjError, ObjProblem};
 use splitplane::scene::{MaterialRule, Scene, SceneOptions};
 
+/// What reads text of a name.
+pub type Reader = fn(&str, &str) -> Result<Scene, ObjError>;
+
 /// Bytes as OBJ text.
 pub fn run(data: &[u8]) {
+    run_on(data, obj::parse);
+}
+
+/// The same for any reader of text, such as one with a fault.
+pub fn run_on(data: &[u8], parse: Reader) {
     let mut source = Source::new(data);
     match source.below(32) {
-        0..4 => any_text(source.rest()),
-        4..20 => meant(&mut source),
-        20..30 => altered(&mut source),
+        0..4 => any_text(source.rest(), parse),
+        4..20 => meant(&mut source, parse),
+        20..30 => altered(&mut source, parse),
         // Files take a hundred times as long.
         _ => with_files(&mut source),
     }
 }
 
-fn any_text(bytes: &[u8]) {
+fn any_text(bytes: &[u8], parse: Reader) {
     if let Ok(text) = std::str::from_utf8(bytes) {
-        check(&obj::parse(text, "any.obj"), text);
+        check(&parse(text, "any.obj"), text);
     } else {
         let path = folder::write("any.obj", bytes);
         let read = obj::read(&path);
@@ -290,9 +298,9 @@ fn face(source: &mut Source<'_>, meaning: &mut Meaning, line: u64) -> Vec<String
 }
 
 /// Text must be read as it is meant.
-fn meant(source: &mut Source<'_>) {
+fn meant(source: &mut Source<'_>, parse: Reader) {
     let (text, meaning) = grammar(source);
-    let read = obj::parse(&text, "any.obj");
+    let read = parse(&text, "any.obj");
     check(&read, &text);
     match (&read, meaning.error()) {
         (Ok(scene), None) => {
@@ -313,13 +321,13 @@ fn same_nan(x: f32) -> u32 {
 }
 
 /// Text with changes that make it mean anything or nothing.
-fn altered(source: &mut Source<'_>) {
+fn altered(source: &mut Source<'_>, parse: Reader) {
     let (text, _) = grammar(source);
     let mut bytes = text.into_bytes();
     for _ in 0..1 + source.below(6) {
         alter(source, &mut bytes);
     }
-    any_text(&bytes);
+    any_text(&bytes, parse);
 }
 
 fn alter(source: &mut Source<'_>, bytes: &mut Vec<u8>) {
