@@ -15,10 +15,11 @@ use splitplane_test_support::scenes;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
-/// Rays of a batch: one task of the backend, about a millisecond.
-const RAYS: usize = 4096;
+/// Rays of a batch: a fraction of a millisecond, so that some batches are not interrupted however busy
+/// the machine is.
+const RAYS: usize = 1024;
 /// How often all kinds take their turn.
-const ROUNDS: usize = 60;
+const ROUNDS: usize = 200;
 /// What no kind should cost more than, in times of a normal ray.
 const MOST: f64 = 1.5;
 

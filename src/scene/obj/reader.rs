@@ -249,3 +249,16 @@ pub(super) fn told(name: &str) -> String {
     }
     short
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_told_as_they_can_be_printed() {
+        assert_eq!(told("C:\\a \"b\"'\u{e4}.png"), "C:\\a \"b\"'\u{e4}.png");
+        assert_eq!(told("\u{1b}[2J\n\0"), "\\u{1b}[2J\\n\\0");
+        assert_eq!(told(&"9".repeat(400)), "9".repeat(160) + "...");
+        assert_eq!(shorten(&"9".repeat(400)), "9".repeat(24) + "...");
+    }
+}

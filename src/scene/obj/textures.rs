@@ -80,7 +80,8 @@ impl Album {
     }
 
     fn warn(&mut self, material: &str, name: &str, why: &str) {
-        let (name, material) = (told(name), told(material));
+        // What decoders say may end in a line feed.
+        let (name, material, why) = (told(name), told(material), told(why.trim()));
         self.warnings
             .push(format!("the texture `{name}` of material `{material}` is left out: {why}"));
     }
