@@ -19,7 +19,7 @@ pub(super) const BUG: u8 = 70;
 
 /// A sentence that says what is wrong and what to do, and the code the program ends with.
 #[derive(Debug)]
-pub(super) struct Failure {
+pub(crate) struct Failure {
     message: String,
     code: u8,
 }
@@ -42,14 +42,24 @@ impl Failure {
         Failure { message: String::new(), code: 0 }
     }
 
+    /// The sentence; empty where there is nobody to tell.
+    pub(crate) fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// The exit code as a number.
+    pub(crate) fn number(&self) -> u8 {
+        self.code
+    }
+
     pub(super) fn report(&self) {
-        if !self.message.is_empty() {
-            super::output::error(&self.message);
+        if !self.message().is_empty() {
+            super::output::error(self.message());
         }
     }
 
     pub(super) fn code(&self) -> ExitCode {
-        ExitCode::from(self.code)
+        ExitCode::from(self.number())
     }
 }
 

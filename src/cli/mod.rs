@@ -4,11 +4,11 @@ mod adapters;
 mod animate;
 mod bug;
 mod build;
-mod failure;
+pub(crate) mod failure;
 mod hit_file;
 mod knobs;
 mod look;
-mod npy;
+pub(crate) mod npy;
 mod options;
 mod output;
 mod paper;
@@ -17,7 +17,7 @@ mod percentiles;
 mod prepared;
 mod progress;
 mod query;
-mod ray_file;
+pub(crate) mod ray_file;
 mod render;
 mod stage;
 mod stats;
@@ -36,7 +36,7 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
-struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     verb: Option<Verb>,
     #[command(flatten)]
@@ -68,6 +68,29 @@ enum Verb {
     View(view::Arguments),
 }
 
+impl Cli {
+    /// Whether the options of a build fit together: what is wrong with them is said before any work.
+    ///
+    /// # Errors
+    /// Wrong usage.
+    pub(crate) fn check(&self) -> Result<(), failure::Failure> {
+        let common = match &self.verb {
+            None => &self.render.common,
+            Some(Verb::Render(arguments)) => &arguments.common,
+            Some(Verb::Animate(arguments)) => &arguments.common,
+            Some(Verb::Build(arguments)) => &arguments.common,
+            Some(Verb::Stats(arguments)) => &arguments.common,
+            Some(Verb::Query(arguments)) => &arguments.common,
+            Some(Verb::Verify(arguments)) => &arguments.common,
+            Some(Verb::Parity(arguments)) => &arguments.common,
+            Some(Verb::Adapters(_) | Verb::Paper(_)) => return Ok(()),
+            #[cfg(feature = "viewer")]
+            Some(Verb::View(arguments)) => &arguments.common,
+        };
+        common.build_options().map(drop)
+    }
+}
+
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
 builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]
@@ -86,7 +109,7 @@ pub(crate) fn main() -> ExitCode {
     }
     // Wrong usage ends here, with a message and exit code 2.
     let cli = Cli::parse();
-    let done = match cli.verb {
+    let done = cli.check().and_then(|()| match cli.verb {
         None => render::run(&cli.render),
         Some(Verb::Render(arguments)) => render::run(&arguments),
         Some(Verb::Animate(arguments)) => animate::run(&arguments),
@@ -99,7 +122,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
-    };
+    });
     match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {

@@ -25,7 +25,7 @@ pub(super) enum NpyError {
 }
 
 /// True for bytes that start as an .npy file does.
-pub(super) fn is_npy(bytes: &[u8]) -> bool {
+pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
@@ -94,7 +94,7 @@ fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, NpyError> {
 }
 
 /// The header of a one-dimensional array; the numbers follow it.
-pub(super) fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
+pub(crate) fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
     let text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({count},), }}");
     // The numbers start at a multiple of 64, after the line feed that ends the header.
     let padding = (64 - (10 + text.len() + 1) % 64) % 64;

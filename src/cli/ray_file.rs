@@ -13,9 +13,18 @@ pub(super) fn read(path: &Path) -> Result<Vec<Ray>, Failure> {
     let shown = path.display();
     let bytes = fs::read(path)
         .map_err(|error| Failure::file(format!("cannot read the rays in `{shown}`: {error}")))?;
+    parse(path, &bytes)
+}
+
+/// The rays in the bytes of a file, whose name may say what they are.
+///
+/// # Errors
+/// The bytes are not rays; the message names the file.
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Ray>, Failure> {
+    let shown = path.display();
     let named_npy = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy"));
-    let rows = if named_npy || npy::is_npy(&bytes) {
-        npy::read_rows_of_8(&bytes)
+    let rows = if named_npy || npy::is_npy(bytes) {
+        npy::read_rows_of_8(bytes)
             .map_err(|error| Failure::file(format!("cannot read the rays in `{shown}`: {error}")))?
     } else {
         let (rays, rest) = bytes.as_chunks::<RAY>();
