@@ -203,7 +203,6 @@ impl From<TradeError> for Failure {
     fn from(error: TradeError) -> Failure {
         match error {
             TradeError::Report(error) => error.into(),
-            TradeError::Open(error) => error.into(),
             TradeError::Mesh(error) => error.into(),
             TradeError::Query(error) => error.into(),
             TradeError::Picture(error) => error.into(),

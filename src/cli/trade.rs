@@ -9,14 +9,13 @@ use splitplane::render::Size;
 use splitplane::report::document::File;
 use splitplane::report::machine::Machine;
 use splitplane::report::scene::{Placed, Settings as SceneSettings};
-use splitplane::trade::budget::Fixed;
+use splitplane::trade::budget::{Fixed, FixedRays};
 use splitplane::trade::compare::{Comparison, Old, Thresholds};
 use splitplane::trade::measure::{Event, Settings};
 use splitplane::trade::plan::{Device, Scope, Station, stations};
 use splitplane::trade::recommend::Wish;
-use splitplane::trade::row::{ACCURACIES, accuracy_name};
-use splitplane::trade::{Trade, measure, rays};
-use splitplane::{Accuracy, BackendKind, OpenOptions, Preset};
+use splitplane::trade::{Trade, measure, plot, rays};
+use splitplane::{Accuracy, Backend, BackendKind, OpenOptions, Preset};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -133,15 +132,18 @@ enum Level {
     Fast,
     /// Woop, Benthin and Wald 2013
     Watertight,
+    /// What real arithmetic gives for the mesh and the rays as they are
+    Exact,
 }
 
 impl Level {
-    const ALL: [Level; 2] = [Level::Fast, Level::Watertight];
+    const ALL: [Level; 3] = [Level::Fast, Level::Watertight, Level::Exact];
 
     const fn accuracy(self) -> Accuracy {
         match self {
             Level::Fast => Accuracy::Fast,
             Level::Watertight => Accuracy::Watertight,
+            Level::Exact => Accuracy::Exact,
         }
     }
 }
@@ -180,20 +182,26 @@ fn make_folder(path: &Path) -> Result<bool, Failure> {
     Ok(new)
 }
 
-/// What is measured, and why no more.
+/// What is measured, on which GPU if on one, and why.
 struct Sweep {
     stations: Vec<Station>,
+    gpu: Gpu,
+}
+
+/// The GPU that is measured, if one is, and why.
+struct Gpu {
+    backend: Option<Box<dyn Backend>>,
     reason: String,
 }
 
 impl Arguments {
     fn work(&self, old: Option<&Old>, folder: Option<&Path>) -> Result<(), Failure> {
         let sweep = match old {
-            Some(old) => Sweep { stations: old.stations(), reason: "as in the file".into() },
+            Some(old) => self.sweep_again(old)?,
             None => self.sweep()?,
         };
         if !self.quiet {
-            output::note(&format!("GPU: {}", sweep.reason));
+            output::note(&format!("GPU: {}", sweep.gpu.reason));
         }
         let threads = sweep.stations.iter().map(|station| station.threads).max().unwrap_or(1);
         let spec = self.scene.clone().or_else(|| old.map(|old| old.scene.spec.clone()));
@@ -211,7 +219,7 @@ impl Arguments {
         let settings = Settings {
             seconds: if self.quick { 1.0 } else { f64::from(self.seconds) },
             fixed: old.map_or_else(|| self.fixed(), Old::fixed),
-            open: self.open_options(),
+            gpu: sweep.gpu.backend.as_deref(),
             max_memory: self.max_memory,
         };
         let bar = progress::bar(self.quiet, "measuring", 0);
@@ -229,7 +237,7 @@ impl Arguments {
             threads,
             &measured.cpu,
             measured.gpu.as_ref(),
-            sweep.reason.clone(),
+            sweep.gpu.reason.clone(),
         );
         let about = (scene.name.clone(), scene.indices.len());
         let trade = Trade::of(spec, about, machine, measured, &self.wish(), Vec::new());
@@ -272,12 +280,12 @@ impl Arguments {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let most = self.threads.map_or(cores, usize::from);
         let threads = if most > 1 { vec![1, most] } else { vec![1] };
-        let (gpu, reason) = self.gpu()?;
+        let gpu = self.gpu()?;
         let mut devices = Vec::new();
         if self.backends.iter().any(|kind| *kind != BackendKind::Wgpu) {
             devices.push(Device::Cpu);
         }
-        if gpu {
+        if gpu.backend.is_some() {
             devices.push(Device::Gpu);
         }
         let mut presets: Vec<Preset> = self.presets.iter().map(|name| name.preset()).collect();
@@ -285,7 +293,7 @@ impl Arguments {
         presets.dedup();
         let mut accuracies: Vec<Accuracy> =
             self.accuracies.iter().map(|level| level.accuracy()).collect();
-        let rank = |accuracy: &Accuracy| ACCURACIES.iter().position(|own| own == accuracy);
+        let rank = |accuracy: &Accuracy| Accuracy::ALL.iter().position(|own| own == accuracy);
         accuracies.sort_by_key(rank);
         accuracies.dedup();
         let scope = Scope { presets, knobs: !self.no_knobs, accuracies, devices, threads };
@@ -293,23 +301,39 @@ impl Arguments {
         if stations.is_empty() {
             return Err(Failure::usage("preset best is built on the CPU only; add --backends cpu"));
         }
-        Ok(Sweep { stations, reason })
+        Ok(Sweep { stations, gpu })
     }
 
-    /// Whether a GPU is measured, and why.
-    fn gpu(&self) -> Result<(bool, String), Failure> {
+    /// What a file says was measured.
+    fn sweep_again(&self, old: &Old) -> Result<Sweep, Failure> {
+        let stations = old.stations();
+        let gpu = match stations.iter().any(|station| station.device == Device::Gpu) {
+            true => self.open_gpu(BackendKind::Wgpu)?,
+            false => Gpu { backend: None, reason: "none, as in the file".into() },
+        };
+        Ok(Sweep { stations, gpu })
+    }
+
+    /// The GPU to measure. It is opened before the scene is: that there is none is said first.
+    fn gpu(&self) -> Result<Gpu, Failure> {
         let kinds = &self.backends;
         if kinds.contains(&BackendKind::Wgpu) {
-            return Ok((true, "asked for".into()));
+            return self.open_gpu(BackendKind::Wgpu);
         }
+        let none = |reason: &str| Ok(Gpu { backend: None, reason: reason.to_owned() });
         if !kinds.contains(&BackendKind::Auto) {
-            return Ok((false, "none, since only the CPU was asked for".into()));
+            return none("none, since only the CPU was asked for");
         }
         if self.quick && self.adapter.is_none() {
-            return Ok((false, "auto: none, since --quick was given".into()));
+            return none("auto: none, since --quick was given");
         }
-        let opened = BackendKind::Auto.open_with(&self.open_options())?;
-        Ok((opened.backend.describe().name == "wgpu", opened.reason))
+        self.open_gpu(BackendKind::Auto)
+    }
+
+    fn open_gpu(&self, kind: BackendKind) -> Result<Gpu, Failure> {
+        let opened = kind.open_with(&self.open_options())?;
+        let is_gpu = opened.backend.describe().name != "cpu";
+        Ok(Gpu { backend: is_gpu.then_some(opened.backend), reason: opened.reason })
     }
 
     fn open_options(&self) -> OpenOptions {
@@ -322,11 +346,12 @@ impl Arguments {
 
     fn fixed(&self) -> Fixed {
         let quick = |given: Option<u32>, few: u32| given.or(self.quick.then_some(few));
-        Fixed {
-            sample_rays: quick(self.sample_rays, 1024).map(|n| n as usize),
-            error_rays: quick(self.error_rays, 1000).map(u64::from),
-            repeat: self.repeat.map(usize::from).or(self.quick.then_some(3)),
-        }
+        let rays = FixedRays {
+            sample: quick(self.sample_rays, 1024).map(|rays| rays as usize),
+            error: quick(self.error_rays, 1000).map(u64::from),
+        };
+        let repeat = self.repeat.map(usize::from).or(self.quick.then_some(3));
+        Fixed { repeat, cpu: rays, gpu: rays }
     }
 
     fn wish(&self) -> Wish {
@@ -334,7 +359,7 @@ impl Arguments {
             rays: self.rays,
             frames: self.frames,
             still: self.still,
-            least_accuracy: accuracy_name(self.min_accuracy.accuracy()).to_owned(),
+            least_accuracy: self.min_accuracy.accuracy().name().to_owned(),
             max_error: self.max_error,
         }
     }
@@ -394,11 +419,17 @@ fn failed(comparison: &Comparison) -> String {
 fn write(folder: &Path, trade: &Trade) -> Result<Vec<String>, Failure> {
     let json = serde_json::to_vec_pretty(trade)
         .map_err(|error| Failure::file(format!("cannot write the report as JSON: {error}")))?;
-    let mut files = Vec::new();
+    let figures = plot::figures(trade)?;
+    let shown: Vec<(&str, &str)> = figures
+        .iter()
+        .map(|figure| (figure.files[0].name.as_str(), figure.caption.as_str()))
+        .collect();
+    let text = trade.markdown(&shown);
+    let mut files: Vec<File> = figures.into_iter().flat_map(|figure| figure.files).collect();
     files.push(File { name: "trade.csv".into(), bytes: trade.table().csv().into_bytes() });
     files.push(File { name: "trade.json".into(), bytes: json });
     // The text comes last: where it is, all that it shows is there.
-    files.push(File { name: "trade.md".into(), bytes: trade.markdown(&[]).into_bytes() });
+    files.push(File { name: "trade.md".into(), bytes: text.into_bytes() });
     let mut paths = Vec::new();
     for file in &files {
         let path = folder.join(&file.name);

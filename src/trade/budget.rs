@@ -7,12 +7,21 @@ use splitplane_core::ray::Accuracy;
 /// What a user may fix; the rest follows from the time there is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Fixed {
-    /// Rays of a timed set.
-    pub sample_rays: Option<usize>,
-    /// Rays of each kind that are judged.
-    pub error_rays: Option<u64>,
     /// Repeats.
     pub repeat: Option<usize>,
+    /// Rays on the CPU.
+    pub cpu: FixedRays,
+    /// Rays on a GPU.
+    pub gpu: FixedRays,
+}
+
+/// Numbers of rays that a user may fix.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FixedRays {
+    /// Rays of a timed set.
+    pub sample: Option<usize>,
+    /// Rays of each kind that are judged.
+    pub error: Option<u64>,
 }
 
 /// How much is measured on a device.
@@ -85,6 +94,7 @@ fn weights(station: &Station, most_threads: usize) -> [f64; 2] {
 fn ray_weight(accuracy: Accuracy) -> f64 {
     match accuracy {
         Accuracy::Fast | Accuracy::Watertight => 1.0,
+        Accuracy::Exact => 3.0,
     }
 }
 
@@ -134,14 +144,14 @@ pub fn divide(
         let samples = SAMPLES * left / (rounds * 4.0 * rays * ms_per_ray).max(1e-9);
         // Judging a ray takes about as long as tracing two.
         let errors = (1.0 - SAMPLES) * left / (3.0 * 3.0 * judged * ms_per_ray).max(1e-9);
-        let within = |value: f64, [least, most]: [f64; 2]| value.clamp(least, most);
+        let fixed = if device == Device::Cpu { fixed.cpu } else { fixed.gpu };
+        let [least, most] = SAMPLE_RAYS.map(|x| x as f64);
+        let samples = samples.clamp(least, most) as usize;
+        let [least, most] = ERROR_RAYS.map(|x| x as f64);
+        let errors = errors.clamp(least, most) as u64;
         Amount {
-            sample_rays: fixed
-                .sample_rays
-                .unwrap_or(within(samples, SAMPLE_RAYS.map(|x| x as f64)) as usize),
-            error_rays: fixed
-                .error_rays
-                .unwrap_or(within(errors, ERROR_RAYS.map(|x| x as f64)) as u64),
+            sample_rays: fixed.sample.unwrap_or(samples),
+            error_rays: fixed.error.unwrap_or(errors),
         }
     };
     Budget { repeat, cpu: amount(Device::Cpu), gpu: amount(Device::Gpu) }
@@ -156,7 +166,7 @@ mod tests {
         stations(&Scope {
             presets: Preset::ALL.to_vec(),
             knobs: true,
-            accuracies: super::super::row::ACCURACIES.to_vec(),
+            accuracies: Accuracy::ALL.to_vec(),
             devices: vec![Device::Cpu],
             threads: vec![1, 2],
         })
@@ -181,7 +191,8 @@ mod tests {
 
     #[test]
     fn what_is_fixed_stays() {
-        let fixed = Fixed { sample_rays: Some(77), error_rays: Some(5), repeat: Some(9) };
+        let rays = FixedRays { sample: Some(77), error: Some(5) };
+        let fixed = Fixed { repeat: Some(9), cpu: rays, gpu: FixedRays::default() };
         let budget = divided(60_000.0, 50.0, fixed);
         assert_eq!(budget.repeat, 9);
         assert_eq!(budget.cpu, Amount { sample_rays: 77, error_rays: 5 });

@@ -1,10 +1,10 @@
 //! Figures of now beside those of an earlier run: what got worse.
 
 use super::TradeError;
-use super::budget::Fixed;
+use super::budget::{Fixed, FixedRays};
 use super::document::{Amounts, FORMAT, Subject, Trade};
 use super::plan::{Device, Station};
-use super::row::{ACCURACIES, Row, Sets, accuracy_name};
+use super::row::{Row, Sets};
 use serde::{Deserialize, Serialize};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;
@@ -25,7 +25,6 @@ pub struct Old {
 /// What of a file matters here; conclusions are drawn anew.
 #[derive(Deserialize)]
 struct File {
-    format: u32,
     scene: Subject,
     amounts: Amounts,
     rows: Vec<Row>,
@@ -95,7 +94,7 @@ impl Old {
                 head.format
             )));
         }
-        let File { scene, amounts, rows, .. } = serde_json::from_str(&text).map_err(damaged)?;
+        let File { scene, amounts, rows } = serde_json::from_str(&text).map_err(damaged)?;
         let old = Old { path: path.to_owned(), scene, amounts, rows };
         old.check().map_err(failed)?;
         Ok(old)
@@ -106,7 +105,10 @@ impl Old {
         if self.rows.is_empty() {
             return Err("has no rows".into());
         }
-        if self.amounts.repeat == 0 || self.amounts.sample_rays > 1 << 26 {
+        let Amounts { repeat, sample_rays, gpu_sample_rays, error_rays, gpu_error_rays, .. } =
+            self.amounts;
+        let rays = [sample_rays as u64, gpu_sample_rays as u64, error_rays, gpu_error_rays];
+        if !(1..1000).contains(&repeat) || rays.into_iter().any(|rays| rays > 1 << 26) {
             return Err("has amounts that cannot be measured".into());
         }
         for (place, row) in self.rows.iter().enumerate() {
@@ -185,15 +187,15 @@ impl Old {
         stations
     }
 
-    /// How much it measured, to be measured again. A device may have had fewer rays; the greater of
-    /// both is taken for both.
+    /// How much it measured, to be measured again.
     pub fn fixed(&self) -> Fixed {
         let Amounts { repeat, sample_rays, gpu_sample_rays, error_rays, gpu_error_rays, .. } =
             self.amounts;
+        let rays = |sample, error| FixedRays { sample: Some(sample), error: Some(error) };
         Fixed {
             repeat: Some(repeat),
-            sample_rays: Some(sample_rays.max(gpu_sample_rays)),
-            error_rays: Some(error_rays.max(gpu_error_rays)),
+            cpu: rays(sample_rays, error_rays),
+            gpu: rays(gpu_sample_rays, gpu_error_rays),
         }
     }
 
@@ -311,5 +313,5 @@ fn preset(name: &str) -> Option<Preset> {
 }
 
 fn accuracy(name: &str) -> Option<Accuracy> {
-    ACCURACIES.into_iter().find(|accuracy| accuracy_name(*accuracy) == name)
+    Accuracy::ALL.into_iter().find(|accuracy| accuracy.name() == name)
 }

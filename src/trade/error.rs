@@ -1,6 +1,5 @@
 //! Why there is nothing to compare settings by.
 
-use crate::backend::OpenError;
 use crate::picture::PictureError;
 use crate::report::ReportError;
 use splitplane_core::backend::{BuildError, QueryError};
@@ -15,9 +14,6 @@ pub enum TradeError {
     /// A scene that cannot be opened, or threads that cannot be started.
     #[error(transparent)]
     Report(#[from] ReportError),
-    /// A backend that cannot be opened.
-    #[error(transparent)]
-    Open(#[from] OpenError),
     /// The scene's arrays are no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),

@@ -7,13 +7,11 @@ use super::judge::Judge;
 use super::payback::Payback;
 use super::plan::{Device, Station};
 use super::rays::{RaySets, judged, timed as timed_rays};
-use super::row::{Aims, Errors, Row, Sets, Trace, accuracy_name};
-use crate::backend::{BackendKind, OpenOptions};
+use super::row::{Aims, Errors, Row, Sets, Trace};
 use crate::report::scene::Placed;
 use crate::report::timing::timed;
 use crate::report::{median, pool};
-use crate::verify::reference::{Ray64, Reference};
-use rayon::prelude::*;
+use crate::verify::reference::Reference;
 use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::mesh::Mesh;
@@ -24,14 +22,14 @@ use splitplane_cpu::CpuBackend;
 use std::collections::HashMap;
 
 /// How to measure.
-#[derive(Clone, Debug)]
-pub struct Settings {
+#[derive(Clone, Copy)]
+pub struct Settings<'a> {
     /// Seconds that the rounds are to take together.
     pub seconds: f64,
     /// What is fixed, whatever time it takes.
     pub fixed: Fixed,
-    /// The GPU, for stations on it.
-    pub open: OpenOptions,
+    /// The GPU, for stations on it; without one they are measured on the CPU.
+    pub gpu: Option<&'a dyn Backend>,
     /// Most bytes of a build.
     pub max_memory: Option<u64>,
 }
@@ -72,7 +70,7 @@ const PILOT_RAYS: usize = 1 << 11;
 pub fn measure(
     placed: &Placed,
     stations: &[Station],
-    settings: &Settings,
+    settings: &Settings<'_>,
     event: &mut dyn FnMut(Event<'_>),
 ) -> Result<Measured, TradeError> {
     let mesh = placed.scene.mesh()?;
@@ -91,12 +89,9 @@ pub fn measure(
     let errors = bench.all.install(|| {
         let count = budget.cpu.error_rays.max(budget.gpu.error_rays);
         let rays = judged(&reference, count);
-        Judged {
-            exact: exact_answers(&reference, &rays),
-            rays,
-            judge: Judge::new(&mesh, &reference),
-        }
-    });
+        let exact = exact_answers(base.as_ref(), &rays)?;
+        Ok::<_, TradeError>(Judged { rays, exact, judge: Judge::new(&mesh, &reference) })
+    })?;
     drop(base);
     event(Event::Step("exact answers"));
     let mut entries: Vec<Entry> =
@@ -133,7 +128,7 @@ pub fn measure(
         rays: super::rays::digest(sets.each()),
         mesh: name_of(&mesh),
         cpu: bench.cpu.describe(),
-        gpu: bench.gpu.as_ref().map(|backend| backend.describe()),
+        gpu: bench.gpu.map(|backend| backend.describe()),
     })
 }
 
@@ -153,23 +148,25 @@ fn name_of(mesh: &Mesh<'_>) -> String {
     format!("{:016x}", state.finish())
 }
 
-/// The exact answers.
-fn exact_answers(reference: &Reference, rays: &Aims<Vec<Ray>>) -> Aims<Vec<Hit>> {
-    let answer = |ray: &Ray| match reference.closest(&Ray64::from(ray)) {
-        None => Hit::MISS,
-        Some(hit) => {
-            let [u, v] = hit.uv.map(|x| x as f32);
-            Hit { t: hit.t as f32, triangle: hit.triangle, u, v }
-        }
-    };
-    Aims::of(rays.each().map(|rays| rays.par_iter().map(answer).collect()))
+/// The exact answers: those of the CPU backend at accuracy `exact`.
+fn exact_answers(
+    tree: &dyn Accelerator,
+    rays: &Aims<Vec<Ray>>,
+) -> Result<Aims<Vec<Hit>>, TradeError> {
+    let options = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let mut exact: [Vec<Hit>; 3] = Default::default();
+    for (exact, rays) in exact.iter_mut().zip(rays.each()) {
+        exact.resize(rays.len(), Hit::MISS);
+        tree.closest_hits(rays, exact, &options)?;
+    }
+    Ok(Aims::of(exact))
 }
 
 /// What all stations share.
 struct Bench<'a> {
     mesh: &'a Mesh<'a>,
     cpu: CpuBackend,
-    gpu: Option<Box<dyn Backend>>,
+    gpu: Option<&'a dyn Backend>,
     pools: HashMap<usize, rayon::ThreadPool>,
     /// The pool with most threads, for all that is not timed.
     all: rayon::ThreadPool,
@@ -187,13 +184,8 @@ impl<'a> Bench<'a> {
     fn open(
         mesh: &'a Mesh<'a>,
         stations: &[Station],
-        settings: &Settings,
+        settings: &Settings<'a>,
     ) -> Result<Bench<'a>, TradeError> {
-        let on_gpu = stations.iter().any(|station| station.device == Device::Gpu);
-        let gpu = match on_gpu {
-            true => Some(BackendKind::Wgpu.open_with(&settings.open)?.backend),
-            false => None,
-        };
         let mut pools = HashMap::new();
         for station in stations {
             if !pools.contains_key(&station.threads) {
@@ -202,7 +194,8 @@ impl<'a> Bench<'a> {
         }
         let most = stations.iter().map(|station| station.threads).max().unwrap_or(1);
         let cpu = CpuBackend::new();
-        Ok(Bench { mesh, cpu, gpu, pools, all: pool(most)?, max_memory: settings.max_memory })
+        let Settings { gpu, max_memory, .. } = *settings;
+        Ok(Bench { mesh, cpu, gpu, pools, all: pool(most)?, max_memory })
     }
 
     fn build(
@@ -212,7 +205,7 @@ impl<'a> Bench<'a> {
         config: &BuildConfig,
     ) -> Result<Box<dyn Accelerator>, TradeError> {
         let options = BuildOptions { config: *config, max_memory: self.max_memory };
-        let built = match (device, &self.gpu) {
+        let built = match (device, self.gpu) {
             (Device::Gpu, Some(backend)) => backend.build(self.mesh, &options),
             _ => self.cpu.build(self.mesh, &options),
         };
@@ -278,15 +271,14 @@ fn trace_first(
 ) -> Result<(f64, usize), TradeError> {
     let rays = &rays[..rays.len().min(most)];
     let options = QueryOptions { accuracy, ..QueryOptions::default() };
-    let ((), ms) = if any {
+    let (traced, ms) = if any {
         let mut stopped = vec![false; rays.len()];
-        let (traced, ms) = timed(|| tree.any_hits(rays, &mut stopped, &options));
-        (traced?, ms)
+        timed(|| tree.any_hits(rays, &mut stopped, &options))
     } else {
         let mut hits = vec![Hit::MISS; rays.len()];
-        let (traced, ms) = timed(|| tree.closest_hits(rays, &mut hits, &options));
-        (traced?, ms)
+        timed(|| tree.closest_hits(rays, &mut hits, &options))
     };
+    traced?;
     Ok((ms, rays.len()))
 }
 
@@ -366,15 +358,15 @@ impl<'a> Entry<'a> {
         let most = self.budget.of(self.station.device).error_rays as usize;
         for &accuracy in &self.station.accuracies {
             let options = QueryOptions { accuracy, ..QueryOptions::default() };
-            let mut errors = [Errors::default(); 3];
+            let (mut errors, mut redone) = ([Errors::default(); 3], 0);
             for (kind, errors) in errors.iter_mut().enumerate() {
                 let (rays, exact) = (judged.rays.each()[kind], judged.exact.each()[kind]);
                 let count = rays.len().min(most);
                 let mut hits = vec![Hit::MISS; count];
-                tree.closest_hits(&rays[..count], &mut hits, &options)?;
+                redone += tree.closest_hits(&rays[..count], &mut hits, &options)?.undecided;
                 *errors = judged.judge.count(&rays[..count], &exact[..count], &hits);
             }
-            self.judgements.push(Judgement { errors: Aims::of(errors), redone: 0 });
+            self.judgements.push(Judgement { errors: Aims::of(errors), redone });
         }
         Ok(())
     }
@@ -411,7 +403,7 @@ impl<'a> Entry<'a> {
                 config: station.config.into(),
                 backend: station.device.name().to_owned(),
                 threads,
-                accuracy: accuracy_name(station.accuracies[place]).to_owned(),
+                accuracy: station.accuracies[place].name().to_owned(),
                 build_ms: median(build_ms.clone()),
                 least_build_ms: least(&build_ms),
                 trace: Sets::of(trace),

@@ -139,7 +139,7 @@ mod tests {
         Scope {
             presets: Preset::ALL.to_vec(),
             knobs: true,
-            accuracies: super::super::row::ACCURACIES.to_vec(),
+            accuracies: Accuracy::ALL.to_vec(),
             devices: vec![Device::Cpu, Device::Gpu],
             threads: vec![1, 4],
         }
@@ -164,7 +164,7 @@ mod tests {
         for (i, a) in stations.iter().enumerate() {
             let same = |b: &Station| a.answers_as(b) && a.threads == b.threads;
             assert_eq!(stations[..i].iter().filter(|b| same(b)).count(), 0, "{}", a.name);
-            assert_eq!(a.accuracies.len(), if a.knob.is_some() { 1 } else { 2 });
+            assert_eq!(a.accuracies.len(), if a.knob.is_some() { 1 } else { 3 });
             assert!(a.device == Device::Cpu || a.config.preset != Preset::Best);
             assert!(a.knob.is_none() || a.threads == 4);
         }

@@ -3,6 +3,7 @@
 use super::payback::{Line, Reign, count, envelope};
 use super::row::Row;
 use serde::{Deserialize, Serialize};
+use splitplane_core::ray::Accuracy;
 
 /// What a user wants to do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,15 +61,12 @@ pub struct Step {
     pub row: usize,
 }
 
-/// Accuracies by what they promise, least first.
-const ORDER: [&str; 3] = ["fast", "watertight", "exact"];
-
 /// Totals closer than this are the same on a machine that others use too.
 const NOISE: f64 = 0.05;
 
 /// Whether a row will do for a wish, whatever it costs.
 pub fn will_do(row: &Row, wish: &Wish) -> bool {
-    let rank = |name: &str| ORDER.iter().position(|own| *own == name);
+    let rank = |name: &str| Accuracy::ALL.iter().position(|own| own.name() == name);
     rank(&row.accuracy) >= rank(&wish.least_accuracy)
         && wish.max_error.is_none_or(|most| row.errors_per_million <= most)
         && !is_single(row)

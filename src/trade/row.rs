@@ -3,7 +3,6 @@
 use super::payback::{Line, Payback};
 use serde::{Deserialize, Serialize};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::ray::Accuracy;
 
 /// Something for each of the four sets of rays that are timed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -261,17 +260,6 @@ impl Row {
         self.errors.each().into_iter().map(of).sum()
     }
 }
-
-/// The name of an accuracy on the command line and in files.
-pub const fn accuracy_name(accuracy: Accuracy) -> &'static str {
-    match accuracy {
-        Accuracy::Fast => "fast",
-        Accuracy::Watertight => "watertight",
-    }
-}
-
-/// All accuracies, the one that promises least first.
-pub const ACCURACIES: [Accuracy; 2] = [Accuracy::Fast, Accuracy::Watertight];
 
 #[cfg(test)]
 pub(super) mod tests {
