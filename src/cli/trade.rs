@@ -452,7 +452,7 @@ fn described(trade: &Trade) -> String {
     );
     for row in &trade.rows {
         text += &format!(
-            "row {:>3}{} {:<44} build {:>9.2} ms  {:>7.0} ns a ray  {:>7.1} MB  SAH {:>7.2}  {:>8.1} errors/M  pays {}\n",
+            "row {:>3}{} {:<44} build {:>9.2} ms  {:>7.0} ns a ray  {:>8.2} MB  SAH {:>7.2}  {:>8.1} errors/M  {:>8.1} rounded/M  pays {}\n",
             row.number,
             if row.pareto { "*" } else { " " },
             row.title(),
@@ -461,6 +461,7 @@ fn described(trade: &Trade) -> String {
             row.query_bytes as f64 / 1e6,
             row.sah_cost,
             row.errors_per_million,
+            row.rounded_per_million,
             row.payback.words()
         );
     }

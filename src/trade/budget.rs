@@ -33,13 +33,22 @@ pub struct Amount {
     pub error_rays: u64,
 }
 
-/// What preset `fast` takes on a device at accuracy `watertight`, roughly.
+/// What preset `fast` takes on a device, roughly.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pilot {
     /// Milliseconds to build.
     pub build_ms: f64,
-    /// Nanoseconds a ray.
-    pub ns_per_ray: f64,
+    /// Nanoseconds a ray, by accuracy in the order of [`Accuracy::ALL`].
+    pub ns_per_ray: [f64; 3],
+}
+
+impl Pilot {
+    /// Nanoseconds a ray, over all accuracies of a station.
+    fn ns_of(&self, station: &Station) -> f64 {
+        let of = |accuracy: &Accuracy| Accuracy::ALL.iter().position(|own| own == accuracy);
+        let places = station.accuracies.iter().filter_map(of);
+        places.map(|place| self.ns_per_ray[place].max(1e-3)).sum()
+    }
 }
 
 /// Most and least rays of a timed set. Below the least, a batch is over before all threads are at
@@ -75,8 +84,8 @@ impl Budget {
     }
 }
 
-/// How much longer builds take than those of preset `fast` on all threads, and rays than at accuracy
-/// `watertight`: rough, and on the safe side of what was measured.
+/// How much longer a station's builds take than those of preset `fast` on all threads, and its rays for
+/// want of threads: rough, and on the safe side of what was measured.
 fn weights(station: &Station, most_threads: usize) -> [f64; 2] {
     let build = match station.config.preset {
         Preset::Fast => 1.2,
@@ -87,15 +96,7 @@ fn weights(station: &Station, most_threads: usize) -> [f64; 2] {
         Device::Cpu => most_threads as f64 / station.threads.max(1) as f64,
         Device::Gpu => 1.0,
     };
-    let rays: f64 = station.accuracies.iter().copied().map(ray_weight).sum();
-    [build * threads, rays * threads]
-}
-
-fn ray_weight(accuracy: Accuracy) -> f64 {
-    match accuracy {
-        Accuracy::Fast | Accuracy::Watertight => 1.0,
-        Accuracy::Exact => 3.0,
-    }
+    [build * threads, threads]
 }
 
 /// Divides the time among builds, timed rays and judged rays. The devices get equal parts.
@@ -115,11 +116,13 @@ pub fn divide(
         .filter(|device| stations.iter().any(|station| station.device == *device))
         .collect();
     let part = 1e3 * seconds / devices.len().max(1) as f64;
+    // Weights of builds, and milliseconds of a ray of each kind through all stations; the same of those
+    // that are judged.
     let sums = |device: Device| {
         let own = || stations.iter().filter(move |station| station.device == device);
         let add = |sum: [f64; 2], station: &Station| {
-            let [build, rays] = weights(station, most);
-            [sum[0] + build, sum[1] + rays]
+            let [build, threads] = weights(station, most);
+            [sum[0] + build, sum[1] + threads * 1e-6 * pilot(device).ns_of(station)]
         };
         let all = own().fold([0.0; 2], add);
         // Answers do not depend on threads, so they are judged once.
@@ -140,10 +143,9 @@ pub fn divide(
         let rounds = (repeat + 1) as f64;
         let left = (part - rounds * builds(device)).max(0.0);
         let ([_, rays], judged) = sums(device);
-        let ms_per_ray = 1e-6 * pilot(device).ns_per_ray.max(1e-3);
-        let samples = SAMPLES * left / (rounds * 4.0 * rays * ms_per_ray).max(1e-9);
+        let samples = SAMPLES * left / (rounds * 4.0 * rays).max(1e-9);
         // Judging a ray takes about as long as tracing two.
-        let errors = (1.0 - SAMPLES) * left / (3.0 * 3.0 * judged * ms_per_ray).max(1e-9);
+        let errors = (1.0 - SAMPLES) * left / (3.0 * 3.0 * judged).max(1e-9);
         let fixed = if device == Device::Cpu { fixed.cpu } else { fixed.gpu };
         let [least, most] = SAMPLE_RAYS.map(|x| x as f64);
         let samples = samples.clamp(least, most) as usize;
@@ -172,8 +174,8 @@ mod tests {
         })
     }
 
-    fn divided(build_ms: f64, ns_per_ray: f64, fixed: Fixed) -> Budget {
-        divide(100.0, &all(), |_| Pilot { build_ms, ns_per_ray }, &fixed)
+    fn divided(build_ms: f64, ns: f64, fixed: Fixed) -> Budget {
+        divide(100.0, &all(), |_| Pilot { build_ms, ns_per_ray: [ns; 3] }, &fixed)
     }
 
     #[test]
@@ -206,11 +208,12 @@ mod tests {
             let rounds = (budget.repeat + 1) as f64;
             let mut ms = 0.0;
             for station in all() {
-                let [build, rays] = weights(&station, 2);
+                let [build, threads] = weights(&station, 2);
                 ms += rounds * build * build_ms;
-                ms += rounds * rays * 4.0 * budget.cpu.sample_rays as f64 * ns * 1e-6;
+                let ray = threads * ns * 1e-6 * station.accuracies.len() as f64;
+                ms += rounds * ray * 4.0 * budget.cpu.sample_rays as f64;
                 if station.threads == 2 {
-                    ms += 9.0 * rays * budget.cpu.error_rays as f64 * ns * 1e-6;
+                    ms += 9.0 * ray * budget.cpu.error_rays as f64;
                 }
             }
             assert!(ms <= 100_000.0, "{build_ms} {ns}: {ms}");

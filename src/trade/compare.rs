@@ -267,7 +267,6 @@ impl Comparison {
                 ("missing", was.per_million(was.missing), is.per_million(is.missing)),
                 ("wrong", was.per_million(was.wrong), is.per_million(is.wrong)),
                 ("phantom", was.per_million(was.phantom), is.per_million(is.phantom)),
-                ("leaks", was.per_million(was.leaks), is.per_million(is.leaks)),
             ];
             for (what, was, is) in rates {
                 // A part in 10^9 more is the rounding of the division.

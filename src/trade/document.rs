@@ -147,7 +147,7 @@ impl Trade {
             "vertex_wrong_per_million",
             "vertex_phantom_per_million",
             "errors_per_million",
-            "leaks",
+            "rounded_per_million",
             "redone_per_million",
             "pays_back",
             "pays_back_rays",
@@ -193,8 +193,8 @@ impl Trade {
                 *opt* marks rows that no row of the same field beats in build time, ns a ray, memory and \
                 errors at once. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
-                phantom hits a million rays, over random, edge-aimed and vertex-aimed rays; leaks are the \
-                rays among them that went through a hole. *pays* is after how many rays a build it \
+                phantom hits a million rays, over random, edge-aimed and vertex-aimed rays; rounded are \
+                answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
                 costs less than preset fast at the same accuracy, backend and threads.\n\n";
         out += &self.summary().markdown();
         out += "\n## Errors by kind of ray\n\n";
@@ -232,7 +232,7 @@ impl Trade {
             "SAH cost",
             "block cost",
             "errors / M",
-            "leaks",
+            "rounded / M",
             "pays",
         ]);
         for row in &self.rows {
@@ -248,12 +248,12 @@ impl Trade {
                 bounce,
                 random,
                 Cell::Number(row.ns_per_ray, 0),
-                Cell::Number(row.query_bytes as f64 / 1e6, 1),
-                Cell::Number(row.peak_bytes as f64 / 1e6, 1),
+                Cell::Number(row.query_bytes as f64 / 1e6, 2),
+                Cell::Number(row.peak_bytes as f64 / 1e6, 2),
                 Cell::Number(row.sah_cost, 2),
                 Cell::Number(row.block_cost, 2),
                 Cell::Number(row.errors_per_million, 1),
-                Cell::Count(row.sum(|errors| errors.leaks)),
+                Cell::Number(row.rounded_per_million, 1),
                 row.payback.words().into(),
             ]);
         }
@@ -269,7 +269,7 @@ impl Trade {
             "missing / M",
             "wrong / M",
             "phantom / M",
-            "leaks / M",
+            "rounded / M",
         ]);
         for row in &self.rows {
             for (kind, errors) in Aims::<()>::NAMES.into_iter().zip(row.errors.each()) {
@@ -282,7 +282,7 @@ impl Trade {
                     rate(errors.missing),
                     rate(errors.wrong),
                     rate(errors.phantom),
-                    rate(errors.leaks),
+                    rate(errors.rounded),
                 ]);
             }
         }
@@ -365,7 +365,7 @@ fn cells(row: &Row) -> Vec<Cell> {
     };
     out.extend([
         Cell::Number(row.errors_per_million, 1),
-        Cell::Count(row.sum(|errors| errors.leaks)),
+        Cell::Number(row.rounded_per_million, 1),
         Cell::Number(row.redone_per_million, 1),
         kind.into(),
         Cell::number(rays, 0),

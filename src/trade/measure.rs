@@ -223,13 +223,16 @@ impl<'a> Bench<'a> {
                 let (tree, mut build_ms) =
                     timed(|| self.build(device, "fast", &BuildConfig::default()));
                 let tree = tree?;
-                let mut ns = Vec::new();
+                let mut ns_per_ray = [0.0; 3];
                 // The first time warms up.
                 for _ in 0..2 {
-                    ns.clear();
-                    for set in 0..4 {
-                        let (ms, rays) = trace(tree.as_ref(), sets, set, Accuracy::default())?;
-                        ns.extend((rays > 0).then(|| 1e6 * ms / rays as f64));
+                    for (ns, accuracy) in ns_per_ray.iter_mut().zip(Accuracy::ALL) {
+                        let mut own = Vec::new();
+                        for set in 0..4 {
+                            let (ms, rays) = trace(tree.as_ref(), sets, set, accuracy)?;
+                            own.extend((rays > 0).then(|| 1e6 * ms / rays as f64));
+                        }
+                        *ns = mean(&own);
                     }
                 }
                 if device == Device::Cpu {
@@ -237,7 +240,7 @@ impl<'a> Bench<'a> {
                         .1
                         .min(build_ms);
                 }
-                Ok::<Pilot, TradeError>(Pilot { build_ms, ns_per_ray: mean(&ns) })
+                Ok::<Pilot, TradeError>(Pilot { build_ms, ns_per_ray })
             })
         };
         let cpu = pilot(Device::Cpu)?;
@@ -418,6 +421,9 @@ impl<'a> Entry<'a> {
                 digest: like.digest.clone(),
                 errors,
                 errors_per_million: per_million(errors.each().into_iter().map(Errors::all).sum()),
+                rounded_per_million: per_million(
+                    errors.each().into_iter().map(|errors| errors.rounded).sum(),
+                ),
                 redone_per_million: per_million(judgement.map_or(0, |judgement| judgement.redone)),
                 field: String::new(),
                 pareto: false,

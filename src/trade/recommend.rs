@@ -114,18 +114,18 @@ fn in_words(best: &Row, next: Option<&Row>, wish: &Wish, total: &dyn Fn(&Row) ->
     let (traced, all) = (rays * best.ns_per_ray * 1e-6, total(best));
     let builds = wish.builds();
     let mut out = format!(
-        "For {} rays through each of {builds} build{}: {} (row {}). {:.1} ms to build and {} ms to trace \
-         at {:.0} ns a ray, {} ms in all, {:.0} % of it building; {:.1} MB; {} wrong answers a million.",
+        "For {} rays through each of {builds} build{}: {} (row {}). {} ms to build and {} ms to trace \
+         at {:.0} ns a ray, {} ms in all, {:.0} % of it building; {} MB; {} wrong answers a million.",
         count(rays),
         if builds == 1 { "" } else { "s" },
         best.title(),
         best.number,
-        best.build_ms,
+        short(best.build_ms),
         short(traced),
         best.ns_per_ray,
         short(all),
         100.0 * best.build_ms / best.total_ms(rays).max(f64::MIN_POSITIVE),
-        best.query_bytes as f64 / 1e6,
+        short(best.query_bytes as f64 / 1e6),
         short(best.errors_per_million),
     );
     if let Some(next) = next {

@@ -79,19 +79,18 @@ pub struct Trace {
 pub struct Errors {
     /// Rays judged.
     pub rays: u64,
-    /// They hit, and the answer was a miss.
+    /// They hit, and the answer was a miss that rounding does not explain.
     pub missing: u64,
     /// They hit, and the answer was another place, farther or nearer than rounding explains.
     pub wrong: u64,
-    /// They hit nothing, and the answer was a hit.
+    /// They hit nothing, and the answer was a hit that rounding does not explain.
     pub phantom: u64,
-    /// Those of the missing and of the wrong that rounding the ray does not explain: the ray went
-    /// through a hole.
-    pub leaks: u64,
+    /// Answers of any of these kinds that rounding explains; they are no errors.
+    pub rounded: u64,
 }
 
 impl Errors {
-    /// All answers that differ.
+    /// All errors.
     pub fn all(&self) -> u64 {
         self.missing + self.wrong + self.phantom
     }
@@ -222,6 +221,8 @@ pub struct Row {
     pub errors: Aims<Errors>,
     /// Missing, wrong and phantom hits for each million rays, over all three kinds.
     pub errors_per_million: f64,
+    /// Answers that differ from the exact ones within rounding, for each million rays.
+    pub rounded_per_million: f64,
     /// Rays that the backend could not decide in its own arithmetic and had decided elsewhere, for
     /// each million of those judged.
     pub redone_per_million: f64,
@@ -235,6 +236,12 @@ pub struct Row {
 }
 
 impl Row {
+    /// Preset, knob and accuracy in words, and the backend where it is not the CPU.
+    pub fn short_title(&self) -> String {
+        let on = if self.threads.is_none() { "; wgpu" } else { "" };
+        format!("{}; {}{on}", self.name, self.accuracy)
+    }
+
     /// Preset, knob, accuracy and who does the work, in words.
     pub fn title(&self) -> String {
         let by = match self.threads {
@@ -291,6 +298,7 @@ pub(super) mod tests {
             digest: "0".into(),
             errors: Aims::default(),
             errors_per_million: 0.0,
+            rounded_per_million: 0.0,
             redone_per_million: 0.0,
             field: "all".into(),
             pareto: false,

@@ -61,7 +61,7 @@ impl Bound {
     }
 
     /// Whether the ray passes within the bound of the point that the hit's weights mean.
-    pub(super) fn touches(&self, ray: &Ray64, hit: &Hit) -> bool {
+    pub(crate) fn touches(&self, ray: &Ray64, hit: &Hit) -> bool {
         let from_origin = sub(self.point(hit), ray.origin);
         let unit = ray.direction.map(|x| x / self.length);
         let aside = cross(from_origin, unit);

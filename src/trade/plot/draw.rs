@@ -89,7 +89,7 @@ where
         area.draw(&PathElement::new([(pixel, top), (pixel, bottom)], FAINT.stroke_width(1)))?;
         area.draw(&Text::new(label, (pixel, bottom + 7), under.clone()))?;
     }
-    for (pixel, label) in y.ticks(34) {
+    for (pixel, label) in y.ticks(44) {
         area.draw(&PathElement::new([(left, pixel), (right, pixel)], FAINT.stroke_width(1)))?;
         let style = letters(SMALL, INK, HPos::Right, VPos::Center);
         area.draw(&Text::new(label, (left - 8, pixel), style))?;

@@ -25,10 +25,12 @@ const DIRECTIONS: u32 = 24;
 
 /// Places labels of the given sizes beside their points, one after the other, each at the nearest place
 /// that is free. `points` are all markers, labelled or not; `labels` are places in `points` with
-/// the size of their text. A label that fits nowhere is left out.
+/// the size of their text. Where there is room, labels also stay off `curves`. A label that fits nowhere
+/// is left out.
 pub(super) fn place(
     points: &[(i32, i32)],
     labels: &[(usize, (i32, i32))],
+    curves: &[Vec<(i32, i32)>],
     frame: Rect,
 ) -> Vec<Placed> {
     let mut out: Vec<Placed> = Vec::new();
@@ -53,8 +55,15 @@ pub(super) fn place(
                         || line.is_some_and(|end| crosses(at, end, grown(other.rect)))
                 })
         };
-        let mut candidates = candidates;
-        if let Some((rect, line)) = candidates.find(free) {
+        let off_curves = |(rect, _): &(Rect, Option<(i32, i32)>)| {
+            let meets = |curve: &Vec<(i32, i32)>| {
+                curve.windows(2).any(|pair| crosses(pair[0], pair[1], *rect))
+            };
+            !curves.iter().any(meets)
+        };
+        let mut best = candidates.clone().filter(free);
+        let found = best.clone().find(off_curves).or_else(|| best.next());
+        if let Some((rect, line)) = found {
             out.push(Placed { point, rect, line });
         }
     }
@@ -139,7 +148,7 @@ mod tests {
             let size =
                 |i: usize| (if hash(case, &[i as u64, 5]).is_multiple_of(2) { 11 } else { 22 }, 18);
             let labels: Vec<(usize, (i32, i32))> = (0..24).map(|i| (i, size(i))).collect();
-            let placed = place(&points, &labels, frame);
+            let placed = place(&points, &labels, &[], frame);
             assert_eq!(placed.len(), labels.len(), "case {case}: a label is lost");
             for (i, own) in placed.iter().enumerate() {
                 assert!(within(own.rect, frame));
@@ -151,6 +160,20 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn labels_stay_off_curves_where_they_can() {
+        let frame = [0, 0, 400, 400];
+        let curve = vec![(0, 170), (400, 170)];
+        let labels = [(0, (12, 18))];
+        let free = place(&[(200, 190)], &labels, &[], frame);
+        assert!(crosses(curve[0], curve[1], free[0].rect), "else this tries nothing");
+        let placed = place(&[(200, 190)], &labels, std::slice::from_ref(&curve), frame);
+        assert!(!crosses(curve[0], curve[1], placed[0].rect));
+        let everywhere: Vec<Vec<(i32, i32)>> =
+            (0..100).map(|i| vec![(0, 4 * i), (400, 4 * i)]).collect();
+        assert_eq!(place(&[(200, 190)], &labels, &everywhere, frame).len(), 1, "none is lost");
     }
 
     #[test]

@@ -61,7 +61,7 @@ impl Scatter {
             means: ["milliseconds to build", "nanoseconds a ray, mean of the four sets"],
             with_zero: false,
             note: "to the lower left is better",
-            points: points(shown(), Row::title, |row| [row.build_ms, row.ns_per_ray]),
+            points: points(shown(), Row::short_title, |row| [row.build_ms, row.ns_per_ray]),
         };
         let errors = Scatter {
             title: format!("Errors against trace: {scene}"),
@@ -71,7 +71,9 @@ impl Scatter {
             ],
             with_zero: true,
             note: "to the lower left is better; 0 at the bottom",
-            points: points(shown(), Row::title, |row| [row.ns_per_ray, row.errors_per_million]),
+            points: points(shown(), Row::short_title, |row| {
+                [row.ns_per_ray, row.errors_per_million]
+            }),
         };
         let memory = Scatter {
             title: format!("Memory against quality: {scene}"),
@@ -82,7 +84,16 @@ impl Scatter {
                 [row.sah_cost, row.query_bytes as f64 / 1e6]
             }),
         };
+        let memory = memory.without_accuracy();
         vec![("build-trace", build), ("error-trace", errors), ("memory-quality", memory)]
+    }
+
+    /// Points that stand for trees, whatever is traced through them.
+    fn without_accuracy(mut self) -> Scatter {
+        for point in &mut self.points {
+            point.look.shape = Shape::Circle;
+        }
+        self
     }
 
     fn axes(&self) -> [Axis; 2] {
@@ -94,6 +105,28 @@ impl Scatter {
             false => Axis::around(&values(1), bottom, top),
         };
         [x, y]
+    }
+
+    /// For each point with a number, the one before it that stands on the same spot, if any: one number
+    /// there is enough.
+    fn same(&self) -> Vec<Option<usize>> {
+        const NEAR: i32 = 3;
+        let [x, y] = self.axes();
+        let at: Vec<(i32, i32)> =
+            self.points.iter().map(|point| (x.pixel(point.at[0]), y.pixel(point.at[1]))).collect();
+        let mut first: Vec<usize> = Vec::new();
+        let mut out = vec![None; at.len()];
+        for (i, own) in at.iter().enumerate().filter(|(i, _)| self.points[*i].labelled) {
+            let near = |other: &&usize| {
+                let other = at[**other];
+                (own.0 - other.0).abs() <= NEAR && (own.1 - other.1).abs() <= NEAR
+            };
+            out[i] = first.iter().find(near).copied();
+            if out[i].is_none() {
+                first.push(i);
+            }
+        }
+        out
     }
 
     fn legend<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn
@@ -113,7 +146,7 @@ impl Scatter {
         }
         let mut y = FRAME[1] + 8;
         text(area, "preset", (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), 100)?;
-        let mut row = |keys: Vec<(Marker, &str)>, y: &mut i32| -> Drawn {
+        let row = |keys: Vec<(Marker, &str)>, y: &mut i32| -> Drawn {
             for (place, (look, name)) in keys.into_iter().enumerate() {
                 let x = left + 110 + 140 * (place as i32 % 3);
                 marker(area, (x, *y), look)?;
@@ -137,11 +170,16 @@ impl Scatter {
         row(kinds, &mut y)?;
         area.draw(&PathElement::new([(left, y), (right, y)], GREY.stroke_width(1)))?;
         y += LINE - 4;
-        for point in self.points.iter().filter(|point| point.labelled) {
+        let same = self.same();
+        for (i, point) in self.points.iter().enumerate().filter(|(_, point)| point.labelled) {
+            let words = match same[i] {
+                None => point.words.clone(),
+                Some(other) => format!("{} (at {})", point.words, self.points[other].number),
+            };
             let number = point.number.to_string();
             text(area, &number, (left + 26, y), bold(SMALL, INK, HPos::Right, VPos::Center), 40)?;
             marker(area, (left + 42, y), point.look)?;
-            text(area, &point.words, (left + 58, y), small(), right - left - 58)?;
+            text(area, &words, (left + 58, y), small(), right - left - 58)?;
             y += LINE;
         }
         let unnamed = self.points.iter().filter(|point| !point.labelled).count();
@@ -207,11 +245,12 @@ impl Plot for Scatter {
         frame(area, FRAME, (&x, self.means[0]), (&y, self.means[1]))?;
         let pixels: Vec<(i32, i32)> =
             self.points.iter().map(|point| (x.pixel(point.at[0]), y.pixel(point.at[1]))).collect();
+        let same = self.same();
         let wanted: Vec<(usize, (i32, i32))> = (0..self.points.len())
-            .filter(|&i| self.points[i].labelled)
+            .filter(|&i| self.points[i].labelled && same[i].is_none())
             .map(|i| (i, label_size(area, &self.points[i].number.to_string())))
             .collect();
-        let placed = place(&pixels, &wanted, FRAME);
+        let placed = place(&pixels, &wanted, &[], FRAME);
         labels(area, &pixels, &placed, |point| self.points[point].number.to_string())?;
         // Those without a number first: those with one are to be seen.
         for labelled in [false, true] {

@@ -67,7 +67,7 @@ impl Totals {
             .zip(COLOURS)
             .map(|(row, colour)| Course {
                 number: row.number,
-                words: row.title(),
+                words: row.short_title(),
                 line: row.line(),
                 colour,
             })
@@ -133,10 +133,12 @@ impl Totals {
             .collect();
         let y = Axis::around(&all, bottom, top);
         frame(area, rect, (&x, "rays traced through each build"), (&y, means))?;
-        for (place, course) in self.courses.iter().enumerate().rev() {
-            let pixel = |step: usize| (x.pixel(at(step)), y.pixel(value(place, at(step))));
-            let points: Vec<(i32, i32)> = (0..=STEPS).map(pixel).collect();
-            area.draw(&PathElement::new(points, course.colour.stroke_width(2)))?;
+        let curve = |place: usize| -> Vec<(i32, i32)> {
+            (0..=STEPS).map(|step| (x.pixel(at(step)), y.pixel(value(place, at(step))))).collect()
+        };
+        let curves: Vec<Vec<(i32, i32)>> = (0..self.courses.len()).map(curve).collect();
+        for (course, curve) in self.courses.iter().zip(&curves).rev() {
+            area.draw(&PathElement::new(curve.clone(), course.colour.stroke_width(2)))?;
         }
         let pixels: Vec<(i32, i32)> = self
             .crossings
@@ -149,7 +151,7 @@ impl Totals {
         }
         let wanted: Vec<(usize, (i32, i32))> =
             (0..pixels.len()).map(|i| (i, label_size(area, &letter(i)))).collect();
-        let placed = place(&pixels, &wanted, rect);
+        let placed = place(&pixels, &wanted, &curves, rect);
         labels(area, &pixels, &placed, letter)
     }
 
@@ -164,7 +166,7 @@ impl Totals {
         let head = |what: &str, y: i32| {
             text(area, what, (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), right - left)
         };
-        head("rows", y)?;
+        head("row: preset, knob; accuracy", y)?;
         y += LINE + 4;
         for course in &self.courses {
             let swatch = [(left, y), (left + 28, y)];
