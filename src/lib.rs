@@ -67,6 +67,8 @@ pub mod scene;
 mod surface;
 #[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
 pub mod tracer;
+#[cfg(feature = "trade")]
+pub mod trade;
 #[cfg(feature = "verify")]
 pub mod verify;
 #[cfg(feature = "viewer")]

@@ -5,6 +5,7 @@ use splitplane::render::{PlanError, RenderError};
 use splitplane::report::ReportError;
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
+use splitplane::trade::TradeError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 use std::process::ExitCode;
 
@@ -203,6 +204,23 @@ impl From<ReportError> for Failure {
             ReportError::Picture(error) => error.into(),
             ReportError::Threads { .. } => Failure::usage(error.to_string()),
             ReportError::Empty(_) | ReportError::Others { .. } => Failure::file(error.to_string()),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
+impl From<TradeError> for Failure {
+    fn from(error: TradeError) -> Failure {
+        match error {
+            TradeError::Report(error) => error.into(),
+            TradeError::Mesh(error) => error.into(),
+            TradeError::Query(error) => error.into(),
+            TradeError::Picture(error) => error.into(),
+            TradeError::Build { setting, error } => {
+                let Failure { message, code } = error.into();
+                Failure { message: format!("{setting}: {message}"), code }
+            }
+            TradeError::Old { .. } => Failure::file(error.to_string()),
             other => Failure { message: other.to_string(), code: BUG },
         }
     }

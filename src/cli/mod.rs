@@ -22,6 +22,7 @@ mod render;
 mod stage;
 mod stats;
 mod table;
+mod trade;
 mod tree;
 mod verify;
 #[cfg(feature = "viewer")]
@@ -63,6 +64,8 @@ enum Verb {
     Parity(parity::Arguments),
     /// Measure what the paper and its survey report, on scenes, and draw their figures.
     Paper(paper::Arguments),
+    /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
+    Trade(trade::Arguments),
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
@@ -120,6 +123,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
+        Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
     });
