@@ -86,7 +86,7 @@ impl Cli {
             Some(Verb::Query(arguments)) => &arguments.common,
             Some(Verb::Verify(arguments)) => &arguments.common,
             Some(Verb::Parity(arguments)) => &arguments.common,
-            Some(Verb::Adapters(_) | Verb::Paper(_)) => return Ok(()),
+            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_)) => return Ok(()),
             #[cfg(feature = "viewer")]
             Some(Verb::View(arguments)) => &arguments.common,
         };
