@@ -13,7 +13,7 @@ use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};
-use splitplane_test_support::oracle::Oracle;
+use splitplane_test_support::oracle::{Nearest, Oracle};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 
@@ -53,7 +53,7 @@ fn bits(hit: &Hit) -> [u32; 4] {
 
 /// How a hit differs from what the oracle says, in words.
 fn fault(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: &Hit) -> Option<String> {
-    let Some((triangle, t)) = oracle.exactly(ray, options) else {
+    let Some(Nearest { t, triangle }) = oracle.nearest(ray, options) else {
         return (bits(hit) != bits(&Hit::MISS)).then(|| "should be a miss".into());
     };
     if (hit.triangle, hit.t.to_bits()) != (triangle, t.to_bits()) {
@@ -89,7 +89,7 @@ fn rays(scene: &Scene, oracle: &Oracle, kind: Kind, count: usize, seed: u64) -> 
         .iter()
         .enumerate()
         .filter_map(|(i, ray)| {
-            let (_, t) = oracle.exactly(ray, &EXACT)?;
+            let Nearest { t, .. } = oracle.nearest(ray, &EXACT)?;
             Some(match i % 6 {
                 0 => ray.with_limits(t, f32::INFINITY),
                 1 => ray.with_limits(t.next_up(), f32::INFINITY),
