@@ -60,6 +60,11 @@ fn rays(random: &mut Random) -> Vec<u8> {
     (0..8 * random.below(40)).flat_map(|_| random.pick(&odd).to_le_bytes()).collect()
 }
 
+/// Arguments for one thread of the CPU.
+fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [more, &["--backend", "cpu", "--threads", "1"]].concat()
+}
+
 /// Files are written into the folder as the case needs them.
 fn generate(random: &mut Random, folder: &TempDir) -> Case {
     let path = |name: &str| folder.path().join(name).display().to_string();
@@ -67,8 +72,6 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
     fs::write(&scene, GOOD).unwrap();
     fs::write(&ray_file, rays(random)).unwrap();
     let verb = random.pick(&["build", "stats", "verify"]);
-    let cpu = ["--backend", "cpu", "--threads", "1"];
-    let with = |more: &[&str]| [more, &cpu[..]].concat();
     match random.below(12) {
         0 | 1 => {
             let (text, line) = broken_scene(random);
