@@ -1,4 +1,5 @@
-//! What odd rays cost beside normal ones: `cargo bench -p splitplane-cpu --bench odd_rays`.
+//! What odd rays cost beside normal ones: `cargo bench -p splitplane-cpu --bench odd_rays`, with part
+//! of a set's name behind `--` for that set only.
 //!
 //! Each kind of odd ray is made from the normal rays by one change. Batches of all kinds take turns,
 //! in one thread, and the least time of each kind counts: what else the machine does only ever adds.
@@ -146,6 +147,7 @@ fn measure(name: &str, accelerator: &CpuAccelerator, normal: &[Ray]) -> f64 {
 
 fn main() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
+    let only = std::env::args().skip(1).find(|argument| !argument.starts_with('-'));
     let mut worst = 0.0f64;
     for scene in [scenes::soup(100_000, 0.02, 3), scenes::sphere(128, [0.0; 3], 1.0)] {
         let (name, mesh) = (&scene.name, scene.mesh());
@@ -154,9 +156,11 @@ fn main() {
         for (kind, rays) in
             [("random", random_rays(&mesh, &accelerator)), ("primary", primary_rays(&accelerator))]
         {
-            let measured =
-                pool.install(|| measure(&format!("{name}, {kind}"), &accelerator, &rays));
-            worst = worst.max(measured);
+            let title = format!("{name}, {kind}");
+            if only.as_ref().is_none_or(|only| title.contains(only)) {
+                let measured = pool.install(|| measure(&title, &accelerator, &rays));
+                worst = worst.max(measured);
+            }
         }
     }
     println!("greatest ratio {worst:.2}; {MOST} is the most there should be");
