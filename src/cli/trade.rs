@@ -240,7 +240,8 @@ impl Arguments {
             sweep.gpu.reason.clone(),
         );
         let about = (scene.name.clone(), scene.indices.len());
-        let trade = Trade::of(spec, about, machine, measured, &self.wish(), Vec::new());
+        let left_out = left_out(&sweep.stations);
+        let trade = Trade::of(spec, about, machine, measured, &self.wish(), left_out);
         let comparison = match old {
             Some(old) => Some(old.compare(&trade, self.thresholds())?),
             None => None,
@@ -396,6 +397,17 @@ impl Arguments {
         }
         output::data(&text)
     }
+}
+
+/// What a reader may look for and not find.
+fn left_out(stations: &[Station]) -> Vec<String> {
+    let on = |device| stations.iter().filter(move |station| station.device == device);
+    let best = on(Device::Cpu).any(|station| station.config.preset == Preset::Best);
+    let mut out = Vec::new();
+    if best && on(Device::Gpu).next().is_some() {
+        out.push("preset best on the GPU, since it is built on the CPU only".to_owned());
+    }
+    out
 }
 
 /// What failed a comparison, in one line.
