@@ -281,9 +281,15 @@ impl Arguments {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let most = self.threads.map_or(cores, usize::from);
         let threads = if most > 1 { vec![1, most] } else { vec![1] };
+        let on_cpu = self.backends.iter().any(|kind| *kind != BackendKind::Wgpu);
+        if !on_cpu && self.presets.iter().all(|builder| *builder == Builder::Best) {
+            return Err(Failure::usage(
+                "preset best is built on the CPU only; add cpu to --backends",
+            ));
+        }
         let gpu = self.gpu()?;
         let mut devices = Vec::new();
-        if self.backends.iter().any(|kind| *kind != BackendKind::Wgpu) {
+        if on_cpu {
             devices.push(Device::Cpu);
         }
         if gpu.backend.is_some() {
@@ -298,11 +304,7 @@ impl Arguments {
         accuracies.sort_by_key(rank);
         accuracies.dedup();
         let scope = Scope { presets, knobs: !self.no_knobs, accuracies, devices, threads };
-        let stations = stations(&scope);
-        if stations.is_empty() {
-            return Err(Failure::usage("preset best is built on the CPU only; add --backends cpu"));
-        }
-        Ok(Sweep { stations, gpu })
+        Ok(Sweep { stations: stations(&scope), gpu })
     }
 
     /// What a file says was measured.
