@@ -44,7 +44,7 @@ struct Made {
     printed: Value,
 }
 
-const SCENE: &str = "builtin:cornell";
+const SCENE: &str = "builtin:city:1000";
 
 fn made() -> &'static Made {
     static MADE: OnceLock<Made> = OnceLock::new();
@@ -168,6 +168,7 @@ fn csv_and_json_agree() {
             ("block_cost", row.block_cost),
             ("references", row.references as f64),
             ("errors_per_million", row.errors_per_million),
+            ("rounded_per_million", row.rounded_per_million),
             ("threads", row.threads.unwrap() as f64),
         ];
         let names = ["primary_ns", "shadow_ns", "bounce_ns", "random_ns"];
@@ -181,7 +182,9 @@ fn csv_and_json_agree() {
             }
         }
         for (column, value) in pairs {
-            assert_eq!(number(column), value, "{column} of row {}", row.number);
+            // Reading a number from JSON may round its last digit.
+            let apart = (number(column) - value).abs();
+            assert!(apart <= 1e-12 * value.abs(), "{column} of row {}", row.number);
         }
         for (column, value) in [
             ("setting", &row.name),
@@ -237,7 +240,7 @@ fn the_sweep_is_whole() {
     assert_eq!(rows.len(), 18 + 23);
     for (place, row) in rows.iter().enumerate() {
         assert_eq!(row.number, place + 1);
-        let mut sum = 0.0;
+        let mut sum = 0.0f64;
         for trace in row.trace.each() {
             assert!(trace.rays > 100 && trace.rays <= 1024, "{trace:?}");
             assert!(trace.least_ns.unwrap() > 0.0 && trace.least_ns <= trace.ns);
@@ -279,7 +282,7 @@ fn optimal_rows_are_those_that_none_beats() {
     let json = made().json();
     let rows = json["rows"].as_array().unwrap();
     let figures = |row: &Value| {
-        ["build_ms", "ns_per_ray", "query_bytes", "errors_per_million"]
+        ["build_ms", "ns_per_ray", "query_bytes", "errors_per_million", "rounded_per_million"]
             .map(|name| row[name].as_f64().unwrap())
     };
     let mut marked = 0;
@@ -287,7 +290,7 @@ fn optimal_rows_are_those_that_none_beats() {
         let own = figures(row);
         let beaten = rows.iter().filter(|other| other["field"] == row["field"]).any(|other| {
             let other = figures(other);
-            (0..4).all(|k| other[k] <= own[k]) && (0..4).any(|k| other[k] < own[k])
+            (0..5).all(|k| other[k] <= own[k]) && (0..5).any(|k| other[k] < own[k])
         });
         assert_eq!(row["pareto"], !beaten, "row {}", row["number"]);
         marked += usize::from(!beaten);
@@ -424,7 +427,7 @@ fn plots_can_be_read_and_say_what_they_show() {
     let says = [
         ("build-trace.svg", ["Build against trace", "milliseconds to build", "nanoseconds a ray"]),
         ("error-trace.svg", ["Errors against trace", "nanoseconds a ray", "hits a million rays"]),
-        ("memory-quality.svg", ["Memory against quality", "SAH cost", "megabytes"]),
+        ("memory-quality.svg", ["Memory against quality", "SAH cost", "bytes that queries read"]),
         ("total-rays.svg", ["Total time against rays", "rays traced", "milliseconds"]),
     ];
     for (name, words) in says {
@@ -504,14 +507,14 @@ fn nothing_is_worse_than_itself() {
 #[test]
 fn what_got_worse_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let leaky = made().rows().into_iter().find(|row| row.errors.vertex.missing > 0).unwrap();
+    let leaky = made().rows().into_iter().find(|row| row.errors.vertex.wrong > 0).unwrap();
     let place = leaky.number - 1;
     let planted = changed("planted.json", |json| {
         json["rows"][2]["least_build_ms"] = 1e-9.into();
         json["rows"][3]["trace"]["bounce"]["least_ns"] = 1e-9.into();
         json["rows"][4]["query_bytes"] = 1.into();
         json["rows"][5]["digest"] = "0123456789abcdef".into();
-        json["rows"][place]["errors"]["vertex"]["missing"] = 0.into();
+        json["rows"][place]["errors"]["vertex"]["wrong"] = 0.into();
     });
     let arguments = ["--compare", planted.to_str().unwrap(), "--threshold", "1000000", "--json"];
     let output = ends(folder.path(), 1, &arguments);
@@ -532,7 +535,7 @@ fn what_got_worse_is_named() {
         (3, "least build ms"),
         (4, "least ns of bounce rays"),
         (5, "query bytes"),
-        (leaky.number as u64, "missing a million vertex rays"),
+        (leaky.number as u64, "wrong a million vertex rays"),
     ];
     found.sort_unstable();
     expected.sort_unstable();
@@ -611,6 +614,7 @@ fn wrong_usage_and_missing_devices_have_their_codes() {
 
 /// Both backends beside each other, where there is a device; software Vulkan will do.
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_device_stands_beside_the_cpu() {
     let folder = tempfile::tempdir().unwrap();
     let arguments = [

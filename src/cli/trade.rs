@@ -240,7 +240,8 @@ impl Arguments {
             sweep.gpu.reason.clone(),
         );
         let about = (scene.name.clone(), scene.indices.len());
-        let trade = Trade::of(spec, about, machine, measured, &self.wish(), Vec::new());
+        let left_out = left_out(&sweep.stations);
+        let trade = Trade::of(spec, about, machine, measured, &self.wish(), left_out);
         let comparison = match old {
             Some(old) => Some(old.compare(&trade, self.thresholds())?),
             None => None,
@@ -280,9 +281,15 @@ impl Arguments {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         let most = self.threads.map_or(cores, usize::from);
         let threads = if most > 1 { vec![1, most] } else { vec![1] };
+        let on_cpu = self.backends.iter().any(|kind| *kind != BackendKind::Wgpu);
+        if !on_cpu && self.presets.iter().all(|builder| *builder == Builder::Best) {
+            return Err(Failure::usage(
+                "preset best is built on the CPU only; add cpu to --backends",
+            ));
+        }
         let gpu = self.gpu()?;
         let mut devices = Vec::new();
-        if self.backends.iter().any(|kind| *kind != BackendKind::Wgpu) {
+        if on_cpu {
             devices.push(Device::Cpu);
         }
         if gpu.backend.is_some() {
@@ -297,11 +304,7 @@ impl Arguments {
         accuracies.sort_by_key(rank);
         accuracies.dedup();
         let scope = Scope { presets, knobs: !self.no_knobs, accuracies, devices, threads };
-        let stations = stations(&scope);
-        if stations.is_empty() {
-            return Err(Failure::usage("preset best is built on the CPU only; add --backends cpu"));
-        }
-        Ok(Sweep { stations, gpu })
+        Ok(Sweep { stations: stations(&scope), gpu })
     }
 
     /// What a file says was measured.
@@ -396,6 +399,17 @@ impl Arguments {
         }
         output::data(&text)
     }
+}
+
+/// What a reader may look for and not find.
+fn left_out(stations: &[Station]) -> Vec<String> {
+    let on = |device| stations.iter().filter(move |station| station.device == device);
+    let best = on(Device::Cpu).any(|station| station.config.preset == Preset::Best);
+    let mut out = Vec::new();
+    if best && on(Device::Gpu).next().is_some() {
+        out.push("preset best on the GPU, since it is built on the CPU only".to_owned());
+    }
+    out
 }
 
 /// What failed a comparison, in one line.

@@ -190,8 +190,8 @@ impl Trade {
             out += &format!("\n## {caption}\n\n![{caption}]({file})\n");
         }
         out += "\n## All settings\n\n\
-                *opt* marks rows that no row of the same field beats in build time, ns a ray, memory and \
-                errors at once. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
+                *opt* marks rows that no row of the same field beats in build time, ns a ray, memory, \
+                errors and rounded answers at once. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
                 phantom hits a million rays, over random, edge-aimed and vertex-aimed rays; rounded are \
                 answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
@@ -297,11 +297,13 @@ pub fn conclude(rows: &mut [Row]) {
         let single = row.threads == Some(1) && most > 1;
         row.field = if single { ONE_THREAD } else { ALL_THREADS }.to_owned();
     }
-    let point =
-        |row: &Row| [row.build_ms, row.ns_per_ray, row.query_bytes as f64, row.errors_per_million];
+    let point = |row: &Row| {
+        let bytes = row.query_bytes as f64;
+        [row.build_ms, row.ns_per_ray, bytes, row.errors_per_million, row.rounded_per_million]
+    };
     for field in [ALL_THREADS, ONE_THREAD] {
         let places: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].field == field).collect();
-        let points: Vec<[f64; 4]> = places.iter().map(|&i| point(&rows[i])).collect();
+        let points: Vec<[f64; 5]> = places.iter().map(|&i| point(&rows[i])).collect();
         for (place, optimal) in places.into_iter().zip(pareto::optimal(&points)) {
             rows[place].pareto = optimal;
         }

@@ -135,6 +135,10 @@ impl<'a> Judge<'a> {
         }
         let rounded = match outcome {
             Outcome::Right => true,
+            // Distance and weights that mean different points are no hit of any ray.
+            _ if answer.is_hit() && !self.bound(ray, answer).holds(&Ray64::from(ray), answer) => {
+                false
+            }
             Outcome::Missing | Outcome::Behind => self.explains_far(ray, exact, answer),
             Outcome::Phantom | Outcome::Before => self.explains_near(ray, answer),
         };
@@ -240,13 +244,15 @@ mod tests {
         // rounding explains it, for a hit that is lost and for one that is found.
         let above = |x, y| Ray::new([x, y, 1.0], [0.0, 0.0, -1.0]);
         let at_rim = Hit { t: 1.0, triangle: 0, u: 0.5, v: 0.0 };
+        let below_rim = Hit { t: 2.0, triangle: 2, ..at_rim };
         let cases = [
             (inside, exact, hit(2.0, 2), Errors { wrong: 1, ..Errors::default() }),
             (inside, exact, hit(0.5, 0), Errors { wrong: 1, ..Errors::default() }),
             (above(0.5, 0.5), exact, Hit::MISS, Errors { missing: 1, ..Errors::default() }),
-            (above(0.5, 0.0), exact, hit(2.0, 2), Errors { rounded: 1, ..Errors::default() }),
+            (above(0.5, 0.0), exact, below_rim, Errors { rounded: 1, ..Errors::default() }),
             (above(0.5, -1e-7), Hit::MISS, at_rim, Errors { rounded: 1, ..Errors::default() }),
             (above(0.5, -0.1), Hit::MISS, at_rim, Errors { phantom: 1, ..Errors::default() }),
+            (above(0.5, 0.0), exact, hit(2.0, 2), Errors { wrong: 1, ..Errors::default() }),
             (inside, exact, hit(1.0, 1), Errors::default()),
         ];
         for (ray, exact, answer, expected) in cases {

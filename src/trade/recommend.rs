@@ -171,6 +171,7 @@ pub(super) fn short(value: f64) -> String {
         x if x >= 100.0 => format!("{value:.0}"),
         x if x >= 10.0 => format!("{value:.1}"),
         x if x >= 0.1 => format!("{value:.2}"),
+        x if x >= 1e-3 => format!("{value:.4}"),
         _ => format!("{value:.1e}"),
     }
 }

@@ -228,8 +228,8 @@ pub struct Row {
     pub redone_per_million: f64,
     /// Which rows it competes with: those of equal words.
     pub field: String,
-    /// Whether no row of its field is at least as good in build time, trace time, memory and errors,
-    /// and better in one of them.
+    /// Whether no row of its field is at least as good in build time, trace time, memory, errors and
+    /// rounded answers, and better in one of them.
     pub pareto: bool,
     /// When its build pays against preset `fast`.
     pub payback: Payback,

@@ -39,7 +39,7 @@ impl Bound {
     }
 
     /// Whether the hit's `t`, `u` and `v` mean the same point.
-    pub(super) fn holds(&self, ray: &Ray64, hit: &Hit) -> bool {
+    pub(crate) fn holds(&self, ray: &Ray64, hit: &Hit) -> bool {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
         let within = u >= 0.0 && v >= 0.0 && u + v <= 1.0 + 1e-6;
         if !within || !hit.t.is_finite() {

@@ -188,6 +188,8 @@ where
     for label in placed {
         let [left, top, right, bottom] = label.rect;
         let middle = ((left + right) / 2, (top + bottom) / 2);
+        // A line to a label further off may pass beneath.
+        area.draw(&Rectangle::new([(left, top), (right, bottom)], WHITE.mix(0.85).filled()))?;
         let style = bold(SMALL, INK, HPos::Center, VPos::Center);
         area.draw(&Text::new(words(label.point), middle, style))?;
     }

@@ -75,13 +75,18 @@ impl Scatter {
                 [row.ns_per_ray, row.errors_per_million]
             }),
         };
+        let most = trees.iter().map(|row| row.query_bytes).max().unwrap_or(0);
+        let (unit, bytes) = match most < 1_000_000 {
+            true => (1e3, "kilobytes that queries read"),
+            false => (1e6, "megabytes that queries read"),
+        };
         let memory = Scatter {
             title: format!("Memory against quality: {scene}"),
-            means: ["SAH cost at the constants of preset fast", "megabytes that queries read"],
+            means: ["SAH cost at the constants of preset fast", bytes],
             with_zero: false,
             note: "to the lower left is better; a point a tree",
             points: points(trees.into_iter(), of_tree, |row| {
-                [row.sah_cost, row.query_bytes as f64 / 1e6]
+                [row.sah_cost, row.query_bytes as f64 / unit]
             }),
         };
         let memory = memory.without_accuracy();
@@ -156,11 +161,15 @@ impl Scatter {
             Ok(())
         };
         row(keys, &mut y)?;
-        text(area, "accuracy", (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), 100)?;
         let shapes =
             [(Shape::Triangle, "fast"), (Shape::Circle, "watertight"), (Shape::Square, "exact")];
         let shapes = shapes.into_iter().filter(|(shape, _)| present(&|p| p.look.shape == *shape));
-        row(shapes.map(|(shape, name)| (Marker { shape, ..plain }, name)).collect(), &mut y)?;
+        let shapes: Vec<(Marker, &str)> =
+            shapes.map(|(shape, name)| (Marker { shape, ..plain }, name)).collect();
+        if shapes.len() > 1 {
+            text(area, "accuracy", (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), 100)?;
+            row(shapes, &mut y)?;
+        }
         text(area, "kind", (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), 100)?;
         let mut kinds =
             vec![(plain, "preset"), (Marker { filled: false, ..plain }, "a knob turned")];
