@@ -9,6 +9,7 @@ use core::cmp::Ordering;
 
 use super::ExactRay;
 use super::integer::{Integer, quotient};
+use crate::arithmetic::snap;
 use crate::ray::{Culling, Hit};
 use crate::triangle::Triangle;
 
@@ -284,7 +285,8 @@ impl Meeting {
             let Approximate { value, error } = self.weights[i];
             let known = sum.value.abs() > 2.0 * sum.error;
             if known && 4.0 * (error + sum.error) < sum.value.abs() * WEIGHT_ERROR {
-                ((value / sum.value) as f32).clamp(0.0, 1.0)
+                // Snapped, since a small one may be -0.
+                snap((value / sum.value) as f32).clamp(0.0, 1.0)
             } else {
                 self.weight_exactly(i)
             }
