@@ -342,7 +342,7 @@ impl Packet {
                 let Some(t) = ray.outer_t::<Strict>(found.t) else { continue };
                 let hit = Hit { t, triangle, u: found.u, v: found.v };
                 if hit.precedes(&best.hit(lane)) {
-                    best.set(lane, hit, ray.stop_after(found.t));
+                    best.set(lane, hit, ray.stop_after(found.t, t));
                 }
                 if query == Query::Any {
                     break;
@@ -531,7 +531,16 @@ impl Bests {
             put(&mut self.u, snapped(_mm512_div_ps(v, det)));
             put(&mut self.v, snapped(_mm512_div_ps(w, det)));
             let slack = _mm512_mul_ps(_mm512_abs_ps(inner), _mm512_set1_ps(STOP_SLACK));
-            put(&mut self.stop, _mm512_add_ps(inner, slack));
+            let stop = _mm512_add_ps(inner, slack);
+            // As `PreparedRay::stop_after`: what is flushed to 0 or clamped is equal outside.
+            let back = _mm512_slli_epi32::<23>(_mm512_add_epi32(bias, exponent));
+            let least = _mm512_set1_ps(f32::MIN_POSITIVE * (1.0 + STOP_SLACK));
+            let least = _mm512_mul_ps(least, _mm512_castsi512_ps(back));
+            let most = _mm512_set1_ps(f32::MAX);
+            let clamped = _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(_mm512_abs_ps(t), most);
+            let stop = _mm512_max_ps(stop, least);
+            let infinity = _mm512_set1_ps(f32::INFINITY);
+            put(&mut self.stop, _mm512_mask_mov_ps(stop, clamped, infinity));
         }
         // Any hit needs no second one.
         if query == Query::Any { undecided & !kept } else { undecided }

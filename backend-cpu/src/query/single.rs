@@ -61,7 +61,7 @@ pub(crate) unsafe fn test_leaf<'a>(
                 return true;
             }
             if hit.precedes(&best.hit) {
-                *best = Best { hit, stop: ray.stop_after(found.t) };
+                *best = Best { hit, stop: ray.stop_after(found.t, t) };
             }
         }
     }

@@ -13,6 +13,7 @@ use core::cmp::Ordering;
 
 use super::ExactRay;
 use super::integer::{Integer, quotient};
+use crate::arithmetic::snap;
 use crate::ray::{Culling, Hit};
 use crate::triangle::Triangle;
 
@@ -353,7 +354,8 @@ impl Meeting {
         let known = 8.0 * self.error < self.sum.abs() * WEIGHT_ERROR;
         [0, 1].map(|i| {
             if known {
-                ((self.weights[i] / self.sum) as f32).clamp(0.0, 1.0)
+                // Snapped, since a small one may be -0.
+                snap((self.weights[i] / self.sum) as f32).clamp(0.0, 1.0)
             } else {
                 self.weight_exactly(i)
             }
