@@ -63,7 +63,7 @@ fn decided_rays_have_the_oracles_hit() {
 fn rays_at_random_are_decided() {
     let twice = scenes::soup(1_000, 0.2, 3);
     let twice = twice.joined(&twice.clone(), "soup, twice");
-    for scene in [twice, scenes::grid_boxes(6), scenes::seams(true), scenes::nested_spheres()] {
+    for scene in [twice, scenes::grid_boxes(6), scenes::stairs(20), scenes::nested_spheres()] {
         let mesh = scene.mesh();
         let built = CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default()).unwrap();
         let mut hits = 0;
