@@ -15,7 +15,7 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::{Blocks, WalkNode};
 use super::exact;
-use super::leaf::InstructionSet;
+use super::leaf::{InstructionSet, Sifted};
 use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, prepare_one};
 use super::sieve::ExactLane;
@@ -80,6 +80,8 @@ struct Group {
     ray: [PreparedRay; LANES],
     /// The rays of accuracy `exact`, and what they hit.
     exact: [ExactLane; LANES],
+    /// Room for the wide test.
+    sifted: Sifted,
     /// Place of each lane's ray in the batch; `usize::MAX` for none.
     index: [usize; LANES],
     /// The stacks, lane after lane, and four entries that nobody reads.
@@ -124,6 +126,7 @@ impl Group {
             best: [Best::NONE; LANES],
             ray: [ray; LANES],
             exact: [ExactLane::idle(); LANES],
+            sifted: Sifted::new(),
             index: [usize::MAX; LANES],
             stack: [nothing; LANES * STACK + 4],
         }
@@ -599,7 +602,7 @@ impl Group {
                     let exact = &mut self.exact[lane];
                     exact.test_leaf(set, ray, leaf, options, query, &mut best.stop)
                 } else {
-                    test_leaf(set, ray, leaf, options, query, best)
+                    test_leaf(set, ray, leaf, options, query, &mut self.sifted, best)
                 }
             };
             if answered {

@@ -18,7 +18,7 @@ use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::{Block, Blocks, WalkNode};
-use super::leaf::{self, InstructionSet, decide};
+use super::leaf::{self, InstructionSet, Sifted, decide};
 use super::prepare::{LANES, Lanes, PreparedRays};
 use super::sieve::{self, CORNER_ERROR, DEPTH_ERROR, EDGE_ERROR, Reach, TINY};
 
@@ -147,6 +147,7 @@ impl Packet {
             same_shear &= ready.largest[lane] == ready.largest[one] || rays >> lane & 1 == 0;
         }
         self.made = 0;
+        let mut sifted = Sifted::new();
         let mut open = rays;
         let mut active = rays;
         let (mut enter, mut exit) = (load(&ready.enter), load(&ready.exit));
@@ -211,7 +212,13 @@ impl Packet {
                             let undecided = unsafe {
                                 if exactly {
                                     let reach = &self.reach;
-                                    sift(ready, reach, axes, &block, index, tested, &best.stop)
+                                    let left =
+                                        sift(ready, reach, axes, &block, index, tested, &best.stop);
+                                    let sure = match query {
+                                        Query::Any => best.take_sure(&left, &block, index, options),
+                                        Query::Closest => 0,
+                                    };
+                                    left.perhaps & !sure
                                 } else {
                                     best.test(ready, axes, &block, index, tested, options, query)
                                 }
@@ -243,7 +250,8 @@ impl Packet {
                                 } else {
                                     let ray = self.ray(ready, lane);
                                     let limit = ray.t_max.min(stop);
-                                    leaf::sift(set, ray, &block, limit, options.accuracy)
+                                    leaf::sift(set, ray, &block, limit, options, &mut sifted);
+                                    sifted.met | sifted.unclear
                                 }
                             };
                             self.decide(ready, 1 << lane, &block, bits, options, query, &mut best);
@@ -284,8 +292,8 @@ impl Packet {
 impl Packet {
     /// The answers of the rays of a mask.
     fn hits(&self, best: &Bests, rays: __mmask16, exactly: bool, query: Query) -> [Hit; LANES] {
-        core::array::from_fn(|lane| match exactly {
-            true if rays >> lane & 1 != 0 => sieve::answer(&self.exact[lane].1, query),
+        core::array::from_fn(|lane| match query {
+            Query::Closest if exactly && rays >> lane & 1 != 0 => self.exact[lane].1.hit(),
             _ => best.hit(lane),
         })
     }
@@ -391,6 +399,30 @@ impl Bests {
     fn set(&mut self, lane: usize, hit: Hit, stop: f32) {
         (self.t.0[lane], self.triangle[lane]) = (hit.t, hit.triangle);
         (self.u.0[lane], self.v.0[lane], self.stop.0[lane]) = (hit.u, hit.v, stop);
+    }
+
+    /// Answers the rays that certainly hit a triangle, where any hit will do; which they are.
+    fn take_sure(
+        &mut self,
+        sifted: &Sieved,
+        block: &Block<'_>,
+        index: usize,
+        options: &QueryOptions,
+    ) -> __mmask16 {
+        let triangle = block.triangle(index);
+        let mut rays = match options.culling {
+            _ if options.ignore == Some(triangle) => 0,
+            Culling::None => sifted.front | sifted.back,
+            Culling::Back => sifted.front,
+            Culling::Front => sifted.back,
+        };
+        let sure = rays;
+        while rays != 0 {
+            let lane = rays.trailing_zeros() as usize;
+            rays &= rays - 1;
+            self.triangle[lane] = triangle;
+        }
+        sure
     }
 
     /// Lanes that have a hit.
@@ -586,7 +618,26 @@ impl Reaches {
     }
 }
 
-/// The rays of a mask that may meet a triangle: [`sieve`] turned around.
+/// Far more than flushing can change a limit by.
+const LIMIT_LEAST: f32 = 7.888_609e-31; // 2^-100
+
+/// What the sieve says of 16 rays and a triangle.
+struct Sieved {
+    /// Rays that may meet it.
+    perhaps: __mmask16,
+    /// Those of them that certainly do, from the front, between their limits.
+    front: __mmask16,
+    /// The same from the back.
+    back: __mmask16,
+}
+
+impl Sieved {
+    const NOTHING: Sieved = Sieved { perhaps: 0, front: 0, back: 0 };
+}
+
+/// The rays of a mask that may meet a triangle: [`sieve`] turned around. Its bounds also say what is
+/// certainly met: where all edge functions are beyond their error on one side, and the distance with
+/// its own within the limits, as narrowed as they are widened otherwise.
 ///
 /// # Safety
 /// The processor must have [`InstructionSet::Avx512`]; all rays must have these axes.
@@ -600,7 +651,7 @@ unsafe fn sift(
     index: usize,
     rays: __mmask16,
     stop: &Row,
-) -> __mmask16 {
+) -> Sieved {
     let set = |x: f32| _mm512_set1_ps(x);
     let from = |corner: usize, axis: usize| {
         let x = set(block.words[(corner * 3 + axis) * block.stride + index]);
@@ -624,11 +675,14 @@ unsafe fn sift(
     let width = greater(greater(greater(a.3, a.4), greater(b.3, b.4)), greater(c.3, c.4));
     let error = _mm512_fmadd_ps(load(&reach.edge.0), width, load(&reach.least.0));
     let less = _mm512_sub_ps(_mm512_setzero_ps(), error);
-    let below = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(least(u, v, w), less);
-    let above = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(most(u, v, w), error);
+    let (lowest, highest) = (least(u, v, w), most(u, v, w));
+    let below = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(lowest, less);
+    let above = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(highest, error);
+    let front = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(lowest, error);
+    let back = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(highest, less);
     let mut left = rays & !(below & above);
     if left == 0 {
-        return 0;
+        return Sieved::NOTHING;
     }
     let depths = [a.2, b.2, c.2].map(|z| _mm512_mul_ps(shear[2], z));
     let nearest = least(depths[0], depths[1], depths[2]);
@@ -637,7 +691,7 @@ unsafe fn sift(
     left &= _mm512_cmp_ps_mask::<_CMP_GE_OQ>(farthest, t_min);
     left &= _mm512_cmp_ps_mask::<_CMP_LE_OQ>(nearest, limit);
     if left == 0 {
-        return 0;
+        return Sieved::NOTHING;
     }
     let own = greater(greater(greater(a.0, a.1), greater(b.0, b.1)), greater(c.0, c.1));
     let own = greater(own, greater(greater(a.2, b.2), c.2));
@@ -651,9 +705,17 @@ unsafe fn sift(
     let shift = _mm512_div_ps(_mm512_fmadd_ps(error, spread, set(TINY)), size);
     let shift = _mm512_fmadd_ps(set(DEPTH_ERROR), greater(nearest, farthest), shift);
     let sure = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(size, _mm512_mul_ps(set(8.0), error));
-    let reached = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(_mm512_add_ps(t, shift), t_min)
-        & _mm512_cmp_ps_mask::<_CMP_LE_OQ>(_mm512_sub_ps(t, shift), limit);
-    left & (!sure | reached)
+    let (early, late) = (_mm512_sub_ps(t, shift), _mm512_add_ps(t, shift));
+    let reached = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(late, t_min)
+        & _mm512_cmp_ps_mask::<_CMP_LE_OQ>(early, limit);
+    let perhaps = left & (!sure | reached);
+    // Limits next to zero may have been flushed on the way.
+    let narrowed = |t| _mm512_fmadd_ps(_mm512_abs_ps(t), set(STOP_SLACK), set(LIMIT_LEAST));
+    let (t_min, t_max) = (load(&ready.t_min), load(&ready.t_max));
+    let within = _mm512_cmp_ps_mask::<_CMP_GE_OQ>(early, _mm512_add_ps(t_min, narrowed(t_min)))
+        & _mm512_cmp_ps_mask::<_CMP_LE_OQ>(late, _mm512_sub_ps(t_max, narrowed(t_max)));
+    let certain = perhaps & sure & within;
+    Sieved { perhaps, front: certain & front, back: certain & back }
 }
 
 /// Zero for what is below the normal range; see [`splitplane_core::arithmetic::snap`].
