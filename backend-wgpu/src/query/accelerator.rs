@@ -9,6 +9,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
+use splitplane_core::watch::Watch;
 
 use super::pipelines::Queries;
 use super::tree::DeviceTree;
@@ -139,8 +140,20 @@ impl Accelerator for WgpuAccelerator {
     }
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        self.all_hits_watched(rays, options, &())
+    }
+
+    /// From the host copy, one ray after the other, counted in [`AllHits::answered_by_cpu`].
+    fn all_hits_watched(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
+        let mut all = AllHits::one_by_one_watched(&tree, triangles, rays, options, watch)?;
+        all.answered_by_cpu = rays.len() as u64;
+        Ok(all)
     }
 
     fn answered_by_cpu(&self) -> u64 {
