@@ -12,4 +12,6 @@ pub mod greedy;
 pub mod judge;
 pub mod oracle;
 pub mod random;
+pub mod rational;
 pub mod scenes;
+pub mod stability;
