@@ -92,6 +92,7 @@ fn scenes_to_ask() -> Vec<Scene> {
         one.joined(&cube([1.0; 3], [2.0; 3]), "cubes that share a corner"),
         one.joined(&one, "the same cube twice"),
         one.joined(&turned(&one), "a cube and its inside"),
+        turned(&one),
         scenes::scaled(&tetrahedron(), 1e-37, "tiny"),
         scenes::scaled(&torus(5, 4), 1e37, "huge"),
         one,
@@ -148,7 +149,7 @@ fn windings_are_those_of_whole_numbers() {
     let mut tally = std::collections::BTreeMap::new();
     for (number, scene) in scenes_to_ask().iter().enumerate() {
         let mesh = scene.mesh();
-        let points = points(scene, 25, number as u64);
+        let points = points(scene, 16, number as u64);
         let located = locate(scene, &points);
         for (i, &point) in points.iter().enumerate() {
             let expected = match rational::on_surface(&mesh, point) {
@@ -165,8 +166,8 @@ fn windings_are_those_of_whole_numbers() {
             *tally.entry(expected).or_insert(0) += 1;
         }
     }
-    for winding in [None, Some(0), Some(1), Some(2)] {
-        assert!(tally[&winding] > 100, "{tally:?}");
+    for winding in [None, Some(-1), Some(0), Some(1), Some(2)] {
+        assert!(tally.get(&winding).is_some_and(|&count| count > 20), "{tally:?}");
     }
 }
 
