@@ -149,7 +149,10 @@ impl Answers {
         let (mut closest, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         let not_closest = queries.closest_hits_marking(tree, rays, &mut closest, query)?;
         let not_any = queries.any_hits_marking(tree, rays, &mut any, query)?;
-        Ok(Answers { closest: marked(closest, &not_closest), any: marked(any, &not_any) })
+        Ok(Answers {
+            closest: marked(closest, &not_closest.unfinished),
+            any: marked(any, &not_any.unfinished),
+        })
     }
 }
 

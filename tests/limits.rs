@@ -264,12 +264,14 @@ fn batches_end_at_any_call() {
     let scene = scene();
     let mesh = scene.mesh();
     let rays = aim::rays(&mesh, aim::Kind::ALL[0], 40_000, 5);
-    let few = &rays[..8_000];
+    let few = &rays[..4_000];
     let options = QueryOptions::default();
     let (mut first, mut found) = (Vec::new(), AllHits::none());
     for threads in [1, 2, 4] {
         in_pool(threads, || {
             let built = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
+            // Every thread makes what it keeps for its lanes.
+            rayon::broadcast(|_| drop(closest(&*built, few)));
             ends_anywhere(&format!("closest hits, {threads} threads"), |watch| {
                 let mut hits = vec![Hit::MISS; rays.len()];
                 built.closest_hits_watched(&rays, &mut hits, &options, watch)
@@ -281,7 +283,7 @@ fn batches_end_at_any_call() {
             let calls = ends_anywhere(&format!("all hits, {threads} threads"), |watch| {
                 built.all_hits_watched(few, &options, watch)
             });
-            assert!(calls > 20, "{calls}");
+            assert!(calls > 10, "{calls}");
             let mut hits = vec![Hit::MISS; rays.len()];
             let watch = Ends::never();
             built.closest_hits_watched(&rays, &mut hits, &options, &watch).unwrap();
@@ -292,7 +294,7 @@ fn batches_end_at_any_call() {
             assert!(any.iter().zip(&hits).all(|(any, hit)| *any == hit.is_hit()));
             let watch = Ends::never();
             let all = built.all_hits_watched(few, &options, &watch).unwrap();
-            stages_in_order(&watch, &[(Stage::Rays, Some(8_000))]);
+            stages_in_order(&watch, &[(Stage::Rays, Some(4_000))]);
             assert_eq!(all, built.all_hits(few, &options).unwrap());
             if threads == 1 {
                 (first, found) = (hits, all);

@@ -1,9 +1,9 @@
 //! Scenes that move, on the GPU: trees, pictures and memory against the CPU's.
 
-use splitplane::render::{RenderSettings, Size};
+use splitplane::render::{RenderError, RenderSettings, Size};
 use splitplane::scene::{Animation, Placement, SceneOptions};
 use splitplane::tracer::{FrameRequest, Tracer, TracerError};
-use splitplane::{BackendKind, BuildOptions, OpenOptions};
+use splitplane::{Accuracy, BackendKind, BuildOptions, OpenOptions, QueryOptions};
 
 fn open(kind: BackendKind) -> Tracer {
     let options = OpenOptions { default_limits: true, ..OpenOptions::default() };
@@ -46,6 +46,12 @@ fn frames_that_are_rebuilt_on_the_gpu_are_those_of_the_cpu() {
     digests.sort();
     digests.dedup();
     assert_eq!(digests.len(), 5);
+    // Exact answers would have to come back from the device; the CPU gives them.
+    let query = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let exact = FrameRequest { query, ..request };
+    let refused = Err(TracerError::Render(RenderError::ExactOnDevice));
+    assert_eq!(gpu.frame(&scene, &exact), refused);
+    assert!(cpu.frame(&scene, &exact).is_ok() && gpu.frame(&scene, &request).is_ok());
     // A tree for frames alone answers no host.
     assert_eq!(gpu.accelerator().err(), Some(TracerError::NothingBuilt));
 }

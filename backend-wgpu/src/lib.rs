@@ -21,4 +21,7 @@ pub use gpu::Gpu;
 pub use health::panic_is_caught;
 pub use options::OpenOptions;
 pub use parity::Parity;
-pub use query::{DeviceQueryError, DeviceTree, Queries, SceneUniform, TreeParts, WgpuAccelerator};
+pub use query::{
+    DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNDECIDED_HIT,
+    UNFINISHED, WgpuAccelerator,
+};

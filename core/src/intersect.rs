@@ -179,7 +179,7 @@ pub struct PreparedRay {
 
 /// `x * 2^exponent`, clamped to finite values, subnormal results flushed.
 #[inline]
-fn scale(x: f32, exponent: i32) -> f32 {
+pub(crate) fn scale(x: f32, exponent: i32) -> f32 {
     let scaled = if exponent.abs() <= 126 {
         x * power_of_two(exponent)
     } else {
@@ -579,7 +579,7 @@ fn distance_to_plane<A: Arithmetic>(
 
 /// Products of doubles err by less than this part of their factors, with room for six of them and a
 /// direction of length up to 4.
-const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
+pub(crate) const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
 
 /// `t` for a triangle too thin to have a plane: where its longest edge, as the ray sees it, passes
 /// the ray.

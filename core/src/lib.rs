@@ -12,6 +12,7 @@ pub mod arithmetic;
 #[cfg(feature = "alloc")]
 pub mod backend;
 pub mod bins;
+pub mod certify;
 pub mod config;
 pub mod digest;
 #[cfg(feature = "alloc")]

@@ -12,7 +12,8 @@ struct Ray {
 
 // Where a ray meets a triangle. The point is (1 - u - v) * a + u * b + v * c. For a miss `triangle`
 // is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0. `triangle` is UNFINISHED, and
-// the rest as for a miss, when the driver ended the traversal early.
+// the rest as for a miss, when the driver ended the traversal early. It is UNDECIDED_HIT when a test that
+// tells exact hits leaves open which it is; whatever may be hit is no nearer than `t`.
 struct Hit {
     t: f32,
     triangle: u32,
@@ -30,6 +31,7 @@ struct QueryOptions {
 
 const NO_TRIANGLE: u32 = 0xffffffffu;
 const UNFINISHED: u32 = 0xfffffffeu;
+const UNDECIDED_HIT: u32 = 0xfffffffdu;
 const CULL_NONE: u32 = 0u;
 const CULL_BACK: u32 = 1u;
 const CULL_FRONT: u32 = 2u;
@@ -48,7 +50,7 @@ fn no_hit() -> Hit {
 }
 
 fn is_hit(hit: Hit) -> bool {
-    return hit.triangle < UNFINISHED;
+    return hit.triangle < UNDECIDED_HIT;
 }
 
 // A ray from the 32 bytes of its record.
@@ -60,6 +62,6 @@ fn ray_of_words(first: vec4<u32>, second: vec4<u32>) -> Ray {
 
 // The 16 bytes of a hit's record.
 fn hit_words(hit: Hit) -> vec4<u32> {
-    let t = select(bitcast<u32>(hit.t), INFINITY_BITS, !is_hit(hit));
+    let t = select(bitcast<u32>(hit.t), INFINITY_BITS, hit.triangle >= UNFINISHED);
     return vec4<u32>(t, hit.triangle, bitcast<u32>(hit.u), bitcast<u32>(hit.v));
 }

@@ -4,7 +4,7 @@
 // Writes: a word a ray.
 // Ties: none; the answer does not depend on which hit is found.
 
-// 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish.
+// 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish, 3 for one that is undecided.
 @group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 
 @compute @workgroup_size(64)
@@ -18,5 +18,6 @@ fn main(
         return;
     }
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
-    occluded[index] = select(select(0u, 1u, is_hit(hit)), 2u, hit.triangle == UNFINISHED);
+    let marked = select(select(0u, 2u, hit.triangle == UNFINISHED), 3u, hit.triangle == UNDECIDED_HIT);
+    occluded[index] = select(marked, 1u, is_hit(hit));
 }

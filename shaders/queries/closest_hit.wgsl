@@ -2,7 +2,7 @@
 // One invocation a ray.
 // Reads: nodes, references, corners and scale of the scene; the rays of the batch.
 // Writes: a hit a ray. The record of a miss is (infinity, NO_TRIANGLE, 0, 0); that of a ray which the
-// driver did not let finish has UNFINISHED as its triangle.
+// driver did not let finish has UNFINISHED as its triangle, that of an undecided one UNDECIDED_HIT.
 // Ties: among equal `t` the lower triangle index.
 
 // 16 bytes a hit: t, triangle, u, v. As bits, since the `t` of a miss is infinite.

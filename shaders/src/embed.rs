@@ -15,6 +15,9 @@ pub enum TriangleTest {
     Watertight,
     /// Moeller and Trumbore 1997: a little faster; rays may leak at edges.
     MoellerTrumbore,
+    /// The hit of real arithmetic, told with bounds on every error: where they leave it open, the hit's
+    /// `triangle` is `UNDECIDED_HIT`.
+    Certain,
 }
 
 /// How many bindings a traversal takes, one after the other: nodes, leaf references, triangles
@@ -47,6 +50,11 @@ pub fn traversal_bindings(group: u32, first_binding: u32) -> String {
 /// ray that was not followed to its end is `UNFINISHED`; for `is_hit` and `any_hit` it hits nothing.
 /// A shader that must know calls `trace_ray(ray, options, any) -> Hit` and compares with `UNFINISHED`.
 ///
+/// The test [`TriangleTest::Certain`] leaves some rays open: their `triangle` is `UNDECIDED_HIT`, and nothing
+/// that may be hit is nearer than their `t`. For `is_hit` and `any_hit` they hit nothing; a shader
+/// that must know compares as above. `t`, `u` and `v` of the others are not rounded from exact numbers, but
+/// within a few units in the last place of the distances involved.
+///
 /// `Ray(origin, t_min, direction, t_max)` is as [`Ray` in Rust][ray]; `GREATEST` serves as a
 /// `t_max` without limit. `default_options()` gives options under which both sides of a triangle
 /// count and none is ignored. All names of the text are taken; they are those of the files in `lib/`.
@@ -54,8 +62,7 @@ pub fn traversal_bindings(group: u32, first_binding: u32) -> String {
 /// [ray]: https://docs.rs/splitplane-core/latest/splitplane_core/ray/struct.Ray.html
 pub fn traversal(group: u32, first_binding: u32, test: TriangleTest) -> String {
     let mut text = join(&TRAVERSAL);
-    text.push_str(TRAVERSAL_TESTS[test as usize].text);
-    text.push('\n');
+    text.push_str(&join(TRAVERSAL_TESTS[test as usize]));
     text.push_str(&traversal_bindings(group, first_binding));
     text
 }
@@ -80,6 +87,7 @@ mod tests {
         for (test, has, lacks) in [
             (TriangleTest::Watertight, "fn watertight(", "fn moeller_trumbore("),
             (TriangleTest::MoellerTrumbore, "fn moeller_trumbore(", "fn watertight("),
+            (TriangleTest::Certain, "fn examine(", "fn precedes("),
         ] {
             let text = traversal(0, 0, test);
             assert!(text.contains(has) && !text.contains(lacks));

@@ -53,6 +53,8 @@ library! {
     OBSERVER "observer"
     COUNTING_OBSERVER "counting_observer"
     TRAVERSE "traverse"
+    CERTAIN "certain"
+    CERTAIN_TRAVERSE "certain_traverse"
     QUERY "query"
     RENDER_LAYOUT "render_layout"
     RENDER_KERNEL "render_kernel"
@@ -107,7 +109,7 @@ shaders! {
 macro_rules! queries {
     ($($name:literal is $file:literal with $($part:ident)*;)*) => {
         /// The kernels of queries. Those that end in `_fast` have the test of Moeller and Trumbore
-        /// in place of the watertight one.
+        /// in place of the watertight one; those that end in `_exact` tell exact hits where they are certain.
         pub const QUERIES: &[Shader] = &[$(Shader {
             name: $name,
             parts: &[$($part,)* Part {
@@ -122,9 +124,13 @@ queries! {
     "closest_hit" is "closest_hit" with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE QUERY;
     "closest_hit_fast" is "closest_hit"
         with ARITHMETIC RAY BINDINGS MESH INTERSECT MOELLER_TRUMBORE OBSERVER TRAVERSE QUERY;
+    "closest_hit_exact" is "closest_hit"
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT CERTAIN OBSERVER CERTAIN_TRAVERSE QUERY;
     "any_hit" is "any_hit" with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT OBSERVER TRAVERSE QUERY;
     "any_hit_fast" is "any_hit"
         with ARITHMETIC RAY BINDINGS MESH INTERSECT MOELLER_TRUMBORE OBSERVER TRAVERSE QUERY;
+    "any_hit_exact" is "any_hit"
+        with ARITHMETIC RAY BINDINGS MESH INTERSECT WATERTIGHT CERTAIN OBSERVER CERTAIN_TRAVERSE QUERY;
     "triangle_limits" is "triangle_limits" with ARITHMETIC;
 }
 
@@ -171,10 +177,15 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
     watertight: [(WATERTIGHT, Some(MOELLER_TRUMBORE))],
 };
 
-/// What a host's own shader needs for tracing rays, but for the bindings and the triangle test.
-pub(crate) const TRAVERSAL: [Part; 6] = [ARITHMETIC, RAY, MESH, INTERSECT, OBSERVER, TRAVERSE];
+/// What a host's own shader needs for tracing rays, but for the bindings, the triangle test
+/// and the traversal that goes with it.
+pub(crate) const TRAVERSAL: [Part; 5] = [ARITHMETIC, RAY, MESH, INTERSECT, OBSERVER];
 pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
-pub(crate) const TRAVERSAL_TESTS: [Part; 2] = [WATERTIGHT, MOELLER_TRUMBORE];
+pub(crate) const TRAVERSAL_TESTS: [&[Part]; 3] = [
+    &[WATERTIGHT, TRAVERSE],
+    &[MOELLER_TRUMBORE, TRAVERSE],
+    &[WATERTIGHT, CERTAIN, CERTAIN_TRAVERSE],
+];
 
 shaders! {
     /// What the self-test of a device runs.

@@ -14,6 +14,9 @@ const HIT_TYPE: &str = "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', 
 const CROSSING_TYPE: &str =
     "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4'), ('front', '<u4')]";
 
+/// The answer of any hit for a ray that was left undecided.
+const NO_ANSWER: u8 = 255;
+
 /// Writes closest hits; a miss is `inf 4294967295 0 0`.
 pub(super) fn write_closest(path: &Path, hits: &[Hit]) -> Result<(), Failure> {
     let mut bytes = start(path, HIT_TYPE, hits.len());
@@ -24,10 +27,15 @@ pub(super) fn write_closest(path: &Path, hits: &[Hit]) -> Result<(), Failure> {
     output::file(path, &bytes)
 }
 
-/// Writes 1 for every ray that hits anything, 0 for the others.
-pub(super) fn write_any(path: &Path, hits: &[bool]) -> Result<(), Failure> {
+/// Writes 1 for every ray that hits anything, 0 for the others; [`NO_ANSWER`] at the places in
+/// `flagged`.
+pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result<(), Failure> {
     let mut bytes = start(path, "'|u1'", hits.len());
+    let first = bytes.len();
     bytes.extend(hits.iter().map(|&hit| u8::from(hit)));
+    for &place in flagged {
+        bytes[first + place] = NO_ANSWER;
+    }
     output::file(path, &bytes)
 }
 

@@ -6,7 +6,9 @@ use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use splitplane::{Accelerator, AllHits, Hit, Located, Location, QueryOptions, Ray, Rule, Watch};
+use splitplane::{
+    Accelerator, AllHits, Hit, Located, Location, QueryOptions, Ray, Rule, Undecided, Watch,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -30,6 +32,9 @@ pub(super) struct Arguments {
     /// inside one byte, 0 outside, 1 inside, 2 on a triangle
     #[arg(long, value_name = "FILE")]
     hits: Option<PathBuf>,
+    /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
+    #[arg(long, value_enum, default_value_t = UndecidedName::Redo)]
+    undecided: UndecidedName,
     /// Trace so many times and report the median
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
@@ -50,6 +55,14 @@ enum Kind {
     Inside,
 }
 
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum UndecidedName {
+    /// The CPU traces them again
+    Redo,
+    /// They have no answer: triangle 4294967293, or byte 255 for any
+    Flag,
+}
+
 #[derive(Serialize)]
 struct QueryReport {
     rays: usize,
@@ -60,6 +73,8 @@ struct QueryReport {
     trace_ms: f64,
     mrays_per_s: f64,
     undecided: u64,
+    undecided_share: f64,
+    flagged: usize,
     answered_by_cpu: u64,
     digest: String,
 }
@@ -102,41 +117,52 @@ impl Asked {
         }
     }
 
-    /// Traces once. Gives how many rays a device left undecided, and how many answers are the CPU's
-    /// because no device gives them.
+    /// Traces once. Gives what is to be known of the answers, and how many are the CPU's because no device gives
+    /// them.
     fn trace(
         &mut self,
         accelerator: &dyn Accelerator,
         options: &QueryOptions,
         watch: &dyn Watch,
-    ) -> Result<(u64, u64), Failure> {
+    ) -> Result<(splitplane::QueryReport, u64), Failure> {
         Ok(match self {
             Asked::Closest(rays, hits) => {
-                (accelerator.closest_hits_watched(rays, hits, options, watch)?.undecided, 0)
+                (accelerator.closest_hits_watched(rays, hits, options, watch)?, 0)
             }
             Asked::Any(rays, hits) => {
-                (accelerator.any_hits_watched(rays, hits, options, watch)?.undecided, 0)
+                (accelerator.any_hits_watched(rays, hits, options, watch)?, 0)
             }
             Asked::All(rays, all) => {
                 *all = AllHits::none();
                 *all = accelerator.all_hits_watched(rays, options, watch)?;
-                (0, all.answered_by_cpu)
+                (Default::default(), all.answered_by_cpu)
             }
             Asked::Inside(points, located) => {
                 *located = accelerator.locate_watched(points, watch)?;
-                (0, located.answered_by_cpu)
+                (Default::default(), located.answered_by_cpu)
             }
         })
     }
 
-    fn write(&self, path: &Path) -> Result<Vec<PathBuf>, Failure> {
+    fn write(&self, path: &Path, flagged: &[usize]) -> Result<Vec<PathBuf>, Failure> {
         match self {
             Asked::Closest(_, hits) => hit_file::write_closest(path, hits)?,
-            Asked::Any(_, hits) => hit_file::write_any(path, hits)?,
+            Asked::Any(_, hits) => hit_file::write_any(path, hits, flagged)?,
             Asked::All(_, all) => return Ok(hit_file::write_all(path, all)?.to_vec()),
             Asked::Inside(_, located) => hit_file::write_inside(path, located)?,
         }
         Ok(vec![path.to_owned()])
+    }
+
+    /// What stands in the place of a flagged ray is no answer.
+    fn forget(&mut self, flagged: &[usize]) {
+        for &place in flagged {
+            match self {
+                Asked::Closest(_, hits) => hits[place] = Hit::MISS,
+                Asked::Any(_, hits) => hits[place] = false,
+                Asked::All(..) | Asked::Inside(..) => {}
+            }
+        }
     }
 
     /// Rays that hit, crossings, or points inside.
@@ -159,20 +185,25 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     in_pool(common, || {
         let mut asked = Asked::read(arguments)?;
         let prepared = Prepared::open(&arguments.scene, common)?;
-        let options = common.query_options();
+        let undecided = match arguments.undecided {
+            UndecidedName::Redo => Undecided::Redo,
+            UndecidedName::Flag => Undecided::Flag,
+        };
+        let options = QueryOptions { undecided, ..common.query_options() };
         let watch = progress::watch(common.quiet);
         let mut times = Vec::new();
-        let (mut undecided, mut by_cpu) = (0, 0);
+        let (mut last, mut by_cpu) = Default::default();
         for _ in 0..arguments.repeat {
             let start = Instant::now();
-            (undecided, by_cpu) = asked.trace(&*prepared.accelerator, &options, &watch)?;
+            (last, by_cpu) = asked.trace(&*prepared.accelerator, &options, &watch)?;
             times.push(milliseconds(start));
         }
         drop(watch);
         let written = match &arguments.hits {
-            Some(path) => asked.write(path)?,
+            Some(path) => asked.write(path, &last.flagged)?,
             None => Vec::new(),
         };
+        asked.forget(&last.flagged);
         let trace_ms = median(&mut times);
         let exact = matches!(arguments.kind, Kind::All | Kind::Inside);
         let report = QueryReport {
@@ -183,15 +214,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: asked.count() as f64 / trace_ms.max(1e-6) / 1e3,
-            undecided,
+            undecided: last.undecided,
+            undecided_share: last.undecided as f64 / asked.count().max(1) as f64,
+            flagged: last.flagged.len(),
             answered_by_cpu: by_cpu + prepared.accelerator.answered_by_cpu(),
             digest: prepared.accelerator.tree().digest().to_string(),
         };
         let one = if arguments.kind == Kind::Inside { "point" } else { "ray" };
-        if undecided > 0 && !common.quiet {
+        if report.undecided > 0 && !common.quiet {
+            let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
             output::note(&format!(
-                "note: the device could not decide {} exactly; the CPU did",
-                counted(undecided, "ray")
+                "note: the device could not decide {} exactly, a share of {:.1e}; {what}",
+                counted(report.undecided, "ray"),
+                report.undecided_share
             ));
         }
         if by_cpu > 0 && !common.quiet {

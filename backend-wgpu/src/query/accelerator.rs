@@ -5,13 +5,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use splitplane_core::all_hits::AllHits;
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::certify::UNDECIDED_HIT;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Watch;
 
+use super::batch::Marked;
 use super::pipelines::Queries;
+use super::settle::HostScene;
 use super::tree::DeviceTree;
 use crate::error::GpuError;
 
@@ -22,6 +25,11 @@ use crate::error::GpuError;
 /// accuracy both give the same bits where the device's parity is bitwise. Rays that the driver does
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
 /// counted ([`Accelerator::answered_by_cpu`]).
+///
+/// Under accuracy `exact` the device names the triangles of which it is certain and leaves the other rays
+/// undecided; the options say what becomes of those, and the report counts them. Distances and weights
+/// come from the host copy, so that hits are the CPU backend's, bit for bit. Where the device's parity is
+/// only structural its bounds of error hold for nothing, and all rays are undecided.
 #[derive(Debug)]
 pub struct WgpuAccelerator {
     queries: Arc<Queries>,
@@ -79,6 +87,67 @@ impl WgpuAccelerator {
     pub fn triangles(&self) -> &[Triangle] {
         &self.triangles
     }
+
+    fn host_scene(&self) -> HostScene<'_> {
+        HostScene { tree: self.tree.view(), triangles: &self.triangles }
+    }
+
+    /// The report on a batch whose marked rays the host has seen to.
+    fn report(&self, marked: Marked, options: &QueryOptions) -> QueryReport {
+        let unfinished = marked.unfinished.len() as u64;
+        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
+        let undecided = marked.undecided.len() as u64;
+        let flagged = match options.undecided {
+            Undecided::Redo => Vec::new(),
+            Undecided::Flag => marked.undecided,
+        };
+        QueryReport { undecided, flagged, unfinished }
+    }
+
+    fn closest_hits_under(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<QueryReport, QueryError> {
+        let queries = &self.queries;
+        let mut marked = queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
+        if options.accuracy == Accuracy::Exact {
+            if !self.queries.is_certain() {
+                hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
+                marked = Marked::default();
+            }
+            marked.undecided = self.host_scene().settle(rays, hits, options);
+        }
+        for &ray in &marked.unfinished {
+            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+        }
+        Ok(self.report(marked, options))
+    }
+
+    fn any_hits_under(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<QueryReport, QueryError> {
+        let queries = &self.queries;
+        let mut marked = queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
+        if options.accuracy == Accuracy::Exact {
+            if !self.queries.is_certain() {
+                marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
+            }
+            if options.undecided == Undecided::Redo {
+                self.host_scene().settle_any(rays, &marked.undecided, occluded, options);
+            }
+        }
+        for &ray in &marked.unfinished {
+            occluded[ray] = self.any_hit(&rays[ray], options);
+        }
+        Ok(self.report(marked, options))
+    }
 }
 
 impl Accelerator for WgpuAccelerator {
@@ -101,20 +170,18 @@ impl Accelerator for WgpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        if options.accuracy == Accuracy::Exact {
-            same_length(rays.len(), hits.len())?;
-            for (ray, hit) in rays.iter().zip(hits) {
-                *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
-            }
-            return Ok(QueryReport { undecided: rays.len() as u64, ..QueryReport::default() });
-        }
-        let marked = self.queries.closest_hits_marking(&self.device, rays, hits, options)?;
-        let unfinished = marked.len() as u64;
-        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
-        for ray in marked {
-            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
-        }
-        Ok(QueryReport { unfinished, ..QueryReport::default() })
+        self.closest_hits_under(rays, hits, options, None)
+    }
+
+    /// Asks the watch between slices and while the device works on one.
+    fn closest_hits_watched(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        self.closest_hits_under(rays, hits, options, Some(watch))
     }
 
     fn any_hits(
@@ -123,20 +190,18 @@ impl Accelerator for WgpuAccelerator {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        if options.accuracy == Accuracy::Exact {
-            same_length(rays.len(), occluded.len())?;
-            for (ray, answer) in rays.iter().zip(occluded) {
-                *answer = self.any_hit(ray, options);
-            }
-            return Ok(QueryReport { undecided: rays.len() as u64, ..QueryReport::default() });
-        }
-        let marked = self.queries.any_hits_marking(&self.device, rays, occluded, options)?;
-        let unfinished = marked.len() as u64;
-        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
-        for ray in marked {
-            occluded[ray] = self.any_hit(&rays[ray], options);
-        }
-        Ok(QueryReport { unfinished, ..QueryReport::default() })
+        self.any_hits_under(rays, occluded, options, None)
+    }
+
+    /// Asks the watch between slices and while the device works on one.
+    fn any_hits_watched(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        self.any_hits_under(rays, occluded, options, Some(watch))
     }
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
@@ -169,8 +234,4 @@ impl Accelerator for WgpuAccelerator {
         let scale = self.device.scene_scale();
         traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
     }
-}
-
-fn same_length(rays: usize, results: usize) -> Result<(), QueryError> {
-    if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
 }

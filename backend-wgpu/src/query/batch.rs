@@ -1,11 +1,15 @@
 //! Batches of rays from host memory, in slices.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::time::{Duration, Instant};
 
+use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
 use super::pipelines::Queries;
@@ -30,11 +34,38 @@ const TOO_LONG: Duration = Duration::from_millis(250);
 /// A slice that takes less is followed by one of four times the rays.
 const SHORT: Duration = Duration::from_millis(30);
 
+/// Rays of a batch that have no answer, by their places in it, in ascending order.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Marked {
+    /// Those that the driver did not let finish.
+    pub unfinished: Vec<usize>,
+    /// Those that bounds of error leave undecided; accuracy `exact` only.
+    pub undecided: Vec<usize>,
+}
+
+impl Marked {
+    /// An error when there are any.
+    fn none(&self) -> Result<(), DeviceQueryError> {
+        if let Some(&first) = self.unfinished.first() {
+            return Err(DeviceQueryError::Unfinished { rays: self.unfinished.len(), first });
+        }
+        match self.undecided.first() {
+            None => Ok(()),
+            Some(&first) => Err(DeviceQueryError::Undecided { rays: self.undecided.len(), first }),
+        }
+    }
+}
+
+/// Between two questions to a watch.
+const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
+
 /// A slice that was submitted.
 struct Pending {
     set: Staging,
     rays: Range<usize>,
     since: Instant,
+    /// Whether the device is done with it, where somebody watches.
+    done: Option<Arc<AtomicBool>>,
 }
 
 impl Queries {
@@ -44,8 +75,8 @@ impl Queries {
     /// is traced, the next is uploaded.
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, a driver that ends traversals early, or a device that
-    /// fails; then some of `hits` may hold
+    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are left
+    /// undecided, or a device that fails; then some of `hits` may hold
     /// answers and others what they held before: none is to be used.
     pub fn closest_hits(
         &self,
@@ -54,7 +85,7 @@ impl Queries {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
-        finished(&self.closest_hits_marking(tree, rays, hits, options)?)
+        self.closest_hits_marking(tree, rays, hits, options)?.none()
     }
 
     /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
@@ -68,11 +99,14 @@ impl Queries {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<(), DeviceQueryError> {
-        finished(&self.any_hits_marking(tree, rays, occluded, options)?)
+        self.any_hits_marking(tree, rays, occluded, options)?.none()
     }
 
-    /// As [`Queries::closest_hits`], but rays that the driver did not let finish are no error: gives
-    /// their places in the batch. Their `hits` are not to be used.
+    /// As [`Queries::closest_hits`], but rays without an answer are no error: gives their places in
+    /// the batch. Their `hits` are not to be used.
+    ///
+    /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
+    /// the device computed, see [`splitplane_core::certify`].
     ///
     /// # Errors
     /// `rays` and `hits` of different length, or a device that fails.
@@ -82,21 +116,38 @@ impl Queries {
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
-    ) -> Result<Vec<usize>, DeviceQueryError> {
+    ) -> Result<Marked, DeviceQueryError> {
+        self.closest_hits_under(tree, rays, hits, options, None)
+    }
+
+    /// As [`Queries::closest_hits_marking`], under a watch.
+    pub(super) fn closest_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), hits.len())?;
-        let mut unfinished = Vec::new();
-        self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
+        let mut out = Marked::default();
+        self.trace_slices(tree, rays, options, Query::Closest, watch, |range, bytes| {
             let first = range.start;
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
-            let marked = hits.iter().enumerate().filter(|(_, hit)| hit.triangle == UNFINISHED);
-            unfinished.extend(marked.map(|(place, _)| first + place));
+            for (place, hit) in hits.iter().enumerate() {
+                match hit.triangle {
+                    UNFINISHED => out.unfinished.push(first + place),
+                    UNDECIDED_HIT => out.undecided.push(first + place),
+                    _ => {}
+                }
+            }
         })?;
-        Ok(unfinished)
+        Ok(out)
     }
 
-    /// As [`Queries::any_hits`], but rays that the driver did not let finish are no error: gives their
-    /// places in the batch. Their answers are not to be used.
+    /// As [`Queries::any_hits`], but rays without an answer are no error: gives their places in the
+    /// batch. Their answers are not to be used.
     ///
     /// # Errors
     /// `rays` and `occluded` of different length, or a device that fails.
@@ -106,18 +157,34 @@ impl Queries {
         rays: &[Ray],
         occluded: &mut [bool],
         options: &QueryOptions,
-    ) -> Result<Vec<usize>, DeviceQueryError> {
+    ) -> Result<Marked, DeviceQueryError> {
+        self.any_hits_under(tree, rays, occluded, options, None)
+    }
+
+    /// As [`Queries::any_hits_marking`], under a watch.
+    pub(super) fn any_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
-        let mut unfinished = Vec::new();
-        self.trace_slices(tree, rays, options, Query::Any, |range, bytes| {
+        let mut out = Marked::default();
+        self.trace_slices(tree, rays, options, Query::Any, watch, |range, bytes| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
-                occluded[place] = word == 1u32.to_ne_bytes();
-                if word == 2u32.to_ne_bytes() {
-                    unfinished.push(place);
+                let word = [word[0], word[1], word[2], word[3]];
+                occluded[place] = false;
+                match u32::from_ne_bytes(word) {
+                    1 => occluded[place] = true,
+                    2 => out.unfinished.push(place),
+                    3 => out.undecided.push(place),
+                    _ => {}
                 }
             }
         })?;
-        Ok(unfinished)
+        Ok(out)
     }
 
     /// Most rays of a slice under the limits of the device.
@@ -134,12 +201,16 @@ impl Queries {
         rays: &[Ray],
         options: &QueryOptions,
         query: Query,
+        watch: Option<&dyn Watch>,
         mut answer: impl FnMut(Range<usize>, &[u8]),
     ) -> Result<(), DeviceQueryError> {
+        let ask = |done: usize| go_on(watch, done, rays.len());
         let most = self.slice_limit();
         let mut size = self.slice_rays.load(Relaxed).min(most);
         let mut next = 0;
         let mut pending: Option<Pending> = None;
+        let mut answered = 0;
+        ask(answered)?;
         while next < rays.len() || pending.is_some() {
             let slice = next..rays.len().min(next + size as usize);
             next = slice.end;
@@ -148,6 +219,9 @@ impl Queries {
             } else {
                 Some(self.upload_slice(&rays[slice.clone()], options, most)?)
             };
+            if let (Some(_), Some(pending)) = (watch, &pending) {
+                self.watch_slice(pending, || ask(answered))?;
+            }
             let done = pending.take().map(|slice| self.await_slice(slice, query)).transpose()?;
             if let Some((_, _, took)) = &done {
                 if *took > TOO_LONG {
@@ -158,11 +232,14 @@ impl Queries {
             }
             if let Some(set) = uploaded {
                 self.submit_slice(tree, &set, slice.len() as u32, options, query)?;
-                pending = Some(Pending { set, rays: slice, since: Instant::now() });
+                let done = watch.map(|_| self.gpu().submitted_work_done());
+                pending = Some(Pending { set, rays: slice, since: Instant::now(), done });
             }
             // Copied while the device works on the next slice.
             if let Some((range, bytes, _)) = done {
+                answered = range.end;
                 answer(range, &bytes);
+                ask(answered)?;
             }
         }
         self.slice_rays.store(size.min(MOST_FIRST_RAYS), Relaxed);
@@ -207,6 +284,23 @@ impl Queries {
         })
     }
 
+    /// Asks a watch until a slice is done, or its time is up. When the watch ends the batch, the slice goes with
+    /// its buffers once the device has let go of them.
+    fn watch_slice(
+        &self,
+        slice: &Pending,
+        ask: impl Fn() -> Result<(), DeviceQueryError>,
+    ) -> Result<(), DeviceQueryError> {
+        let Some(done) = &slice.done else { return Ok(()) };
+        let gpu = self.gpu();
+        while !done.load(Acquire) && slice.since.elapsed() < gpu.timeout() {
+            ask()?;
+            std::thread::sleep(BETWEEN_LOOKS);
+            gpu.poll()?;
+        }
+        Ok(())
+    }
+
     /// Waits for a slice: its place, its answers, and how long it took.
     fn await_slice(
         &self,
@@ -221,11 +315,13 @@ impl Queries {
     }
 }
 
-/// An error when there are unfinished rays.
-fn finished(unfinished: &[usize]) -> Result<(), DeviceQueryError> {
-    match unfinished.first() {
-        None => Ok(()),
-        Some(&first) => Err(DeviceQueryError::Unfinished { rays: unfinished.len(), first }),
+/// Asks a watch, if there is one, whether to go on.
+fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), DeviceQueryError> {
+    let (done, total) = (done as u64, total as u64);
+    let progress = Progress { stage: Stage::Rays, done, total };
+    match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {
+        true => Err(DeviceQueryError::Cancelled { done, total }),
+        false => Ok(()),
     }
 }
 

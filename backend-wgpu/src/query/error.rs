@@ -45,6 +45,25 @@ pub enum DeviceQueryError {
         /// The first of them.
         first: usize,
     },
+    /// Accuracy `exact`: the device's bounds of error leave some rays undecided.
+    #[error(
+        "the device could not decide {rays} rays exactly, the first of them ray {first}; trace them \
+         on the CPU"
+    )]
+    Undecided {
+        /// How many rays.
+        rays: usize,
+        /// The first of them.
+        first: usize,
+    },
+    /// The watch ended the batch.
+    #[error("cancelled after {done} of {total} rays")]
+    Cancelled {
+        /// Rays answered.
+        done: u64,
+        /// Rays of the batch.
+        total: u64,
+    },
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -56,6 +75,7 @@ impl From<DeviceQueryError> for QueryError {
             DeviceQueryError::LengthMismatch { rays, results } => {
                 QueryError::LengthMismatch { rays, results }
             }
+            DeviceQueryError::Cancelled { done, total } => QueryError::Cancelled { done, total },
             DeviceQueryError::Gpu(error) => error.into(),
             other => QueryError::Device(other.to_string()),
         }

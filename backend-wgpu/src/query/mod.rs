@@ -13,12 +13,15 @@ mod pipelines;
 mod record;
 mod scene;
 mod scope;
+mod settle;
 mod staging;
 mod tree;
 
 pub use accelerator::WgpuAccelerator;
+pub use batch::Marked;
 pub use error::DeviceQueryError;
 pub use pipelines::Queries;
 pub use record::UNFINISHED;
 pub use scene::SceneUniform;
+pub use splitplane_core::certify::UNDECIDED_HIT;
 pub use tree::{DeviceTree, TreeParts};

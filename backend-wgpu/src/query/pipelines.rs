@@ -1,6 +1,6 @@
 //! The pipelines of the queries, each compiled when it is first used.
 
-use std::sync::atomic::AtomicU32;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, OnceLock};
 
 use splitplane_core::ray::{Accuracy, QueryOptions};
@@ -16,8 +16,10 @@ use crate::gpu::Gpu;
 pub(super) enum QueryKernel {
     ClosestHit,
     ClosestHitFast,
+    ClosestHitExact,
     AnyHit,
     AnyHitFast,
+    AnyHitExact,
     TriangleLimits,
 }
 
@@ -26,9 +28,11 @@ impl QueryKernel {
     pub(super) fn of(query: Query, options: &QueryOptions) -> QueryKernel {
         match (query, options.accuracy) {
             (Query::Closest, Accuracy::Fast) => QueryKernel::ClosestHitFast,
-            (Query::Closest, _) => QueryKernel::ClosestHit,
+            (Query::Closest, Accuracy::Watertight) => QueryKernel::ClosestHit,
+            (Query::Closest, Accuracy::Exact) => QueryKernel::ClosestHitExact,
             (Query::Any, Accuracy::Fast) => QueryKernel::AnyHitFast,
-            (Query::Any, _) => QueryKernel::AnyHit,
+            (Query::Any, Accuracy::Watertight) => QueryKernel::AnyHit,
+            (Query::Any, Accuracy::Exact) => QueryKernel::AnyHitExact,
         }
     }
 }
@@ -38,9 +42,11 @@ impl QueryKernel {
 #[derive(Debug)]
 pub struct Queries {
     gpu: Arc<Gpu>,
-    pipelines: [OnceLock<wgpu::ComputePipeline>; 5],
+    pipelines: [OnceLock<wgpu::ComputePipeline>; 7],
     /// Staging memory that no batch is using.
     pub(super) staging: Mutex<Vec<Staging>>,
+    /// Whether bounds of error hold on the device.
+    certain: AtomicBool,
     /// Rays of the first slice of the next batch: what the device was fit for lately.
     pub(super) slice_rays: AtomicU32,
 }
@@ -52,6 +58,7 @@ impl Queries {
             gpu,
             pipelines: Default::default(),
             staging: Mutex::default(),
+            certain: AtomicBool::new(true),
             slice_rays: AtomicU32::new(FIRST_RAYS),
         }
     }
@@ -59,6 +66,17 @@ impl Queries {
     /// The device.
     pub fn gpu(&self) -> &Arc<Gpu> {
         &self.gpu
+    }
+
+    /// Whether bounds of error hold on the device, so that it may tell exact hits. True unless a
+    /// self-test found that it rounds in a way of its own.
+    pub fn is_certain(&self) -> bool {
+        self.certain.load(Ordering::Relaxed)
+    }
+
+    /// Says that the device rounds in a way of its own.
+    pub(crate) fn set_uncertain(&self) {
+        self.certain.store(false, Ordering::Relaxed);
     }
 
     /// The pipeline of a kernel, compiled by the first call.
@@ -83,12 +101,14 @@ mod tests {
         for (kernel, name) in [
             (QueryKernel::ClosestHit, "closest_hit"),
             (QueryKernel::ClosestHitFast, "closest_hit_fast"),
+            (QueryKernel::ClosestHitExact, "closest_hit_exact"),
             (QueryKernel::AnyHit, "any_hit"),
             (QueryKernel::AnyHitFast, "any_hit_fast"),
+            (QueryKernel::AnyHitExact, "any_hit_exact"),
             (QueryKernel::TriangleLimits, "triangle_limits"),
         ] {
             assert_eq!(splitplane_shaders::QUERIES[kernel as usize].name, name);
         }
-        assert_eq!(splitplane_shaders::QUERIES.len(), 5);
+        assert_eq!(splitplane_shaders::QUERIES.len(), 7);
     }
 }

@@ -1,6 +1,8 @@
 //! Queries over rays that are on the device, recorded into a host's commands.
 
 use bytemuck::{Pod, Zeroable};
+#[cfg(doc)]
+use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -74,6 +76,11 @@ impl Queries {
     /// a [`Hit`]. Both need the usage `STORAGE`; the rays may be written by commands before. Nothing
     /// crosses to the host. Under llvmpipe a hit may be [`UNFINISHED`].
     ///
+    /// Under accuracy `exact` a hit whose triangle is [`UNDECIDED_HIT`] is left open, whatever the options
+    /// say of such rays: nothing that may be hit is nearer than its `t`. That of the other hits is the
+    /// exact one; their `t` is within a unit in the last place of the distances involved (which is
+    /// more than one of its own where the ray starts next to the triangle), their weights likewise.
+    ///
     /// How many rays one submission can take is the host's care: drivers end submissions that take
     /// seconds.
     ///
@@ -92,7 +99,7 @@ impl Queries {
     }
 
     /// Records, for the first `count` rays of a buffer, whether they hit anything: one `u32` a ray,
-    /// 1 for a hit and 0 for none (2 for [`UNFINISHED`]).
+    /// 1 for a hit and 0 for none (2 for [`UNFINISHED`], 3 for [`UNDECIDED_HIT`]).
     /// Otherwise as [`Queries::record_closest_hits`].
     ///
     /// # Errors

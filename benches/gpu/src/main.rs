@@ -1,6 +1,7 @@
 //! `splitplane-measure-gpu`: builds and queries on a GPU beside the CPU's, in one run, and whether
 //! they agree bit for bit. Raw figures go to `OUT/gpu.jsonl`, tables to `OUT/gpu.md`.
 
+mod accuracy;
 mod build;
 mod device;
 mod floor;
@@ -112,6 +113,9 @@ fn measure_scene(
         for query in trace::Query::ALL {
             let figures = trace::measure(&built, set, query, options)?;
             report.trace(name, &figures)?;
+        }
+        for figures in accuracy::measure(&built, set, options)? {
+            report.accuracy(name, &figures)?;
         }
     }
     Ok(())

@@ -10,6 +10,7 @@ use serde_json::{Value, json};
 use splitplane::Preset;
 
 use crate::Failure;
+use crate::accuracy::Figures as OfAccuracy;
 use crate::build::Figures as Build;
 use crate::device::{Costs, Description};
 use crate::floor::KernelFloor;
@@ -28,6 +29,7 @@ pub struct Report {
     kernels: String,
     traces: String,
     checks: String,
+    accuracies: String,
     notes: Vec<String>,
 }
 
@@ -47,6 +49,7 @@ impl Report {
             kernels: empty(),
             traces: empty(),
             checks: empty(),
+            accuracies: empty(),
             notes: Vec::new(),
         })
     }
@@ -218,6 +221,32 @@ impl Report {
         Ok(())
     }
 
+    pub fn accuracy(&mut self, scene: &str, of: &OfAccuracy) -> Result<(), Failure> {
+        self.line("accuracy", Some(scene), of)?;
+        if let Some(different) = of.different.filter(|different| *different > 0) {
+            let case = self.case(scene);
+            self.notes.push(format!("{case}, {}: {different} exact hits differ", of.set));
+        }
+        let timed = |seconds: &[f64]| match seconds {
+            [] => "-".to_owned(),
+            seconds => format!("{:.2}", of.nanoseconds(seconds)),
+        };
+        writeln!(
+            self.accuracies,
+            "| {scene} | {} | {} | {} | {} | {} | {} | {} | {:.1e} | {} |",
+            self.preset,
+            of.set,
+            of.accuracy,
+            of.rays,
+            timed(&of.resident_s),
+            timed(&of.host_s),
+            of.undecided,
+            of.share(),
+            of.different.map_or("-".into(), |different| different.to_string()),
+        )?;
+        Ok(())
+    }
+
     /// A scene and how it is built, in words.
     fn case(&self, scene: &str) -> String {
         format!("{scene} by {}", self.preset)
@@ -271,6 +300,12 @@ impl Report {
             "Answers against the CPU's, all words",
             "| scene | preset | set | query | rays | hits | different | different on the device | unfinished |",
             &self.checks,
+        );
+        table(
+            "Accuracies: closest hits, nanoseconds a ray (medians)",
+            "| scene | preset | set | accuracy | rays | on the device | from host memory | undecided \
+             | share | different from the CPU's |",
+            &self.accuracies,
         );
         if !self.notes.is_empty() {
             text.push_str("\n## What is wrong\n\n");

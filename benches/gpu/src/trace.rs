@@ -177,7 +177,7 @@ pub fn measure(
         return Ok(figures);
     }
 
-    let resident = Resident::new(built, rays, query)?;
+    let resident = Resident::new(built, rays, query, QueryOptions::default())?;
     let first = resident.trace(1)?;
     let words = resident.read()?;
     figures.resident_different = Some(figures.compare(&expected, &words, rays, "on the device"));
@@ -243,17 +243,23 @@ impl Figures {
 }
 
 /// Rays and answers in device memory.
-struct Resident<'a> {
+pub struct Resident<'a> {
     built: &'a Built,
     clock: Clock<'a>,
     rays: wgpu::Buffer,
     answers: wgpu::Buffer,
     count: u32,
     query: Query,
+    options: QueryOptions,
 }
 
 impl<'a> Resident<'a> {
-    fn new(built: &'a Built, rays: &[Ray], query: Query) -> Result<Resident<'a>, Failure> {
+    pub fn new(
+        built: &'a Built,
+        rays: &[Ray],
+        query: Query,
+        options: QueryOptions,
+    ) -> Result<Resident<'a>, Failure> {
         let gpu = built.gpu.queries().gpu();
         let bytes: &[u8] = bytemuck::cast_slice(rays);
         let uploaded = gpu.buffer("rays", bytes.len() as u64, Usage::STORAGE | Usage::COPY_DST)?;
@@ -267,21 +273,23 @@ impl<'a> Resident<'a> {
         gpu.submit([])?;
         gpu.wait()?;
         let count = rays.len() as u32;
-        Ok(Resident { built, clock: Clock::new(gpu), rays: uploaded, answers, count, query })
+        let clock = Clock::new(gpu);
+        Ok(Resident { built, clock, rays: uploaded, answers, count, query, options })
     }
 
-    fn trace(&self, dispatches: u32) -> Result<Span, Failure> {
+    pub fn trace(&self, dispatches: u32) -> Result<Span, Failure> {
         let accelerator = &self.built.gpu;
         let (queries, tree) = (accelerator.queries(), accelerator.device_tree());
-        let options = QueryOptions::default();
+        let options = &self.options;
         let (rays, answers, count) = (&self.rays, &self.answers, self.count);
         self.clock.time(|encoder| {
             for _ in 0..dispatches {
                 match self.query {
-                    Query::Closest => queries
-                        .record_closest_hits(encoder, tree, rays, answers, count, &options)?,
+                    Query::Closest => {
+                        queries.record_closest_hits(encoder, tree, rays, answers, count, options)?
+                    }
                     Query::Any => {
-                        queries.record_any_hits(encoder, tree, rays, answers, count, &options)?;
+                        queries.record_any_hits(encoder, tree, rays, answers, count, options)?;
                     }
                 }
             }
@@ -289,7 +297,7 @@ impl<'a> Resident<'a> {
         })
     }
 
-    fn read(&self) -> Result<Vec<u32>, Failure> {
+    pub fn read(&self) -> Result<Vec<u32>, Failure> {
         let bytes = u64::from(self.count) * self.query.answer_bytes();
         let bytes = read_back(self.built.gpu.queries().gpu(), &self.answers, bytes)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))

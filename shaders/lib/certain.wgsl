@@ -1,0 +1,345 @@
+// Twin of core/src/certify.rs but for the traversal: what is certain of a ray and a triangle, told in
+// f32 and doubled floats with bounds on every error. Needs watertight.wgsl for its shear and its
+// doubles. The bounds are derived in ARCHITECTURE.md.
+
+// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis.
+const BLUR: f32 = 0x1p-21f;
+// Error of an edge function, per unit of the blur times the greatest sheared coordinate and blur.
+const EDGE_BLUR: f32 = 8.0;
+// Error of the depth of a corner, relative.
+const DEPTH_NOISE: f32 = 0x1p-20f;
+// Products are taken to be at least this great where their errors are bounded.
+const MAGNITUDE_LEAST: f32 = 0x1p-72f;
+// Error of a distance, per unit of those of its parts over the denominator.
+const SPREAD: f32 = 2.25;
+// Error of a quotient of doubles, relative.
+const QUOTIENT_NOISE: f32 = 0x1p-41f;
+// Least error of a distance that is not exactly zero.
+const DISTANCE_NOISE: f32 = 0x1p-110f;
+// What a distance loses as a single float.
+const FLOAT_NOISE: f32 = 0x1p-22f;
+// Components of a direction below this, but not zero, are not known to be without error.
+const DIRECTION_KNOWN: f32 = 0x1p-100f;
+// Distances from 2 to the power of this up are left in doubt, lest something overflow.
+const GREATEST_EXPONENT: i32 = 60;
+
+// A number known within an error. An error of zero means that the number is zero, exactly.
+struct Known {
+    value: Double,
+    error: f32,
+}
+
+// A cross product, and for each component the sum of the magnitudes of its terms.
+struct Normal {
+    parts: Double3,
+    magnitudes: vec3<f32>,
+}
+
+// A bound on the magnitude of a product that is 0 only where a factor is.
+fn magnitude(a: f32, b: f32) -> f32 {
+    let size = most(product(abs(a), abs(b)), MAGNITUDE_LEAST);
+    return select(size, 0.0, a == 0.0 || b == 0.0);
+}
+
+fn minor_magnitude(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> f32 {
+    return sum(magnitude(p_i.high, q_j.high), magnitude(p_j.high, q_i.high));
+}
+
+fn certain_cross(p: Double3, q: Double3) -> Normal {
+    return Normal(
+        Double3(
+            double_minor(p.y, p.z, q.y, q.z),
+            double_minor(p.z, p.x, q.z, q.x),
+            double_minor(p.x, p.y, q.x, q.y),
+        ),
+        vec3<f32>(
+            minor_magnitude(p.y, p.z, q.y, q.z),
+            minor_magnitude(p.z, p.x, q.z, q.x),
+            minor_magnitude(p.x, p.y, q.x, q.y),
+        ),
+    );
+}
+
+fn certain_dot(normal: Normal, other: Double3) -> Known {
+    let x = double_times(normal.parts.x, other.x);
+    let y = double_times(normal.parts.y, other.y);
+    let z = double_times(normal.parts.z, other.z);
+    let size = sum(
+        sum(magnitude(normal.magnitudes.x, other.x.high), magnitude(normal.magnitudes.y, other.y.high)),
+        magnitude(normal.magnitudes.z, other.z.high),
+    );
+    return Known(double_plus(double_plus(x, y), z), product(size, DOUBLE_NOISE));
+}
+
+fn double3_of(v: vec3<f32>) -> Double3 {
+    return Double3(Double(v.x, 0.0), Double(v.y, 0.0), Double(v.z, 0.0));
+}
+
+// A triangle that is certainly met, between the ray's limits.
+struct Certain {
+    // Inner `t`.
+    t: Double,
+    // The exact one differs from it by no more than this. Zero only where both are zero.
+    error: f32,
+    u: f32,
+    v: f32,
+}
+
+// A float that is no more than the exact `t`.
+fn least_t(met: Certain) -> f32 {
+    let single = product(abs(met.t.high), FLOAT_NOISE);
+    return difference(difference(met.t.high, met.error), single);
+}
+
+// A float that is no less than the exact `t`.
+fn greatest_t(met: Certain) -> f32 {
+    let single = product(abs(met.t.high), FLOAT_NOISE);
+    return sum(sum(met.t.high, met.error), single);
+}
+
+// Not met between the limits, or not of interest.
+const VERDICT_NOT: u32 = 0u;
+// Met between the limits.
+const VERDICT_MET: u32 = 1u;
+// Perhaps met, and if so then no nearer than at the inner `t` `least`.
+const VERDICT_IN_DOUBT: u32 = 2u;
+
+// What is certain of a ray and a triangle.
+struct Verdict {
+    kind: u32,
+    least: f32,
+    met: Certain,
+}
+
+fn verdict_not() -> Verdict {
+    return Verdict(VERDICT_NOT, 0.0, Certain(Double(0.0, 0.0), 0.0, 0.0, 0.0));
+}
+
+fn verdict_in_doubt(least: f32) -> Verdict {
+    return Verdict(VERDICT_IN_DOUBT, least, Certain(Double(0.0, 0.0), 0.0, 0.0, 0.0));
+}
+
+// Whether a component of a direction, as given, is without error as it was scaled.
+fn is_known(given: f32, scaled: f32) -> bool {
+    return snap(given) == 0.0 || abs(scaled) >= DIRECTION_KNOWN;
+}
+
+// Whether a ray made ready is still the one that was given, and in the range in which the bounds hold.
+fn is_as_given(ray: Ray, prepared: PreparedRay) -> bool {
+    return !prepared.wide && prepared.offset == 0.0
+        && all(prepared.origin == snap3(ray.origin))
+        && is_known(ray.direction.x, prepared.direction.x)
+        && is_known(ray.direction.y, prepared.direction.y)
+        && is_known(ray.direction.z, prepared.direction.z);
+}
+
+// An edge function: twice the signed area of the origin and two sheared corners.
+fn sheared_edge(p: vec2<f32>, q: vec2<f32>) -> f32 {
+    return difference(product(p.x, q.y), product(p.y, q.x));
+}
+
+// True when three numbers are all beyond zero by more than the blur.
+fn is_beside(a: f32, b: f32, c: f32, blur: f32) -> bool {
+    return least(least(a, b), c) > blur || most(most(a, b), c) < -blur;
+}
+
+// What is certain of a ray and a triangle of a scene that is not wide. Of what is farther than
+// `farthest`, an inner `t`, nothing need be said.
+fn examine(ray: PreparedRay, triangle: Triangle, culling: u32, farthest: f32) -> Verdict {
+    var seen: Sheared;
+    seen.away_a = corner_away(ray.axes, triangle.a, ray.origin);
+    seen.away_b = corner_away(ray.axes, triangle.b, ray.origin);
+    seen.away_c = corner_away(ray.axes, triangle.c, ray.origin);
+    seen.a = shear_corner(seen.away_a, ray.shear);
+    seen.b = shear_corner(seen.away_b, ray.shear);
+    seen.c = shear_corner(seen.away_c, ray.shear);
+    let reach =
+        most(most(most_of(abs(seen.away_a)), most_of(abs(seen.away_b))), most_of(abs(seen.away_c)));
+    let blur = product(reach, BLUR);
+    if is_beside(seen.a.x, seen.b.x, seen.c.x, blur) || is_beside(seen.a.y, seen.b.y, seen.c.y, blur) {
+        return verdict_not();
+    }
+    let edges = vec3<f32>(
+        sheared_edge(seen.c, seen.b),
+        sheared_edge(seen.a, seen.c),
+        sheared_edge(seen.b, seen.a),
+    );
+    let a = abs(seen.a);
+    let b = abs(seen.b);
+    let c = abs(seen.c);
+    let width = most(most(most(a.x, a.y), most(b.x, b.y)), most(c.x, c.y));
+    let margin = sum(product(product(blur, EDGE_BLUR), sum(width, blur)), EDGE_LEAST);
+    let positive = edges.x > margin || edges.y > margin || edges.z > margin;
+    let negative = edges.x < -margin || edges.y < -margin || edges.z < -margin;
+    if positive && negative {
+        return verdict_not();
+    }
+    let depths = vec3<f32>(
+        product(ray.shear.z, seen.away_a.z),
+        product(ray.shear.z, seen.away_b.z),
+        product(ray.shear.z, seen.away_c.z),
+    );
+    let first = least_of(depths);
+    let last = most_of(depths);
+    let nearest = difference(first, product(abs(first), DEPTH_NOISE));
+    let greatest = sum(last, product(abs(last), DEPTH_NOISE));
+    if nearest > least(farthest, ray.t_max) || greatest < ray.t_min {
+        return verdict_not();
+    }
+    return decide(ray, triangle, culling, farthest, edges, margin, nearest);
+}
+
+// An edge function and its error: as sheared where that is decided, else by the triple product of the
+// direction and the two corners. In the units of the sheared ones, in which its last digits do not count.
+fn decide_edge(
+    ray: PreparedRay,
+    sheared: f32,
+    margin: f32,
+    p: vec3<f32>,
+    q: vec3<f32>,
+) -> vec2<f32> {
+    if abs(sheared) > margin {
+        return vec2<f32>(sheared, margin);
+    }
+    let normal =
+        certain_cross(double3_difference_of(p, ray.origin), double3_difference_of(q, ray.origin));
+    let known = certain_dot(normal, double3_of(ray.direction));
+    let unit = abs(ray.shear.z);
+    return vec2<f32>(product(known.value.high, unit), product(known.error, unit));
+}
+
+// Whether an edge function, with its error, is neither positive nor negative for certain, nor zero.
+fn is_open(edge: vec2<f32>) -> bool {
+    return edge.y != 0.0 && abs(edge.x) <= edge.y;
+}
+
+// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are
+// still open, and the distance.
+fn decide(
+    ray: PreparedRay,
+    triangle: Triangle,
+    culling: u32,
+    farthest: f32,
+    edges: vec3<f32>,
+    margin: f32,
+    nearest: f32,
+) -> Verdict {
+    let u = decide_edge(ray, edges.x, margin, triangle.c, triangle.b);
+    let v = decide_edge(ray, edges.y, margin, triangle.a, triangle.c);
+    let w = decide_edge(ray, edges.z, margin, triangle.b, triangle.a);
+    let positive = u.x > u.y || v.x > v.y || w.x > w.y;
+    let negative = u.x < -u.y || v.x < -v.y || w.x < -w.y;
+    let open = is_open(u) || is_open(v) || is_open(w);
+    let culled = (culling == CULL_BACK && negative) || (culling == CULL_FRONT && positive);
+    let some = positive || negative || open;
+    if (positive && negative) || culled || !some {
+        return verdict_not();
+    }
+    let normal = certain_cross(
+        double3_difference_of(triangle.b, triangle.a),
+        double3_difference_of(triangle.c, triangle.a),
+    );
+    let denominator = certain_dot(normal, double3_of(ray.direction));
+    if denominator.error == 0.0 {
+        // The ray lies in the triangle's plane, or beside it.
+        return verdict_not();
+    }
+    if abs(denominator.value.high) <= product(2.0, denominator.error) {
+        return verdict_in_doubt(nearest);
+    }
+    let numerator = certain_dot(normal, double3_difference_of(triangle.a, ray.origin));
+    let distance = certain_quotient(numerator, denominator);
+    if !distance.some {
+        return verdict_in_doubt(nearest);
+    }
+    let det = sum(sum(u.x, v.x), w.x);
+    let met =
+        Certain(distance.t, distance.error, snap(quotient(v.x, det)), snap(quotient(w.x, det)));
+    let at_least = most(least_t(met), nearest);
+    if at_least > farthest {
+        return verdict_not();
+    }
+    let after = compare_limit(met, ray.least_key, ray.t_min);
+    let before = compare_limit(met, ray.greatest_key, ray.t_max);
+    if after == COMPARED_LESS || before == COMPARED_GREATER {
+        return verdict_not();
+    }
+    if open || after == COMPARED_OPEN || before == COMPARED_OPEN {
+        return verdict_in_doubt(at_least);
+    }
+    return Verdict(VERDICT_MET, at_least, met);
+}
+
+// A distance and its error, unless out of range.
+struct CertainQuotient {
+    some: bool,
+    t: Double,
+    error: f32,
+}
+
+// The quotient of two numbers that are known, the second to within half of itself.
+fn certain_quotient(numerator: Known, denominator: Known) -> CertainQuotient {
+    if numerator.error == 0.0 {
+        return CertainQuotient(true, Double(0.0, 0.0), 0.0);
+    }
+    let n = numerator.value;
+    let d = denominator.value;
+    let first = quotient(n.high, d.high);
+    if exponent(first) >= GREATEST_EXPONENT {
+        return CertainQuotient(false, Double(0.0, 0.0), 0.0);
+    }
+    let parts = sum(numerator.error, product(denominator.error, abs(first)));
+    let spread = quotient(product(parts, SPREAD), abs(d.high));
+    if exponent(spread) >= GREATEST_EXPONENT {
+        return CertainQuotient(false, Double(0.0, 0.0), 0.0);
+    }
+    let rest = double_minus(n, double_times(d, Double(first, 0.0)));
+    let second = quotient(rest.high, d.high);
+    let t = double_plus(Double(first, 0.0), Double(second, 0.0));
+    let rounding = sum(product(abs(first), QUOTIENT_NOISE), DISTANCE_NOISE);
+    return CertainQuotient(true, t, sum(spread, rounding));
+}
+
+// How two numbers compare, as far as is known.
+const COMPARED_LESS: u32 = 0u;
+const COMPARED_EQUAL: u32 = 1u;
+const COMPARED_GREATER: u32 = 2u;
+const COMPARED_OPEN: u32 = 3u;
+
+fn compared(apart: f32, error: f32) -> u32 {
+    return select(select(COMPARED_OPEN, COMPARED_LESS, apart < -error), COMPARED_GREATER, apart > error);
+}
+
+// How the distance of a hit compares with a limit, given as a key and as an inner `t`.
+fn compare_limit(met: Certain, key: u32, limit: f32) -> u32 {
+    if met.error == 0.0 {
+        // The distance is zero, whose key this is.
+        let zero = 0x80000000u;
+        return select(select(COMPARED_EQUAL, COMPARED_LESS, zero < key), COMPARED_GREATER, zero > key);
+    }
+    // The inner limits of a ray that was not moved are the given ones but for clamping far beyond all
+    // distances, and flushing, which the error covers.
+    return compared(double_minus(met.t, Double(limit, 0.0)).high, met.error);
+}
+
+fn is_corner_of(p: vec3<f32>, triangle: Triangle) -> bool {
+    return all(p == triangle.a) || all(p == triangle.b) || all(p == triangle.c);
+}
+
+// Whether two triangles certainly lie in one plane: they have the same three corners, or all six
+// corners have one coordinate in common.
+fn in_one_plane(p: Triangle, q: Triangle) -> bool {
+    let same = is_corner_of(p.a, q) && is_corner_of(p.b, q) && is_corner_of(p.c, q);
+    let level = (p.b == p.a) & (p.c == p.a) & (q.a == p.a) & (q.b == p.a) & (q.c == p.a);
+    return same || any(level);
+}
+
+// How the distances of two hits of two triangles compare.
+fn compare_t(met: Certain, p: Triangle, other: Certain, q: Triangle) -> u32 {
+    let error = sum(met.error, other.error);
+    let order = compared(double_minus(met.t, other.t).high, error);
+    if order == COMPARED_OPEN && (error == 0.0 || in_one_plane(p, q)) {
+        return COMPARED_EQUAL;
+    }
+    return order;
+}
