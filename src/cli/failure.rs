@@ -38,6 +38,10 @@ impl Failure {
         Failure { message: message.into(), code: FILE }
     }
 
+    pub(super) fn cancelled(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: CANCELLED }
+    }
+
     /// Whoever reads our output went away: nothing is wrong, and there is nobody to tell.
     pub(super) fn nobody_listens() -> Failure {
         Failure { message: String::new(), code: 0 }
@@ -123,7 +127,9 @@ impl From<QueryError> for Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
             QueryError::Cancelled { .. } => CANCELLED,
-            QueryError::DeviceLimit { .. } | QueryError::DeviceMemory { .. } => LIMIT,
+            QueryError::OutOfMemory { .. }
+            | QueryError::DeviceLimit { .. }
+            | QueryError::DeviceMemory { .. } => LIMIT,
             QueryError::Device(_)
             | QueryError::DeviceLost { .. }
             | QueryError::DeviceTimedOut { .. } => DEVICE,

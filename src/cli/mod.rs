@@ -4,6 +4,7 @@ mod adapters;
 mod animate;
 mod bug;
 mod build;
+mod ending;
 pub(crate) mod failure;
 mod hit_file;
 mod knobs;
@@ -105,11 +106,7 @@ failed, was lost or took too long; 7 cancelled; 70 a bug in splitplane.";
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {
     bug::install();
-    // Files are written under another name and then renamed, so no file is ever half written.
-    let cancel = || std::process::exit(failure::CANCELLED.into());
-    if let Err(error) = ctrlc::set_handler(cancel) {
-        eprintln!("splitplane: Ctrl-C ends the program without its exit code: {error}");
-    }
+    ending::install();
     // Wrong usage ends here, with a message and exit code 2.
     let cli = Cli::parse();
     let done = cli.check().and_then(|()| match cli.verb {
@@ -129,9 +126,15 @@ pub(crate) fn main() -> ExitCode {
     });
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            failure.report();
-            failure.code()
-        }
+        Err(failure) => match ending::last_word(failure) {
+            Some(failure) => {
+                failure.report();
+                failure.code()
+            }
+            // Another thread ends the program.
+            None => loop {
+                std::thread::park();
+            },
+        },
     }
 }

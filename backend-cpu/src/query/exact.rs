@@ -54,7 +54,8 @@ pub(crate) fn trace_in_f64(
     best.hit()
 }
 
-/// All crossings of a ray, added to `out`; `collector` is kept between rays.
+/// All crossings of a ray, added to `out`; `collector` is kept between rays. `go_on` is asked every few hundred
+/// triangles; after a no, what is added is of no use.
 pub(crate) fn all_hits(
     blocks: &Blocks,
     bounds: &Aabb,
@@ -62,10 +63,10 @@ pub(crate) fn all_hits(
     options: &QueryOptions,
     collector: &mut Collector,
     out: &mut Vec<Crossing>,
+    mut go_on: impl FnMut(&mut Collector) -> bool,
 ) {
     visit(blocks, bounds, ray, options, |ray, corners, triangle| {
-        collector.test(ray, corners, triangle, options.culling);
-        f64::INFINITY
+        collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
     });
     collector.finish(out);
 }
