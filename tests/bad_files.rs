@@ -101,7 +101,7 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
                 ("--empty-bonus", "10", "--empty-bonus"),
                 ("--threads", "0", "--threads"),
                 ("--threads", "nan", "--threads"),
-                ("--max-memory", "-1", "--max-memory"),
+                ("--max-memory", "-1", "-1"),
                 ("--max-memory", "99999999999G", "--max-memory"),
                 ("--preset", "worst", "--preset"),
                 ("--accuracy", "", "--accuracy"),
@@ -125,7 +125,8 @@ fn generate(random: &mut Random, folder: &TempDir) -> Case {
                 "",
                 "builtin:",
             ]);
-            case(&with(&[verb, scene]), 2, "built-in")
+            let names = if scene.starts_with("builtin:city") { scene } else { "built-in" };
+            case(&with(&[verb, scene]), 2, names.trim_end_matches(":0").trim_end_matches(":nan"))
         }
         7 => {
             let missing = path(random.pick(&["no.obj", "no/such.obj", "good.obj/x.obj"]));
