@@ -25,6 +25,7 @@ const fn options(culling: Culling, ignore: Option<u32>) -> QueryOptions {
         culling,
         ignore,
         undecided: splitplane_core::ray::Undecided::Redo,
+        max_memory: None,
     }
 }
 
