@@ -41,7 +41,7 @@ pub(crate) const CORNER_ERROR: f32 = 2.0 * UNIT;
 /// Part of the greatest depth by which a distance may be off.
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * UNIT;
 /// What products that underflow may add to the numerator of a distance.
-pub(crate) const TINY: f32 = 7.523_163_8e-37; // 2^-120
+pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
 /// The rounding error of 1.
 const UNIT: f32 = 5.960_464_5e-8; // 2^-24
 
