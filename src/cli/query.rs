@@ -106,8 +106,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         // What stands in the place of a flagged ray is no answer.
         for &place in &last.flagged {
-            closest.get_mut(place).map(|hit| *hit = Hit::MISS);
-            any.get_mut(place).map(|hit| *hit = false);
+            match arguments.kind {
+                Kind::Closest => closest[place] = Hit::MISS,
+                Kind::Any => any[place] = false,
+            }
         }
         let hits = closest.iter().filter(|hit| hit.is_hit()).count()
             + any.iter().filter(|hit| **hit).count();
