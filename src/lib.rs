@@ -67,6 +67,8 @@ pub mod scene;
 mod surface;
 #[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
 pub mod tracer;
+#[cfg(feature = "trade")]
+pub mod trade;
 #[cfg(feature = "verify")]
 pub mod verify;
 #[cfg(feature = "viewer")]
@@ -82,6 +84,7 @@ pub use splitplane_core::backend::{
 };
 pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
 pub use splitplane_core::digest::Digest;
+pub use splitplane_core::inside::{Located, Location, Rule};
 pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};

@@ -7,6 +7,7 @@ use splitplane_core::backend::{
 };
 use splitplane_core::mesh::MeshError;
 use splitplane_core::ray::QueryOptions;
+use splitplane_core::watch::Watch;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::{
     AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings, SceneData,
@@ -181,6 +182,20 @@ impl Tracer {
     pub fn build(&mut self, scene: &Scene, options: &BuildOptions) -> Result<(), TracerError> {
         let mesh = scene.mesh()?;
         on!(&mut self.on, on => on.build(&mesh, options))
+    }
+
+    /// As [`Tracer::build`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// # Errors
+    /// As for [`splitplane_core::backend::Backend::build_watched`]; the tree that was there is kept.
+    pub fn build_watched(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<(), TracerError> {
+        let mesh = scene.mesh()?;
+        on!(&mut self.on, on => on.build_watched(&mesh, options, watch))
     }
 
     /// Builds the tree of a scene that has changed, for frames alone: on a GPU nothing but some

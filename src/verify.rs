@@ -15,8 +15,8 @@
 //! A hole between two triangles that share an edge is therefore never explained: around it, every
 //! ray hits.
 
-mod bound;
-mod rays;
+pub(crate) mod bound;
+pub(crate) mod rays;
 pub mod reference;
 
 use bound::Bound;

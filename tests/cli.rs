@@ -721,3 +721,130 @@ fn a_reader_that_goes_away_is_no_error() {
     assert_eq!(output.status.code(), Some(0));
     assert!(!text(&output.stderr).contains("splitplane: "), "{}", text(&output.stderr));
 }
+
+/// Runs, expects code 7, and gives the one line that says why.
+fn ends(folder: &TempDir, arguments: &[&str]) -> String {
+    let error = fail(folder, 7, arguments);
+    assert!(error.contains("the time limit of"), "{arguments:?}: {error}");
+    error
+}
+
+/// Names of the files in a folder.
+fn files(folder: &TempDir) -> Vec<String> {
+    let entries = fs::read_dir(folder.path()).unwrap();
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_run_that_is_out_of_time_says_where_it_was_and_leaves_nothing() {
+    let folder = square();
+    let ray = raw(&rays(&[[0.5, 0.25]]));
+    fs::write(folder.path().join("rays.bin"), ray).unwrap();
+    let before = files(&folder);
+    for verb in [
+        &["build", "square.obj", "-o", "tree.bin"][..],
+        &["query", "square.obj", "--rays", "rays.bin", "--hits", "hits.npy"],
+        &["verify", "square.obj", "--rays", "10"],
+        &["stats", "square.obj"],
+        &["render", "square.obj", "-o", "out.png", "--size", "8x8"],
+        &["animate", "--frames", "builtin:carousel:1000", "--out", "frames", "--count", "1"],
+        &["adapters"],
+        &["paper", "--quick", "--out", "paper"],
+    ] {
+        let arguments = [verb, &["--timeout", "0"]].concat();
+        assert!(ends(&folder, &arguments).contains("limit of 0 seconds"), "{verb:?}");
+        assert_eq!(files(&folder), before, "{verb:?}");
+    }
+    // In the middle: the stage and how far it was.
+    let long = ["build", "builtin:city:2000000", "--preset", "best", "--timeout", "1.5"];
+    let error = ends(&folder, &[&long[..], &["--backend", "cpu", "-o", "tree.bin"]].concat());
+    assert!(error.contains("limit of 1.5 seconds ran out in: "), "{error}");
+    let checks = ["verify", "builtin:cornell", "--rays", "1000000000", "--backend", "cpu"];
+    let error = ends(&folder, &[&checks[..], &["--timeout", "2"]].concat());
+    assert!(error.contains("of 3000000000 done") && error.contains("seconds more"), "{error}");
+    assert_eq!(files(&folder), before);
+    // With time enough all is as ever.
+    let answer = ["query", "square.obj", "--rays", "rays.bin", "--hits", "hits.npy"];
+    succeed(&folder, &[&answer[..], &["--timeout", "600"]].concat());
+    assert!(files(&folder).contains(&"hits.npy".to_owned()));
+    for bad in ["-1", "NaN", "1e300", "soon"] {
+        let output = run(&folder, &["build", "square.obj", &format!("--timeout={bad}")]);
+        assert_eq!(output.status.code(), Some(2), "{bad}");
+    }
+}
+
+/// Ctrl-C in the middle of work that is watched, and of work that is not.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_run_ends_with_code_7_and_leaves_nothing() {
+    let folder = folder();
+    for arguments in [
+        &["build", "builtin:city:3000000", "--preset", "best", "-o", "tree.bin"][..],
+        &["verify", "builtin:cornell", "--rays", "1000000000"],
+        &["render", "builtin:city:3000000", "--size", "4000x4000", "-o", "out.png"],
+    ] {
+        let mut running = program(folder.path(), arguments);
+        running.args(["--backend", "cpu"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let running = running.spawn().unwrap();
+        std::thread::sleep(std::time::Duration::from_millis(800));
+        let id = running.id().to_string();
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let output = running.wait_with_output().unwrap();
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(7), "{arguments:?}: {error}");
+        assert!(error.contains("splitplane: cancelled"), "{error}");
+        assert!(files(&folder).is_empty(), "{arguments:?}: {:?}", files(&folder));
+    }
+}
+
+#[test]
+fn all_crossings_and_points_inside() {
+    let folder = folder();
+    // A closed tetrahedron.
+    let text = "v 0 0 0\nv 4 0 0\nv 0 4 0\nv 0 0 4\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    fs::write(folder.path().join("closed.obj"), text).unwrap();
+    // Through it, beside it, and straight through a vertex into it.
+    let lines = [
+        [0.5, 0.5, -1.0, 0.0, 0.0, 1.0, 0.0, 9.0],
+        [9.0, 9.0, -1.0, 0.0, 0.0, 1.0, 0.0, 9.0],
+        [-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 0.0, 9.0],
+    ];
+    fs::write(folder.path().join("rays.bin"), raw(&lines)).unwrap();
+    let query = ["query", "closed.obj", "--json", "--rays", "rays.bin", "--kind", "all"];
+    let report = json(&folder, &[&query[..], &["--hits", "all.bin"]].concat());
+    assert_eq!((report["rays"].as_u64(), report["hits"].as_u64()), (Some(3), Some(4)));
+    assert_eq!(report["accuracy"], "exact");
+    let starts = fs::read(folder.path().join("all.starts.bin")).unwrap();
+    let starts: Vec<u64> =
+        starts.as_chunks::<8>().0.iter().map(|bytes| u64::from_le_bytes(*bytes)).collect();
+    assert_eq!(starts, [0, 2, 2, 4]);
+    let records = fs::read(folder.path().join("all.bin")).unwrap();
+    assert_eq!(records.len(), 4 * 20);
+    let words: Vec<u32> =
+        records.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes)).collect();
+    let t = |record: usize| f32::from_bits(words[5 * record]);
+    assert_eq!([t(0), t(1), t(2)], [1.0, 4.0, 1.0]);
+    assert_eq!([words[1], words[6]], [0, 3]);
+    assert_eq!([words[4], words[9], words[14], words[19]], [1, 0, 1, 0]);
+    let error = fail(&folder, 4, &[&query[..], &["--max-memory", "60"]].concat());
+    assert!(error.contains("60"), "{error}");
+
+    let points: Vec<u8> = [[1.0f32, 1.0, 1.0], [3.0, 3.0, 3.0], [0.0, 1.0, 2.0], [4.0, 0.0, 0.0]]
+        .iter()
+        .flatten()
+        .flat_map(|x| x.to_le_bytes())
+        .collect();
+    fs::write(folder.path().join("points.bin"), &points).unwrap();
+    let query = ["query", "closed.obj", "--points", "points.bin", "--kind", "inside"];
+    let answer = succeed(&folder, &[&query[..], &["--hits", "inside.bin"]].concat());
+    assert!(answer.contains("4 points") && answer.contains("1 inside"), "{answer}");
+    assert_eq!(fs::read(folder.path().join("inside.bin")).unwrap(), [1, 0, 2, 2]);
+    fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--kind", "inside"]);
+    fail(&folder, 2, &["query", "closed.obj", "--points", "points.bin"]);
+    fs::write(folder.path().join("odd.bin"), &points[..20]).unwrap();
+    let odd = ["query", "closed.obj", "--points", "odd.bin", "--kind", "inside"];
+    assert!(fail(&folder, 3, &odd).contains("not a multiple of 12"));
+}

@@ -11,11 +11,13 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
-use splitplane_core::validate::validate_mesh;
+use splitplane_core::validate::validate_mesh_while;
+use splitplane_core::watch::{Stage, Watch};
 
 use crate::best;
 use crate::buffers::{Buffers, Memory};
 use crate::executor::CpuExecutor;
+use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::query::{CpuAccelerator, InstructionSet};
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
@@ -55,7 +57,23 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, |tree, summary, _, _| Ok((tree.into(), summary)))
+        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, _| Ok((tree.into(), summary)))
+    }
+
+    /// As [`CpuBackend::build_tree`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_watched`].
+    pub fn build_tree_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<(KdTree, BuildSummary), BuildError> {
+        let look = Lookout::new(watch);
+        self.with_built(mesh, options, &look, |tree, summary, _, _| {
+            Ok((copied(&tree, &look)?, summary))
+        })
     }
 
     /// Builds, and also makes the query layout; the accelerator by its own type.
@@ -67,10 +85,38 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, |tree, mut summary, triangles, mut memory| {
-            memory.take(CpuAccelerator::bytes_for(&tree))?;
+        self.build_under(mesh, options, &UNWATCHED, 0)
+    }
+
+    /// As [`CpuBackend::build_accelerator`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_watched`].
+    pub fn build_accelerator_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<CpuAccelerator, BuildError> {
+        self.build_under(mesh, options, &Lookout::new(watch), 0)
+    }
+
+    /// Builds, while so many bytes of an accelerator are held that is to be replaced.
+    fn build_under(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        look: &Lookout<'_>,
+        old: u64,
+    ) -> Result<CpuAccelerator, BuildError> {
+        self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory| {
+            begin_layout(look, &tree);
+            memory.take(old + CpuAccelerator::bytes_for(&tree))?;
             summary.peak_bytes = memory.peak;
-            Ok(CpuAccelerator::new(tree.into(), summary, triangles, self.set))
+            let tree = copied(&tree, look)?;
+            let built = CpuAccelerator::new(tree, summary, triangles, self.set, look);
+            look.finish();
+            look.check().map(|()| built)
         })
     }
 
@@ -86,7 +132,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(), BuildError> {
-        self.with_built(mesh, options, |tree, mut summary, triangles, mut memory| {
+        self.with_built(mesh, options, &UNWATCHED, |tree, mut summary, triangles, mut memory| {
             memory.take(CpuAccelerator::bytes_for(&tree))?;
             summary.peak_bytes = memory.peak;
             accelerator.replace(&tree, summary, triangles);
@@ -94,11 +140,30 @@ impl CpuBackend {
         })
     }
 
+    /// As [`CpuBackend::rebuild`], telling `watch` how far it is; `watch` may end it, and the accelerator is
+    /// then what it was. For that the query layout is made in new memory, which counts towards the limit
+    /// together with the old one.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_watched`].
+    pub fn rebuild_watched(
+        &self,
+        accelerator: &mut CpuAccelerator,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<(), BuildError> {
+        let old = CpuAccelerator::bytes_for(&accelerator.tree().view());
+        *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
+        Ok(())
+    }
+
     /// Builds a tree and hands it over with its summary and the snapped corners.
     fn with_built<T>(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
+        look: &Lookout<'_>,
         then: impl FnOnce(KdTreeView<'_>, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
@@ -106,6 +171,7 @@ impl CpuBackend {
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
+        executor = executor.watched(look);
         let planes = options.config.preset.planes();
         match planes {
             Some(planes) => schedule::build(&mut executor, planes)?,
@@ -119,7 +185,7 @@ impl CpuBackend {
                 [Counter::Nodes, Counter::LeafReferences].map(|counter| counters[counter] as usize);
             (nodes, references)
         } else {
-            best::build(&options.config, self.set, &mut buffers, &mut memory)?
+            best::build(&options.config, self.set, &mut buffers, &mut memory, look)?
         };
         let tree = KdTreeView {
             nodes: &buffers.nodes[..nodes],
@@ -162,19 +228,73 @@ impl Backend for CpuBackend {
         Ok(Box::new(self.build_accelerator(mesh, options)?))
     }
 
+    /// Asks the watch after every few thousand triangles' worth of work, one thread at a time, so `done`
+    /// never falls within a stage. A watch that panics takes its panic to the caller; backend, pool and
+    /// accelerators stay fit for use.
+    fn build_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        Ok(Box::new(self.build_accelerator_watched(mesh, options, watch)?))
+    }
+
     fn load(
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.load_under(mesh, tree, options, &UNWATCHED)
+    }
+
+    fn load_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.load_under(mesh, tree, options, &Lookout::new(watch))
+    }
+}
+
+impl CpuBackend {
+    fn load_under(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+        look: &Lookout<'_>,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        // Each triangle is checked, then made ready.
+        look.begin(Stage::Start, 2 * mesh.len() as u64);
         let wrong = |reason: String| BuildError::WrongMesh { reason };
-        validate_mesh(&tree.view(), mesh).map_err(|violation| wrong(violation.to_string()))?;
+        validate_mesh_while(&tree.view(), mesh, |triangles| {
+            look.advance(u64::from(triangles));
+            !look.worked(4096)
+        })
+        .map_err(|violation| wrong(violation.to_string()))?;
+        look.check()?;
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
         memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view()))?;
-        let prepared: Vec<_> =
-            (0..mesh.len()).into_par_iter().map(|i| prepare(&mesh.triangle(i))).collect();
+        let mut prepared = Vec::with_capacity(mesh.len());
+        let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
+        lookout::resize(look, &mut prepared, mesh.len(), &nothing);
+        look.check()?;
+        prepared.par_chunks_mut(PIECE).enumerate().for_each(|(piece, prepared)| {
+            if look.worked(prepared.len() as u64) {
+                return;
+            }
+            for (i, prepared) in prepared.iter_mut().enumerate() {
+                *prepared = prepare(&mesh.triangle(piece * PIECE + i));
+            }
+            look.advance(prepared.len() as u64);
+        });
+        look.finish();
+        look.check()?;
         let count = |test: fn(&Prepared) -> bool| {
             prepared.iter().filter(|triangle| test(triangle)).count() as u32
         };
@@ -187,6 +307,29 @@ impl Backend for CpuBackend {
             peak_bytes: memory.peak,
         };
         let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
-        Ok(Box::new(CpuAccelerator::new(tree, summary, &triangles, self.set)))
+        begin_layout(look, &tree.view());
+        let loaded = CpuAccelerator::new(tree, summary, &triangles, self.set, look);
+        look.finish();
+        look.check()?;
+        Ok(Box::new(loaded))
     }
+}
+
+/// Triangles that are made ready between two looks at the watch.
+const PIECE: usize = 4096;
+
+/// The layout reads each node and each reference once.
+fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
+    look.begin(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
+}
+
+/// A tree of its own.
+fn copied(tree: &KdTreeView<'_>, look: &Lookout<'_>) -> Result<KdTree, BuildError> {
+    let mut nodes = Vec::with_capacity(tree.nodes.len());
+    lookout::extend(look, &mut nodes, tree.nodes);
+    let mut references = Vec::with_capacity(tree.references.len());
+    lookout::extend(look, &mut references, tree.references);
+    look.check()?;
+    let KdTreeView { bounds, triangles, config, .. } = *tree;
+    Ok(KdTree { nodes, references, bounds, triangles, config })
 }

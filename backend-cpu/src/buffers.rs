@@ -11,6 +11,7 @@ use splitplane_core::triangle::Triangle;
 
 use crate::best::Scratch;
 use crate::kernels::build_small::Subtrees;
+use crate::lookout::{Lookout, UNWATCHED, resize};
 
 /// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is
 /// in the counters.
@@ -82,6 +83,16 @@ impl Memory {
         vector: &mut Vec<T>,
         length: usize,
     ) -> Result<(), BuildError> {
+        self.grow_watched(vector, length, &UNWATCHED)
+    }
+
+    /// As [`Memory::grow`]; new memory takes time to clear, and the lookout may end it.
+    pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone>(
+        &mut self,
+        vector: &mut Vec<T>,
+        length: usize,
+        lookout: &Lookout<'_>,
+    ) -> Result<(), BuildError> {
         if vector.len() >= length {
             return Ok(());
         }
@@ -93,8 +104,8 @@ impl Memory {
                 .try_reserve_exact(length - vector.len())
                 .map_err(|_| BuildError::OutOfMemory { needed, limit: needed })?;
         }
-        vector.resize(length, T::zeroed());
-        Ok(())
+        resize(lookout, vector, length, &T::zeroed());
+        lookout.check()
     }
 }
 

@@ -10,10 +10,12 @@ use splitplane_core::layout::Counters;
 use splitplane_core::lockstep::Inspect;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule::Executor;
+use splitplane_core::watch::Stage;
 
 use crate::buffers::{Buffers, Memory};
 use crate::kernels::build_small::{BATCH, Subtrees};
 use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
+use crate::lookout::{Lookout, UNWATCHED};
 use crate::query::{InstructionSet, WalkNode};
 
 /// The CPU executor: one build over one mesh, in the arithmetic `A`: [`Strict`] but in tests. Work runs in the rayon pool of the calling thread.
@@ -24,6 +26,7 @@ pub struct CpuExecutor<'a, A = Strict> {
     set: InstructionSet,
     buffers: Buffers,
     memory: Memory,
+    lookout: &'a Lookout<'a>,
     arithmetic: PhantomData<A>,
 }
 
@@ -53,7 +56,20 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         }
         let mut memory = Memory { held: 0, peak: 0, limit };
         memory.take(buffers.bytes())?;
-        Ok(CpuExecutor { mesh, config, set, buffers, memory, arithmetic: PhantomData })
+        Ok(CpuExecutor {
+            mesh,
+            config,
+            set,
+            buffers,
+            memory,
+            lookout: &UNWATCHED,
+            arithmetic: PhantomData,
+        })
+    }
+
+    /// The executor under a lookout, which may end the build.
+    pub(crate) fn watched(self, lookout: &'a Lookout<'a>) -> CpuExecutor<'a, A> {
+        CpuExecutor { lookout, ..self }
     }
 
     /// The counters.
@@ -145,12 +161,16 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
         let small = self.count(Counter::SmallRoots);
         let b = &mut self.buffers;
         let m = &mut self.memory;
+        let look = self.lookout;
         match kernel {
             Kernel::TriangleBounds => {
-                m.grow(&mut b.triangles, triangles)?;
-                m.grow(&mut b.chunk_counts, input_chunks)?;
-                m.grow(&mut b.chunk_bounds, input_chunks)?;
+                // Their bounds, then their references.
+                look.begin(Stage::Start, 2 * triangles as u64);
+                m.grow_watched(&mut b.triangles, triangles, look)?;
+                m.grow_watched(&mut b.chunk_counts, input_chunks, look)?;
+                m.grow_watched(&mut b.chunk_bounds, input_chunks, look)?;
                 k::triangle_bounds::run(
+                    look,
                     &self.mesh,
                     &mut b.triangles[..triangles],
                     &mut b.chunk_counts[..input_chunks],
@@ -158,8 +178,8 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::ScanTriangles => {
-                m.grow(&mut b.active_nodes, 1)?;
-                m.grow(&mut b.top_nodes, 1)?;
+                m.grow_watched(&mut b.active_nodes, 1, look)?;
+                m.grow_watched(&mut b.top_nodes, 1, look)?;
                 k::scan_triangles::run(
                     &mut b.chunk_counts[..input_chunks],
                     &b.chunk_bounds[..input_chunks],
@@ -170,24 +190,31 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 b.root_bounds = b.active_nodes[0].cell();
             }
             Kernel::GatherReferences => {
-                m.grow(&mut b.references, references)?;
+                m.grow_watched(&mut b.references, references, look)?;
                 k::gather_references::run(
+                    look,
                     &b.triangles[..triangles],
                     &b.chunk_counts[..input_chunks],
                     &mut b.references[..references],
                 );
+                look.finish();
             }
             Kernel::NodeBounds => {
-                m.grow(&mut b.node_bounds, active)?;
+                if b.counters[Counter::Levels] == 0 {
+                    look.begin(Stage::LargeNodes, 0);
+                }
+                m.grow_watched(&mut b.node_bounds, active, look)?;
                 k::node_bounds::run(
+                    look,
                     &b.active_nodes[..active],
                     &b.chunk_bounds,
                     &mut b.node_bounds[..active],
                 );
             }
             Kernel::SplitLarge => {
-                m.grow(&mut b.decisions, active)?;
+                m.grow_watched(&mut b.decisions, active, look)?;
                 k::split_large::run::<A>(
+                    look,
                     &self.config,
                     &b.active_nodes[..active],
                     &b.node_bounds[..active],
@@ -196,8 +223,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::BinReferences => {
-                m.grow(&mut b.chunk_bins, chunks)?;
+                m.grow_watched(&mut b.chunk_bins, chunks, look)?;
                 k::bin_references::run::<A>(
+                    look,
                     self.config.bins,
                     &b.chunks[..chunks],
                     &b.node_bounds[..active],
@@ -206,8 +234,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::SplitBinned => {
-                m.grow(&mut b.decisions, active)?;
+                m.grow_watched(&mut b.decisions, active, look)?;
                 k::split_binned::run::<A>(
+                    look,
                     &self.config,
                     &b.active_nodes[..active],
                     &b.node_bounds[..active],
@@ -219,13 +248,14 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 k::chunk_nodes::run(&mut b.active_nodes[..active], &mut b.counters);
             }
             Kernel::AssignChunks => {
-                m.grow(&mut b.chunks, chunks)?;
+                m.grow_watched(&mut b.chunks, chunks, look)?;
                 k::assign_chunks::run(&b.active_nodes[..active], &mut b.chunks[..chunks]);
             }
             Kernel::ClassifyReferences => {
-                m.grow(&mut b.reference_sides, chunks)?;
-                m.grow(&mut b.chunk_counts, chunks)?;
+                m.grow_watched(&mut b.reference_sides, chunks, look)?;
+                m.grow_watched(&mut b.chunk_counts, chunks, look)?;
                 k::classify_references::run::<A>(
+                    look,
                     self.config.clip,
                     &b.chunks[..chunks],
                     &b.decisions[..active],
@@ -258,16 +288,17 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.counters,
                 );
                 m.take(b.bytes() - before)?;
+                look.advance(1);
             }
             Kernel::ScatterReferences => {
                 let next = b.counters[Counter::NextReferences] as usize;
                 let small = b.counters[Counter::SmallReferences] as usize;
-                m.grow(&mut b.next_references, next)?;
+                m.grow_watched(&mut b.next_references, next, look)?;
                 // The small references collect over all levels: room for more than this one.
                 if b.small_references.len() < small {
-                    m.grow(&mut b.small_references, small + small / 4)?;
+                    m.grow_watched(&mut b.small_references, small + small / 4, look)?;
                 }
-                m.grow(&mut b.chunk_bounds, chunks)?;
+                m.grow_watched(&mut b.chunk_bounds, chunks, look)?;
                 let inputs = Inputs {
                     small_node_limit: self.config.small_node_limit,
                     clip: self.config.clip,
@@ -279,6 +310,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     triangles: &b.triangles[..triangles],
                 };
                 k::scatter_references::run::<A>(
+                    look,
                     &inputs,
                     &mut b.next_references[..next],
                     &mut b.small_references[..small],
@@ -286,11 +318,13 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::BuildSmall => {
-                m.grow(&mut b.small_sizes, small)?;
+                look.begin(Stage::SmallNodes, small as u64);
+                m.grow_watched(&mut b.small_sizes, small, look)?;
                 let batches = small.div_ceil(BATCH);
                 b.subtrees.resize_with(batches.max(b.subtrees.len()), Subtrees::default);
                 let before: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
                 k::build_small::run::<A>(
+                    look,
                     &self.config,
                     self.set,
                     &b.small_roots[..small],
@@ -300,10 +334,13 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
                 let after: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
                 m.take(after - before)?;
+                look.finish();
+                look.check()?;
                 self.check_size()?;
             }
             Kernel::SubtreeSizes => {
-                m.grow(&mut b.top_sizes, top)?;
+                look.begin(Stage::Output, small as u64);
+                m.grow_watched(&mut b.top_sizes, top, look)?;
                 k::subtree_sizes::run(
                     &b.top_nodes[..top],
                     &b.small_sizes[..small],
@@ -312,7 +349,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::PreorderAddresses => {
-                m.grow(&mut b.top_addresses, top)?;
+                m.grow_watched(&mut b.top_addresses, top, look)?;
                 k::preorder_addresses::run(
                     &b.top_nodes[..top],
                     &b.top_sizes[..top],
@@ -321,7 +358,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
             }
             Kernel::EmitTop => {
                 let nodes = b.counters[Counter::Nodes] as usize;
-                m.grow(&mut b.nodes, nodes)?;
+                m.grow_watched(&mut b.nodes, nodes, look)?;
                 k::emit_top::run(
                     &b.top_nodes[..top],
                     &b.top_addresses[..top],
@@ -331,8 +368,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
             Kernel::EmitSmall => {
                 let nodes = b.counters[Counter::Nodes] as usize;
                 let leaf_references = b.counters[Counter::LeafReferences] as usize;
-                m.grow(&mut b.leaf_references, leaf_references)?;
+                m.grow_watched(&mut b.leaf_references, leaf_references, look)?;
                 k::emit_small::run(
+                    look,
                     &b.small_roots[..small],
                     &b.small_sizes[..small],
                     &b.subtrees,
@@ -340,9 +378,10 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.nodes[..nodes],
                     &mut b.leaf_references[..leaf_references],
                 );
+                look.finish();
             }
         }
-        Ok(())
+        look.check()
     }
 
     fn swap(&mut self, a: Buffer, b: Buffer) -> Result<(), BuildError> {

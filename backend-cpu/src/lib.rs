@@ -5,6 +5,7 @@ pub mod best;
 pub mod buffers;
 pub mod executor;
 pub(crate) mod kernels;
+mod lookout;
 pub mod query;
 mod scatter;
 

@@ -5,14 +5,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, go_on,
 };
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::{Buffer, Kernel};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
-use splitplane_core::validate::validate_mesh;
+use splitplane_core::validate::validate_mesh_while;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use crate::build::buffers::Buffers;
 use crate::build::capacities::Capacities;
@@ -224,9 +225,44 @@ impl WgpuBackend {
         // Meanwhile the device builds.
         let triangles = (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
         let built = pending.wait()?;
+        Ok(self.accelerator(built, triangles))
+    }
+
+    /// As [`WgpuBackend::build_accelerator`], telling `watch` how far it is; `watch` may end it. The host's
+    /// copy of the corners is made while the device builds.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_watched`].
+    pub fn build_accelerator_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<WgpuAccelerator, BuildError> {
+        let start = |done: usize| Progress {
+            stage: Stage::Start,
+            done: done as u64,
+            total: mesh.len() as u64,
+        };
+        go_on(watch, start(0))?;
+        let pending = self.submit(&Source::Host(*mesh), options, true, false)?;
+        let mut triangles = Vec::with_capacity(mesh.len());
+        while triangles.len() < mesh.len() {
+            let piece = triangles.len()..mesh.len().min(triangles.len() + PIECE);
+            triangles.extend(piece.map(|i| prepare(&mesh.triangle(i)).corners));
+            if let Err(cancelled) = go_on(watch, start(triangles.len())) {
+                pending.cancel();
+                return Err(cancelled);
+            }
+        }
+        let built = pending.wait_watched(watch)?;
+        Ok(self.accelerator(built, triangles))
+    }
+
+    fn accelerator(&self, built: DeviceBuild, triangles: Vec<Triangle>) -> WgpuAccelerator {
         let tree = built.host_tree.expect("a build for the host reads the tree back");
         let queries = Arc::clone(&self.shared.queries);
-        Ok(WgpuAccelerator::new(queries, built.tree, tree, triangles, built.summary))
+        WgpuAccelerator::new(queries, built.tree, tree, triangles, built.summary)
     }
 
     /// Calls `run` with an executor over fresh buffers that submits every step and can be looked at
@@ -300,14 +336,44 @@ impl Backend for WgpuBackend {
         Ok(Box::new(self.build_accelerator(mesh, options)?))
     }
 
+    /// Asks the watch while the mesh is made ready, then every half a millisecond while the device builds.
+    fn build_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        Ok(Box::new(self.build_accelerator_watched(mesh, options, watch)?))
+    }
+
     fn load(
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        let wrong = |reason: String| BuildError::WrongMesh { reason };
-        validate_mesh(&tree.view(), mesh).map_err(|violation| wrong(violation.to_string()))?;
+        self.load_watched(mesh, tree, options, &())
+    }
+
+    fn load_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        // Each triangle is checked, then made ready.
+        let total = 2 * mesh.len() as u64;
+        let ask = |done: u64| go_on(watch, Progress { stage: Stage::Start, done, total });
+        ask(0)?;
+        let (mut done, mut ended) = (0, Ok(()));
+        validate_mesh_while(&tree.view(), mesh, |triangles| {
+            done += u64::from(triangles);
+            ended = ask(done);
+            ended.is_ok()
+        })
+        .map_err(|violation| BuildError::WrongMesh { reason: violation.to_string() })?;
+        ended?;
         // Corners on the device and on the host, the tree on the device.
         let needed = 2 * (mesh.len() * size_of::<Triangle>()) as u64
             + (8 * tree.nodes.len() + 4 * tree.references.len()) as u64;
@@ -318,15 +384,21 @@ impl Backend for WgpuBackend {
         }
         let mut summary =
             BuildSummary { triangles: mesh.len() as u32, peak_bytes: needed, ..Default::default() };
-        let triangles = (0..mesh.len())
-            .map(|i| {
-                let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(i));
-                summary.dropped += u32::from(!kept);
-                summary.snapped += u32::from(snapped);
-                corners
-            })
-            .collect();
+        let mut triangles = Vec::with_capacity(mesh.len());
+        for i in 0..mesh.len() {
+            let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(i));
+            summary.dropped += u32::from(!kept);
+            summary.snapped += u32::from(snapped);
+            triangles.push(corners);
+            if (i + 1) % PIECE == 0 {
+                ask((mesh.len() + i + 1) as u64)?;
+            }
+        }
+        ask(total)?;
         let queries = Arc::clone(&self.shared.queries);
         Ok(Box::new(WgpuAccelerator::upload(queries, tree, triangles, summary)?))
     }
 }
+
+/// Triangles that are made ready between two questions to a watch.
+const PIECE: usize = 4096;

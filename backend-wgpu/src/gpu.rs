@@ -1,5 +1,6 @@
 //! A device, its queue and its limits: opened headless, or borrowed from a host.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
@@ -252,6 +253,14 @@ impl Gpu {
         let polled = self.health.poll(&self.device, wgpu::PollType::Poll)?;
         self.check()?;
         Ok(polled.is_ok_and(|status| status.is_queue_empty()))
+    }
+
+    /// Becomes true, once polled, when all that was submitted so far is done.
+    pub(crate) fn submitted_work_done(&self) -> Arc<AtomicBool> {
+        let done = Arc::new(AtomicBool::new(false));
+        let told = Arc::clone(&done);
+        self.queue.on_submitted_work_done(move || told.store(true, Ordering::Release));
+        done
     }
 
     /// Waits until everything submitted through [`Gpu::submit`] so far is done.

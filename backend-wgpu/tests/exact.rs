@@ -28,6 +28,7 @@ const EXACT: QueryOptions = QueryOptions {
     culling: Culling::None,
     ignore: None,
     undecided: Undecided::Redo,
+    max_memory: None,
 };
 const FLAG: QueryOptions = QueryOptions { undecided: Undecided::Flag, ..EXACT };
 const STALE: Hit = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };

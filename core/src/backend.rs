@@ -2,6 +2,7 @@
 
 use crate::all_hits::AllHits;
 use crate::config::{BuildConfig, ConfigError, Preset};
+use crate::inside::{self, Located};
 use crate::mesh::Mesh;
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::tree::KdTree;
@@ -56,6 +57,26 @@ pub trait Backend: Send + Sync {
         tree: KdTree,
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
+
+    /// As [`Backend::load`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// A backend that leaves this as it is asks `watch` before and after only.
+    ///
+    /// # Errors
+    /// As for [`Backend::load`], and [`BuildError::Cancelled`].
+    fn load_watched(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let total = mesh.len() as u64;
+        go_on(watch, Progress { stage: Stage::Start, done: 0, total })?;
+        let loaded = self.load(mesh, tree, options)?;
+        go_on(watch, Progress { stage: Stage::Layout, done: total, total })?;
+        Ok(loaded)
+    }
 }
 
 /// Asks whether to go on with a build.
@@ -166,8 +187,58 @@ pub trait Accelerator: Send + Sync {
     /// [`crate::all_hits`]. They are exact whatever accuracy the options name.
     ///
     /// # Errors
-    /// A device that fails.
+    /// More memory than [`QueryOptions::max_memory`] allows; a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError>;
+
+    /// As [`Accelerator::all_hits`], telling `watch` how far it is; `watch` may end it.
+    ///
+    /// An accelerator that leaves this as it is asks `watch` between slices of 4,096 rays.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::all_hits`], and [`QueryError::Cancelled`].
+    fn all_hits_watched(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<AllHits, QueryError> {
+        let total = rays.len() as u64;
+        let mut all = AllHits::none();
+        for (slice, rays) in rays.chunks(1 << 12).enumerate() {
+            go_on_tracing(watch, (slice << 12) as u64, total)?;
+            let room = options.max_memory.map(|limit| limit.saturating_sub(all.bytes()));
+            let part = self.all_hits(rays, &QueryOptions { max_memory: room, ..*options });
+            all.append(part.map_err(|error| match (error, options.max_memory) {
+                (QueryError::OutOfMemory { needed, .. }, Some(limit)) => {
+                    QueryError::OutOfMemory { needed: needed + all.bytes(), limit }
+                }
+                (error, _) => error,
+            })?);
+        }
+        go_on_tracing(watch, total, total)?;
+        Ok(all)
+    }
+
+    /// Where points lie to the surface that the triangles make: see [`crate::inside`].
+    ///
+    /// # Errors
+    /// A device that fails.
+    fn locate(&self, points: &[[f32; 3]]) -> Result<Located, QueryError> {
+        self.locate_watched(points, &())
+    }
+
+    /// As [`Accelerator::locate`], telling `watch` how many points are done; `watch` may end it. It is
+    /// asked between slices of 4,096 points.
+    ///
+    /// # Errors
+    /// As for [`Accelerator::locate`], and [`QueryError::Cancelled`].
+    fn locate_watched(
+        &self,
+        points: &[[f32; 3]],
+        watch: &dyn Watch,
+    ) -> Result<Located, QueryError> {
+        inside::locate_along(self, points, inside::DIRECTION, watch)
+    }
 
     /// Rays of batches that a device's driver did not follow to their end and that the CPU answered
     /// instead, so far. 0 for whoever answers all.
@@ -375,6 +446,16 @@ pub enum QueryError {
         rays: usize,
         /// Room for results.
         results: usize,
+    },
+    /// All hits would take more memory than allowed.
+    #[error(
+        "the crossings take {needed} bytes or more, over the limit of {limit}; raise the limit, or ask for fewer rays at a time"
+    )]
+    OutOfMemory {
+        /// Bytes needed at the point where it stopped.
+        needed: u64,
+        /// The limit.
+        limit: u64,
     },
     /// The watch ended the batch.
     #[error("cancelled after {done} of {total} rays")]

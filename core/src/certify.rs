@@ -506,7 +506,8 @@ fn trace_with<A: Arithmetic>(
                     if query == Query::Closest {
                         search.stop = search.doubt;
                         if let Some((met, _)) = search.best {
-                            let stop = prepared.stop_after(met.greatest::<A>());
+                            let greatest = met.greatest::<A>();
+                            let stop = prepared.stop_after(greatest, greatest);
                             search.stop = min(search.stop, stop);
                         }
                     }

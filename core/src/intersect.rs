@@ -279,11 +279,22 @@ impl PreparedRay {
         (self.limits[0] <= t && t <= self.limits[1]).then_some(t)
     }
 
-    /// The inner `t` beyond which no cell can hold a hit that precedes one at `t`.
+    /// The inner `t` beyond which no cell can hold a hit that precedes one at inner `t`, which is
+    /// `outer` to the caller.
     #[inline]
-    pub fn stop_after(&self, t: f32) -> f32 {
-        // The offset's rounding may make different inner `t` equal outside.
-        stop_after(t) + self.offset.abs() * OFFSET_SLACK
+    pub fn stop_after(&self, t: f32, outer: f32) -> f32 {
+        // Different inner `t` may be equal outside, and then the lower index precedes: where the
+        // offset's rounding makes them so, where scaling back flushes them to 0, or clamps them.
+        if outer.abs() == f32::MAX {
+            return f32::INFINITY;
+        }
+        let rounding = self.offset.abs() * OFFSET_SLACK;
+        let stop = stop_after(t) + rounding;
+        if outer != 0.0 {
+            return stop;
+        }
+        let least = stop_after(scale(f32::MIN_POSITIVE, self.exponent));
+        max(stop, least - self.offset + rounding)
     }
 
     /// The least and greatest inner `t` at which the ray may be at a plane.
@@ -411,7 +422,9 @@ pub fn watertight<A: Arithmetic>(
     let scaled = triangle.map(|corner| corner.map(|x| scale(x, power)));
     let mut hit = sheared::<A>(ray, &origin, &scaled, limits, culling)?;
     hit.t = scale(hit.t, -power);
-    Some(hit)
+    // Held to the inner limits as well, like that of the plain test: scaled to the caller's units, a
+    // `t` before the ray's start may become 0, and whether its leaf is visited is a matter of luck.
+    (ray.t_min <= hit.t && hit.t <= ray.t_max).then_some(hit)
 }
 
 /// An edge function: twice the signed area of the origin and two sheared corners.
@@ -519,7 +532,7 @@ fn finish<A: Arithmetic>(
 
 /// The error of an interpolated `t` is at most this part of `disorder / |det|`: 24 roundings of
 /// 2^-24, and a third more for those of this estimate itself.
-const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
+pub const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
 
 /// How badly `t` interpolated from the corners may err, times the determinant and 2^24 / 24.
 ///

@@ -19,6 +19,8 @@ pub mod digest;
 pub mod dump;
 pub mod exact;
 pub mod file;
+#[cfg(feature = "alloc")]
+pub mod inside;
 pub mod intersect;
 pub mod kernel;
 pub mod layout;

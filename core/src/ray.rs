@@ -144,4 +144,7 @@ pub struct QueryOptions {
     pub ignore: Option<u32>,
     /// What becomes of rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
     pub undecided: Undecided,
+    /// Most bytes that an answer of all hits may take, and what it is put together from; `None` for no
+    /// limit. Other queries have answers of known size, and take no notice.
+    pub max_memory: Option<u64>,
 }

@@ -97,11 +97,23 @@ pub fn spatial_median<A: Arithmetic>(cell: &Aabb) -> Option<SplitPlane> {
 
 /// How many references [`sampled_sweep`] takes its planes from.
 pub const SWEEP_SAMPLES: usize = 64;
+/// References between two questions whether to go on.
+const SWEEP_PART: usize = 1 << 15;
 
 /// The best plane by SAH among the faces of up to [`SWEEP_SAMPLES`] references, evenly spread over
 /// the list: all of them for short lists. For large nodes whose spatial median separates nothing.
 /// `None` when no face lies strictly inside the cell, or no such plane pays.
 pub fn sampled_sweep<A: Arithmetic>(cell: &Aabb, references: &[Reference]) -> Option<SplitPlane> {
+    sampled_sweep_while::<A>(cell, references, |_| true)
+}
+
+/// As [`sampled_sweep`]; `go_on` is told now and then what the last part of the work was like: the reading and
+/// writing of so many references. Once it says no, the answer is of no use.
+pub fn sampled_sweep_while<A: Arithmetic>(
+    cell: &Aabb,
+    references: &[Reference],
+    mut go_on: impl FnMut(u64) -> bool,
+) -> Option<SplitPlane> {
     let extents = Extents::of::<A>(cell)?;
     let samples = references.len().min(SWEEP_SAMPLES);
     let whole = u64::from(Extents::half_area(extents.cells));
@@ -120,10 +132,16 @@ pub fn sampled_sweep<A: Arithmetic>(cell: &Aabb, references: &[Reference]) -> Op
                 continue;
             }
             let (mut left, mut right) = (0u64, 0u64);
-            for reference in references {
-                let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
-                left += u64::from(goes_left(lo, hi, position));
-                right += u64::from(goes_right(hi, position));
+            for part in references.chunks(SWEEP_PART) {
+                for reference in part {
+                    let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
+                    left += u64::from(goes_left(lo, hi, position));
+                    right += u64::from(goes_right(hi, position));
+                }
+                // Looking at one side's faces is about a tenth of that work.
+                if !go_on(part.len() as u64 / 8) {
+                    return None;
+                }
             }
             let offset = extents.offset::<A>(cell.lo[axis], position);
             let [_, left_area, right_area] = extents.split_areas(axis, offset).map(u64::from);

@@ -180,7 +180,7 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
                     }
                     if hit.precedes(&best) {
                         best = hit;
-                        stop = prepared.stop_after(candidate.t);
+                        stop = prepared.stop_after(candidate.t, t);
                     }
                 }
             }

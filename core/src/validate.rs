@@ -229,13 +229,34 @@ pub fn validate(tree: &KdTreeView<'_>) -> Result<(), Violation> {
 /// # Errors
 /// The first violation.
 pub fn validate_mesh(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> Result<(), Violation> {
+    validate_mesh_while(tree, mesh, |_| true).map(|_| ())
+}
+
+/// As [`validate_mesh`]; `go_on` is told every thousand triangles or so how many more were looked at, 0 for
+/// work of that length on the tree. Once it says no, the answer is `false`: the tree was not checked to the end.
+///
+/// # Errors
+/// As for [`validate_mesh`].
+pub fn validate_mesh_while(
+    tree: &KdTreeView<'_>,
+    mesh: &Mesh<'_>,
+    mut go_on: impl FnMut(u32) -> bool,
+) -> Result<bool, Violation> {
     validate(tree)?;
     if mesh.len() != tree.triangles as usize {
         return Err(Violation::WrongMesh { tree: tree.triangles, mesh: mesh.len() });
     }
     let mut result = Ok(());
+    let (mut going, mut work) = (true, 0);
     tree.walk(|node, kind, cell, _| {
         let NodeKind::Leaf { first, count } = kind else { return };
+        work += count;
+        if work >= BETWEEN {
+            (going, work) = (going && go_on(0), 0);
+        }
+        if !going {
+            return;
+        }
         for &triangle in tree.leaf(first, count) {
             let prepared = prepare(&mesh.triangle(triangle as usize));
             if result.is_ok() && !prepared.kept {
@@ -249,6 +270,13 @@ pub fn validate_mesh(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> Result<(), Viola
     });
     result?;
     for triangle in 0..tree.triangles {
+        if triangle % BETWEEN == 0 {
+            let more = if triangle > 0 { BETWEEN } else { 0 };
+            going = going && go_on(more);
+        }
+        if !going {
+            return Ok(false);
+        }
         let prepared = prepare(&mesh.triangle(triangle as usize));
         if !prepared.kept {
             continue;
@@ -259,8 +287,11 @@ pub fn validate_mesh(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> Result<(), Viola
         let polygon = Polygon::of(&prepared.corners);
         descend(tree, triangle, 0, &polygon)?;
     }
-    Ok(())
+    Ok(going)
 }
+
+/// Triangles between two questions whether to go on.
+const BETWEEN: u32 = 1024;
 
 /// A convex polygon: a triangle clipped by planes. Each plane adds at most one corner, and a box
 /// has six; rounding may let a few more through.
@@ -335,7 +366,10 @@ fn descend(
             Ok(())
         }
         NodeKind::Leaf { first, count } => {
-            if tree.leaf(first, count).contains(&triangle) {
+            // Builders name them in ascending order; searching a large leaf for each of its triangles
+            // from the start would take forever.
+            let named = tree.leaf(first, count);
+            if named.binary_search(&triangle).is_ok() || named.contains(&triangle) {
                 Ok(())
             } else {
                 Err(Violation::Lost { node, triangle })

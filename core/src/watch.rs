@@ -5,18 +5,19 @@ use core::ops::ControlFlow;
 /// What a build or a batch is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Bounds and references of all triangles.
+    /// Bounds and references of all triangles; `done` counts triangles, each twice. Of a tree that is
+    /// loaded: whether it belongs to the mesh.
     Start,
     /// The large-node stage; `done` counts levels, whose number is not known before the end.
     LargeNodes,
     /// The small-node stage; `done` counts small roots.
     SmallNodes,
-    /// Nodes and references take their places.
+    /// Nodes and references take their places; `done` counts small roots, or nodes of the offline builder.
     Output,
-    /// The offline builder, in place of the two stages; `done` counts references that have come to
-    /// rest in leaves, `total` estimates them.
+    /// The offline builder, in place of the two stages. Every node has a share of the references that the
+    /// configuration allows, its children share it; `done` counts the shares of finished leaves.
     Offline,
-    /// What queries read is made from the tree; `done` counts leaves.
+    /// What queries read is made from the tree; `done` counts nodes and references.
     Layout,
     /// A device works on what it was handed.
     Device,
@@ -53,10 +54,12 @@ pub struct Progress {
 
 /// Is told how far work has come, and may end it.
 ///
-/// Called from any of the threads that work, several at once, often (about every millisecond of work
+/// Called from any of the threads that work, often (about every millisecond of work
 /// of a thread; on devices between submissions and while waiting for one): an answer should take little
-/// time. After the first [`ControlFlow::Break`] the work ends with an error that says where; what was
-/// built or answered until then is dropped, and everything stays fit for use.
+/// time. Backends of this project call it from one thread at a time for each build or batch: stages come in
+/// their order, and within one `done` never falls. After the first [`ControlFlow::Break`] the work ends with
+/// an error that says where; what was built or answered until then is dropped, and everything stays fit for
+/// use. So it does when the watch panics; the panic goes to the caller of the build or batch.
 pub trait Watch: Sync {
     /// Work has come this far; `Break` ends it.
     fn progress(&self, progress: &Progress) -> ControlFlow<()>;

@@ -134,8 +134,8 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             if !any {
                 search.stop = search.doubt;
                 if search.found {
-                    search.stop =
-                        least(search.doubt, stop_after(prepared, greatest_t(search.best)));
+                    let greatest = greatest_t(search.best);
+                    search.stop = least(search.doubt, stop_after(prepared, greatest, greatest));
                 }
             }
         }

@@ -345,13 +345,21 @@ fn stop_after_t(t: f32) -> f32 {
     return sum(t, product(abs(t), STOP_SLACK));
 }
 
-// The inner `t` beyond which no cell can hold a hit that precedes one at `t`.
-fn stop_after(ray: PreparedRay, t: f32) -> f32 {
+// The inner `t` beyond which no cell can hold a hit that precedes one at inner `t`, which is `outer`
+// to the caller.
+fn stop_after(ray: PreparedRay, t: f32, outer: f32) -> f32 {
+    // Different inner `t` may be equal outside, and then the lower index precedes: where the offset's
+    // rounding makes them so, where scaling back flushes them to 0, or clamps them.
     let stop = stop_after_t(t);
-    if stop >= HUGE {
+    if stop >= HUGE || abs(outer) == GREATEST {
         return GREATEST;
     }
-    return sum(stop, product(abs(ray.offset), OFFSET_SLACK));
+    let rounding = product(abs(ray.offset), OFFSET_SLACK);
+    if outer != 0.0 {
+        return sum(stop, rounding);
+    }
+    let smallest = stop_after_t(scale(LEAST_NORMAL, ray.exponent));
+    return most(sum(stop, rounding), sum(difference(smallest, ray.offset), rounding));
 }
 
 // The least and greatest inner `t` at which the ray may be at a plane.

@@ -88,7 +88,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             }
             if precedes(t, triangle, best) {
                 best = Hit(t, triangle, candidate.u, candidate.v);
-                stop = stop_after(prepared, candidate.t);
+                stop = stop_after(prepared, candidate.t, t);
             }
         }
         cut_short = cut_short || (i ^ opaque_zero) < payload;

@@ -81,6 +81,11 @@ fn watertight(ray: PreparedRay, triangle: Triangle, culling: u32) -> Candidate {
     // Scaling back may underflow or clamp: what is reported is held to the limits later.
     var hit = sheared_test(ray, origin, scaled, -GREATEST, GREATEST, culling);
     hit.t = scale(hit.t, -power);
+    // Held to the inner limits as well, like that of the plain test: scaled to the caller's units, a
+    // `t` before the ray's start may become 0, and whether its leaf is visited is a matter of luck.
+    if hit.t < ray.t_min || hit.t > ray.t_max {
+        return no_candidate();
+    }
     return hit;
 }
 

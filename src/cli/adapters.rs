@@ -1,5 +1,6 @@
 //! `splitplane adapters`.
 
+use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use clap::Args;
 
@@ -8,16 +9,22 @@ pub(super) struct Arguments {
     /// Report as one JSON object
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    time: TimeLimit,
 }
 
 /// Lists what there is; that there is nothing is no failure.
 #[cfg(feature = "wgpu")]
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.time.begin();
+    ending::check()?;
     list::print(arguments.json)
 }
 
 #[cfg(not(feature = "wgpu"))]
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.time.begin();
+    ending::check()?;
     super::output::data(match arguments.json {
         true => "{\"adapters\":[]}\n",
         false => "this build of splitplane has no GPU backend\n",

@@ -49,7 +49,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 /// Most frames of a run: what is noted of each stays in memory for the report.

@@ -17,7 +17,7 @@ pub(super) struct Arguments {
     #[arg(long, short, value_name = "TREE")]
     output: Option<PathBuf>,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {

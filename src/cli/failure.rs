@@ -5,6 +5,7 @@ use splitplane::render::{PlanError, RenderError};
 use splitplane::report::ReportError;
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
+use splitplane::trade::TradeError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 use std::process::ExitCode;
 
@@ -19,7 +20,7 @@ pub(super) const BUG: u8 = 70;
 
 /// A sentence that says what is wrong and what to do, and the code the program ends with.
 #[derive(Debug)]
-pub(super) struct Failure {
+pub(crate) struct Failure {
     message: String,
     code: u8,
 }
@@ -37,19 +38,33 @@ impl Failure {
         Failure { message: message.into(), code: FILE }
     }
 
+    pub(super) fn cancelled(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: CANCELLED }
+    }
+
     /// Whoever reads our output went away: nothing is wrong, and there is nobody to tell.
     pub(super) fn nobody_listens() -> Failure {
         Failure { message: String::new(), code: 0 }
     }
 
+    /// The sentence; empty where there is nobody to tell.
+    pub(crate) fn message(&self) -> &str {
+        &self.message
+    }
+
+    /// The exit code as a number.
+    pub(crate) fn number(&self) -> u8 {
+        self.code
+    }
+
     pub(super) fn report(&self) {
-        if !self.message.is_empty() {
-            super::output::error(&self.message);
+        if !self.message().is_empty() {
+            super::output::error(self.message());
         }
     }
 
     pub(super) fn code(&self) -> ExitCode {
-        ExitCode::from(self.code)
+        ExitCode::from(self.number())
     }
 }
 
@@ -112,7 +127,9 @@ impl From<QueryError> for Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
             QueryError::Cancelled { .. } => CANCELLED,
-            QueryError::DeviceLimit { .. } | QueryError::DeviceMemory { .. } => LIMIT,
+            QueryError::OutOfMemory { .. }
+            | QueryError::DeviceLimit { .. }
+            | QueryError::DeviceMemory { .. } => LIMIT,
             QueryError::Device(_)
             | QueryError::DeviceLost { .. }
             | QueryError::DeviceTimedOut { .. } => DEVICE,
@@ -193,6 +210,23 @@ impl From<ReportError> for Failure {
             ReportError::Picture(error) => error.into(),
             ReportError::Threads { .. } => Failure::usage(error.to_string()),
             ReportError::Empty(_) | ReportError::Others { .. } => Failure::file(error.to_string()),
+            other => Failure { message: other.to_string(), code: BUG },
+        }
+    }
+}
+
+impl From<TradeError> for Failure {
+    fn from(error: TradeError) -> Failure {
+        match error {
+            TradeError::Report(error) => error.into(),
+            TradeError::Mesh(error) => error.into(),
+            TradeError::Query(error) => error.into(),
+            TradeError::Picture(error) => error.into(),
+            TradeError::Build { setting, error } => {
+                let Failure { message, code } = error.into();
+                Failure { message: format!("{setting}: {message}"), code }
+            }
+            TradeError::Old { .. } => Failure::file(error.to_string()),
             other => Failure { message: other.to_string(), code: BUG },
         }
     }

@@ -1,11 +1,18 @@
 //! Files of hits: 16-byte records `t triangle u v`, or one byte a ray; .npy by the file's ending.
+//!
+//! All hits are two files. The one named holds the crossings of all rays, one ray after the other, in records of
+//! 20 bytes `t triangle u v front`, `front` being 1 where the ray comes from the front and 0 elsewhere. The
+//! other, with `.starts` before the ending, holds 64-bit numbers, one more than there are rays: where the
+//! crossings of each ray begin, and behind the last one how many there are.
 
 use super::failure::Failure;
 use super::{npy, output};
-use splitplane::Hit;
-use std::path::Path;
+use splitplane::{AllHits, Hit, Located, Location, Rule};
+use std::path::{Path, PathBuf};
 
 const HIT_TYPE: &str = "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4')]";
+const CROSSING_TYPE: &str =
+    "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4'), ('front', '<u4')]";
 
 /// The answer of any hit for a ray that was left undecided.
 const NO_ANSWER: u8 = 255;
@@ -29,6 +36,46 @@ pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result
     for &place in flagged {
         bytes[first + place] = NO_ANSWER;
     }
+    output::file(path, &bytes)
+}
+
+/// Writes all crossings of every ray; gives the names of both files.
+pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Failure> {
+    let mut bytes = start(path, CROSSING_TYPE, all.crossings.len());
+    for met in &all.crossings {
+        let Hit { t, triangle, u, v } = met.hit;
+        let words = [t.to_bits(), triangle, u.to_bits(), v.to_bits(), u32::from(met.front)];
+        bytes.extend(words.into_iter().flat_map(u32::to_le_bytes));
+    }
+    let beside = starts_beside(path);
+    let mut starts = start(&beside, "'<u8'", all.starts.len());
+    starts.extend(all.starts.iter().flat_map(|start| (*start as u64).to_le_bytes()));
+    output::file(path, &bytes)?;
+    output::file(&beside, &starts)?;
+    Ok([path.to_owned(), beside])
+}
+
+/// `hits.npy` becomes `hits.starts.npy`.
+fn starts_beside(path: &Path) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_owned();
+    name.push(".starts");
+    if let Some(ending) = path.extension() {
+        name.push(".");
+        name.push(ending);
+    }
+    path.with_file_name(name)
+}
+
+/// Writes 0 for every point outside, 1 for those inside, 2 for those on a triangle.
+pub(super) fn write_inside(path: &Path, located: &Located) -> Result<(), Failure> {
+    let mut bytes = start(path, "'|u1'", located.windings.len());
+    bytes.extend((0..located.windings.len()).map(|point| {
+        match located.location(point, Rule::NonZero) {
+            Location::Outside => 0,
+            Location::Inside => 1,
+            Location::Boundary => 2,
+        }
+    }));
     output::file(path, &bytes)
 }
 

@@ -4,11 +4,12 @@ mod adapters;
 mod animate;
 mod bug;
 mod build;
-mod failure;
+mod ending;
+pub(crate) mod failure;
 mod hit_file;
 mod knobs;
 mod look;
-mod npy;
+pub(crate) mod npy;
 mod options;
 mod output;
 mod paper;
@@ -17,11 +18,12 @@ mod percentiles;
 mod prepared;
 mod progress;
 mod query;
-mod ray_file;
+pub(crate) mod ray_file;
 mod render;
 mod stage;
 mod stats;
 mod table;
+mod trade;
 mod tree;
 mod verify;
 #[cfg(feature = "viewer")]
@@ -36,7 +38,7 @@ use std::process::ExitCode;
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
-struct Cli {
+pub(crate) struct Cli {
     #[command(subcommand)]
     verb: Option<Verb>,
     #[command(flatten)]
@@ -63,9 +65,34 @@ enum Verb {
     Parity(parity::Arguments),
     /// Measure what the paper and its survey report, on scenes, and draw their figures.
     Paper(paper::Arguments),
+    /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
+    Trade(trade::Arguments),
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
+}
+
+impl Cli {
+    /// Whether the options of a build fit together: what is wrong with them is said before any work.
+    ///
+    /// # Errors
+    /// Wrong usage.
+    pub(crate) fn check(&self) -> Result<(), failure::Failure> {
+        let common = match &self.verb {
+            None => &self.render.common,
+            Some(Verb::Render(arguments)) => &arguments.common,
+            Some(Verb::Animate(arguments)) => &arguments.common,
+            Some(Verb::Build(arguments)) => &arguments.common,
+            Some(Verb::Stats(arguments)) => &arguments.common,
+            Some(Verb::Query(arguments)) => &arguments.common,
+            Some(Verb::Verify(arguments)) => &arguments.common,
+            Some(Verb::Parity(arguments)) => &arguments.common,
+            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_)) => return Ok(()),
+            #[cfg(feature = "viewer")]
+            Some(Verb::View(arguments)) => &arguments.common,
+        };
+        common.build_options().map(drop)
+    }
 }
 
 const EXIT_CODES: &str = "\
@@ -79,14 +106,10 @@ failed, was lost or took too long; 7 cancelled; 70 a bug in splitplane.";
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {
     bug::install();
-    // Files are written under another name and then renamed, so no file is ever half written.
-    let cancel = || std::process::exit(failure::CANCELLED.into());
-    if let Err(error) = ctrlc::set_handler(cancel) {
-        eprintln!("splitplane: Ctrl-C ends the program without its exit code: {error}");
-    }
+    ending::install();
     // Wrong usage ends here, with a message and exit code 2.
     let cli = Cli::parse();
-    let done = match cli.verb {
+    let done = cli.check().and_then(|()| match cli.verb {
         None => render::run(&cli.render),
         Some(Verb::Render(arguments)) => render::run(&arguments),
         Some(Verb::Animate(arguments)) => animate::run(&arguments),
@@ -97,14 +120,21 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),
         Some(Verb::Paper(arguments)) => paper::run(&arguments),
+        Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
-    };
+    });
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            failure.report();
-            failure.code()
-        }
+        Err(failure) => match ending::last_word(failure) {
+            Some(failure) => {
+                failure.report();
+                failure.code()
+            }
+            // Another thread ends the program.
+            None => loop {
+                std::thread::park();
+            },
+        },
     }
 }

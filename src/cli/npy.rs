@@ -14,23 +14,23 @@ pub(super) enum NpyError {
     Version(u8),
     #[error("its header is damaged")]
     Header,
-    #[error("its numbers are of type `{0}`; rays must be '<f4' or '<f8'")]
+    #[error("its numbers are of type `{0}`; they must be '<f4' or '<f8'")]
     Type(String),
     #[error("it is in Fortran order; save it in C order, as numpy.ascontiguousarray does")]
     Fortran,
-    #[error("its shape is {0}; rays must be (n, 8)")]
-    Shape(String),
+    #[error("its shape is {0}; it must be (n, {1})")]
+    Shape(String, usize),
     #[error("its header promises {promised} bytes of numbers, but {found} follow")]
     Length { promised: u64, found: u64 },
 }
 
 /// True for bytes that start as an .npy file does.
-pub(super) fn is_npy(bytes: &[u8]) -> bool {
+pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// An array of shape (n, 8), row by row, as f32; f64 is rounded.
-pub(super) fn read_rows_of_8(bytes: &[u8]) -> Result<Vec<[f32; 8]>, NpyError> {
+/// An array of shape (n, N), row by row, as f32; f64 is rounded.
+pub(super) fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, NpyError> {
     let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
     let (&[major, _minor], rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
     let (length, rest) = match major {
@@ -71,18 +71,21 @@ pub(super) fn read_rows_of_8(bytes: &[u8]) -> Result<Vec<[f32; 8]>, NpyError> {
         .map(str::parse)
         .collect::<Result<_, _>>()
         .map_err(|_| NpyError::Header)?;
-    let &[count, 8] = &sides[..] else { return Err(NpyError::Shape(shape.to_owned())) };
-    let promised = count.checked_mul(8 * size).ok_or(NpyError::Header)?;
+    let &[count, width] = &sides[..] else { return Err(NpyError::Shape(shape.to_owned(), N)) };
+    if width != N as u64 {
+        return Err(NpyError::Shape(shape.to_owned(), N));
+    }
+    let promised = count.checked_mul(width * size).ok_or(NpyError::Header)?;
     let found = numbers.len() as u64;
     if promised != found {
         return Err(NpyError::Length { promised, found });
     }
-    let row = |numbers: &[f32]| <[f32; 8]>::try_from(numbers).unwrap_or_default();
+    let row = |numbers: &[f32]| <[f32; N]>::try_from(numbers).unwrap_or([0.0; N]);
     let flat: Vec<f32> = match size {
         4 => numbers.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
         _ => numbers.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b) as f32).collect(),
     };
-    Ok(flat.chunks_exact(8).map(row).collect())
+    Ok(flat.chunks_exact(N).map(row).collect())
 }
 
 /// What follows a key of the header's dictionary.
@@ -94,7 +97,7 @@ fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, NpyError> {
 }
 
 /// The header of a one-dimensional array; the numbers follow it.
-pub(super) fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
+pub(crate) fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
     let text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({count},), }}");
     // The numbers start at a multiple of 64, after the line feed that ends the header.
     let padding = (64 - (10 + text.len() + 1) % 64) % 64;
@@ -135,37 +138,40 @@ mod tests {
         let want = vec![[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]];
         for version in 1..=3 {
             let bytes = file(version, &dictionary("'<f4'", "False", "(1, 8)"), &narrow);
-            assert_eq!(read_rows_of_8(&bytes), Ok(want.clone()));
+            assert_eq!(read_rows::<8>(&bytes), Ok(want.clone()));
             let bytes = file(version, &dictionary("\"<f8\"", "False", "(1,8)"), &wide);
-            assert_eq!(read_rows_of_8(&bytes), Ok(want.clone()));
+            assert_eq!(read_rows::<8>(&bytes), Ok(want.clone()));
         }
+        let point = file(1, &dictionary("'<f4'", "False", "(1, 3)"), &narrow[4..16]);
+        assert_eq!(read_rows::<3>(&point), Ok(vec![[1.0, 2.0, 3.0]]));
+        assert_eq!(read_rows::<8>(&point), Err(NpyError::Shape("(1, 3)".into(), 8)));
         let none = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
-        assert_eq!(read_rows_of_8(&none), Ok(vec![]));
+        assert_eq!(read_rows::<8>(&none), Ok(vec![]));
     }
 
     #[test]
     fn everything_else_is_a_typed_error() {
         let read =
-            |kind, order, shape| read_rows_of_8(&file(1, &dictionary(kind, order, shape), &[]));
+            |kind, order, shape| read_rows::<8>(&file(1, &dictionary(kind, order, shape), &[]));
         assert_eq!(read("'>f4'", "False", "(1, 8)"), Err(NpyError::Type(">f4".into())));
         assert_eq!(
             read("[('a', '<f4')]", "False", "(1, 8)"),
             Err(NpyError::Type("several fields".into()))
         );
         assert_eq!(read("'<f4'", "True", "(1, 8)"), Err(NpyError::Fortran));
-        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape("(8,)".into())));
-        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape("(2, 3)".into())));
+        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape("(8,)".into(), 8)));
+        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape("(2, 3)".into(), 8)));
         assert_eq!(
             read("'<f4'", "False", "(1, 8)"),
             Err(NpyError::Length { promised: 32, found: 0 })
         );
         let huge = "(18446744073709551615, 8)";
         assert_eq!(read("'<f4'", "False", huge), Err(NpyError::Header));
-        assert_eq!(read_rows_of_8(b"abc"), Err(NpyError::Magic));
-        assert_eq!(read_rows_of_8(&file(9, "", &[])), Err(NpyError::Version(9)));
+        assert_eq!(read_rows::<8>(b"abc"), Err(NpyError::Magic));
+        assert_eq!(read_rows::<8>(&file(9, "", &[])), Err(NpyError::Version(9)));
         let whole = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
         for cut in 6..whole.len() - 1 {
-            assert_eq!(read_rows_of_8(&whole[..cut]), Err(NpyError::Header), "{cut}");
+            assert_eq!(read_rows::<8>(&whole[..cut]), Err(NpyError::Header), "{cut}");
         }
     }
 

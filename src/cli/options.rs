@@ -1,5 +1,6 @@
 //! Options that every verb takes, and values in the forms users write.
 
+use super::ending::TimeLimit;
 use super::failure::Failure;
 use super::knobs::Knobs;
 use clap::{Args, ValueEnum};
@@ -29,9 +30,12 @@ pub(super) struct Common {
     /// Threads that share the work; all cores when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
-    /// Most bytes a build may hold besides the mesh; k, M and G stand for powers of 1024
+    /// Most bytes a build, a frame or an answer of all hits may hold besides the mesh; k, M and G stand
+    /// for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
+    #[command(flatten)]
+    pub(super) time: TimeLimit,
     /// Report as one JSON object
     #[arg(long)]
     pub(super) json: bool,
@@ -99,7 +103,7 @@ impl Common {
             AccuracyName::Watertight => Accuracy::Watertight,
             AccuracyName::Exact => Accuracy::Exact,
         };
-        QueryOptions { accuracy, ..QueryOptions::default() }
+        QueryOptions { accuracy, max_memory: self.max_memory, ..QueryOptions::default() }
     }
 
     pub(super) fn accuracy_name(&self) -> &'static str {

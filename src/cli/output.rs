@@ -1,5 +1,6 @@
 //! Data to standard output, everything else to standard error, and files as a whole or not at all.
 
+use super::ending;
 use super::failure::Failure;
 use std::fs;
 use std::io::{self, Write};
@@ -7,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// Prints data. A reader that went away ends the run quietly.
 pub(super) fn data(text: &str) -> Result<(), Failure> {
+    ending::check()?;
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     written.map_err(|error| match error.kind() {
@@ -29,26 +31,24 @@ pub(super) fn error(text: &str) {
 /// leaves the old file or none. What is there and is no regular file (a pipe, a device) is written
 /// to directly.
 pub(super) fn file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
-    let special = fs::metadata(path).is_ok_and(|about| !about.is_file());
-    let written = if special {
-        fs::OpenOptions::new().write(true).open(path).and_then(|mut file| file.write_all(bytes))
-    } else {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}.part", std::process::id()));
-        let part: PathBuf = path.with_file_name(name);
-        let written = fs::write(&part, bytes).and_then(|()| fs::rename(&part, path));
-        if written.is_err() {
-            // It may never have been there; the first error is the one to tell.
-            let _ = fs::remove_file(&part);
-        }
-        written
-    };
-    written.map_err(|error| {
-        Failure::file(format!(
-            "cannot write `{}`: {error}; check that the folder exists and may be written to",
-            path.display()
-        ))
-    })
+    ending::check()?;
+    if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+        let written = fs::OpenOptions::new()
+            .write(true)
+            .open(path)
+            .and_then(|mut file| file.write_all(bytes));
+        return written.map_err(|error| unwritten(path, &error));
+    }
+    let (part, mut file) = Part::create(path)?;
+    file.write_all(bytes).map_err(|error| unwritten(path, &error))?;
+    part.keep()
+}
+
+fn unwritten(path: &Path, error: &io::Error) -> Failure {
+    Failure::file(format!(
+        "cannot write `{}`: {error}; check that the folder exists and may be written to",
+        path.display()
+    ))
 }
 
 /// Whether a file's name has this ending, in upper or lower case.
@@ -79,20 +79,15 @@ impl Part {
         let mut name = path.file_name().unwrap_or_default().to_owned();
         name.push(format!(".{}.part", std::process::id()));
         let part = Part { part: path.with_file_name(name), path: path.to_owned() };
-        let file = fs::File::create(&part.part).map_err(|error| part.failed(&error))?;
+        ending::begun(&part.part);
+        let file = fs::File::create(&part.part).map_err(|error| unwritten(path, &error))?;
         Ok((part, file))
     }
 
     /// Gives the file its own name. It must be whole.
     pub(super) fn keep(self) -> Result<(), Failure> {
-        fs::rename(&self.part, &self.path).map_err(|error| self.failed(&error))
-    }
-
-    fn failed(&self, error: &io::Error) -> Failure {
-        Failure::file(format!(
-            "cannot write `{}`: {error}; check that the folder exists and may be written to",
-            self.path.display()
-        ))
+        ending::check()?;
+        fs::rename(&self.part, &self.path).map_err(|error| unwritten(&self.path, &error))
     }
 }
 
@@ -100,5 +95,6 @@ impl Drop for Part {
     fn drop(&mut self) {
         // After it was kept there is nothing of this name.
         let _ = fs::remove_file(&self.part);
+        ending::done(&self.part);
     }
 }

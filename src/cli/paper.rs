@@ -1,5 +1,6 @@
 //! `splitplane paper`: what the survey of Zhou et al. 2008 reports, measured here.
 
+use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, size};
 use super::prepared::print_json;
@@ -69,6 +70,8 @@ pub(super) struct Arguments {
     /// Most bytes a build may hold besides the mesh; k, M and G stand for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
+    #[command(flatten)]
+    time: TimeLimit,
     /// Report as one JSON object
     #[arg(long)]
     json: bool,
@@ -97,6 +100,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             arguments.scene.len()
         )));
     }
+    arguments.time.begin();
+    ending::check()?;
     let gpu = arguments.gpu()?;
     let settings = arguments.settings(gpu.info.is_some())?;
     let others = arguments.others.as_deref().map(Others::read).transpose()?;

@@ -15,7 +15,7 @@ pub(super) struct Arguments {
     #[cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "there is no GPU to compare"))]
     rays: u64,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 #[cfg(not(feature = "wgpu"))]

@@ -30,6 +30,8 @@ pub(super) fn in_pool<R: Send>(
 
 /// A pool of as many threads as asked for.
 pub(super) fn pool(common: &Common) -> Result<rayon::ThreadPool, Failure> {
+    common.time.begin();
+    super::ending::check()?;
     let threads = common.threads.map_or(0, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     pool.map_err(|error| Failure::usage(format!("cannot start the threads: {error}; try fewer")))
@@ -49,12 +51,12 @@ impl Prepared {
         if !common.quiet {
             output::note(&format!("backend: {} ({})", info.name, opened.reason));
         }
-        let spinner = progress::spinner(common.quiet, "building the tree");
         let mesh = scene.mesh()?;
+        let watch = progress::watch(common.quiet);
         let start = Instant::now();
-        let accelerator = opened.backend.build(&mesh, &options)?;
+        let accelerator = opened.backend.build_watched(&mesh, &options, &watch)?;
         let build_ms = milliseconds(start);
-        spinner.finish_and_clear();
+        drop(watch);
         note_dropped(common, &scene, accelerator.summary().dropped);
         let preset = options.config.preset.name();
         Ok(Prepared { scene, info, accelerator, build_ms, preset, reason: opened.reason })

@@ -6,8 +6,10 @@ use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
-use splitplane::{Hit, QueryOptions, Undecided};
-use std::path::PathBuf;
+use splitplane::{
+    Accelerator, AllHits, Hit, Located, Location, QueryOptions, Ray, Rule, Undecided, Watch,
+};
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(Args, Debug)]
@@ -16,13 +18,18 @@ pub(super) struct Arguments {
     #[arg(value_name = "SCENE")]
     scene: String,
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)
-    #[arg(long, value_name = "FILE")]
-    rays: PathBuf,
+    #[arg(long, value_name = "FILE", required_unless_present = "points")]
+    rays: Option<PathBuf>,
+    /// The points of --kind inside: raw little-endian f32 `x y z`, or .npy of shape (n, 3)
+    #[arg(long, value_name = "FILE", conflicts_with = "rays")]
+    points: Option<PathBuf>,
     /// What to find
     #[arg(long, value_enum, default_value_t = Kind::Closest)]
     kind: Kind,
     /// Write the answers to this file, .npy or raw: records of f32 t, u32 triangle, f32 u, f32 v
-    /// for closest; one byte for any
+    /// for closest; one byte for any; for all the same records with a u32 behind them, 1 where the ray comes
+    /// from the front, and in a second file, .starts before its ending, where each ray's begin, u64; for
+    /// inside one byte, 0 outside, 1 inside, 2 on a triangle
     #[arg(long, value_name = "FILE")]
     hits: Option<PathBuf>,
     /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
@@ -32,7 +39,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     repeat: u32,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
@@ -42,6 +49,10 @@ enum Kind {
     Closest,
     /// Whether there is a hit at all
     Any,
+    /// Every crossing of a surface, in order, once even where it is met at an edge or a vertex
+    All,
+    /// Whether points lie inside a closed surface, exactly
+    Inside,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -68,66 +79,148 @@ struct QueryReport {
     digest: String,
 }
 
+/// What is asked, and what came back.
+enum Asked {
+    Closest(Vec<Ray>, Vec<Hit>),
+    Any(Vec<Ray>, Vec<bool>),
+    All(Vec<Ray>, AllHits),
+    Inside(Vec<[f32; 3]>, Located),
+}
+
+impl Asked {
+    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
+        let points = arguments.kind == Kind::Inside;
+        let file = if points { &arguments.points } else { &arguments.rays };
+        let Some(file) = file else {
+            return Err(Failure::usage(if points {
+                "--kind inside asks about points; give them by --points"
+            } else {
+                "points are for --kind inside; give rays by --rays"
+            }));
+        };
+        if points {
+            return Ok(Asked::Inside(ray_file::read_points(file)?, Located::default()));
+        }
+        let rays = ray_file::read(file)?;
+        let count = rays.len();
+        Ok(match arguments.kind {
+            Kind::Closest => Asked::Closest(rays, vec![Hit::MISS; count]),
+            Kind::Any => Asked::Any(rays, vec![false; count]),
+            Kind::All | Kind::Inside => Asked::All(rays, AllHits::none()),
+        })
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
+            Asked::Inside(points, _) => points.len(),
+        }
+    }
+
+    /// Traces once. Gives what is to be known of the answers, and how many are the CPU's because no device gives
+    /// them.
+    fn trace(
+        &mut self,
+        accelerator: &dyn Accelerator,
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<(splitplane::QueryReport, u64), Failure> {
+        Ok(match self {
+            Asked::Closest(rays, hits) => {
+                (accelerator.closest_hits_watched(rays, hits, options, watch)?, 0)
+            }
+            Asked::Any(rays, hits) => {
+                (accelerator.any_hits_watched(rays, hits, options, watch)?, 0)
+            }
+            Asked::All(rays, all) => {
+                *all = AllHits::none();
+                *all = accelerator.all_hits_watched(rays, options, watch)?;
+                (Default::default(), all.answered_by_cpu)
+            }
+            Asked::Inside(points, located) => {
+                *located = accelerator.locate_watched(points, watch)?;
+                (Default::default(), located.answered_by_cpu)
+            }
+        })
+    }
+
+    fn write(&self, path: &Path, flagged: &[usize]) -> Result<Vec<PathBuf>, Failure> {
+        match self {
+            Asked::Closest(_, hits) => hit_file::write_closest(path, hits)?,
+            Asked::Any(_, hits) => hit_file::write_any(path, hits, flagged)?,
+            Asked::All(_, all) => return Ok(hit_file::write_all(path, all)?.to_vec()),
+            Asked::Inside(_, located) => hit_file::write_inside(path, located)?,
+        }
+        Ok(vec![path.to_owned()])
+    }
+
+    /// What stands in the place of a flagged ray is no answer.
+    fn forget(&mut self, flagged: &[usize]) {
+        for &place in flagged {
+            match self {
+                Asked::Closest(_, hits) => hits[place] = Hit::MISS,
+                Asked::Any(_, hits) => hits[place] = false,
+                Asked::All(..) | Asked::Inside(..) => {}
+            }
+        }
+    }
+
+    /// Rays that hit, crossings, or points inside.
+    fn found(&self) -> usize {
+        match self {
+            Asked::Closest(_, hits) => hits.iter().filter(|hit| hit.is_hit()).count(),
+            Asked::Any(_, hits) => hits.iter().filter(|hit| **hit).count(),
+            Asked::All(_, all) => all.crossings.len(),
+            Asked::Inside(_, located) => {
+                let inside =
+                    |&point: &usize| located.location(point, Rule::NonZero) == Location::Inside;
+                (0..located.windings.len()).filter(inside).count()
+            }
+        }
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        let rays = ray_file::read(&arguments.rays)?;
+        let mut asked = Asked::read(arguments)?;
         let prepared = Prepared::open(&arguments.scene, common)?;
         let undecided = match arguments.undecided {
             UndecidedName::Redo => Undecided::Redo,
             UndecidedName::Flag => Undecided::Flag,
         };
         let options = QueryOptions { undecided, ..common.query_options() };
-        let mut closest = Vec::new();
-        let mut any = Vec::new();
-        match arguments.kind {
-            Kind::Closest => closest.resize(rays.len(), Hit::MISS),
-            Kind::Any => any.resize(rays.len(), false),
-        }
-        let bar = progress::bar(common.quiet, "tracing", u64::from(arguments.repeat));
+        let watch = progress::watch(common.quiet);
         let mut times = Vec::new();
-        let mut last = Default::default();
+        let (mut last, mut by_cpu) = Default::default();
         for _ in 0..arguments.repeat {
             let start = Instant::now();
-            let answers = match arguments.kind {
-                Kind::Closest => prepared.accelerator.closest_hits(&rays, &mut closest, &options),
-                Kind::Any => prepared.accelerator.any_hits(&rays, &mut any, &options),
-            };
-            last = answers?;
+            (last, by_cpu) = asked.trace(&*prepared.accelerator, &options, &watch)?;
             times.push(milliseconds(start));
-            bar.inc(1);
         }
-        bar.finish_and_clear();
-        if let Some(path) = &arguments.hits {
-            match arguments.kind {
-                Kind::Closest => hit_file::write_closest(path, &closest)?,
-                Kind::Any => hit_file::write_any(path, &any, &last.flagged)?,
-            }
-        }
-        // What stands in the place of a flagged ray is no answer.
-        for &place in &last.flagged {
-            match arguments.kind {
-                Kind::Closest => closest[place] = Hit::MISS,
-                Kind::Any => any[place] = false,
-            }
-        }
-        let hits = closest.iter().filter(|hit| hit.is_hit()).count()
-            + any.iter().filter(|hit| **hit).count();
+        drop(watch);
+        let written = match &arguments.hits {
+            Some(path) => asked.write(path, &last.flagged)?,
+            None => Vec::new(),
+        };
+        asked.forget(&last.flagged);
         let trace_ms = median(&mut times);
+        let exact = matches!(arguments.kind, Kind::All | Kind::Inside);
         let report = QueryReport {
-            rays: rays.len(),
-            hits,
+            rays: asked.count(),
+            hits: asked.found(),
             kind: arguments.kind,
-            accuracy: common.accuracy_name(),
+            accuracy: if exact { "exact" } else { common.accuracy_name() },
             build_ms: prepared.build_ms,
             trace_ms,
-            mrays_per_s: rays.len() as f64 / trace_ms.max(1e-6) / 1e3,
+            mrays_per_s: asked.count() as f64 / trace_ms.max(1e-6) / 1e3,
             undecided: last.undecided,
-            undecided_share: last.undecided as f64 / rays.len().max(1) as f64,
+            undecided_share: last.undecided as f64 / asked.count().max(1) as f64,
             flagged: last.flagged.len(),
-            answered_by_cpu: prepared.accelerator.answered_by_cpu(),
+            answered_by_cpu: by_cpu + prepared.accelerator.answered_by_cpu(),
             digest: prepared.accelerator.tree().digest().to_string(),
         };
+        let one = if arguments.kind == Kind::Inside { "point" } else { "ray" };
         if report.undecided > 0 && !common.quiet {
             let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
             output::note(&format!(
@@ -136,10 +229,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 report.undecided_share
             ));
         }
-        if report.answered_by_cpu > 0 && !common.quiet {
+        if by_cpu > 0 && !common.quiet {
+            output::note(&format!(
+                "note: devices do not find all crossings; the CPU answered {} from its copy of the tree",
+                counted(by_cpu, one)
+            ));
+        }
+        let unfinished = report.answered_by_cpu - by_cpu;
+        if unfinished > 0 && !common.quiet {
             output::note(&format!(
                 "note: the driver did not follow {} to the end; the CPU answered instead",
-                counted(report.answered_by_cpu, "ray")
+                counted(unfinished, "ray")
             ));
         }
         if common.json {
@@ -148,15 +248,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         if common.quiet {
             return Ok(());
         }
-        let written = arguments.hits.as_ref().map(|path| format!("written  {}\n", path.display()));
+        let found = match arguments.kind {
+            Kind::Closest | Kind::Any => "hit",
+            Kind::All => "crossings",
+            Kind::Inside => "inside",
+        };
+        let line = |path: &PathBuf| format!("written  {}\n", path.display());
         output::data(&format!(
-            "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} hit\n{}",
+            "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} {found}\n{}",
             prepared.built().describe(),
-            counted(report.rays as u64, "ray"),
+            counted(report.rays as u64, one),
             report.mrays_per_s,
             report.accuracy,
             report.hits,
-            written.unwrap_or_default()
+            written.iter().map(line).collect::<String>()
         ))
     })
 }

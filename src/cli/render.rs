@@ -48,7 +48,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     look: Look,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

@@ -42,11 +42,11 @@ impl Stage {
             output::note(&format!("backend: {} ({reason})", info.name));
         }
         let options = common.build_options()?;
-        let spinner = progress::spinner(common.quiet, "building the tree");
+        let watch = progress::watch(common.quiet);
         let start = Instant::now();
-        tracer.build(&scene, &options)?;
+        tracer.build_watched(&scene, &options, &watch)?;
         let build_ms = milliseconds(start);
-        spinner.finish_and_clear();
+        drop(watch);
         note_dropped(common, &scene, tracer.summary()?.dropped);
         let spinner = progress::spinner(common.quiet, "placing camera and lights");
         let placed = look.place(&mut scene, tracer.accelerator()?)?;

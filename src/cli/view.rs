@@ -61,7 +61,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "FILE.png")]
     screenshot: Option<PathBuf>,
     #[command(flatten)]
-    common: Common,
+    pub(super) common: Common,
 }
 
 fn views() -> PossibleValuesParser {

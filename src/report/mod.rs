@@ -24,7 +24,7 @@ pub mod slice;
 pub mod survey;
 pub mod table;
 pub mod tables;
-mod timing;
+pub(crate) mod timing;
 pub mod worked;
 
 pub use builders::Builder;

@@ -69,7 +69,7 @@ impl FrameRays {
 }
 
 /// The ray from a surface to a light, if the light is on its side.
-fn towards(surface: &Surface, light: &Light) -> Option<Ray> {
+pub(crate) fn towards(surface: &Surface, light: &Light) -> Option<Ray> {
     let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
     match *light {
         Light::Directional { towards, .. } => {

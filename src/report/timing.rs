@@ -14,7 +14,7 @@ pub fn median(mut values: Vec<f64>) -> f64 {
 }
 
 /// What work gives, and its time in milliseconds.
-pub(super) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
+pub(crate) fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let out = work();
     (out, start.elapsed().as_secs_f64() * 1e3)

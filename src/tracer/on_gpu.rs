@@ -4,6 +4,7 @@ use super::{FrameRequest, TracerError};
 use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::watch::Watch;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_render::{FrameInput, FrameStats, RenderError, Room, SceneData};
@@ -55,6 +56,17 @@ impl OnGpu {
         options: &BuildOptions,
     ) -> Result<(), TracerError> {
         let accelerator = self.backend.build_accelerator(mesh, options)?;
+        self.replace(Tree::Copied(Box::new(accelerator)));
+        Ok(())
+    }
+
+    pub(super) fn build_watched(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        watch: &dyn Watch,
+    ) -> Result<(), TracerError> {
+        let accelerator = self.backend.build_accelerator_watched(mesh, options, watch)?;
         self.replace(Tree::Copied(Box::new(accelerator)));
         Ok(())
     }

@@ -7,11 +7,11 @@ type Point = [f64; 3];
 
 /// The error that a triangle test in f32 may make on one triangle and one ray.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Bound {
+pub(crate) struct Bound {
     /// Across the ray, in units of the scene.
-    pub(super) across: f64,
+    pub(crate) across: f64,
     /// Along the ray, in units of `t`.
-    pub(super) along: f64,
+    pub(crate) along: f64,
     corners: [Point; 3],
     length: f64,
     /// Twice the area that the ray sees.
@@ -19,7 +19,7 @@ pub(super) struct Bound {
 }
 
 impl Bound {
-    pub(super) fn new(ray: &Ray64, corners: [[f32; 3]; 3]) -> Bound {
+    pub(crate) fn new(ray: &Ray64, corners: [[f32; 3]; 3]) -> Bound {
         let corners = corners.map(|corner| corner.map(f64::from));
         let length = dot(ray.direction, ray.direction).sqrt();
         let unit = ray.direction.map(|x| x / length);
@@ -39,7 +39,7 @@ impl Bound {
     }
 
     /// Whether the hit's `t`, `u` and `v` mean the same point.
-    pub(super) fn holds(&self, ray: &Ray64, hit: &Hit) -> bool {
+    pub(crate) fn holds(&self, ray: &Ray64, hit: &Hit) -> bool {
         let (u, v) = (f64::from(hit.u), f64::from(hit.v));
         let within = u >= 0.0 && v >= 0.0 && u + v <= 1.0 + 1e-6;
         if !within || !hit.t.is_finite() {
@@ -61,7 +61,7 @@ impl Bound {
     }
 
     /// Whether the ray passes within the bound of the point that the hit's weights mean.
-    pub(super) fn touches(&self, ray: &Ray64, hit: &Hit) -> bool {
+    pub(crate) fn touches(&self, ray: &Ray64, hit: &Hit) -> bool {
         let from_origin = sub(self.point(hit), ray.origin);
         let unit = ray.direction.map(|x| x / self.length);
         let aside = cross(from_origin, unit);
@@ -76,7 +76,7 @@ impl Bound {
 }
 
 /// The edges of a triangle that pass, as the ray sees them, within `distance` of a hit on it.
-pub(super) fn edges_within(
+pub(crate) fn edges_within(
     ray: &Ray64,
     hit: &Hit64,
     corners: [[f32; 3]; 3],
@@ -100,7 +100,7 @@ pub(super) fn edges_within(
 
 /// Rays parallel to the given one, on rings around it: each a third of the one before, since cracks
 /// between triangles that share no vertex may be much narrower than the distance.
-pub(super) fn rings(ray: &Ray64, distance: f64) -> impl Iterator<Item = Ray64> {
+pub(crate) fn rings(ray: &Ray64, distance: f64) -> impl Iterator<Item = Ray64> {
     const RINGS: u32 = 7;
     const AROUND: u32 = 12;
     let ray = *ray;

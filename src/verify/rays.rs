@@ -23,14 +23,14 @@ impl Aim {
     pub const ALL: [Aim; 3] = [Aim::Random, Aim::Edge, Aim::Vertex];
 }
 
-pub(super) struct Generator<'a> {
+pub(crate) struct Generator<'a> {
     reference: &'a Reference,
     centre: [f64; 3],
     radius: f64,
 }
 
 impl<'a> Generator<'a> {
-    pub(super) fn new(reference: &'a Reference) -> Generator<'a> {
+    pub(crate) fn new(reference: &'a Reference) -> Generator<'a> {
         let (lo, hi) = reference.bounds();
         let centre = std::array::from_fn(|k| 0.5 * lo[k] + 0.5 * hi[k]);
         let half = sub(hi, centre);
@@ -40,7 +40,7 @@ impl<'a> Generator<'a> {
     }
 
     /// Rays to edges and vertices start half from outside and half from within the bounds.
-    pub(super) fn ray(&self, aim: Aim, number: u64) -> Ray {
+    pub(crate) fn ray(&self, aim: Aim, number: u64) -> Ray {
         let draw = |k: u64| unit(SEED, &[aim as u64, number, k]);
         let on_sphere = self.on_sphere(aim, number, 0);
         if aim == Aim::Random {

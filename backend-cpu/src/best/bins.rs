@@ -12,6 +12,7 @@ use super::cost::{Best, Cell, Costs, LOWER, Split};
 use super::ledger::Ledger;
 use super::sweep::{Event, Face, event, sweep};
 use super::wide::for_every_set;
+use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
 /// Most bins of an axis; a power of two.
@@ -92,6 +93,7 @@ pub(super) fn best_split(
     limit: f64,
     bins: &mut Bins,
     ledger: &Ledger,
+    look: &Lookout<'_>,
 ) -> Result<Option<Split>, BuildError> {
     let count = (references.len() / PER_BIN).next_power_of_two().clamp(LEAST, MOST);
     let grid = Grid::new(cell, count);
@@ -104,13 +106,16 @@ pub(super) fn best_split(
             .par_chunks(CHUNK)
             .map(|chunk| {
                 let mut faces = [[0; MOST]; 8];
-                count_faces(set, &grid, chunk, &mut faces);
+                if !look.worked(chunk.len() as u64) {
+                    count_faces(set, &grid, chunk, &mut faces);
+                }
                 faces
             })
             .reduce(|| [[0; MOST]; 8], sum);
     } else {
         count_faces(set, &grid, references, &mut bins.faces);
     }
+    look.check()?;
     let events = bound(set, bins, costs, cell, &grid, references.len() as u32, limit);
     if bins.open.is_empty() {
         return Ok(None);
@@ -127,18 +132,23 @@ pub(super) fn best_split(
             .map(|chunk| {
                 let mut found = Vec::new();
                 ledger.reserve(&mut found, chunk.len())?;
-                in_open_bins(set, &grid, chunk, ends, &mut found);
+                if !look.worked(chunk.len() as u64) {
+                    in_open_bins(set, &grid, chunk, ends, &mut found);
+                }
                 Ok(found)
             })
             .collect::<Result<_, BuildError>>()?;
         for list in found {
-            gather(set, &grid, &list, &mut bins.ends, &mut bins.events);
+            if !look.worked(list.len() as u64) {
+                gather(set, &grid, &list, &mut bins.ends, &mut bins.events);
+            }
             ledger.give((list.capacity() * size_of::<Reference>()) as u64);
         }
     } else {
         gather(set, &grid, references, &mut bins.ends, &mut bins.events);
     }
-    Ok(bins.search(costs, cell, limit))
+    look.check()?;
+    Ok(bins.search(costs, cell, limit, look))
 }
 
 fn sum(mut one: Faces, other: Faces) -> Faces {
@@ -222,7 +232,13 @@ impl Bins {
 
     /// Sweeps the open bins, the most promising one first, as long as they may hold something better.
     #[inline(always)]
-    fn search(&mut self, costs: &Costs, cell: &Cell, limit: f64) -> Option<Split> {
+    fn search(
+        &mut self,
+        costs: &Costs,
+        cell: &Cell,
+        limit: f64,
+        look: &Lookout<'_>,
+    ) -> Option<Split> {
         let mut best = Best::below(limit);
         let mut first = 0;
         for (i, open) in self.open.iter().enumerate() {
@@ -234,6 +250,9 @@ impl Bins {
         for open in &self.open {
             if open.least > best.cost {
                 continue;
+            }
+            if look.is_over() {
+                break;
             }
             let (axis, bin) = (open.axis as usize, open.bin as usize);
             let events = &mut self.events[open.first as usize..self.ends[axis][bin] as usize];

@@ -3,6 +3,7 @@
 use splitplane_core::backend::BuildError;
 use splitplane_core::node::{Axis, KdNode, NodeKind};
 
+use crate::lookout::Lookout;
 use crate::query::WalkNode;
 
 /// A finished subtree.
@@ -101,18 +102,22 @@ impl Built {
     }
 
     /// Writes the subtree to arrays of its size, as the canonical tree has it.
-    pub fn emit(&self, nodes: &mut [KdNode], references: &mut [u32]) {
-        self.emit_at(nodes, references, 0, 0);
+    pub fn emit(&self, look: &Lookout<'_>, nodes: &mut [KdNode], references: &mut [u32]) {
+        self.emit_at(look, nodes, references, 0, 0);
     }
 
     /// Writes the subtree to arrays of its size, which begin at these indices of the tree.
     fn emit_at(
         &self,
+        look: &Lookout<'_>,
         nodes: &mut [KdNode],
         references: &mut [u32],
         first_node: u32,
         first_reference: u32,
     ) {
+        if look.is_over() {
+            return;
+        }
         match self {
             Built::Whole(subtree) => {
                 references.copy_from_slice(&subtree.references);
@@ -126,8 +131,11 @@ impl Built {
                         }
                     };
                 }
+                look.advance(nodes.len() as u64);
+                look.worked((nodes.len() + references.len()) as u64 / 2);
             }
             Built::Split(parts) => {
+                look.advance(1);
                 let (left_nodes, left_references) = (parts.left.nodes(), parts.left.references());
                 let Some((root, nodes)) = nodes.split_first_mut() else { return };
                 let right_node = first_node + 1 + left_nodes as u32;
@@ -136,8 +144,8 @@ impl Built {
                 let (references, far) = references.split_at_mut(left_references as usize);
                 let right_reference = first_reference + left_references as u32;
                 rayon::join(
-                    || parts.left.emit_at(nodes, references, first_node + 1, first_reference),
-                    || parts.right.emit_at(far_nodes, far, right_node, right_reference),
+                    || parts.left.emit_at(look, nodes, references, first_node + 1, first_reference),
+                    || parts.right.emit_at(look, far_nodes, far, right_node, right_reference),
                 );
             }
         }

@@ -47,8 +47,10 @@ mod wide;
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::Counter;
+use splitplane_core::watch::Stage;
 
 use crate::buffers::{Buffers, Memory};
+use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 use cost::Costs;
 use ledger::Ledger;
@@ -57,16 +59,21 @@ use top::Builder;
 
 pub(crate) use top::Scratch;
 
+/// References copied between two looks at the watch.
+const PIECE: usize = 1 << 13;
+
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.
 ///
 /// # Errors
-/// More memory than the limit allows, or more nodes or references than the format can address.
+/// More memory than the limit allows, more nodes or references than the format can address, or a build
+/// that was cancelled.
 pub(crate) fn build(
     config: &BuildConfig,
     set: InstructionSet,
     buffers: &mut Buffers,
     memory: &mut Memory,
+    look: &Lookout<'_>,
 ) -> Result<(usize, usize), BuildError> {
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let ledger = Ledger::new(*memory);
@@ -78,18 +85,31 @@ pub(crate) fn build(
             triangles: &buffers.triangles,
             ledger: &ledger,
             scratch: &buffers.best,
+            look,
         };
         let count = references as u32;
         let root = Node::root(buffers.root_bounds, u64::from(config.reference_cap(count)));
+        // The shares of the leaves add up to the root's.
+        look.begin(Stage::Offline, root.budget);
         let mut list = builder.list(references)?;
-        list[..references].copy_from_slice(&buffers.references[..references]);
+        let pieces = list.chunks_mut(PIECE).zip(buffers.references[..references].chunks(PIECE));
+        for (list, references) in pieces {
+            list[..references.len()].copy_from_slice(references);
+            look.worked(references.len() as u64);
+        }
+        look.check()?;
         builder.build(list, references, &root)?.0
     };
+    look.finish();
+    look.check()?;
     *memory = ledger.close();
     let (nodes, references) = built.check_size()?;
-    memory.grow(&mut buffers.nodes, nodes)?;
-    memory.grow(&mut buffers.leaf_references, references)?;
-    built.emit(&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    look.begin(Stage::Output, nodes as u64);
+    memory.grow_watched(&mut buffers.nodes, nodes, look)?;
+    memory.grow_watched(&mut buffers.leaf_references, references, look)?;
+    built.emit(look, &mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    look.finish();
+    look.check()?;
     // What has been emitted is dropped here.
     memory.held -= built.bytes();
     Ok((nodes, references))

@@ -10,6 +10,7 @@ use super::bins::{self, Bins};
 use super::cost::{Best, Cell, Costs, Split};
 use super::ledger::Ledger;
 use super::small;
+use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
 /// A node besides its references.
@@ -70,6 +71,7 @@ impl Node {
         references: &[Reference],
         bins: &mut Bins,
         ledger: &Ledger,
+        look: &Lookout<'_>,
     ) -> Result<Option<Decision>, BuildError> {
         let count = references.len() as u32;
         if count == 0
@@ -87,7 +89,7 @@ impl Node {
             if references.len() <= small::MOST {
                 Ok(small::best_split(set, costs, cell, references, limit))
             } else {
-                bins::best_split(set, costs, cell, references, limit, bins, ledger)
+                bins::best_split(set, costs, cell, references, limit, bins, ledger, look)
             }
         };
         // What does not pay need not be found where it is not tried.

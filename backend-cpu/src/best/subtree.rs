@@ -17,6 +17,9 @@ pub(super) struct Stack {
     pub top: usize,
 }
 
+/// Work between two looks at the watch, in references of nodes that are decided.
+const WORK: usize = 2048;
+
 /// Scratch of one thread. A node's references are on top of one stack. What goes right stays there, what
 /// goes left goes to the top of the other: so nothing is held but the lists of nodes that wait.
 #[derive(Debug, Default)]
@@ -27,6 +30,8 @@ pub(super) struct Worker {
     pub nodes: Vec<KdNode>,
     /// References of their leaves.
     pub references: Vec<u32>,
+    /// Work since the watch was asked last, in references looked at.
+    work: usize,
 }
 
 impl Worker {
@@ -49,6 +54,7 @@ impl Worker {
     ) -> Result<f64, BuildError> {
         let top = self.stacks[stack].top;
         let count = top - first;
+        self.look_up(builder, count)?;
         let cell = Cell::new(&builder.costs, &node.cell);
         let leaf = builder.costs.leaf(cell.area, count as u32);
         let references = &self.stacks[stack].references[first..top];
@@ -61,6 +67,7 @@ impl Worker {
             builder.ledger.reserve(&mut self.references, count)?;
             self.references.extend(references.iter().map(|reference| reference.triangle));
             self.stacks[stack].top = first;
+            builder.look.advance(node.budget);
             return Ok(leaf);
         };
         let split = decision.split;
@@ -97,6 +104,21 @@ impl Worker {
         let count = union(&mut self.references, first_reference);
         self.nodes.push(KdNode::leaf(first_reference as u32, count));
         Ok(leaf)
+    }
+}
+
+impl Worker {
+    /// Asks the watch after some work.
+    #[inline]
+    fn look_up(&mut self, builder: &Builder<'_>, references: usize) -> Result<(), BuildError> {
+        self.work += references + 1;
+        if self.work < WORK {
+            return Ok(());
+        }
+        // Every plane is held against every reference, or nearly.
+        builder.look.worked(4 * self.work as u64);
+        self.work = 0;
+        builder.look.check()
     }
 }
 

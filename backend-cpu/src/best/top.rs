@@ -18,6 +18,7 @@ use super::ledger::Ledger;
 use super::node::{Decision, Node};
 use super::partition::partition;
 use super::subtree::{Worker, union};
+use crate::lookout::{self, Lookout};
 use crate::query::InstructionSet;
 
 /// A node of at most this many references is one task.
@@ -52,6 +53,7 @@ pub(super) struct Builder<'a> {
     pub triangles: &'a [Triangle],
     pub ledger: &'a Ledger,
     pub scratch: &'a Scratch,
+    pub look: &'a Lookout<'a>,
 }
 
 impl Builder<'_> {
@@ -68,7 +70,8 @@ impl Builder<'_> {
     pub fn lengthen(&self, list: &mut Vec<Reference>, references: usize) -> Result<(), BuildError> {
         if list.len() < references {
             self.ledger.reserve(list, references - list.len())?;
-            list.resize(references, Reference::zeroed());
+            lookout::resize(self.look, list, references, &Reference::zeroed());
+            self.look.check()?;
         }
         Ok(())
     }
@@ -81,7 +84,7 @@ impl Builder<'_> {
         references: &[Reference],
         bins: &mut Bins,
     ) -> Result<Option<Decision>, BuildError> {
-        node.decide(&self.costs, self.set, cell, references, bins, self.ledger)
+        node.decide(&self.costs, self.set, cell, references, bins, self.ledger, self.look)
     }
 
     fn recycle(&self, list: Vec<Reference>) {
@@ -127,7 +130,9 @@ impl Builder<'_> {
         let leaf = self.costs.leaf(cell.area, count as u32);
         let decision =
             self.with_worker(|worker| self.decide(node, &cell, &list[..count], &mut worker.bins))?;
+        self.look.check()?;
         let Some(decision) = decision else {
+            self.look.advance(node.budget);
             let mut all = Vec::new();
             self.ledger.reserve(&mut all, count)?;
             all.extend(list[..count].iter().map(|reference| reference.triangle));
@@ -137,6 +142,7 @@ impl Builder<'_> {
         let split = decision.split;
         let mut left = self.list(count)?;
         let counts = self.partition(&node.cell, &split, &mut list[..count], &mut left[..count]);
+        self.look.check()?;
         let [below, above] = node.children(&decision, counts);
         let (left, right) = rayon::join(
             || self.build(left, counts[0], &below),
@@ -170,11 +176,20 @@ impl Builder<'_> {
         let counts: Vec<[usize; 2]> = references
             .par_chunks_mut(CHUNK)
             .zip(left.par_chunks_mut(CHUNK))
-            .map(|(chunk, left)| partition(self.clip, self.triangles, cell, split, chunk, left))
+            .map(|(chunk, left)| {
+                // Clipping some of them takes as long as moving a few times as many.
+                if self.look.worked(2 * chunk.len() as u64) {
+                    return [0; 2];
+                }
+                partition(self.clip, self.triangles, cell, split, chunk, left)
+            })
             .collect();
         // Close the gaps between the chunks.
         let mut ends = [0; 2];
         for (chunk, counts) in counts.iter().enumerate() {
+            if self.look.worked(CHUNK as u64) {
+                break;
+            }
             let first = chunk * CHUNK;
             for (list, side) in [(&mut *left, 0), (&mut *references, 1)] {
                 list.copy_within(first..first + counts[side], ends[side]);

@@ -11,9 +11,11 @@ use splitplane_core::config::MAX_BINS;
 use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     bins: u32,
     chunks: &[Chunk],
     node_bounds: &[Aabb],
@@ -21,6 +23,9 @@ pub fn run<A: Arithmetic>(
     chunk_bins: &mut [ChunkBins],
 ) {
     chunks.par_iter().zip(chunk_bins).with_min_len(GRAIN).for_each(|(chunk, out)| {
+        if look.worked(u64::from(chunk.count)) {
+            return;
+        }
         let tight = &node_bounds[chunk.node as usize];
         let (first, count) = (chunk.first as usize, chunk.count as usize);
         let references = &references[first..first + count];

@@ -19,6 +19,7 @@ use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::sah::Extents;
 use splitplane_core::split::{Rank, SplitPlane, goes_left, goes_right, strictly_inside};
 
+use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
 /// Roots of one task. Their subtrees share two vectors.
@@ -42,6 +43,7 @@ impl Subtrees {
 
 /// Runs the kernel. `subtrees` holds one element for each [`BATCH`] roots.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     config: &BuildConfig,
     set: InstructionSet,
     roots: &[SmallRoot],
@@ -50,18 +52,27 @@ pub fn run<A: Arithmetic>(
     subtrees: &mut [Subtrees],
 ) {
     roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).for_each(
-        |((roots, sizes), out)| match set {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the executor holds only sets that the processor has.
-            InstructionSet::Avx512 => unsafe {
-                batch_16::<A>(config, roots, references, sizes, out);
-            },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            InstructionSet::Avx2 => unsafe {
-                batch_8::<A>(config, roots, references, sizes, out);
-            },
-            _ => batch::<A, Loops>(config, roots, references, sizes, out),
+        |((roots, sizes), out)| {
+            if look.is_over() {
+                return;
+            }
+            let count = roots.len() as u64;
+            match set {
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: the executor holds only sets that the processor has.
+                InstructionSet::Avx512 => unsafe {
+                    batch_16::<A>(config, roots, references, sizes, out);
+                },
+                #[cfg(target_arch = "x86_64")]
+                // SAFETY: as above.
+                InstructionSet::Avx2 => unsafe {
+                    batch_8::<A>(config, roots, references, sizes, out);
+                },
+                _ => batch::<A, Loops>(config, roots, references, sizes, out),
+            }
+            look.advance(count);
+            // A root takes some tens of microseconds.
+            look.worked(256 * count);
         },
     );
 }

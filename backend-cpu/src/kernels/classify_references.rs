@@ -10,9 +10,11 @@ use splitplane_core::split::{goes_left, goes_right};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     clipped: bool,
     chunks: &[Chunk],
     decisions: &[Decision],
@@ -23,6 +25,9 @@ pub fn run<A: Arithmetic>(
 ) {
     chunks.par_iter().zip(reference_sides).zip(chunk_counts).with_min_len(GRAIN).for_each(
         |((chunk, sides), counts)| {
+            if look.worked(u64::from(chunk.count)) {
+                return;
+            }
             let decision = &decisions[chunk.node as usize];
             let (first, count) = (chunk.first as usize, chunk.count as usize);
             if decision.axis == Decision::TRANSFER {

@@ -8,10 +8,12 @@ use splitplane_core::layout::{Extent, SmallRoot};
 use splitplane_core::node::{KdNode, NodeKind};
 
 use super::build_small::{BATCH, Subtrees};
+use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
 /// Runs the kernel.
 pub fn run(
+    look: &Lookout<'_>,
     roots: &[SmallRoot],
     sizes: &[Extent],
     subtrees: &[Subtrees],
@@ -23,6 +25,9 @@ pub fn run(
     let leaf_references = Scatter::new(leaf_references);
     roots.par_chunks(BATCH).zip(sizes.par_chunks(BATCH)).zip(subtrees).for_each(
         |((roots, sizes), subtrees)| {
+            if look.is_over() {
+                return;
+            }
             let (mut node, mut reference) = (0, 0);
             for (root, size) in roots.iter().zip(sizes) {
                 let address = addresses[root.node as usize];
@@ -47,6 +52,8 @@ pub fn run(
                 .copy_from_slice(&subtrees.references[reference..next_reference]);
                 (node, reference) = (next_node, next_reference);
             }
+            look.advance(roots.len() as u64);
+            look.worked((node + reference) as u64 / 2);
         },
     );
 }

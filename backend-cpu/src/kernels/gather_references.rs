@@ -9,14 +9,23 @@ use splitplane_core::layout::{Reference, Sides};
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
 /// Runs the kernel. `references` is as long as there are triangles kept.
-pub fn run(triangles: &[Triangle], chunk_counts: &[Sides], references: &mut [Reference]) {
+pub fn run(
+    look: &Lookout<'_>,
+    triangles: &[Triangle],
+    chunk_counts: &[Sides],
+    references: &mut [Reference],
+) {
     let kept = references.len();
     let references = Scatter::new(references);
     triangles.par_chunks(CHUNK as usize).enumerate().with_min_len(GRAIN).for_each(
         |(chunk, triangles)| {
+            if look.is_over() {
+                return;
+            }
             let first = chunk_counts[chunk].left as usize;
             let end = chunk_counts.get(chunk + 1).map_or(kept, |next| next.left as usize);
             // SAFETY: the scan gives each chunk a range of its own.
@@ -29,6 +38,8 @@ pub fn run(triangles: &[Triangle], chunk_counts: &[Sides], references: &mut [Ref
                     *reference = Reference::new(&Aabb::of_points(corners), index as u32);
                 }
             }
+            look.advance(triangles.len() as u64);
+            look.worked(triangles.len() as u64);
         },
     );
 }

@@ -10,6 +10,7 @@ use splitplane_core::layout::{Chunk, ChunkBounds, ChunkSides, Decision, Referenc
 use splitplane_core::triangle::{Triangle, clip};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
 /// What the kernel reads.
@@ -35,6 +36,7 @@ pub struct Inputs<'a> {
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     inputs: &Inputs<'_>,
     next_references: &mut [Reference],
     small_references: &mut [Reference],
@@ -50,6 +52,9 @@ pub fn run<A: Arithmetic>(
         .zip(chunk_bounds)
         .with_min_len(GRAIN)
         .for_each(|(((chunk, sides), offsets), bounds)| {
+            if look.worked(2 * u64::from(chunk.count)) {
+                return;
+            }
             let decision = &inputs.decisions[chunk.node as usize];
             let (first, count) = (chunk.first as usize, chunk.count as usize);
             let references = &inputs.references[first..first + count];

@@ -13,9 +13,11 @@ use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
 use splitplane_core::split::{SplitPlane, spatial_median};
 
 use super::split_large::cut_empty_space;
+use crate::lookout::Lookout;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     config: &BuildConfig,
     active: &[LargeNode],
     node_bounds: &[Aabb],
@@ -23,7 +25,12 @@ pub fn run<A: Arithmetic>(
     decisions: &mut [Decision],
 ) {
     active.par_iter().zip(node_bounds).zip(decisions).with_min_len(4).for_each(
-        |((node, tight), decision)| *decision = decide::<A>(config, node, tight, chunk_bins),
+        |((node, tight), decision)| {
+            // A chunk's bins take about as long as a quarter of its references.
+            if !look.worked(u64::from(node.count / 4)) {
+                *decision = decide::<A>(config, node, tight, chunk_bins);
+            }
+        },
     );
 }
 

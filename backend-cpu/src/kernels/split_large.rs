@@ -9,12 +9,14 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Decision, LargeNode, Reference, Sides};
-use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep, spatial_median};
+use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep_while, spatial_median};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
+    look: &Lookout<'_>,
     config: &BuildConfig,
     active: &[LargeNode],
     node_bounds: &[Aabb],
@@ -22,11 +24,16 @@ pub fn run<A: Arithmetic>(
     decisions: &mut [Decision],
 ) {
     active.par_iter().zip(node_bounds).zip(decisions).with_min_len(GRAIN).for_each(
-        |((node, tight), decision)| *decision = decide::<A>(config, node, tight, references),
+        |((node, tight), decision)| {
+            if !look.worked(4) {
+                *decision = decide::<A>(look, config, node, tight, references);
+            }
+        },
     );
 }
 
 fn decide<A: Arithmetic>(
+    look: &Lookout<'_>,
     config: &BuildConfig,
     node: &LargeNode,
     tight: &Aabb,
@@ -39,7 +46,7 @@ fn decide<A: Arithmetic>(
     } else {
         // That the median does not separate does not mean that no plane does.
         let mine = &references[node.first as usize..(node.first + node.count) as usize];
-        sampled_sweep::<A>(&cell, mine)
+        sampled_sweep_while::<A>(&cell, mine, |work| !look.worked(work))
     };
     if let Some(SplitPlane { axis, position }) = plane {
         decision.axis = axis as u32;

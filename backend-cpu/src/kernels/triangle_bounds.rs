@@ -11,9 +11,11 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
+use crate::lookout::Lookout;
 
 /// Runs the kernel.
 pub fn run(
+    look: &Lookout<'_>,
     mesh: &Mesh<'_>,
     triangles: &mut [Triangle],
     chunk_counts: &mut [Sides],
@@ -26,6 +28,9 @@ pub fn run(
         .enumerate()
         .with_min_len(GRAIN)
         .for_each(|(chunk, ((triangles, counts), bounds))| {
+            if look.is_over() {
+                return;
+            }
             let mut kept = Aabb::EMPTY;
             *counts = Sides::default();
             for (offset, triangle) in triangles.iter_mut().enumerate() {
@@ -38,5 +43,7 @@ pub fn run(
                 }
             }
             *bounds = ChunkBounds { sides: [kept, Aabb::EMPTY] };
+            look.advance(triangles.len() as u64);
+            look.worked(triangles.len() as u64);
         });
 }

@@ -1,10 +1,11 @@
 //! The layout that queries read: nodes whose leaves name blocks of corner copies.
 
 use rayon::prelude::*;
-use splitplane_core::node::NodeKind;
+use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 
+use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::scatter::Scatter;
 
 /// Triangles of a full block: the widest triangle test.
@@ -15,6 +16,9 @@ pub(crate) const ROWS: usize = 10;
 const UNIT: usize = 8;
 /// Words behind the last block that a wide load may read.
 const TAIL: usize = BLOCK;
+
+/// Nodes looked through at a time.
+const PIECE: usize = 1 << 15;
 
 /// A node as queries read it, 8 bytes in preorder like the canonical ones: the axis in bits 0 and 1 of
 /// the second word (3 for a leaf), in bits 2 and 3 whether the left and the right child are empty
@@ -96,24 +100,39 @@ fn leaf_words(count: usize) -> usize {
 impl Blocks {
     /// Bytes of the layout of a tree.
     pub(crate) fn bytes_for(tree: &KdTreeView<'_>) -> u64 {
-        let mut words = TAIL;
-        for node in tree.nodes {
-            if let NodeKind::Leaf { count, .. } = node.kind() {
-                words += leaf_words(count as usize);
-            }
-        }
+        let words = |nodes: &[KdNode]| {
+            let words = |node: &KdNode| match node.kind() {
+                NodeKind::Leaf { count, .. } => leaf_words(count as usize),
+                NodeKind::Interior { .. } => 0,
+            };
+            nodes.iter().map(words).sum::<usize>()
+        };
+        let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
         (tree.nodes.len() * size_of::<WalkNode>() + words * size_of::<f32>()) as u64
     }
 
     /// Makes the layout of a tree from the snapped corners of its triangles.
     pub fn new(tree: &KdTreeView<'_>, triangles: &[Triangle]) -> Blocks {
+        Blocks::watched(tree, triangles, &UNWATCHED)
+    }
+
+    /// As [`Blocks::new`]; of no use when the lookout has ended it.
+    pub(crate) fn watched(
+        tree: &KdTreeView<'_>,
+        triangles: &[Triangle],
+        look: &Lookout<'_>,
+    ) -> Blocks {
         let mut blocks = Blocks { nodes: Vec::new(), words: Vec::new(), leaves: Vec::new() };
-        blocks.fill(tree, triangles);
+        blocks.refill(tree, triangles, look);
         blocks
     }
 
     /// Makes the layout of another tree in the same memory.
     pub fn fill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle]) {
+        self.refill(tree, triangles, &UNWATCHED);
+    }
+
+    fn refill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) {
         let Blocks { nodes, words, leaves } = self;
         nodes.clear();
         nodes.reserve_exact(tree.nodes.len());
@@ -122,6 +141,9 @@ impl Blocks {
         let is_empty =
             |node: u32| matches!(tree.nodes[node as usize].kind(), NodeKind::Leaf { count: 0, .. });
         for (index, node) in tree.nodes.iter().enumerate() {
+            if index % PIECE == 0 && look.worked(PIECE as u64 / 4) {
+                return;
+            }
             nodes.push(match node.kind() {
                 NodeKind::Interior { axis, split, right } => {
                     let mut tagged = right << WalkNode::SHIFT | axis as u32;
@@ -143,10 +165,18 @@ impl Blocks {
                 }
             });
         }
+        look.advance(tree.nodes.len() as u64);
         words.clear();
-        words.resize(end + TAIL, 0.0);
+        words.reserve(end + TAIL);
+        lookout::resize(look, words, end + TAIL, &0.0);
+        if look.is_over() {
+            return;
+        }
         let out = Scatter::new(words);
         leaves.par_iter().with_min_len(64).for_each(|&(start, first, count)| {
+            if look.worked(2 * u64::from(count)) {
+                return;
+            }
             let size = leaf_words(count as usize);
             // SAFETY: leaves follow each other without overlap.
             let mut words = unsafe { out.part(start, size) };
@@ -162,6 +192,7 @@ impl Blocks {
                 }
                 words = rest;
             }
+            look.advance(u64::from(count));
         });
     }
 

@@ -1,17 +1,46 @@
-//! One ray at a time, exactly: the reference traversal of accuracy `exact` over blocks.
+//! One ray at a time, exactly: the reference traversal of accuracy `exact` over blocks, in `f64`, and
+//! the fast way for the rays that it serves.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::all_hits::{Collector, Crossing};
+use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::{Best, ExactRay, Walker};
+use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::{Blocks, WalkNode};
+use super::leaf::InstructionSet;
+use super::sieve::ExactLane;
+use super::single;
 
 /// The exact closest hit of a ray, or any hit.
-pub(crate) fn trace(
+///
+/// # Safety
+/// The processor must have `set`.
+pub(crate) unsafe fn trace(
+    set: InstructionSet,
+    blocks: &Blocks,
+    scene: &SceneScale,
+    ray: &Ray,
+    options: &QueryOptions,
+    query: Query,
+) -> Hit {
+    let Some(prepared) = PreparedRay::new::<Strict>(ray, scene) else { return Hit::MISS };
+    let Some(mut exact) = ExactLane::new(ray, &prepared, &scene.bounds) else { return Hit::MISS };
+    if !exact.is_ordinary(&prepared) {
+        return trace_in_f64(blocks, &scene.bounds, ray, options, query);
+    }
+    let Some(interval) = prepared.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
+    // SAFETY: the caller's contract.
+    unsafe { single::trace(set, blocks, &prepared, interval, options, query, Some(&mut exact)) };
+    exact.hit(query)
+}
+
+/// The same in `f64` from the root on, for rays of all kinds.
+pub(crate) fn trace_in_f64(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,
@@ -25,7 +54,8 @@ pub(crate) fn trace(
     best.hit()
 }
 
-/// All crossings of a ray, added to `out`; `collector` is kept between rays.
+/// All crossings of a ray, added to `out`; `collector` is kept between rays. `go_on` is asked every few hundred
+/// triangles; after a no, what is added is of no use.
 pub(crate) fn all_hits(
     blocks: &Blocks,
     bounds: &Aabb,
@@ -33,10 +63,10 @@ pub(crate) fn all_hits(
     options: &QueryOptions,
     collector: &mut Collector,
     out: &mut Vec<Crossing>,
+    mut go_on: impl FnMut(&mut Collector) -> bool,
 ) {
     visit(blocks, bounds, ray, options, |ray, corners, triangle| {
-        collector.test(ray, corners, triangle, options.culling);
-        f64::INFINITY
+        collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
     });
     collector.finish(out);
 }

@@ -10,13 +10,15 @@ use core::cell::RefCell;
 
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::{Blocks, WalkNode};
-use super::leaf::InstructionSet;
+use super::exact;
+use super::leaf::{InstructionSet, Sifted};
 use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, prepare_one};
+use super::sieve::ExactLane;
 use super::single::{self, Best, test_leaf};
 
 /// Groups in flight.
@@ -76,6 +78,10 @@ struct Group {
     idle: __mmask16,
     best: [Best; LANES],
     ray: [PreparedRay; LANES],
+    /// The rays of accuracy `exact`, and what they hit.
+    exact: [ExactLane; LANES],
+    /// Room for the wide test.
+    sifted: Sifted,
     /// Place of each lane's ray in the batch; `usize::MAX` for none.
     index: [usize; LANES],
     /// The stacks, lane after lane, and four entries that nobody reads.
@@ -119,6 +125,8 @@ impl Group {
             idle: u16::MAX,
             best: [Best::NONE; LANES],
             ray: [ray; LANES],
+            exact: [ExactLane::idle(); LANES],
+            sifted: Sifted::new(),
             index: [usize::MAX; LANES],
             stack: [nothing; LANES * STACK + 4],
         }
@@ -245,7 +253,8 @@ impl Source<'_> {
             self.next += chunk.len();
             for lane in 0..chunk.len() {
                 let ready = &self.ready;
-                if ready.special[lane] != 0 {
+                let shifted = options.accuracy == Accuracy::Exact && ready.shifted[lane] != 0;
+                if ready.special[lane] != 0 || shifted {
                     let hit = self.trace_one(&chunk[lane], options, query);
                     answer(start + lane, hit);
                 } else if ready.alive[lane] != 0 && ready.enter[lane] <= ready.exit[lane] {
@@ -258,7 +267,9 @@ impl Source<'_> {
             if unsafe { Packet::is_worthwhile(&self.ready, self.left, self.scene) } {
                 let (rays, ready) = (self.left, &self.ready);
                 // SAFETY: the instruction set, by contract; worthwhile packets are of one octant.
-                let hits = unsafe { self.packet.trace(self.blocks, ready, rays, options, query) };
+                let hits = unsafe {
+                    self.packet.trace(self.blocks, self.scene, chunk, ready, rays, options, query)
+                };
                 while self.left != 0 {
                     let lane = take_lane(&mut self.left);
                     answer(start + lane, hits[lane]);
@@ -272,11 +283,14 @@ impl Source<'_> {
 
     #[cold]
     fn trace_one(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+        if options.accuracy == Accuracy::Exact {
+            return exact::trace_in_f64(self.blocks, &self.scene.bounds, ray, options, query);
+        }
         let Some((ray, interval)) = prepare_one(ray, self.scene) else { return Hit::MISS };
         // SAFETY: every processor has the portable set.
         unsafe {
             let set = InstructionSet::Portable;
-            single::trace(set, self.blocks, &ray, interval, options, query)
+            single::trace(set, self.blocks, &ray, interval, options, query, None)
         }
     }
 }
@@ -581,9 +595,17 @@ impl Group {
             let lane = take_lane(&mut rest);
             let leaf = blocks.leaf(self.leaf_first.0[lane], self.leaf_count.0[lane]);
             let best = &mut self.best[lane];
-            let ray = &self.ray[lane];
+            let (ray, set) = (&self.ray[lane], InstructionSet::Avx512);
             // SAFETY: the instruction set, by contract; wide rays get no lane.
-            if unsafe { test_leaf(InstructionSet::Avx512, ray, leaf, options, query, best) } {
+            let answered = unsafe {
+                if options.accuracy == Accuracy::Exact {
+                    let exact = &mut self.exact[lane];
+                    exact.test_leaf(set, ray, leaf, options, query, &mut best.stop)
+                } else {
+                    test_leaf(set, ray, leaf, options, query, &mut self.sifted, best)
+                }
+            };
+            if answered {
                 // Answered: nothing left to visit.
                 self.depth.0[lane] = 0;
             }
@@ -609,7 +631,9 @@ impl Group {
         while rest != 0 {
             let lane = take_lane(&mut rest);
             if self.index[lane] != usize::MAX {
-                answer(self.index[lane], self.best[lane].hit);
+                let exact = options.accuracy == Accuracy::Exact;
+                let hit = if exact { self.exact[lane].hit(query) } else { self.best[lane].hit };
+                answer(self.index[lane], hit);
                 self.index[lane] = usize::MAX;
             }
             // SAFETY: the instruction set, by contract.
@@ -639,6 +663,12 @@ impl Group {
             self.best[lane] = Best::NONE;
             self.ray[lane] = ready.ray(from);
             self.index[lane] = index;
+            if options.accuracy == Accuracy::Exact {
+                let (ray, bounds) = (&source.rays[index], &source.scene.bounds);
+                // Rays that can hit nothing are not handed out.
+                let exact = ExactLane::new(ray, &self.ray[lane], bounds);
+                self.exact[lane] = exact.unwrap_or(ExactLane::idle());
+            }
             self.idle &= !bit;
             self.stepping |= bit;
         }

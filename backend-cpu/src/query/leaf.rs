@@ -2,12 +2,12 @@
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::intersect::{
-    Candidate, EDGE_LEAST, PreparedRay, moeller_trumbore, watertight,
+    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay, moeller_trumbore, watertight,
 };
-use splitplane_core::ray::{Accuracy, QueryOptions};
+use splitplane_core::ray::{Accuracy, Culling, QueryOptions};
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Block;
+use super::blocks::{BLOCK, Block};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -83,8 +83,46 @@ pub(crate) fn decide(
     }
 }
 
-/// Bits of the triangles of a block that the reference test may accept at an inner `t` of at most
-/// `limit`: those it accepts, and few others. The ray must not be wide.
+/// What the wide test says of the triangles of a block, as bits.
+#[repr(C, align(64))]
+pub(crate) struct Sifted {
+    /// Those that the reference test accepts; the numbers below are what it gives.
+    pub met: u32,
+    /// Those that it may accept: for it to decide.
+    pub unclear: u32,
+    /// Inner `t`.
+    t: [f32; BLOCK],
+    /// Weight of the second corner.
+    u: [f32; BLOCK],
+    /// Weight of the third corner.
+    v: [f32; BLOCK],
+}
+
+impl Sifted {
+    /// Nothing met.
+    #[inline(always)]
+    pub fn new() -> Sifted {
+        Sifted { met: 0, unclear: 0, t: [0.0; BLOCK], u: [0.0; BLOCK], v: [0.0; BLOCK] }
+    }
+
+    /// Where the ray meets a triangle of these, by the reference test or as that would say.
+    #[inline(always)]
+    pub fn candidate(
+        &self,
+        ray: &PreparedRay,
+        block: &Block<'_>,
+        index: usize,
+        options: &QueryOptions,
+    ) -> Option<Candidate> {
+        if self.met >> index & 1 != 0 {
+            return Some(Candidate { t: self.t[index], u: self.u[index], v: self.v[index] });
+        }
+        decide(ray, &block.corners(index), options)
+    }
+}
+
+/// Tests a block. Of the triangles that the reference test accepts at an inner `t` of at
+/// most `limit` none is missing; there are few others. The ray must not be wide.
 ///
 /// # Safety
 /// The processor must have `set`.
@@ -94,30 +132,32 @@ pub(crate) unsafe fn sift(
     ray: &PreparedRay,
     block: &Block<'_>,
     limit: f32,
-    accuracy: Accuracy,
-) -> u32 {
-    match (set, accuracy) {
+    options: &QueryOptions,
+    out: &mut Sifted,
+) {
+    (out.met, out.unclear) = (0, 0);
+    match (set, options.accuracy) {
         #[cfg(target_arch = "x86_64")]
         (InstructionSet::Avx512, Accuracy::Watertight) => {
             // SAFETY: the caller's contract; a block's words reach 16 behind the start of any row.
-            unsafe { x86::watertight_16(ray, block, limit) }
+            unsafe { x86::watertight_16(ray, block, limit, options.culling, out) }
         }
         #[cfg(target_arch = "x86_64")]
         (InstructionSet::Avx512, Accuracy::Fast) => {
             // SAFETY: as above.
-            unsafe { x86::fast_16(ray, block, limit) }
+            out.unclear = unsafe { x86::fast_16(ray, block, limit) };
         }
         #[cfg(target_arch = "x86_64")]
         (InstructionSet::Avx2, Accuracy::Watertight) => {
             // SAFETY: as above.
-            unsafe { x86::watertight_8(ray, block, limit) }
+            unsafe { x86::watertight_8(ray, block, limit, options.culling, out) }
         }
         #[cfg(target_arch = "x86_64")]
         (InstructionSet::Avx2, Accuracy::Fast) => {
             // SAFETY: as above.
-            unsafe { x86::fast_8(ray, block, limit) }
+            out.unclear = unsafe { x86::fast_8(ray, block, limit) };
         }
-        _ => portable(ray, block, limit, accuracy),
+        _ => out.unclear = portable(ray, block, limit, options.accuracy),
     }
 }
 
@@ -155,26 +195,34 @@ mod x86 {
     //! The same with vector instructions. Products and sums round separately, as the reference's
     //! do: no fused operation may stand here.
 
-    use super::{Block, EDGE_LEAST, PreparedRay};
+    use super::{Block, Culling, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay, Sifted};
     use core::arch::x86_64::*;
 
     macro_rules! sieves {
         ($watertight:ident, $fast:ident, $features:literal, $width:literal, $load:path, $set:path,
-         $add:path, $sub:path, $mul:path, $div:path, $min:path, $max:path, $le:expr, $and:expr,
-         $and_not_bits:expr, $bits:expr) => {
-            /// Triangles whose edges enclose the ray and whose corners reach into its limits.
+         $add:path, $sub:path, $mul:path, $div:path, $min:path, $max:path, $store:path, $abs:expr, $magnitudes:expr,
+         $where_le:expr, $le:expr, $and:expr, $and_not_bits:expr, $bits:expr) => {
+            /// Triangles whose edges enclose the ray and whose corners reach into its limits. Where there
+            /// are some, the rest of the reference test follows, but for the triangles seen at too grazing an
+            /// angle or from too near for interpolation. Of those many are let go as the reference does: the
+            /// ones that rays start on.
             ///
             /// # Safety
             /// The processor must have the instruction set, and a wide load from any row must stay
             /// within the block's words.
             #[target_feature(enable = $features)]
             #[inline]
-            pub unsafe fn $watertight(ray: &PreparedRay, block: &Block<'_>, limit: f32) -> u32 {
+            pub unsafe fn $watertight(
+                ray: &PreparedRay,
+                block: &Block<'_>,
+                limit: f32,
+                culling: Culling,
+                out: &mut Sifted,
+            ) {
                 let [kx, ky, kz] = ray.axes;
                 let (ox, oy, oz) =
                     ($set(ray.origin[kx]), $set(ray.origin[ky]), $set(ray.origin[kz]));
                 let [sx, sy, sz] = ray.shear.map(|x| $set(x));
-                let mut all = 0;
                 let mut at = 0;
                 while at < block.count {
                     let start = block.words.as_ptr();
@@ -182,30 +230,82 @@ mod x86 {
                     let row = |corner: usize, axis: usize| unsafe {
                         $load(start.add((corner * 3 + axis) * block.stride + at))
                     };
-                    let (az, bz, cz) =
-                        ($sub(row(0, kz), oz), $sub(row(1, kz), oz), $sub(row(2, kz), oz));
-                    let ax = $sub($sub(row(0, kx), ox), $mul(sx, az));
-                    let ay = $sub($sub(row(0, ky), oy), $mul(sy, az));
-                    let bx = $sub($sub(row(1, kx), ox), $mul(sx, bz));
-                    let by = $sub($sub(row(1, ky), oy), $mul(sy, bz));
-                    let cx = $sub($sub(row(2, kx), ox), $mul(sx, cz));
-                    let cy = $sub($sub(row(2, ky), oy), $mul(sy, cz));
+                    let from = |corner: usize| {
+                        let x = $sub(row(corner, kx), ox);
+                        let y = $sub(row(corner, ky), oy);
+                        let z = $sub(row(corner, kz), oz);
+                        ((x, y, z), $sub(x, $mul(sx, z)), $sub(y, $mul(sy, z)))
+                    };
+                    let ((a, ax, ay), (b, bx, by), (c, cx, cy)) = (from(0), from(1), from(2));
                     let u = $sub($mul(cx, by), $mul(cy, bx));
                     let v = $sub($mul(ax, cy), $mul(ay, cx));
                     let w = $sub($mul(bx, ay), $mul(by, ax));
                     let least = $min(u, $min(v, w));
                     let most = $max(u, $max(v, w));
-                    let (da, db, dc) = ($mul(sz, az), $mul(sz, bz), $mul(sz, cz));
+                    let (da, db, dc) = ($mul(sz, a.2), $mul(sz, b.2), $mul(sz, c.2));
                     let nearest = $min(da, $min(db, dc));
                     let farthest = $max(da, $max(db, dc));
                     let below = $le(least, $set(-EDGE_LEAST));
                     let above = $le($set(EDGE_LEAST), most);
                     let reached = $and($le($set(ray.t_min), farthest), $le(nearest, $set(limit)));
-                    let bits: u32 = $and_not_bits($and(below, above), reached);
-                    all |= bits << at;
+                    let mut bits: u32 = $and_not_bits($and(below, above), reached);
+                    // Of what follows the last triangle nothing counts.
+                    bits &= ((1u64 << (block.count - at)) - 1) as u32;
+                    if bits != 0 {
+                        let zero = $set(0.0);
+                        let counts = |x| $where_le($set(EDGE_LEAST), $abs(x), x);
+                        let (u, v, w) = (counts(u), counts(v), counts(w));
+                        let det = $add($add(u, v), w);
+                        // Within the bounds of the sheared corners.
+                        let least = $max($min(ax, $min(bx, cx)), $min(ay, $min(by, cy)));
+                        let most = $min($max(ax, $max(bx, cx)), $max(ay, $max(by, cy)));
+                        bits &= $bits($and($le(least, zero), $le(zero, most)));
+                        let (not_front, not_back) = ($bits($le(det, zero)), $bits($le(zero, det)));
+                        bits &= match culling {
+                            Culling::None => !(not_front & not_back),
+                            Culling::Back => !not_front,
+                            Culling::Front => !not_back,
+                        };
+                        let sum = $add($add($mul(u, da), $mul(v, db)), $mul(w, dc));
+                        let interpolated = $div(sum, det);
+                        let reach = $magnitudes(
+                            $magnitudes(
+                                $magnitudes($magnitudes(a.0, a.1), $magnitudes(b.0, b.1)),
+                                $magnitudes($magnitudes(c.0, c.1), $magnitudes(a.2, b.2)),
+                            ),
+                            c.2,
+                        );
+                        let width = $magnitudes(
+                            $magnitudes($magnitudes(ax, ay), $magnitudes(bx, by)),
+                            $magnitudes(cx, cy),
+                        );
+                        let disorder = $mul($mul(reach, width), $sub(farthest, nearest));
+                        let fine = $bits($le(disorder, $mul($set(8.0), $abs(sum))));
+                        let t = $min($max(interpolated, nearest), farthest);
+                        let kept = $bits($and($le($set(ray.t_min), t), $le(t, $set(limit))));
+                        if bits & !fine != 0 {
+                            let error = $mul($div(disorder, $abs(det)), $set(INTERPOLATION_ERROR));
+                            // Less than, and greater than; what is no number stays.
+                            let (low, high) = (ray.t_min.next_down(), ray.t_max.next_up());
+                            let before = $bits($le($add(interpolated, error), $set(low)));
+                            let behind = $bits($le($set(high), $sub(interpolated, error)));
+                            out.unclear |= (bits & !(fine | before | behind)) << at;
+                        }
+                        let met = bits & fine & kept;
+                        if met != 0 {
+                            out.met |= met << at;
+                            let normal = $set(f32::MIN_POSITIVE);
+                            let snapped = |x| $where_le(normal, $abs(x), x);
+                            // SAFETY: rows are as long as a block, a multiple of what is stored.
+                            unsafe {
+                                $store(out.t.as_mut_ptr().add(at), t);
+                                $store(out.u.as_mut_ptr().add(at), snapped($div(v, det)));
+                                $store(out.v.as_mut_ptr().add(at), snapped($div(w, det)));
+                            }
+                        }
+                    }
                     at += $width;
                 }
-                all & (((1u64 << block.count) - 1) as u32)
             }
 
             /// Triangles that the fast test accepts, whichever way they face.
@@ -276,6 +376,11 @@ mod x86 {
         _mm512_div_ps,
         _mm512_min_ps,
         _mm512_max_ps,
+        _mm512_storeu_ps,
+        |x| _mm512_abs_ps(x),
+        // The greater of two magnitudes.
+        |x, y| _mm512_range_ps::<0b1011>(x, y),
+        |a, b, x| _mm512_maskz_mov_ps(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b), x),
         |a, b| _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b),
         |a: u16, b: u16| a & b,
         |a: u16, b: u16| u32::from(!a & b),
@@ -295,6 +400,13 @@ mod x86 {
         _mm256_div_ps,
         _mm256_min_ps,
         _mm256_max_ps,
+        _mm256_storeu_ps,
+        |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
+        |x, y| {
+            let sign = _mm256_set1_ps(-0.0);
+            _mm256_max_ps(_mm256_andnot_ps(sign, x), _mm256_andnot_ps(sign, y))
+        },
+        |a, b, x| _mm256_and_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b), x),
         |a, b| _mm256_cmp_ps::<_CMP_LE_OQ>(a, b),
         |a, b| _mm256_and_ps(a, b),
         |a, b| _mm256_movemask_ps(_mm256_andnot_ps(a, b)) as u32,

@@ -2,7 +2,8 @@
 //!
 //! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the wide tests only sort
 //! out triangles, by the same operations in the same order, and what they let through is decided by
-//! the reference test.
+//! the reference test. In accuracy `exact` they sort out what certainly is no hit (`sieve.rs`), and the
+//! hits are those of [`splitplane_core::exact`].
 
 mod accelerator;
 mod blocks;
@@ -13,6 +14,7 @@ mod leaf;
 #[cfg(target_arch = "x86_64")]
 mod packet;
 mod prepare;
+mod sieve;
 mod single;
 
 pub use accelerator::CpuAccelerator;

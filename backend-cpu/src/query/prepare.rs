@@ -36,6 +36,8 @@ pub(crate) struct PreparedRays {
     pub alive: Lanes<u32>,
     /// 1 for a ray that the scalar code must make ready.
     pub special: Lanes<u32>,
+    /// 1 for a ray with an origin coordinate so small that it was taken as 0.
+    pub shifted: Lanes<u32>,
 }
 
 impl PreparedRays {
@@ -56,6 +58,7 @@ impl PreparedRays {
             largest: [0; LANES],
             alive: [0; LANES],
             special: [0; LANES],
+            shifted: [0; LANES],
         }
     }
 
@@ -98,6 +101,7 @@ impl PreparedRays {
         let mut alive = [1u32; LANES];
         let mut special = [u32::from(scene.wide); LANES];
         let mut largest = [0.0f32; LANES];
+        self.shifted = [0; LANES];
         for axis in 0..3 {
             for i in 0..LANES {
                 let (o, d) = (given[i].origin[axis], given[i].direction[axis]);
@@ -106,6 +110,7 @@ impl PreparedRays {
                 let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
                 special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
                 self.origin[axis][i] = if o.abs() < ORIGIN_LEAST { 0.0 } else { o };
+                self.shifted[i] |= u32::from(o.abs() < ORIGIN_LEAST) & u32::from(o != 0.0);
                 let d = snap(d);
                 self.direction[axis][i] = d;
                 largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };

@@ -7,7 +7,8 @@ use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
 use super::blocks::{Block, Blocks, WalkNode};
-use super::leaf::{InstructionSet, decide, sift};
+use super::leaf::{InstructionSet, Sifted, sift};
+use super::sieve::ExactLane;
 
 /// The best hit so far and what follows from it.
 #[derive(Clone, Copy, Debug)]
@@ -23,28 +24,31 @@ impl Best {
     pub const NONE: Best = Best { hit: Hit::MISS, stop: f32::INFINITY };
 }
 
-/// Tests the blocks of a leaf. True when the query is answered: any hit was asked for and found.
+/// Tests the blocks of a leaf, `sifted` being room for the wide test. True when the query is answered: any hit was asked for and found.
 ///
 /// # Safety
 /// The processor must have `set`.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one inner loop, cut out for reading")]
 pub(crate) unsafe fn test_leaf<'a>(
     set: InstructionSet,
     ray: &PreparedRay,
     blocks: impl Iterator<Item = Block<'a>>,
     options: &QueryOptions,
     query: Query,
+    sifted: &mut Sifted,
     best: &mut Best,
 ) -> bool {
     for block in blocks {
         let limit = ray.t_max.min(best.stop);
-        let mut bits = if ray.wide {
+        if ray.wide {
             // Such exponents call for the scaled test.
-            (1 << block.count) - 1
+            (sifted.met, sifted.unclear) = (0, (1 << block.count) - 1);
         } else {
             // SAFETY: the caller's contract.
-            unsafe { sift(set, ray, &block, limit, options.accuracy) }
-        };
+            unsafe { sift(set, ray, &block, limit, options, sifted) }
+        }
+        let mut bits = sifted.met | sifted.unclear;
         while bits != 0 {
             let index = bits.trailing_zeros() as usize;
             bits &= bits - 1;
@@ -52,7 +56,7 @@ pub(crate) unsafe fn test_leaf<'a>(
             if options.ignore == Some(triangle) {
                 continue;
             }
-            let Some(found) = decide(ray, &block.corners(index), options) else { continue };
+            let Some(found) = sifted.candidate(ray, &block, index, options) else { continue };
             let Some(t) = ray.outer_t::<Strict>(found.t) else { continue };
             let hit = Hit { t, triangle, u: found.u, v: found.v };
             if query == Query::Any {
@@ -60,14 +64,15 @@ pub(crate) unsafe fn test_leaf<'a>(
                 return true;
             }
             if hit.precedes(&best.hit) {
-                *best = Best { hit, stop: ray.stop_after(found.t) };
+                *best = Best { hit, stop: ray.stop_after(found.t, t) };
             }
         }
     }
     false
 }
 
-/// Traces one ray from the root; `interval` is that of [`PreparedRay::enter`].
+/// Traces one ray from the root; `interval` is that of [`PreparedRay::enter`]. With `exact` that
+/// decides what is hit, and has the answer in the end.
 ///
 /// # Safety
 /// The processor must have `set`.
@@ -79,10 +84,12 @@ pub(crate) unsafe fn trace(
     interval: (f32, f32),
     options: &QueryOptions,
     query: Query,
+    mut exact: Option<&mut ExactLane>,
 ) -> Hit {
     let (mut enter, mut exit) = interval;
     let back_to_front = query == Query::Any && far_end_is_solid(ray, interval);
     let mut best = Best::NONE;
+    let mut sifted = Sifted::new();
     let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
     let mut top = 0;
     let mut node = 0u32;
@@ -133,7 +140,13 @@ pub(crate) unsafe fn trace(
         } else {
             let leaf = blocks.leaf(word, tagged >> WalkNode::SHIFT);
             // SAFETY: the caller's contract.
-            if unsafe { test_leaf(set, ray, leaf, options, query, &mut best) } {
+            let answered = unsafe {
+                match exact.as_deref_mut() {
+                    Some(exact) => exact.test_leaf(set, ray, leaf, options, query, &mut best.stop),
+                    None => test_leaf(set, ray, leaf, options, query, &mut sifted, &mut best),
+                }
+            };
+            if answered {
                 return best.hit;
             }
         }

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
+use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary, go_on};
 use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
@@ -12,6 +12,7 @@ use splitplane_core::layout::{Counters, LargeNode};
 use splitplane_core::node::KdNode;
 use splitplane_core::schedule;
 use splitplane_core::tree::KdTree;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::buffers::{Buffers, readback};
 use super::capacities::Capacities;
@@ -290,6 +291,42 @@ impl PendingBuild {
         }
     }
 
+    /// As [`PendingBuild::wait`], asking `watch` meanwhile, which may end it.
+    pub(crate) fn wait_watched(mut self, watch: &dyn Watch) -> Result<DeviceBuild, BuildError> {
+        let progress = Progress { stage: Stage::Device, done: 0, total: 0 };
+        let (mut submitted, mut submissions) = (Instant::now(), self.effort.submissions);
+        loop {
+            if let Err(cancelled) = go_on(watch, progress) {
+                self.cancel();
+                return Err(cancelled);
+            }
+            if let Some(built) = self.poll()? {
+                return Ok(built);
+            }
+            let timeout = self.shared.gpu.timeout();
+            if self.effort.submissions > submissions {
+                (submitted, submissions) = (Instant::now(), self.effort.submissions);
+            } else if submitted.elapsed() > timeout {
+                return Err(GpuError::TimedOut { seconds: timeout.as_secs() }.into());
+            }
+            std::thread::sleep(BETWEEN_LOOKS);
+        }
+    }
+
+    /// Gives the build up. What was submitted runs to its end, unseen; the buffers serve the next build, whose
+    /// commands come behind those in the queue. Dropping a build gives it up too, its buffers with it.
+    pub fn cancel(mut self) {
+        let Some(buffers) = self.buffers.take() else { return };
+        // Whether it is mapped, waits to be, or neither: then there is nothing to undo, and wgpu says so.
+        let unmapped = self.shared.gpu.guard(|| buffers.readback.unmap());
+        if unmapped.is_ok() {
+            let BuildOptions { config, .. } = self.options;
+            let (capacities, levels) = (self.capacities, config.max_depth);
+            let triangles = self.capacities.triangles;
+            self.shared.keep_buffers(Pooled { buffers, capacities, triangles, config, levels });
+        }
+    }
+
     /// Reads what came back: done, or once more.
     fn look(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.effort.readbacks += 1;
@@ -395,6 +432,9 @@ impl PendingBuild {
 fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result<T, BuildError> {
     gpu.guard(work)?
 }
+
+/// Between two questions to a watch.
+const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
 
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
 /// little from frame to frame.

@@ -10,6 +10,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
+use splitplane_core::watch::Watch;
 
 use super::batch::Marked;
 use super::pipelines::Queries;
@@ -102,6 +103,51 @@ impl WgpuAccelerator {
         };
         QueryReport { undecided, flagged, unfinished }
     }
+
+    fn closest_hits_under(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<QueryReport, QueryError> {
+        let queries = &self.queries;
+        let mut marked = queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
+        if options.accuracy == Accuracy::Exact {
+            if !self.queries.is_certain() {
+                hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
+                marked = Marked::default();
+            }
+            marked.undecided = self.host_scene().settle(rays, hits, options);
+        }
+        for &ray in &marked.unfinished {
+            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+        }
+        Ok(self.report(marked, options))
+    }
+
+    fn any_hits_under(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<QueryReport, QueryError> {
+        let queries = &self.queries;
+        let mut marked = queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
+        if options.accuracy == Accuracy::Exact {
+            if !self.queries.is_certain() {
+                marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
+            }
+            if options.undecided == Undecided::Redo {
+                self.host_scene().settle_any(rays, &marked.undecided, occluded, options);
+            }
+        }
+        for &ray in &marked.unfinished {
+            occluded[ray] = self.any_hit(&rays[ray], options);
+        }
+        Ok(self.report(marked, options))
+    }
 }
 
 impl Accelerator for WgpuAccelerator {
@@ -124,18 +170,18 @@ impl Accelerator for WgpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        let mut marked = self.queries.closest_hits_marking(&self.device, rays, hits, options)?;
-        if options.accuracy == Accuracy::Exact {
-            if !self.queries.is_certain() {
-                hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
-                marked = Marked::default();
-            }
-            marked.undecided = self.host_scene().settle(rays, hits, options);
-        }
-        for &ray in &marked.unfinished {
-            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
-        }
-        Ok(self.report(marked, options))
+        self.closest_hits_under(rays, hits, options, None)
+    }
+
+    /// Asks the watch between slices and while the device works on one.
+    fn closest_hits_watched(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        self.closest_hits_under(rays, hits, options, Some(watch))
     }
 
     fn any_hits(
@@ -144,24 +190,35 @@ impl Accelerator for WgpuAccelerator {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        let mut marked = self.queries.any_hits_marking(&self.device, rays, occluded, options)?;
-        if options.accuracy == Accuracy::Exact {
-            if !self.queries.is_certain() {
-                marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
-            }
-            if options.undecided == Undecided::Redo {
-                self.host_scene().settle_any(rays, &marked.undecided, occluded, options);
-            }
-        }
-        for &ray in &marked.unfinished {
-            occluded[ray] = self.any_hit(&rays[ray], options);
-        }
-        Ok(self.report(marked, options))
+        self.any_hits_under(rays, occluded, options, None)
+    }
+
+    /// Asks the watch between slices and while the device works on one.
+    fn any_hits_watched(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<QueryReport, QueryError> {
+        self.any_hits_under(rays, occluded, options, Some(watch))
     }
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+        self.all_hits_watched(rays, options, &())
+    }
+
+    /// From the host copy, one ray after the other, counted in [`AllHits::answered_by_cpu`].
+    fn all_hits_watched(
+        &self,
+        rays: &[Ray],
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
+        let mut all = AllHits::one_by_one_watched(&tree, triangles, rays, options, watch)?;
+        all.answered_by_cpu = rays.len() as u64;
+        Ok(all)
     }
 
     fn answered_by_cpu(&self) -> u64 {

@@ -1,12 +1,15 @@
 //! Batches of rays from host memory, in slices.
 
 use std::ops::Range;
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::time::{Duration, Instant};
 
 use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
 use super::pipelines::Queries;
@@ -53,11 +56,16 @@ impl Marked {
     }
 }
 
+/// Between two questions to a watch.
+const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
+
 /// A slice that was submitted.
 struct Pending {
     set: Staging,
     rays: Range<usize>,
     since: Instant,
+    /// Whether the device is done with it, where somebody watches.
+    done: Option<Arc<AtomicBool>>,
 }
 
 impl Queries {
@@ -109,9 +117,21 @@ impl Queries {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<Marked, DeviceQueryError> {
+        self.closest_hits_under(tree, rays, hits, options, None)
+    }
+
+    /// As [`Queries::closest_hits_marking`], under a watch.
+    pub(super) fn closest_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), hits.len())?;
         let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Closest, |range, bytes| {
+        self.trace_slices(tree, rays, options, Query::Closest, watch, |range, bytes| {
             let first = range.start;
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
@@ -138,9 +158,21 @@ impl Queries {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<Marked, DeviceQueryError> {
+        self.any_hits_under(tree, rays, occluded, options, None)
+    }
+
+    /// As [`Queries::any_hits_marking`], under a watch.
+    pub(super) fn any_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
         let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Any, |range, bytes| {
+        self.trace_slices(tree, rays, options, Query::Any, watch, |range, bytes| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
                 let word = [word[0], word[1], word[2], word[3]];
                 occluded[place] = false;
@@ -169,12 +201,16 @@ impl Queries {
         rays: &[Ray],
         options: &QueryOptions,
         query: Query,
+        watch: Option<&dyn Watch>,
         mut answer: impl FnMut(Range<usize>, &[u8]),
     ) -> Result<(), DeviceQueryError> {
+        let ask = |done: usize| go_on(watch, done, rays.len());
         let most = self.slice_limit();
         let mut size = self.slice_rays.load(Relaxed).min(most);
         let mut next = 0;
         let mut pending: Option<Pending> = None;
+        let mut answered = 0;
+        ask(answered)?;
         while next < rays.len() || pending.is_some() {
             let slice = next..rays.len().min(next + size as usize);
             next = slice.end;
@@ -183,6 +219,9 @@ impl Queries {
             } else {
                 Some(self.upload_slice(&rays[slice.clone()], options, most)?)
             };
+            if let (Some(_), Some(pending)) = (watch, &pending) {
+                self.watch_slice(pending, || ask(answered))?;
+            }
             let done = pending.take().map(|slice| self.await_slice(slice, query)).transpose()?;
             if let Some((_, _, took)) = &done {
                 if *took > TOO_LONG {
@@ -193,11 +232,14 @@ impl Queries {
             }
             if let Some(set) = uploaded {
                 self.submit_slice(tree, &set, slice.len() as u32, options, query)?;
-                pending = Some(Pending { set, rays: slice, since: Instant::now() });
+                let done = watch.map(|_| self.gpu().submitted_work_done());
+                pending = Some(Pending { set, rays: slice, since: Instant::now(), done });
             }
             // Copied while the device works on the next slice.
             if let Some((range, bytes, _)) = done {
+                answered = range.end;
                 answer(range, &bytes);
+                ask(answered)?;
             }
         }
         self.slice_rays.store(size.min(MOST_FIRST_RAYS), Relaxed);
@@ -242,6 +284,23 @@ impl Queries {
         })
     }
 
+    /// Asks a watch until a slice is done, or its time is up. When the watch ends the batch, the slice goes with
+    /// its buffers once the device has let go of them.
+    fn watch_slice(
+        &self,
+        slice: &Pending,
+        ask: impl Fn() -> Result<(), DeviceQueryError>,
+    ) -> Result<(), DeviceQueryError> {
+        let Some(done) = &slice.done else { return Ok(()) };
+        let gpu = self.gpu();
+        while !done.load(Acquire) && slice.since.elapsed() < gpu.timeout() {
+            ask()?;
+            std::thread::sleep(BETWEEN_LOOKS);
+            gpu.poll()?;
+        }
+        Ok(())
+    }
+
     /// Waits for a slice: its place, its answers, and how long it took.
     fn await_slice(
         &self,
@@ -253,6 +312,16 @@ impl Queries {
         let took = slice.since.elapsed();
         self.keep_staging(slice.set);
         Ok((slice.rays, answers, took))
+    }
+}
+
+/// Asks a watch, if there is one, whether to go on.
+fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), DeviceQueryError> {
+    let (done, total) = (done as u64, total as u64);
+    let progress = Progress { stage: Stage::Rays, done, total };
+    match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {
+        true => Err(DeviceQueryError::Cancelled { done, total }),
+        false => Ok(()),
     }
 }
 

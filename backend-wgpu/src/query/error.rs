@@ -56,6 +56,14 @@ pub enum DeviceQueryError {
         /// The first of them.
         first: usize,
     },
+    /// The watch ended the batch.
+    #[error("cancelled after {done} of {total} rays")]
+    Cancelled {
+        /// Rays answered.
+        done: u64,
+        /// Rays of the batch.
+        total: u64,
+    },
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -67,6 +75,7 @@ impl From<DeviceQueryError> for QueryError {
             DeviceQueryError::LengthMismatch { rays, results } => {
                 QueryError::LengthMismatch { rays, results }
             }
+            DeviceQueryError::Cancelled { done, total } => QueryError::Cancelled { done, total },
             DeviceQueryError::Gpu(error) => error.into(),
             other => QueryError::Device(other.to_string()),
         }

@@ -5,7 +5,7 @@
 //! t_min, t_max); writes `PREFIX.SET.hits` (`f32` t, infinity for a miss, and `u32` triangle) and
 //! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET` or
 //! `splitplane-wgpu-PRESET` (the GPU that `WGPU_ADAPTER_NAME` names, or the best one; `splitplane-wgpu`
-//! alone is preset `fast`), then any of `-watertight|-leaky` (accuracy), `-single|-batch` (path) and the
+//! alone is preset `fast`), then any of `-watertight|-leaky|-exact` (accuracy), `-single|-batch` (path) and the
 //! knobs of the build: `-K_T:K_I:W` (costs), `-bN` (bins), `-tN` (T), `-eN` (C_e in percent), `-noclip`,
 //! `-nN` (empty bonus in percent), `-rN` (bad splits). So `splitplane-fast`, `splitplane-fast-single`,
 //! `splitplane-wgpu-fast-leaky`, `splitplane-balanced-1:4:16-b64-t32-e10-noclip`. Percentages become
@@ -63,6 +63,7 @@ impl Plan {
             match word {
                 "watertight" => plan.options.accuracy = Accuracy::Watertight,
                 "leaky" => plan.options.accuracy = Accuracy::Fast,
+                "exact" => plan.options.accuracy = Accuracy::Exact,
                 "single" => plan.single = true,
                 "batch" => plan.single = false,
                 // K_T:K_I:W, for tuning.
@@ -295,6 +296,8 @@ mod tests {
         assert_eq!(config("splitplane-best-n20-r5"), Ok(best));
         let single = Plan::parse("splitplane-fast-t48-single").unwrap();
         assert!(single.single && single.config.small_node_limit == 48);
+        let exact = Plan::parse("splitplane-balanced-exact").unwrap();
+        assert_eq!(exact.options.accuracy, Accuracy::Exact);
     }
 
     #[test]

@@ -4,11 +4,16 @@
 //! U = d.(C x B), V = d.(A x C), W = d.(B x A), positive all three or negative all three where the ray
 //! passes inside. Their sum is -d.N for the triangle's normal N = (B - A) x (C - A), and the distance
 //! is t = N.A / N.d.
+//!
+//! In `f64` they are computed as by Moeller and Trumbore 1997, from the differences ab = B - A and
+//! ac = C - A: with p = d x ac and q = A x ab, V = -A.p, W = -d.q, N.d = -ab.p, N.A = ac.q. That takes
+//! fewest operations, and errs with the size of the triangle times the distance, not with the distance squared.
 
 use core::cmp::Ordering;
 
 use super::ExactRay;
 use super::integer::{Integer, quotient};
+use crate::arithmetic::snap;
 use crate::ray::{Culling, Hit};
 use crate::triangle::Triangle;
 
@@ -16,7 +21,7 @@ use crate::triangle::Triangle;
 const EPSILON: f64 = f64::EPSILON / 2.0;
 /// Relative to the sum of the magnitudes of its terms, a triple product of three vectors that were each
 /// rounded once errs by less than this: at most eight roundings a term (one for each of three
-/// factors, two products, three sums of the terms and their like), and their products.
+/// factors, two products, a difference, two sums), and their products.
 const TRIPLE_ERROR: f64 = 10.0 * EPSILON;
 
 /// A number known in `f64`, and how far off it may be.
@@ -40,10 +45,6 @@ impl Approximate {
             None
         }
     }
-
-    fn negated(self) -> Approximate {
-        Approximate { value: -self.value, ..self }
-    }
 }
 
 #[inline(always)]
@@ -51,8 +52,8 @@ fn minus(a: &[f32; 3], b: &[f32; 3]) -> [f64; 3] {
     core::array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
 }
 
-/// `d . (p x q)`, all three known to within one rounding a component.
-#[inline(always)]
+/// `d . (p x q)`, all three known to within one rounding a component, with as tight an error as there
+/// is: none where every term is zero.
 fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
     let (mut value, mut magnitude) = (0.0, 0.0);
     for k in 0..3 {
@@ -62,6 +63,23 @@ fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
         magnitude += d[k].abs() * (left.abs() + right.abs());
     }
     Approximate { value, error: magnitude * TRIPLE_ERROR }
+}
+
+#[inline(always)]
+fn cross_product(p: &[f64; 3], q: &[f64; 3]) -> [f64; 3] {
+    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+}
+
+#[inline(always)]
+fn dot(p: &[f64; 3], q: &[f64; 3]) -> f64 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+}
+
+/// The greatest magnitude of a component.
+#[inline(always)]
+fn greatest(p: &[f64; 3]) -> f64 {
+    let greater = |a: f64, b: f64| if a > b { a } else { b };
+    greater(greater(p[0].abs(), p[1].abs()), p[2].abs())
 }
 
 /// `d . (p x q)` in whole numbers.
@@ -85,17 +103,38 @@ pub(super) struct Edges<'a> {
     pub ray: &'a ExactRay,
     pub corners: &'a Triangle,
     pub(super) approximate: [Approximate; 3],
+    /// N.A.
+    numerator: Approximate,
+    /// N.d.
+    denominator: Approximate,
 }
 
 impl<'a> Edges<'a> {
     #[inline(always)]
     pub fn new(ray: &'a ExactRay, corners: &'a Triangle) -> Edges<'a> {
         let d = ray.direction.map(f64::from);
-        let [a, b, c] = [0, 1, 2].map(|i| minus(&corners[i], &ray.origin));
+        let [a, b, c] = corners;
+        let (ab, ac, oa) = (minus(b, a), minus(c, a), minus(a, &ray.origin));
+        let (p, q) = (cross_product(&d, &ac), cross_product(&oa, &ab));
+        let (side, far, speed) = (dot(&oa, &p), dot(&d, &q), dot(&ab, &p));
+        // A triple product has six terms, each at most the product of the greatest components.
+        let reach = 6.0 * TRIPLE_ERROR * greatest(&oa);
+        let (wide, high) = (greatest(&ab), greatest(&ac));
+        let fast = greatest(&d);
+        let v = Approximate { value: -side, error: reach * fast * high };
+        let w = Approximate { value: -far, error: reach * fast * wide };
+        let denominator =
+            Approximate { value: -speed, error: 6.0 * TRIPLE_ERROR * fast * wide * high };
+        // The two sums round twice at most what they add; a quarter of the ten roundings of each is
+        // more.
+        let error = 1.25 * (v.error + w.error + denominator.error);
+        let u = Approximate { value: speed + side + far, error };
         Edges {
             ray,
             corners,
-            approximate: [triple(&d, &c, &b), triple(&d, &a, &c), triple(&d, &b, &a)],
+            approximate: [u, v, w],
+            numerator: Approximate { value: dot(&ac, &q), error: reach * wide * high },
+            denominator,
         }
     }
 
@@ -113,8 +152,43 @@ impl<'a> Edges<'a> {
     pub fn sign(&self, edge: usize) -> Ordering {
         match self.approximate[edge].sign() {
             Some(sign) => sign,
-            None => self.exactly(edge).sign(),
+            None => self.sign_closely(edge),
         }
+    }
+
+    #[cold]
+    fn sign_closely(&self, edge: usize) -> Ordering {
+        let d = self.ray.direction.map(f64::from);
+        let [p, q] = Self::ENDS[edge].map(|i| minus(&self.corners[i], &self.ray.origin));
+        triple(&d, &p, &q).sign().unwrap_or_else(|| self.exactly(edge).sign())
+    }
+
+    /// The distance, of edges whose functions are not all zero.
+    #[inline(always)]
+    fn distance(&self) -> Approximate {
+        let (mut numerator, mut denominator) = (self.numerator, self.denominator);
+        if numerator.sign().is_none() || denominator.sign().is_none() {
+            (numerator, denominator) = self.plane_closely();
+        }
+        let value = numerator.value / denominator.value;
+        let error = if denominator.value.abs() > 2.0 * denominator.error {
+            // (n + e) / (d + f) - n / d = (e - f n / d) / (d + f), and |d + f| > |d| / 2; then the
+            // rounding of the quotient and of this.
+            let spread = numerator.error + denominator.error * value.abs();
+            2.1 * spread / denominator.value.abs() + 2.0 * EPSILON * value.abs()
+        } else {
+            f64::INFINITY
+        };
+        // A quotient of subnormal numbers is no estimate; nothing above gets there.
+        Approximate { value, error: if value.is_finite() { error } else { f64::INFINITY } }
+    }
+
+    /// N.A and N.d with tight errors: a ray may start in the plane, and know it.
+    #[cold]
+    fn plane_closely(&self) -> (Approximate, Approximate) {
+        let [a, b, c] = self.corners;
+        let (ab, ac, oa) = (minus(b, a), minus(c, a), minus(a, &self.ray.origin));
+        (triple(&oa, &ab, &ac), triple(&self.ray.direction.map(f64::from), &ab, &ac))
     }
 }
 
@@ -123,12 +197,14 @@ impl<'a> Edges<'a> {
 pub struct Meeting {
     ray: ExactRay,
     corners: Triangle,
-    /// The denominator of the distance, N.d.
-    denominator: Approximate,
     /// The distance.
     t: Approximate,
     /// V and W, the weights of the second and third corner before division by the sum of all.
-    weights: [Approximate; 2],
+    weights: [f64; 2],
+    /// That sum, -N.d.
+    sum: f64,
+    /// What each of these three may be off by.
+    error: f64,
     front: bool,
 }
 
@@ -159,24 +235,18 @@ pub fn meet(ray: &ExactRay, corners: &Triangle, culling: Culling) -> Option<Meet
 }
 
 impl Meeting {
+    #[inline(always)]
     pub(super) fn new(edges: &Edges<'_>, front: bool) -> Meeting {
-        let Edges { ray, corners, approximate: [_, v, w] } = *edges;
-        let [a, b, c] = corners;
-        let (ab, ac, oa) = (minus(b, a), minus(c, a), minus(a, &ray.origin));
-        let numerator = triple(&oa, &ab, &ac);
-        let denominator = triple(&ray.direction.map(f64::from), &ab, &ac);
-        let value = numerator.value / denominator.value;
-        let error = if denominator.value.abs() > 2.0 * denominator.error {
-            // (n + e) / (d + f) - n / d = (e - f n / d) / (d + f), and |d + f| > |d| / 2; then the
-            // rounding of the quotient and of this.
-            let spread = numerator.error + denominator.error * value.abs();
-            2.1 * spread / denominator.value.abs() + 2.0 * EPSILON * value.abs()
-        } else {
-            f64::INFINITY
-        };
-        // A quotient of subnormal numbers is no estimate; nothing above gets there.
-        let t = Approximate { value, error: if value.is_finite() { error } else { f64::INFINITY } };
-        Meeting { ray: *ray, corners: *corners, denominator, t, weights: [v, w], front }
+        let [_, v, w] = edges.approximate;
+        Meeting {
+            ray: *edges.ray,
+            corners: *edges.corners,
+            t: edges.distance(),
+            weights: [v.value, w.value],
+            sum: -edges.denominator.value,
+            error: v.error.max(w.error).max(edges.denominator.error),
+            front,
+        }
     }
 
     /// Whether the ray comes from the side from which the corners run counter-clockwise.
@@ -279,12 +349,13 @@ impl Meeting {
     /// The weights of the second and third corner, each within 2^-24 of what they are, in `[0, 1]`.
     #[inline]
     pub fn weights(&self) -> [f32; 2] {
-        let sum = self.denominator.negated();
+        // (v + e) / (s + f) - v / s = (e - f v / s) / (s + f), and v / s is at most 1: this is below
+        // 2^-29, and rounding to `f32` is half of 2^-24.
+        let known = 8.0 * self.error < self.sum.abs() * WEIGHT_ERROR;
         [0, 1].map(|i| {
-            let Approximate { value, error } = self.weights[i];
-            let known = sum.value.abs() > 2.0 * sum.error;
-            if known && 4.0 * (error + sum.error) < sum.value.abs() * WEIGHT_ERROR {
-                ((value / sum.value) as f32).clamp(0.0, 1.0)
+            if known {
+                // Snapped, since a small one may be -0.
+                snap((self.weights[i] / self.sum) as f32).clamp(0.0, 1.0)
             } else {
                 self.weight_exactly(i)
             }
@@ -307,13 +378,21 @@ impl Meeting {
     }
 }
 
-/// Least part of the sum to which weights are known in `f64` before whole numbers are asked.
-const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 30) as f64;
+/// To which part of the sum weights must be known in `f64`, or whole numbers are asked: 2^-27.
+const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 27) as f64;
+
+#[cfg(all(test, feature = "alloc"))]
+impl Edges<'_> {
+    /// N.A and N.d in `f64`.
+    pub(super) fn plane(&self) -> [Approximate; 2] {
+        [self.numerator, self.denominator]
+    }
+}
 
 #[cfg(all(test, feature = "alloc"))]
 impl Meeting {
-    /// Numerator and denominator of the distance in whole numbers, and the latter in `f64`.
-    pub(super) fn parts(&self) -> (Approximate, (Integer, Integer)) {
-        (self.denominator, self.normal_products())
+    /// Numerator and denominator of the distance in whole numbers.
+    pub(super) fn parts(&self) -> (Integer, Integer) {
+        self.normal_products()
     }
 }

@@ -63,8 +63,10 @@ fn what_bounds_decide_is_right() {
         }
         if let Some(meeting) = meet(&ray, &corners, Culling::None) {
             met += 1;
-            let (d, (numerator, denominator)) = meeting.parts();
-            assert!(d.sign().is_none_or(|sign| sign == denominator.sign()));
+            let (numerator, denominator) = meeting.parts();
+            for (known, exact) in edges.plane().iter().zip([&numerator, &denominator]) {
+                assert!(known.sign().is_none_or(|sign| sign == exact.sign()));
+            }
             assert_eq!(meeting.t(), integer::quotient(&numerator, &denominator));
             // The interval holds the distance: compared with floats around it.
             for limit in [meeting.t().next_down(), meeting.t(), meeting.t().next_up(), 0.0] {
@@ -135,4 +137,53 @@ fn rays_in_a_plane_meet_nothing_there() {
     let across = ExactRay::new(&Ray::new([1.0, 1.0, 0.0], [0.0, 0.0, 1.0])).unwrap();
     assert!(meet(&across, &line, Culling::None).is_none());
     assert!(cross(&across, &line, Culling::None).is_none());
+}
+
+/// x and y with `a x - b y = 1`, of numbers without a common factor.
+fn bezout(a: i64, b: i64) -> (i64, i64) {
+    let ((mut r, mut x), (mut next_r, mut next_x)) = ((a, 1i64), (b, 0i64));
+    while next_r != 0 {
+        let part = r / next_r;
+        (r, next_r) = (next_r, r - part * next_r);
+        (x, next_x) = (next_x, x - part * next_x);
+    }
+    (x, (a * x - 1) / b)
+}
+
+/// Rays that pass an edge by so little that its function is 1, where its terms are of the order of
+/// 2^68: rounding alone would give any sign. No float is rounded on the way here.
+#[test]
+fn edges_missed_by_one_part_in_2_to_68() {
+    let mut numbers = Numbers(11);
+    let (mut tried, mut undecided) = (0, 0);
+    while tried < 2_000 {
+        let mut next = || i64::from(numbers.bits() >> 10);
+        let [cx, cy, cz, bz, ax, ay, az] = [(); 7].map(|()| next() | 1);
+        let gcd = |mut a: i64, mut b: i64| {
+            while b != 0 {
+                (a, b) = (b, a % b);
+            }
+            a
+        };
+        if gcd(cx, cy) != 1 {
+            continue;
+        }
+        tried += 1;
+        // The z of C x B is then 1 and the ray, in the plane of both, is moved along z by 1, 0 or -1.
+        let (by, bx) = bezout(cx, cy);
+        let by_z = tried % 3 - 1;
+        let d = [bx + cx, by + cy, bz + cz + by_z];
+        let point = |p: [i64; 3]| p.map(|x| x as f32);
+        assert!(d.iter().all(|x| x.abs() < 1 << 24));
+        let Some(ray) = ExactRay::new(&Ray::new([0.0; 3], point(d))) else { continue };
+        let (a, b, c) = (point([ax, ay, az]), point([bx, by, bz]), point([cx, cy, cz]));
+        for (edge, corners) in [(0, [a, b, c]), (1, [c, a, b]), (2, [b, c, a])] {
+            // Counted from the corner across: the edge of B and C is the first one of A B C.
+            let edges = Edges::new(&ray, &corners);
+            assert_eq!(edges.exactly(edge).sign(), by_z.cmp(&0), "{ray:?} {corners:?}");
+            assert_eq!(edges.sign(edge), by_z.cmp(&0), "{ray:?} {corners:?}");
+            undecided += u32::from(edges.approximate[edge].sign().is_none());
+        }
+    }
+    assert!(undecided > 5_000, "{undecided}");
 }

@@ -100,7 +100,10 @@ pub fn trace<O: Observer>(
 
 /// The best of the triangles tested so far: least (exact distance, index).
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Best(Option<(Meeting, u32)>);
+pub struct Best {
+    met: Option<Meeting>,
+    triangle: u32,
+}
 
 impl Best {
     /// Tests a triangle (snapped corners). Gives the `t` beyond which no leaf is of interest any more.
@@ -116,28 +119,37 @@ impl Best {
         if let Some(met) = meet(ray, corners, culling)
             && met.is_within_limits()
         {
-            let nearer = self.0.is_none_or(|(best, index)| {
-                met.compare_t(&best).then(triangle.cmp(&index)).is_lt()
-            });
+            let nearer = self
+                .met
+                .as_ref()
+                .is_none_or(|best| met.compare_t(best).then(triangle.cmp(&self.triangle)).is_lt());
             if nearer {
-                self.0 = Some((met, triangle));
+                (self.met, self.triangle) = (Some(met), triangle);
             }
         }
-        match self.0 {
-            None => f64::INFINITY,
-            Some(_) if query == Query::Any => f64::NEG_INFINITY,
-            Some((best, _)) => best.t_interval().1,
-        }
+        if query == Query::Any && self.met.is_some() { f64::NEG_INFINITY } else { self.stop() }
+    }
+
+    /// The `t` beyond which nothing is of interest when the closest hit is asked for.
+    #[inline]
+    pub fn stop(&self) -> f64 {
+        self.met.as_ref().map_or(f64::INFINITY, |best| best.t_interval().1)
+    }
+
+    /// The triangle of the best hit so far.
+    #[inline]
+    pub fn triangle(&self) -> Option<u32> {
+        self.met.as_ref().map(|_| self.triangle)
     }
 
     /// The hit, or the record of a miss.
     pub fn hit(&self) -> Hit {
-        self.0.map_or(Hit::MISS, |(met, triangle)| met.hit(triangle))
+        self.met.as_ref().map_or(Hit::MISS, |met| met.hit(self.triangle))
     }
 
     /// Whether anything was hit.
     pub fn is_hit(&self) -> bool {
-        self.0.is_some()
+        self.met.is_some()
     }
 }
 

@@ -7,7 +7,7 @@ mod cut;
 mod map;
 mod scaling;
 mod slice;
-mod style;
+pub(crate) mod style;
 
 pub use scaling::ScalingPlot;
 
@@ -21,9 +21,9 @@ use std::error::Error;
 use std::sync::Once;
 
 /// Where a figure is drawn, in pixels.
-type Area<B> = DrawingArea<B, Shift>;
+pub(crate) type Area<B> = DrawingArea<B, Shift>;
 /// What drawing may end in: the backend's words.
-type Drawn = Result<(), Box<dyn Error + Send + Sync>>;
+pub(crate) type Drawn = Result<(), Box<dyn Error + Send + Sync>>;
 
 /// A figure that can be drawn.
 pub trait Plot {

@@ -1,6 +1,7 @@
 //! From the .mtl files that an OBJ file names to the scene's materials.
 
 use super::mtl::{self, Entry};
+use super::reader::told;
 use super::rule::{self, Odd};
 use crate::scene::{Material, Scene, SceneOptions};
 use std::collections::HashMap;
@@ -32,13 +33,14 @@ pub(super) fn paint(
                     for entry in found {
                         entries.insert(entry.name.clone(), (entry, home.to_owned()));
                     }
+                    let name = told(name);
                     let said = warnings.iter().map(|why| format!("material file `{name}`: {why}"));
                     scene.notes.warnings.extend(said);
                 }
                 Err(why) => scene
                     .notes
                     .warnings
-                    .push(format!("the material file `{name}` is left out: {why}")),
+                    .push(format!("the material file `{}` is left out: {why}", told(name))),
             }
         }
     }
@@ -59,14 +61,14 @@ pub(super) fn paint(
         }
     }
     if let (false, Some(first)) = (libraries.is_empty(), missing.first()) {
-        let count = missing.len();
+        let (count, first) = (missing.len(), told(first));
         let warning = format!("{count} materials have no colour, the first is `{first}`");
         scene.notes.warnings.push(warning);
     }
     for kind in Odd::ALL {
         let mut named = odd.iter().filter(|(odd, _)| *odd == kind);
         if let Some((_, first)) = named.next() {
-            let (count, sentence) = (1 + named.count(), kind.sentence());
+            let (count, sentence, first) = (1 + named.count(), kind.sentence(), told(first));
             scene
                 .notes
                 .warnings

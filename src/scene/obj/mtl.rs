@@ -1,7 +1,7 @@
 //! The text of .mtl files, as it stands there; what it means is decided elsewhere.
 
 use super::lines::Lines;
-use super::reader::shorten;
+use super::reader::{shorten, told};
 
 /// A material of an .mtl file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -58,8 +58,7 @@ pub(super) fn parse(text: &str) -> (Vec<Entry>, Vec<String>) {
             _ if keyword.eq_ignore_ascii_case("map_Kd") => {
                 let (name, ignored) = map(rest);
                 if !ignored.is_empty() {
-                    let options = ignored.join(" ");
-                    let name = &entry.name;
+                    let (options, name) = (told(&ignored.join(" ")), told(&entry.name));
                     warnings.push(format!(
                         "the texture of material `{name}` is used without its options {options}"
                     ));

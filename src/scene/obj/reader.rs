@@ -233,3 +233,32 @@ pub(super) fn shorten(word: &str) -> String {
     }
     short
 }
+
+/// Enough of a name for a message: of a file, of a material. It may be any text of a file, so what
+/// would not be printed as it is, such as what commands a terminal, is written by its number.
+pub(super) fn told(name: &str) -> String {
+    let mut short = String::new();
+    for letter in name.chars().take(160) {
+        match letter {
+            '\'' | '"' | '\\' => short.push(letter),
+            _ => short.extend(letter.escape_debug()),
+        }
+    }
+    if name.chars().nth(160).is_some() {
+        short.push_str("...");
+    }
+    short
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_told_as_they_can_be_printed() {
+        assert_eq!(told("C:\\a \"b\"'\u{e4}.png"), "C:\\a \"b\"'\u{e4}.png");
+        assert_eq!(told("\u{1b}[2J\n\0"), "\\u{1b}[2J\\n\\0");
+        assert_eq!(told(&"9".repeat(400)), "9".repeat(160) + "...");
+        assert_eq!(shorten(&"9".repeat(400)), "9".repeat(24) + "...");
+    }
+}

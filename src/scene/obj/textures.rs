@@ -1,6 +1,7 @@
 //! Textures of materials: each file decoded once, all of them within a limit of memory.
 
 use super::library::find;
+use super::reader::told;
 use crate::scene::Texture;
 use image::{ImageReader, Limits};
 use std::collections::HashMap;
@@ -79,6 +80,8 @@ impl Album {
     }
 
     fn warn(&mut self, material: &str, name: &str, why: &str) {
+        // What decoders say may end in a line feed.
+        let (name, material, why) = (told(name), told(material), told(why.trim()));
         self.warnings
             .push(format!("the texture `{name}` of material `{material}` is left out: {why}"));
     }

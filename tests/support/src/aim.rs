@@ -50,6 +50,7 @@ pub fn rays(mesh: &Mesh<'_>, kind: Kind, count: usize, seed: u64) -> Vec<Ray> {
 }
 
 /// A maker of rays for one mesh.
+#[derive(Clone)]
 pub struct Aim<'a> {
     mesh: Mesh<'a>,
     bounds: Aabb,
@@ -83,6 +84,35 @@ impl<'a> Aim<'a> {
             }
         }
         Aim { mesh: *mesh, bounds, core, finite, random: Random::new(seed) }
+    }
+
+    /// The same maker with another seed, without looking at the mesh again.
+    #[must_use]
+    pub fn with_seed(&self, seed: u64) -> Aim<'a> {
+        Aim { random: Random::new(seed), ..self.clone() }
+    }
+
+    /// The random numbers the rays are made of.
+    pub fn random(&mut self) -> &mut Random {
+        &mut self.random
+    }
+
+    /// Bounds of all finite corners.
+    pub fn bounds(&self) -> Aabb {
+        self.bounds
+    }
+
+    /// A point to aim at: a vertex, a point of an edge, for other kinds a point of a face.
+    pub fn target(&mut self, kind: Kind) -> [f64; 3] {
+        match kind {
+            Kind::Vertices | Kind::ExactVertices => self.corner().map(f64::from),
+            Kind::Edges | Kind::ExactMiddles => {
+                let [a, b] = self.edge();
+                let s = self.random.unit();
+                [0, 1, 2].map(|i| f64::from(a[i]) * (1.0 - s) + f64::from(b[i]) * s)
+            }
+            _ => self.face_point(),
+        }
     }
 
     /// One more ray.
@@ -186,14 +216,15 @@ impl<'a> Aim<'a> {
 
     /// A corner of a random triangle, or for an indexed mesh now and then a random vertex: the two
     /// weigh the hub of a fan differently.
-    fn corner(&mut self) -> [f32; 3] {
+    pub fn corner(&mut self) -> [f32; 3] {
         let corners = self.triangle();
         // The first corner is the hub in the scenes that have one: keep it rare.
         let k = if self.random.below(32) == 0 { 0 } else { 1 + self.random.below(2) };
         corners[k]
     }
 
-    fn edge(&mut self) -> [[f32; 3]; 2] {
+    /// A random edge of a random triangle.
+    pub fn edge(&mut self) -> [[f32; 3]; 2] {
         let corners = self.triangle();
         let k = self.random.below(3);
         [corners[k], corners[(k + 1) % 3]]
@@ -244,6 +275,25 @@ impl<'a> Aim<'a> {
 
 fn clamp_finite(x: f64) -> f32 {
     x.clamp(-f64::from(f32::MAX), f64::from(f32::MAX)) as f32
+}
+
+/// A ray that starts near `origin` and whose line holds the target without rounding, where a few
+/// attempts find one: the way there is rounded to coarser and coarser steps until the subtraction
+/// keeps it.
+pub fn exactly_from(origin: [f64; 3], target: [f32; 3]) -> Option<Ray> {
+    let way = [0, 1, 2].map(|i| f64::from(target[i]) - origin[i]);
+    let longest = way.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    for bits in [12, 10, 8, 6] {
+        let unit = (longest.log2().floor() - f64::from(bits)).exp2();
+        let direction = way.map(|x| ((x / unit).round() * unit) as f32);
+        let start = [0, 1, 2].map(|i| target[i] - direction[i]);
+        let exact =
+            (0..3).all(|i| f64::from(target[i]) - f64::from(start[i]) == f64::from(direction[i]));
+        if exact && direction.iter().any(|&x| x.abs() >= f32::MIN_POSITIVE) {
+            return Some(Ray::new(start, direction));
+        }
+    }
+    None
 }
 
 /// A ray from the origin towards the target, `t` about 1 there.
@@ -327,12 +377,7 @@ pub fn from_inside(
             let r = radius * aim.random.unit().cbrt();
             let origin = [0, 1, 2].map(|i| (centre[i] + r * d[i]) as f32);
             let target = match kind {
-                Kind::Vertices => aim.corner().map(f64::from),
-                Kind::Edges => {
-                    let [a, b] = aim.edge();
-                    let s = aim.random.unit();
-                    [0, 1, 2].map(|i| f64::from(a[i]) * (1.0 - s) + f64::from(b[i]) * s)
-                }
+                Kind::Vertices | Kind::Edges => aim.target(kind),
                 _ => {
                     let away = aim.random.direction();
                     [0, 1, 2].map(|i| f64::from(origin[i]) + away[i])

@@ -8,8 +8,9 @@
 //! *Place.* A corner seen from the origin errs by at most `e M` per coordinate (one subtraction);
 //! shearing it into ray space adds a rounded quotient, a product and a sum, 4 `e M` more. Edge values
 //! are differences of two products and err by 3 `e` times the two lengths they multiply, which near
-//! an edge displaces it by less than 3 `e M`. Moving the origin of a far ray adds 4 `e M`. Together
-//! 12 `e M`; the judge uses [`PLACE`] `e M` = `D`. A triangle whose boundary is nearer to the ray than
+//! an edge displaces it by less than 3 `e M`. Moving the origin of a far ray adds 4 `e M`, and rounds it
+//! to the floats that there are where the mesh is: `M` is then at least the greatest coordinate of the
+//! triangle. Together 12 `e M`; the judge uses [`PLACE`] `e M` = `D`. A triangle whose boundary is nearer to the ray than
 //! `D` may be hit or not, as far as rounding goes; one that the ray meets farther inside must be hit,
 //! and one that it passes at a greater distance must not.
 //!
@@ -25,7 +26,8 @@
 //! within `D` of the ray: only an edge that is a border, or an outline as seen by the ray, excuses a
 //! miss. Inside a closed surface seen from within there is none, so no miss is excused.
 
-use crate::oracle::{Crossing, Oracle, ValidRay, snap};
+use crate::oracle::{Crossing, Oracle, ValidRay, finite_bounds, snap};
+use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use std::collections::{HashMap, HashSet};
@@ -52,6 +54,7 @@ pub enum Verdict {
 pub struct Judge<'a> {
     mesh: Mesh<'a>,
     oracle: &'a Oracle,
+    bounds: Aabb,
     /// The triangles at every edge, by the bits of its snapped ends.
     edges: HashMap<[[u32; 3]; 2], Vec<u32>>,
 }
@@ -75,7 +78,8 @@ struct Seen {
 impl<'a> Judge<'a> {
     /// Prepares a mesh.
     pub fn new(mesh: &Mesh<'a>, oracle: &'a Oracle) -> Judge<'a> {
-        let mut judge = Judge { mesh: *mesh, oracle, edges: HashMap::new() };
+        let bounds = finite_bounds(mesh);
+        let mut judge = Judge { mesh: *mesh, oracle, bounds, edges: HashMap::new() };
         for index in 0..mesh.len() {
             if let Some(corners) = judge.corners(index as u32) {
                 for edge in edges_of(&corners) {
@@ -299,6 +303,18 @@ impl<'a> Judge<'a> {
         false
     }
 
+    /// Whether the origin is so far from the mesh, in terms of its size, that it is first moved; a
+    /// little before that already.
+    fn is_moved(&self, ray: &ValidRay) -> bool {
+        let side = |axis: usize| (f64::from(self.bounds.lo[axis]), f64::from(self.bounds.hi[axis]));
+        let extent = (0..3).map(|axis| side(axis).1 - side(axis).0).fold(0.0, f64::max);
+        let gap = |axis: usize| {
+            let (low, high) = side(axis);
+            (low - ray.origin[axis]).max(ray.origin[axis] - high)
+        };
+        (0..3).any(|axis| gap(axis) > 99.0 * extent)
+    }
+
     fn see(&self, ray: &ValidRay, triangle: u32) -> Option<Seen> {
         let corners = self.corners(triangle)?;
         let d = ray.direction;
@@ -314,7 +330,11 @@ impl<'a> Judge<'a> {
         let first = normalised(cross(unit, axis));
         let second = cross(unit, first);
         let offsets = corners.map(|corner| [0, 1, 2].map(|i| f64::from(corner[i]) - ray.origin[i]));
-        let magnitude = offsets.as_flattened().iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        let mut magnitude = offsets.as_flattened().iter().fold(0.0f64, |m, x| m.max(x.abs()));
+        if self.is_moved(ray) {
+            let corners = corners.as_flattened().iter();
+            magnitude = corners.fold(magnitude, |m, x| m.max(f64::from(x.abs())));
+        }
         let flat = offsets.map(|p| [dot(p, first), dot(p, second)]);
         let depths = offsets.map(|p| dot(p, unit));
         let near = depths.iter().copied().fold(f64::INFINITY, f64::min);

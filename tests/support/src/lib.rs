@@ -7,9 +7,12 @@
 pub mod aim;
 pub mod exact;
 pub mod expansion;
+pub mod extremes;
 pub mod faulty;
 pub mod greedy;
 pub mod judge;
 pub mod oracle;
 pub mod random;
+pub mod rational;
 pub mod scenes;
+pub mod stability;

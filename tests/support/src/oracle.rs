@@ -12,6 +12,7 @@ use crate::expansion::Expansion;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, QueryOptions, Ray};
+use std::cell::OnceCell;
 use std::cmp::Ordering;
 use std::collections::HashMap;
 
@@ -36,37 +37,56 @@ pub enum OracleHit {
     },
 }
 
+/// The closest hit of real arithmetic, as a single-precision record can hold it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Nearest {
+    /// The exact distance rounded to the nearest float; below 2^-126 it is 0, and at most the
+    /// greatest float.
+    pub t: f32,
+    /// Of all triangles at exactly this distance, the lowest index.
+    pub triangle: u32,
+}
+
 /// One triangle met by a ray.
 #[derive(Clone, Debug)]
 pub struct Crossing {
     /// The triangle; of several with the same corners, the lowest index not ignored.
     pub triangle: u32,
-    /// The distance, rounded from the exact quotient.
+    /// The distance, within 2^-40 of the exact quotient.
     pub t: f64,
     /// Whether the ray comes from the side where the corners run counter-clockwise.
     pub front: bool,
     /// Whether the point lies on an edge or a corner.
     pub on_edge: bool,
     unique: u32,
-    numerator: Expansion,
-    denominator: Expansion,
+    /// Bound of the error of `t`.
+    error: f64,
+    ray: ValidRay,
+    corners: [[f64; 3]; 3],
+    /// Numerator and denominator of the distance, once something needs them.
+    exact: OnceCell<(Expansion, Expansion)>,
 }
 
 impl Crossing {
+    fn exact(&self) -> &(Expansion, Expansion) {
+        self.exact.get_or_init(|| quotient(&self.ray, &self.corners))
+    }
+
+    /// Where the estimates are further apart than they err, they decide.
+    fn decided(&self, other: f64, error: f64) -> Option<Ordering> {
+        let rounding = f64::EPSILON * (self.t.abs() + other.abs());
+        let apart = (self.t - other).abs() > self.error + error + rounding;
+        apart.then(|| self.t.total_cmp(&other))
+    }
+
     /// How two exact distances compare.
     pub fn compare_t(&self, other: &Crossing) -> Ordering {
-        // Estimates err by less than 2^-50; beyond that they decide.
-        let margin = 1e-14 * (self.t.abs() + other.t.abs());
-        if (self.t - other.t).abs() > margin {
-            return self.t.total_cmp(&other.t);
+        if let Some(order) = self.decided(other.t, other.error) {
+            return order;
         }
-        let difference = self
-            .numerator
-            .times(&other.denominator)
-            .minus(&other.numerator.times(&self.denominator))
-            .sign();
-        let same_sign = self.denominator.sign() == other.denominator.sign();
-        if same_sign { difference } else { difference.reverse() }
+        let ((above, below), (others_above, others_below)) = (self.exact(), other.exact());
+        let difference = above.times(others_below).minus(&others_above.times(below)).sign();
+        if below.sign() == others_below.sign() { difference } else { difference.reverse() }
     }
 
     /// How the exact distance compares with a limit of a ray, which is not NaN.
@@ -74,16 +94,49 @@ impl Crossing {
         if limit.is_infinite() {
             return if limit > 0.0 { Ordering::Less } else { Ordering::Greater };
         }
-        let limit = f64::from(limit);
-        let margin = 1e-14 * (self.t.abs() + limit.abs());
-        if (self.t - limit).abs() > margin {
-            return self.t.total_cmp(&limit);
+        self.compare_float(f64::from(limit))
+    }
+
+    /// How the exact distance compares with a number of at most 25 bits, in the range of `f32`.
+    fn compare_float(&self, number: f64) -> Ordering {
+        if let Some(order) = self.decided(number, 0.0) {
+            return order;
         }
-        let difference = self.numerator.minus(&self.denominator.scaled(limit)).sign();
-        match self.denominator.sign() {
+        let (above, below) = self.exact();
+        let difference = above.minus(&below.scaled(number)).sign();
+        match below.sign() {
             Ordering::Less => difference.reverse(),
             _ => difference,
         }
+    }
+
+    /// Whether the exact distance lies between the ray's limits, both included.
+    pub fn is_within(&self, ray: &Ray) -> bool {
+        self.compare_limit(ray.t_min).is_ge() && self.compare_limit(ray.t_max).is_le()
+    }
+
+    /// The exact distance, rounded to the nearest float, ties to even; magnitudes below 2^-126
+    /// become 0, and those above the greatest float become that.
+    pub fn rounded_t(&self) -> f32 {
+        let greatest = f64::from(f32::MAX);
+        let mut t = self.t.clamp(-greatest, greatest) as f32;
+        // Beyond the greatest float there is nothing to choose from.
+        if t.abs() < f32::MAX {
+            // The estimate may be on the wrong side of the middle between two floats.
+            let (low, high) = (t.next_down(), t.next_up());
+            let middle = |a: f32, b: f32| (f64::from(a) + f64::from(b)) / 2.0;
+            let even = t.to_bits() & 1 == 0;
+            match self.compare_float(middle(low, t)) {
+                Ordering::Less => t = low,
+                Ordering::Equal if !even => t = low,
+                _ => match self.compare_float(middle(t, high)) {
+                    Ordering::Greater => t = high,
+                    Ordering::Equal if !even => t = high,
+                    _ => {}
+                },
+            }
+        }
+        snap(t)
     }
 }
 
@@ -175,6 +228,16 @@ impl Oracle {
         self.summarise(self.crossings(ray, options), ray, options)
     }
 
+    /// The closest hit as accuracy `exact` promises it.
+    pub fn nearest(&self, ray: &Ray, options: &QueryOptions) -> Option<Nearest> {
+        let crossings = self.crossings(ray, options);
+        let mut within = crossings.iter().filter(|c| c.is_within(ray));
+        let best = within.next()?;
+        let tied = within.take_while(|other| other.compare_t(best).is_eq());
+        let triangle = tied.fold(best.triangle, |least, other| least.min(other.triangle));
+        Some(Nearest { t: best.rounded_t(), triangle })
+    }
+
     /// The same without the boxes, testing every triangle: what checks the boxes.
     pub fn closest_plain(&self, ray: &Ray) -> OracleHit {
         let options = QueryOptions::default();
@@ -188,9 +251,7 @@ impl Oracle {
     }
 
     fn summarise(&self, mut found: Vec<Crossing>, ray: &Ray, options: &QueryOptions) -> OracleHit {
-        found.retain(|crossing| {
-            crossing.compare_limit(ray.t_min).is_ge() && crossing.compare_limit(ray.t_max).is_le()
-        });
+        found.retain(|crossing| crossing.is_within(ray));
         let Some(best) = found.iter().min_by(|a, b| a.compare_t(b)) else {
             return OracleHit::Miss;
         };
@@ -207,12 +268,21 @@ impl Oracle {
     /// Everything the whole line through the ray meets, its limits set aside, nearest first. Each
     /// group of triangles with the same corners gives one crossing.
     pub fn crossings(&self, ray: &Ray, options: &QueryOptions) -> Vec<Crossing> {
+        let mut found = self.crossings_unsorted(ray, options);
+        found.sort_by(|a, b| a.compare_t(b).then(a.triangle.cmp(&b.triangle)));
+        found
+    }
+
+    /// The same in no order, which spares exact comparisons of distances.
+    pub fn crossings_unsorted(&self, ray: &Ray, options: &QueryOptions) -> Vec<Crossing> {
         let mut found = Vec::new();
         let Some(valid) = ValidRay::new(ray) else { return found };
-        let mut stack = vec![0u32];
+        let reciprocal = valid.direction.map(|d| 1.0 / d);
+        let mut stack = Vec::with_capacity(64);
+        stack.push(0u32);
         while let Some(index) = stack.pop() {
             let Some(node) = self.nodes.get(index as usize) else { continue };
-            if !meets_box(&valid, node) {
+            if !meets_box(&valid, &reciprocal, node) {
                 continue;
             }
             if node.count == 0 {
@@ -225,8 +295,12 @@ impl Oracle {
                 }
             }
         }
-        found.sort_by(|a, b| a.compare_t(b).then(a.triangle.cmp(&b.triangle)));
         found
+    }
+
+    /// All triangles with the corners of a crossing's, in ascending order.
+    pub fn alike(&self, crossing: &Crossing) -> &[u32] {
+        &self.unique[crossing.unique as usize].members
     }
 
     /// Whether the line through the ray passes through the closed triangle.
@@ -271,9 +345,14 @@ impl Oracle {
             Culling::Front if front => return,
             _ => {}
         }
-        let (numerator, denominator) = quotient(ray, corners);
-        let t = numerator.estimate() / denominator.estimate();
-        found.push(Crossing { triangle, t, front, on_edge, unique: slot, numerator, denominator });
+        let exact = OnceCell::new();
+        let (t, error) = estimate(ray, corners).unwrap_or_else(|| {
+            let (above, below) = exact.get_or_init(|| quotient(ray, corners));
+            let t = above.estimate() / below.estimate();
+            (t, t.abs() * (8.0 * f64::EPSILON))
+        });
+        let (unique, ray, corners) = (slot, *ray, *corners);
+        found.push(Crossing { triangle, t, front, on_edge, unique, error, ray, corners, exact });
     }
 }
 
@@ -322,7 +401,11 @@ fn covers(ray: &ValidRay, corners: &[[f64; 3]; 3]) -> Option<(bool, bool)> {
     if mixed(&signs) {
         return None;
     }
-    if decided.contains(&false) {
+    if decided.contains(&false)
+        && let Some(exact) = signs_in_whole_numbers(ray, corners)
+    {
+        signs = exact;
+    } else if decided.contains(&false) {
         let exact = corners.each_ref().map(|corner| exact_offset(corner, &ray.origin));
         let direction = ray.direction.map(Expansion::from);
         for edge in 0..3 {
@@ -331,12 +414,66 @@ fn covers(ray: &ValidRay, corners: &[[f64; 3]; 3]) -> Option<(bool, bool)> {
                 signs[edge] = exact_triple(&direction, p, q).sign();
             }
         }
-        // The three values sum to minus n . d, so all zero is a ray in the plane, or no area.
-        if mixed(&signs) || signs == [Ordering::Equal; 3] {
-            return None;
-        }
+    }
+    // The three values sum to minus n . d, so all zero is a ray in the plane, or no area.
+    if mixed(&signs) || signs == [Ordering::Equal; 3] {
+        return None;
     }
     Some((signs.contains(&Ordering::Greater), signs.contains(&Ordering::Equal)))
+}
+
+/// The exponents of the lowest and of one above the highest bit of any of these; `None` for zeros.
+fn span(values: &[f64]) -> Option<(i32, i32)> {
+    values.iter().filter(|&&x| x != 0.0).fold(None, |span, x| {
+        let (fraction, exponent) =
+            (x.to_bits() & ((1 << 52) - 1), (x.to_bits() >> 52) as i32 & 0x7ff);
+        // Nothing here is subnormal in `f64`.
+        let low = exponent - 1075 + (fraction | 1 << 52).trailing_zeros() as i32;
+        let (least, most) = span.unwrap_or((low, exponent - 1022));
+        Some((low.min(least), (exponent - 1022).max(most)))
+    })
+}
+
+/// The signs of the three edge values in 128-bit integers, for rays and corners of which all bits
+/// are near enough to one another: much faster than expansions, and most that are aimed exactly are.
+fn signs_in_whole_numbers(ray: &ValidRay, corners: &[[f64; 3]; 3]) -> Option<[Ordering; 3]> {
+    let mut points = [0.0; 12];
+    points[..9].copy_from_slice(corners.as_flattened());
+    points[9..].copy_from_slice(&ray.origin);
+    let (low, high) = span(&points)?;
+    let (direction_low, direction_high) = span(&ray.direction)?;
+    // A difference has a bit more; a sum of six products of three factors three more.
+    if 2 * (high - low + 1) + (direction_high - direction_low) + 3 > 126 {
+        return None;
+    }
+    let whole = |x: f64, unit: i32| (x * 2f64.powi(-unit)) as i128;
+    let direction = ray.direction.map(|x| whole(x, direction_low));
+    let origin = ray.origin.map(|x| whole(x, low));
+    let offsets = corners.map(|p| [0, 1, 2].map(|axis| whole(p[axis], low) - origin[axis]));
+    Some([0, 1, 2].map(|edge| {
+        let (p, q) = (&offsets[(edge + 2) % 3], &offsets[(edge + 1) % 3]);
+        let parts = [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
+            .map(|(i, j, k)| direction[i] * (p[j] * q[k] - p[k] * q[j]));
+        parts.iter().sum::<i128>().cmp(&0)
+    }))
+}
+
+/// The distance by `f64` and a bound of its error, where that is below 2^-40 of it.
+fn estimate(ray: &ValidRay, corners: &[[f64; 3]; 3]) -> Option<(f64, f64)> {
+    let minus = |p: &[f64; 3], q: &[f64; 3]| [0, 1, 2].map(|axis| p[axis] - q[axis]);
+    let [a, b, c] = corners.each_ref().map(|corner| minus(corner, &ray.origin));
+    // One more factor is a rounded difference than `triple` counts; its bound has room for it.
+    let (above, above_error) = triple(&a, &b, &c);
+    let sides = [1, 2].map(|k| minus(&corners[k], &corners[0]));
+    let (below, below_error) = triple(&ray.direction, &sides[0], &sides[1]);
+    if below.abs() <= 2.0 * below_error {
+        return None;
+    }
+    let t = above / below;
+    let error = (above_error + t.abs() * below_error) / (below.abs() - below_error);
+    // The roundings of the quotient and of this very bound.
+    let error = error * (1.0 + 1e-9) + t.abs() * f64::EPSILON;
+    (error <= t.abs() * 2f64.powi(-40)).then_some((t, error))
 }
 
 /// `n . a` and `n . d`, with `a` a corner seen from the origin: the distance is their quotient.
@@ -383,9 +520,9 @@ fn build_boxes(unique: &[Unique], order: &mut [u32], first: usize, nodes: &mut V
     build_boxes(unique, right, first + middle, nodes);
 }
 
-/// Whether the whole line may meet the box. Each slab distance is a correctly rounded difference
-/// over an exact divisor, so it errs by less than 2^-51 of itself; widening by 2^-49 is safe.
-fn meets_box(ray: &ValidRay, node: &BoxNode) -> bool {
+/// Whether the whole line may meet the box. Each slab distance is a product of a rounded difference
+/// and a rounded reciprocal, so it errs by less than 2^-51 of itself; widening by 2^-49 is safe.
+fn meets_box(ray: &ValidRay, reciprocal: &[f64; 3], node: &BoxNode) -> bool {
     let widen = 8.0 * f64::EPSILON;
     let (mut near, mut far) = (f64::NEG_INFINITY, f64::INFINITY);
     for axis in 0..3 {
@@ -396,7 +533,8 @@ fn meets_box(ray: &ValidRay, node: &BoxNode) -> bool {
             }
             continue;
         }
-        let (a, b) = ((node.lo[axis] - o) / d, (node.hi[axis] - o) / d);
+        let r = reciprocal[axis];
+        let (a, b) = ((node.lo[axis] - o) * r, (node.hi[axis] - o) * r);
         let (low, high) = if a < b { (a, b) } else { (b, a) };
         near = near.max(low - low.abs() * widen);
         far = far.min(high + high.abs() * widen);

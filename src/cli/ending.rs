@@ -1,0 +1,206 @@
+//! Ends before a run is done: Ctrl-C, and `--timeout`.
+//!
+//! Work that is watched ends by itself with an error. What is not (a file that is read, a frame on its way)
+//! gets a moment, then the program ends without it. Either way no file is left half written, one
+//! sentence says where the run was, and the code is 7.
+
+use super::failure::{CANCELLED, Failure};
+use super::output;
+use clap::Args;
+use indicatif::ProgressBar;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// For work that ends by itself to do so.
+const GRACE: Duration = Duration::from_millis(700);
+
+const GOES_ON: u8 = 0;
+const INTERRUPTED: u8 = 1;
+const TIMED_OUT: u8 = 2;
+
+/// Why the run is to end.
+static CAUSE: AtomicU8 = AtomicU8::new(GOES_ON);
+/// Whether somebody has begun to end it.
+static ENDING: AtomicBool = AtomicBool::new(false);
+static START: OnceLock<Instant> = OnceLock::new();
+static LIMIT: OnceLock<Duration> = OnceLock::new();
+/// What is being done, and since when.
+static DOING: Mutex<Option<Doing>> = Mutex::new(None);
+/// Files that are not whole yet.
+static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+struct Doing {
+    what: String,
+    bar: ProgressBar,
+    since: Instant,
+}
+
+/// `--timeout`, for every verb.
+#[derive(Args, Clone, Copy, Debug)]
+pub(super) struct TimeLimit {
+    /// End the run with code 7 when it takes longer; fractions of seconds may be given
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    timeout: Option<Duration>,
+}
+
+impl TimeLimit {
+    /// From now on the limit counts, from the start of the program.
+    pub(super) fn begin(self) {
+        let Some(limit) = self.timeout else { return };
+        if LIMIT.set(limit).is_err() {
+            return;
+        }
+        let left = limit.saturating_sub(START.get_or_init(Instant::now).elapsed());
+        if left.is_zero() {
+            end(TIMED_OUT);
+        } else {
+            // Where no thread can be started, what is watched ends all the same.
+            let _ = thread::Builder::new().spawn(move || {
+                thread::sleep(left);
+                end(TIMED_OUT);
+            });
+        }
+    }
+}
+
+/// From now on Ctrl-C ends the run.
+pub(super) fn install() {
+    START.get_or_init(Instant::now);
+    if let Err(error) = ctrlc::set_handler(|| end(INTERRUPTED)) {
+        output::note(&format!(
+            "splitplane: Ctrl-C ends the program without its exit code: {error}"
+        ));
+    }
+}
+
+/// Asks the run to end; without grace when it was asked before.
+fn end(cause: u8) {
+    let first = CAUSE.compare_exchange(GOES_ON, cause, SeqCst, SeqCst).is_ok();
+    if first {
+        let waiting = thread::Builder::new().spawn(|| {
+            thread::sleep(GRACE);
+            leave();
+        });
+        if waiting.is_ok() {
+            return;
+        }
+    }
+    leave();
+}
+
+/// Ends the program here and now.
+fn leave() {
+    if ENDING.swap(true, SeqCst) {
+        // Another thread is at it.
+        return;
+    }
+    let failure = failure();
+    for part in lock(&PARTS).drain(..) {
+        // It may never have been there.
+        let _ = std::fs::remove_file(part);
+    }
+    failure.report();
+    std::process::exit(CANCELLED.into());
+}
+
+/// Whether the run is to end.
+pub(super) fn is_due() -> bool {
+    let over = || {
+        let limit = LIMIT.get().zip(START.get());
+        limit.is_some_and(|(limit, start)| start.elapsed() >= *limit)
+    };
+    if CAUSE.load(SeqCst) == GOES_ON && over() {
+        end(TIMED_OUT);
+    }
+    CAUSE.load(SeqCst) != GOES_ON
+}
+
+/// To be asked before anything is written.
+///
+/// # Errors
+/// The run is to end.
+pub(super) fn check() -> Result<(), Failure> {
+    if is_due() { Err(failure()) } else { Ok(()) }
+}
+
+/// The last word of a run that failed: of one that was to end, where it was. `None` when another thread is about
+/// to end the program.
+pub(super) fn last_word(failed: Failure) -> Option<Failure> {
+    if CAUSE.load(SeqCst) == GOES_ON {
+        return Some(failed);
+    }
+    (!ENDING.swap(true, SeqCst)).then(failure)
+}
+
+/// What is being done now.
+pub(super) fn doing(what: &str, bar: &ProgressBar) {
+    let doing = Doing { what: what.to_owned(), bar: bar.clone(), since: Instant::now() };
+    *lock(&DOING) = Some(doing);
+}
+
+/// A file that is not whole yet.
+pub(super) fn begun(part: &Path) {
+    lock(&PARTS).push(part.to_owned());
+}
+
+/// A file that is whole, or gone.
+pub(super) fn done(part: &Path) {
+    lock(&PARTS).retain(|other| other != part);
+}
+
+fn failure() -> Failure {
+    let limit = LIMIT.get().map_or(0.0, Duration::as_secs_f64);
+    let why = match CAUSE.load(SeqCst) {
+        TIMED_OUT => format!("the time limit of {limit} seconds ran out"),
+        _ => "cancelled".to_owned(),
+    };
+    let place = match &*lock(&DOING) {
+        None => "before anything was done".to_owned(),
+        Some(doing) => doing.describe(),
+    };
+    Failure::cancelled(format!("{why} {place}"))
+}
+
+impl Doing {
+    /// Where the work is, and what all of it would take at its pace.
+    fn describe(&self) -> String {
+        let (done, total) = (self.bar.position(), self.bar.length().unwrap_or(0));
+        let what = &self.what;
+        if total == 0 {
+            return format!("in: {what}");
+        }
+        let mut text = format!("in: {what}, {done} of {total} done");
+        if done > 0 && done < total {
+            let rest = self.since.elapsed().as_secs_f64() * (total - done) as f64 / done as f64;
+            text += &format!("; this alone needs {rest:.1} seconds more at this pace");
+        }
+        text
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// `10`, `0.25`.
+fn seconds(text: &str) -> Result<Duration, String> {
+    let number = text.parse().ok().and_then(|seconds| Duration::try_from_secs_f64(seconds).ok());
+    number.ok_or_else(|| "give seconds, such as 10 or 0.25".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_with_fractions() {
+        assert_eq!(seconds("0"), Ok(Duration::ZERO));
+        assert_eq!(seconds("1.5"), Ok(Duration::from_millis(1500)));
+        for bad in ["", "-1", "NaN", "inf", "1e300", "5s"] {
+            assert!(seconds(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,455 @@
+//! The sweep: every tree is built and traced in turn, round by round, so that a machine whose speed
+//! drifts slows all settings alike.
+
+use super::TradeError;
+use super::budget::{Budget, Fixed, Pilot, divide};
+use super::judge::Judge;
+use super::payback::Payback;
+use super::plan::{Device, Station};
+use super::rays::{RaySets, judged, timed as timed_rays};
+use super::row::{Aims, Errors, Row, Sets, Trace};
+use crate::report::scene::Placed;
+use crate::report::timing::timed;
+use crate::report::{median, pool};
+use crate::verify::reference::Reference;
+use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions};
+use splitplane_core::config::BuildConfig;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::stats::TreeStats;
+use splitplane_core::tree::KdTreeView;
+use splitplane_cpu::CpuBackend;
+use std::collections::HashMap;
+
+/// How to measure.
+#[derive(Clone, Copy)]
+pub struct Settings<'a> {
+    /// Seconds that the rounds are to take together.
+    pub seconds: f64,
+    /// What is fixed, whatever time it takes.
+    pub fixed: Fixed,
+    /// The GPU, for stations on it; without one they are measured on the CPU.
+    pub gpu: Option<&'a dyn Backend>,
+    /// Most bytes of a build.
+    pub max_memory: Option<u64>,
+}
+
+/// What there is to see while it goes on.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// So many steps are to come.
+    Steps(u64),
+    /// One of them is done.
+    Step(&'a str),
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Measured {
+    /// How much was.
+    pub budget: Budget,
+    /// The rows, without conclusions: [`super::document`] draws them.
+    pub rows: Vec<Row>,
+    /// The name of the timed rays, see [`super::rays::digest`].
+    pub rays: String,
+    /// The name of the mesh.
+    pub mesh: String,
+    /// The CPU backend.
+    pub cpu: BackendInfo,
+    /// The GPU backend, if it was measured.
+    pub gpu: Option<BackendInfo>,
+}
+
+/// Rays of the first look at a device.
+const PILOT_RAYS: usize = 1 << 11;
+
+/// Measures the stations on a scene.
+///
+/// # Errors
+/// A backend that cannot be opened, a tree that cannot be built, rays that cannot be traced.
+pub fn measure(
+    placed: &Placed,
+    stations: &[Station],
+    settings: &Settings<'_>,
+    event: &mut dyn FnMut(Event<'_>),
+) -> Result<Measured, TradeError> {
+    let mesh = placed.scene.mesh()?;
+    let bench = Bench::open(&mesh, stations, settings)?;
+    let (reference, base) = bench.all.install(|| {
+        let base = bench.build(Device::Cpu, "fast", &BuildConfig::default())?;
+        Ok::<_, TradeError>((Reference::new(&mesh), base))
+    })?;
+    let sets =
+        |count: usize| bench.all.install(|| timed_rays(placed, base.as_ref(), &reference, count));
+    let pilots = bench.pilots(&sets(PILOT_RAYS)?)?;
+    let pilot = |device: Device| pilots[usize::from(device == Device::Gpu)];
+    let budget = divide(settings.seconds, stations, pilot, &settings.fixed);
+    let sets = sets(budget.cpu.sample_rays.max(budget.gpu.sample_rays))?;
+    event(Event::Steps((budget.repeat as u64 + 1) * stations.len() as u64 + 1));
+    let errors = bench.all.install(|| {
+        let count = budget.cpu.error_rays.max(budget.gpu.error_rays);
+        let rays = judged(&reference, count);
+        let exact = exact_answers(base.as_ref(), &rays)?;
+        Ok::<_, TradeError>(Judged { rays, exact, judge: Judge::new(&mesh, &reference) })
+    })?;
+    drop(base);
+    event(Event::Step("exact answers"));
+    let mut entries: Vec<Entry> =
+        stations.iter().map(|station| Entry::new(station, &budget)).collect();
+    for round in 0..=budget.repeat {
+        for place in in_turns(round, stations.len()) {
+            let (station, entry) = (&stations[place], &mut entries[place]);
+            entry.round(&bench, &sets, round > 0)?;
+            if round == 0 {
+                // Answers do not depend on threads: one of these stations is enough.
+                let first = stations.iter().position(|other| other.answers_as(station));
+                if first == Some(place) {
+                    bench.all.install(|| entry.judge(&errors))?;
+                }
+                entry.forget();
+            }
+            event(Event::Step(&station.name));
+        }
+    }
+    let answers: HashMap<usize, Vec<Judgement>> = (0..stations.len())
+        .filter_map(|place| {
+            let same = |other: &Station| other.answers_as(&stations[place]);
+            let judged = stations.iter().position(same)?;
+            Some((place, entries[judged].judgements.clone()))
+        })
+        .collect();
+    let rows = entries
+        .into_iter()
+        .enumerate()
+        .flat_map(|(place, entry)| entry.rows(answers.get(&place).map_or(&[], Vec::as_slice)));
+    Ok(Measured {
+        budget,
+        rows: rows.enumerate().map(|(i, row)| Row { number: i + 1, ..row }).collect(),
+        rays: super::rays::digest(sets.each()),
+        mesh: name_of(&mesh),
+        cpu: bench.cpu.describe(),
+        gpu: bench.gpu.map(|backend| backend.describe()),
+    })
+}
+
+/// Places in the order of a round: every other round backwards, so that drift within rounds cancels.
+fn in_turns(round: usize, count: usize) -> Box<dyn Iterator<Item = usize>> {
+    if round.is_multiple_of(2) { Box::new(0..count) } else { Box::new((0..count).rev()) }
+}
+
+/// XXH64 over all corners.
+fn name_of(mesh: &Mesh<'_>) -> String {
+    let mut state = splitplane_core::digest::Xxh64::new(0);
+    for index in 0..mesh.len() {
+        let bits: Vec<u32> =
+            mesh.triangle(index).as_flattened().iter().map(|x| x.to_bits()).collect();
+        state.write_words(&bits);
+    }
+    format!("{:016x}", state.finish())
+}
+
+/// The exact answers: those of the CPU backend at accuracy `exact`.
+fn exact_answers(
+    tree: &dyn Accelerator,
+    rays: &Aims<Vec<Ray>>,
+) -> Result<Aims<Vec<Hit>>, TradeError> {
+    let options = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let mut exact: [Vec<Hit>; 3] = Default::default();
+    for (exact, rays) in exact.iter_mut().zip(rays.each()) {
+        exact.resize(rays.len(), Hit::MISS);
+        tree.closest_hits(rays, exact, &options)?;
+    }
+    Ok(Aims::of(exact))
+}
+
+/// What all stations share.
+struct Bench<'a> {
+    mesh: &'a Mesh<'a>,
+    cpu: CpuBackend,
+    gpu: Option<&'a dyn Backend>,
+    pools: HashMap<usize, rayon::ThreadPool>,
+    /// The pool with most threads, for all that is not timed.
+    all: rayon::ThreadPool,
+    max_memory: Option<u64>,
+}
+
+/// The rays that are judged, and their exact answers.
+struct Judged<'a> {
+    rays: Aims<Vec<Ray>>,
+    exact: Aims<Vec<Hit>>,
+    judge: Judge<'a>,
+}
+
+impl<'a> Bench<'a> {
+    fn open(
+        mesh: &'a Mesh<'a>,
+        stations: &[Station],
+        settings: &Settings<'a>,
+    ) -> Result<Bench<'a>, TradeError> {
+        let mut pools = HashMap::new();
+        for station in stations {
+            if !pools.contains_key(&station.threads) {
+                pools.insert(station.threads, pool(station.threads)?);
+            }
+        }
+        let most = stations.iter().map(|station| station.threads).max().unwrap_or(1);
+        let cpu = CpuBackend::new();
+        let Settings { gpu, max_memory, .. } = *settings;
+        Ok(Bench { mesh, cpu, gpu, pools, all: pool(most)?, max_memory })
+    }
+
+    fn build(
+        &self,
+        device: Device,
+        name: &str,
+        config: &BuildConfig,
+    ) -> Result<Box<dyn Accelerator>, TradeError> {
+        let options = BuildOptions { config: *config, max_memory: self.max_memory };
+        let built = match (device, self.gpu) {
+            (Device::Gpu, Some(backend)) => backend.build(self.mesh, &options),
+            _ => self.cpu.build(self.mesh, &options),
+        };
+        built.map_err(|error| TradeError::Build { setting: name.to_owned(), error })
+    }
+
+    fn pool(&self, station: &Station) -> &rayon::ThreadPool {
+        self.pools.get(&station.threads).unwrap_or(&self.all)
+    }
+
+    /// What preset `fast` takes on the CPU and on the GPU.
+    fn pilots(&self, sets: &RaySets) -> Result<[Pilot; 2], TradeError> {
+        let pilot = |device: Device| {
+            self.all.install(|| {
+                let (tree, mut build_ms) =
+                    timed(|| self.build(device, "fast", &BuildConfig::default()));
+                let tree = tree?;
+                let mut ns_per_ray = [0.0; 3];
+                // The first time warms up.
+                for _ in 0..2 {
+                    for (ns, accuracy) in ns_per_ray.iter_mut().zip(Accuracy::ALL) {
+                        let mut own = Vec::new();
+                        for set in 0..4 {
+                            let (ms, rays) = trace(tree.as_ref(), sets, set, accuracy)?;
+                            own.extend((rays > 0).then(|| 1e6 * ms / rays as f64));
+                        }
+                        *ns = mean(&own);
+                    }
+                }
+                if device == Device::Cpu {
+                    build_ms = timed(|| self.build(device, "fast", &BuildConfig::default()))
+                        .1
+                        .min(build_ms);
+                }
+                Ok::<Pilot, TradeError>(Pilot { build_ms, ns_per_ray })
+            })
+        };
+        let cpu = pilot(Device::Cpu)?;
+        Ok([cpu, if self.gpu.is_some() { pilot(Device::Gpu)? } else { cpu }])
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    if values.is_empty() { 0.0 } else { values.iter().sum::<f64>() / values.len() as f64 }
+}
+
+/// Milliseconds to trace a set, as one batch from and to host memory, and how many rays it has.
+fn trace(
+    tree: &dyn Accelerator,
+    sets: &RaySets,
+    set: usize,
+    accuracy: Accuracy,
+) -> Result<(f64, usize), TradeError> {
+    trace_first(tree, sets.each()[set], set == SHADOW, accuracy, usize::MAX)
+}
+
+/// The set of which only is asked whether anything is hit.
+const SHADOW: usize = 1;
+
+fn trace_first(
+    tree: &dyn Accelerator,
+    rays: &[Ray],
+    any: bool,
+    accuracy: Accuracy,
+    most: usize,
+) -> Result<(f64, usize), TradeError> {
+    let rays = &rays[..rays.len().min(most)];
+    let options = QueryOptions { accuracy, ..QueryOptions::default() };
+    let (traced, ms) = if any {
+        let mut stopped = vec![false; rays.len()];
+        timed(|| tree.any_hits(rays, &mut stopped, &options))
+    } else {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        timed(|| tree.closest_hits(rays, &mut hits, &options))
+    };
+    traced?;
+    Ok((ms, rays.len()))
+}
+
+/// Errors of one accuracy, and rays decided elsewhere.
+#[derive(Clone, Copy, Debug)]
+struct Judgement {
+    errors: Aims<Errors>,
+    redone: u64,
+}
+
+/// A station at work, and what it has taken so far.
+struct Entry<'a> {
+    station: &'a Station,
+    budget: Budget,
+    build_ms: Vec<f64>,
+    /// Nanoseconds a ray, by accuracy and set.
+    ns: Vec<[Vec<f64>; 4]>,
+    rays: [usize; 4],
+    /// The tree of the first round, until it is judged.
+    tree: Option<Box<dyn Accelerator>>,
+    judgements: Vec<Judgement>,
+    like: Option<Likeness>,
+}
+
+/// What a tree is like, whoever traces through it.
+struct Likeness {
+    stats: TreeStats,
+    digest: String,
+    query_bytes: u64,
+    peak_bytes: u64,
+}
+
+impl<'a> Entry<'a> {
+    fn new(station: &'a Station, budget: &Budget) -> Entry<'a> {
+        Entry {
+            station,
+            budget: *budget,
+            build_ms: Vec::new(),
+            ns: station.accuracies.iter().map(|_| Default::default()).collect(),
+            rays: [0; 4],
+            tree: None,
+            judgements: Vec::new(),
+            like: None,
+        }
+    }
+
+    /// Builds and traces once.
+    fn round(&mut self, bench: &Bench<'_>, sets: &RaySets, counts: bool) -> Result<(), TradeError> {
+        let Station { name, config, device, .. } = self.station;
+        let most = self.budget.of(*device).sample_rays;
+        bench.pool(self.station).install(|| {
+            let (tree, build_ms) = timed(|| bench.build(*device, name, config));
+            let tree = tree?;
+            for (place, &accuracy) in self.station.accuracies.iter().enumerate() {
+                for (set, rays) in sets.each().into_iter().enumerate() {
+                    let (ms, rays) =
+                        trace_first(tree.as_ref(), rays, set == SHADOW, accuracy, most)?;
+                    self.rays[set] = rays;
+                    if counts && rays > 0 {
+                        self.ns[place][set].push(1e6 * ms / rays as f64);
+                    }
+                }
+            }
+            if counts {
+                self.build_ms.push(build_ms);
+            } else {
+                self.like = Some(Likeness::of(tree.as_ref()));
+                self.tree = Some(tree);
+            }
+            Ok(())
+        })
+    }
+
+    /// Judges the answers of the tree of the first round.
+    fn judge(&mut self, judged: &Judged<'_>) -> Result<(), TradeError> {
+        let Some(tree) = &self.tree else { return Ok(()) };
+        let most = self.budget.of(self.station.device).error_rays as usize;
+        for &accuracy in &self.station.accuracies {
+            let options = QueryOptions { accuracy, ..QueryOptions::default() };
+            let (mut errors, mut redone) = ([Errors::default(); 3], 0);
+            for (kind, errors) in errors.iter_mut().enumerate() {
+                let (rays, exact) = (judged.rays.each()[kind], judged.exact.each()[kind]);
+                let count = rays.len().min(most);
+                let mut hits = vec![Hit::MISS; count];
+                redone += tree.closest_hits(&rays[..count], &mut hits, &options)?.undecided;
+                *errors = judged.judge.count(&rays[..count], &exact[..count], &hits);
+            }
+            self.judgements.push(Judgement { errors: Aims::of(errors), redone });
+        }
+        Ok(())
+    }
+
+    /// Lets the tree go.
+    fn forget(&mut self) {
+        self.tree = None;
+    }
+
+    /// A row for each accuracy, not yet numbered and without conclusions.
+    fn rows(self, judgements: &[Judgement]) -> Vec<Row> {
+        let Entry { station, build_ms, ns, rays, like, .. } = self;
+        let Some(like) = like else { return Vec::new() };
+        let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
+        let row = |(place, times): (usize, [Vec<f64>; 4])| {
+            let judgement = judgements.get(place).copied();
+            let errors = judgement.map_or(Aims::default(), |judgement| judgement.errors);
+            let mut set = 0;
+            let trace = times.map(|times| {
+                set += 1;
+                let any = !times.is_empty();
+                let least_ns = any.then(|| least(&times));
+                Trace { rays: rays[set - 1], ns: any.then(|| median(times)), least_ns }
+            });
+            let present: Vec<f64> = trace.iter().filter_map(|trace| trace.ns).collect();
+            let judged: u64 = errors.each().into_iter().map(|errors| errors.rays).sum();
+            let per_million = |count: u64| 1e6 * count as f64 / judged.max(1) as f64;
+            let threads = (station.device == Device::Cpu).then_some(station.threads);
+            Row {
+                number: 0,
+                name: station.name.clone(),
+                preset: station.config.preset.name().to_owned(),
+                knob: station.knob.clone(),
+                config: station.config.into(),
+                backend: station.device.name().to_owned(),
+                threads,
+                accuracy: station.accuracies[place].name().to_owned(),
+                build_ms: median(build_ms.clone()),
+                least_build_ms: least(&build_ms),
+                trace: Sets::of(trace),
+                ns_per_ray: mean(&present),
+                query_bytes: like.query_bytes,
+                peak_bytes: like.peak_bytes,
+                sah_cost: like.stats.sah_cost,
+                block_cost: like.stats.block_cost,
+                nodes: like.stats.nodes,
+                references: like.stats.references,
+                depth: like.stats.max_depth,
+                digest: like.digest.clone(),
+                errors,
+                errors_per_million: per_million(errors.each().into_iter().map(Errors::all).sum()),
+                rounded_per_million: per_million(
+                    errors.each().into_iter().map(|errors| errors.rounded).sum(),
+                ),
+                redone_per_million: per_million(judgement.map_or(0, |judgement| judgement.redone)),
+                field: String::new(),
+                pareto: false,
+                payback: Payback::Unknown,
+            }
+        };
+        ns.into_iter().enumerate().map(row).collect()
+    }
+}
+
+impl Likeness {
+    fn of(tree: &dyn Accelerator) -> Likeness {
+        let view = tree.tree().view();
+        // One K_T, K_I and W for all, whatever shaped the tree: else costs do not compare.
+        let fast = BuildConfig::default();
+        let config = BuildConfig {
+            traversal_cost: fast.traversal_cost,
+            intersection_cost: fast.intersection_cost,
+            block_width: fast.block_width,
+            ..view.config
+        };
+        Likeness {
+            stats: TreeStats::of(&KdTreeView { config, ..view }),
+            digest: tree.tree().digest().to_string(),
+            query_bytes: tree.query_bytes(),
+            peak_bytes: tree.summary().peak_bytes,
+        }
+    }
+}

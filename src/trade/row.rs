@@ -1,0 +1,318 @@
+//! A row: one setting, what it costs and what it gets wrong.
+
+use super::payback::{Line, Payback};
+use serde::{Deserialize, Serialize};
+use splitplane_core::config::{BuildConfig, Preset};
+
+/// Something for each of the four sets of rays that are timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sets<T> {
+    /// Rays of the camera: closest hits.
+    pub primary: T,
+    /// From what the camera sees towards lights: any hits.
+    pub shadow: T,
+    /// From what the camera sees into the half-space above the surface: closest hits.
+    pub bounce: T,
+    /// Chords of the sphere around the scene: closest hits.
+    pub random: T,
+}
+
+impl<T> Sets<T> {
+    /// The names of the sets, in their order.
+    pub const NAMES: [&'static str; 4] = ["primary", "shadow", "bounce", "random"];
+
+    /// All four, in their order.
+    pub fn each(&self) -> [&T; 4] {
+        [&self.primary, &self.shadow, &self.bounce, &self.random]
+    }
+
+    /// The same from four values in their order.
+    pub fn of([primary, shadow, bounce, random]: [T; 4]) -> Sets<T> {
+        Sets { primary, shadow, bounce, random }
+    }
+}
+
+/// Something for each of the three kinds of rays whose answers are judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Aims<T> {
+    /// Chords of the sphere around the scene.
+    pub random: T,
+    /// Aimed at points of edges.
+    pub edge: T,
+    /// Aimed at vertices.
+    pub vertex: T,
+}
+
+impl<T> Aims<T> {
+    /// The names of the kinds, in their order.
+    pub const NAMES: [&'static str; 3] = ["random", "edge", "vertex"];
+
+    /// All three, in their order.
+    pub fn each(&self) -> [&T; 3] {
+        [&self.random, &self.edge, &self.vertex]
+    }
+
+    /// The same from three values in their order.
+    pub fn of([random, edge, vertex]: [T; 3]) -> Aims<T> {
+        Aims { random, edge, vertex }
+    }
+}
+
+/// Time to trace one set of rays.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Trace {
+    /// Rays in the batch. 0 where the scene gives none: the camera sees nothing, or no light is above
+    /// any surface.
+    pub rays: usize,
+    /// Nanoseconds a ray, the median of the repeats. None without rays.
+    pub ns: Option<f64>,
+    /// The same, the least of the repeats.
+    pub least_ns: Option<f64>,
+}
+
+/// Answers that differ from the exact ones; what each word means is in [`super::judge`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Errors {
+    /// Rays judged.
+    pub rays: u64,
+    /// They hit, and the answer was a miss that rounding does not explain.
+    pub missing: u64,
+    /// They hit, and the answer was another place, farther or nearer than rounding explains.
+    pub wrong: u64,
+    /// They hit nothing, and the answer was a hit that rounding does not explain.
+    pub phantom: u64,
+    /// Answers of any of these kinds that rounding explains; they are no errors.
+    pub rounded: u64,
+}
+
+impl Errors {
+    /// All errors.
+    pub fn all(&self) -> u64 {
+        self.missing + self.wrong + self.phantom
+    }
+
+    /// A count of these rays, for each million of them. 0 without rays.
+    pub fn per_million(&self, count: u64) -> f64 {
+        if self.rays == 0 { 0.0 } else { 1e6 * count as f64 / self.rays as f64 }
+    }
+}
+
+/// What shaped a tree, as it stands in files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Config {
+    /// K_T.
+    pub traversal_cost: u32,
+    /// K_I.
+    pub intersection_cost: u32,
+    /// W.
+    pub block_width: u32,
+    /// T.
+    pub small_node_limit: u32,
+    /// C_e, in 256ths.
+    pub empty_cutoff: u32,
+    /// Most levels below the root.
+    pub max_depth: u32,
+    /// Bins of an axis.
+    pub bins: u32,
+    /// Whether references are clipped.
+    pub clip: bool,
+    /// The cap on references, for each triangle.
+    pub references_per_triangle: u32,
+    /// The cap on nodes, for each triangle.
+    pub nodes_per_triangle: u32,
+    /// What a split with an empty side is forgiven, in 256ths.
+    pub empty_bonus: u32,
+    /// How many bad splits in a row are tried.
+    pub bad_splits: u32,
+}
+
+impl From<BuildConfig> for Config {
+    fn from(config: BuildConfig) -> Config {
+        Config {
+            traversal_cost: config.traversal_cost,
+            intersection_cost: config.intersection_cost,
+            block_width: config.block_width,
+            small_node_limit: config.small_node_limit,
+            empty_cutoff: config.empty_cutoff,
+            max_depth: config.max_depth,
+            bins: config.bins,
+            clip: config.clip,
+            references_per_triangle: config.references_per_triangle,
+            nodes_per_triangle: config.nodes_per_triangle,
+            empty_bonus: config.empty_bonus,
+            bad_splits: config.bad_splits,
+        }
+    }
+}
+
+impl Config {
+    /// The configuration of a preset with these knobs.
+    pub fn with(&self, preset: Preset) -> BuildConfig {
+        BuildConfig {
+            preset,
+            traversal_cost: self.traversal_cost,
+            intersection_cost: self.intersection_cost,
+            block_width: self.block_width,
+            small_node_limit: self.small_node_limit,
+            empty_cutoff: self.empty_cutoff,
+            max_depth: self.max_depth,
+            references_per_triangle: self.references_per_triangle,
+            nodes_per_triangle: self.nodes_per_triangle,
+            bins: self.bins,
+            clip: self.clip,
+            empty_bonus: self.empty_bonus,
+            bad_splits: self.bad_splits,
+        }
+    }
+}
+
+/// One setting, measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Row {
+    /// Its number in tables and plots, from 1 on.
+    pub number: usize,
+    /// Preset and knob in words.
+    pub name: String,
+    /// The preset's name.
+    pub preset: String,
+    /// The knob that is not the preset's own; none for a preset as it is.
+    pub knob: Option<String>,
+    /// What shaped the tree.
+    pub config: Config,
+    /// `cpu` or `wgpu`.
+    pub backend: String,
+    /// Threads that built and traced; none for a device.
+    pub threads: Option<usize>,
+    /// The accuracy's name.
+    pub accuracy: String,
+    /// Milliseconds from triangles in host memory to a tree that rays can be traced through: the
+    /// median of the repeats.
+    pub build_ms: f64,
+    /// The same, the least of the repeats.
+    pub least_build_ms: f64,
+    /// Time to trace each set.
+    pub trace: Sets<Trace>,
+    /// Nanoseconds a ray, the mean over the sets that have rays: as many rays of each kind.
+    pub ns_per_ray: f64,
+    /// Bytes that queries read.
+    pub query_bytes: u64,
+    /// Most bytes that the build held at once besides the mesh.
+    pub peak_bytes: u64,
+    /// SAH cost of the tree with every triangle of a leaf counted, at the K_T and K_I of preset
+    /// `fast` whatever shaped it.
+    pub sah_cost: f64,
+    /// The same by blocks of W triangles, at the W of preset `fast`.
+    pub block_cost: f64,
+    /// Nodes.
+    pub nodes: usize,
+    /// References of all leaves.
+    pub references: usize,
+    /// Most levels below the root.
+    pub depth: u32,
+    /// The tree's name.
+    pub digest: String,
+    /// Answers that differ from the exact ones.
+    pub errors: Aims<Errors>,
+    /// Missing, wrong and phantom hits for each million rays, over all three kinds.
+    pub errors_per_million: f64,
+    /// Answers that differ from the exact ones within rounding, for each million rays.
+    pub rounded_per_million: f64,
+    /// Rays that the backend could not decide in its own arithmetic and had decided elsewhere, for
+    /// each million of those judged.
+    pub redone_per_million: f64,
+    /// Which rows it competes with: those of equal words.
+    pub field: String,
+    /// Whether no row of its field is at least as good in build time, trace time, memory, errors and
+    /// rounded answers, and better in one of them.
+    pub pareto: bool,
+    /// When its build pays against preset `fast`.
+    pub payback: Payback,
+}
+
+impl Row {
+    /// Preset, knob and accuracy in words, and the backend where it is not the CPU.
+    pub fn short_title(&self) -> String {
+        let on = if self.threads.is_none() { "; wgpu" } else { "" };
+        format!("{}; {}{on}", self.name, self.accuracy)
+    }
+
+    /// Preset, knob, accuracy and who does the work, in words.
+    pub fn title(&self) -> String {
+        let by = match self.threads {
+            Some(1) => "1 thread".to_owned(),
+            Some(threads) => format!("{threads} threads"),
+            None => self.backend.clone(),
+        };
+        format!("{}; {}; {by}", self.name, self.accuracy)
+    }
+
+    /// What it costs.
+    pub fn line(&self) -> Line {
+        Line { build_ms: self.build_ms, ns_per_ray: self.ns_per_ray }
+    }
+
+    /// Milliseconds for one build and this many rays.
+    pub fn total_ms(&self, rays: f64) -> f64 {
+        self.line().total_ms(rays)
+    }
+
+    /// All errors of a kind, added up over the three kinds of rays.
+    pub fn sum(&self, of: impl Fn(&Errors) -> u64) -> u64 {
+        self.errors.each().into_iter().map(of).sum()
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// A row of which only times matter.
+    pub(in super::super) fn row(name: &str, accuracy: &str, build_ms: f64, ns: f64) -> Row {
+        let trace = Trace { rays: 1000, ns: Some(ns), least_ns: Some(ns) };
+        Row {
+            number: 1,
+            name: name.to_owned(),
+            preset: name.to_owned(),
+            knob: None,
+            config: BuildConfig::default().into(),
+            backend: "cpu".into(),
+            threads: Some(2),
+            accuracy: accuracy.to_owned(),
+            build_ms,
+            least_build_ms: build_ms,
+            trace: Sets::of([trace; 4]),
+            ns_per_ray: ns,
+            query_bytes: 1_000,
+            peak_bytes: 2_000,
+            sah_cost: 20.0,
+            block_cost: 10.0,
+            nodes: 3,
+            references: 4,
+            depth: 1,
+            digest: "0".into(),
+            errors: Aims::default(),
+            errors_per_million: 0.0,
+            rounded_per_million: 0.0,
+            redone_per_million: 0.0,
+            field: "all".into(),
+            pareto: false,
+            payback: Payback::Unknown,
+        }
+    }
+
+    #[test]
+    fn configurations_survive_a_file() {
+        for preset in Preset::ALL {
+            let config = BuildConfig { clip: false, max_depth: 9, ..BuildConfig::preset(preset) };
+            let text = serde_json::to_string(&Config::from(config)).unwrap();
+            let read: Config = serde_json::from_str(&text).unwrap();
+            assert_eq!(read.with(preset), config);
+        }
+    }
+}

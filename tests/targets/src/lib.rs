@@ -1,0 +1,55 @@
+//! What the fuzz targets do with their bytes.
+//!
+//! A target is a function of bytes that panics when the library does something it must not. The
+//! programs in `fuzz/` give it bytes of a fuzzer, `tests/corpus.rs` those that are kept in
+//! `tests/corpus`. Bytes mean something: most of them choose from a grammar, so that what comes out
+//! gets past the first check of what reads it.
+
+#![forbid(unsafe_code)]
+
+pub mod animation;
+pub mod arguments;
+pub mod build_tree;
+mod folder;
+pub mod obj;
+pub mod ray_file;
+pub mod source;
+pub mod tree_file;
+
+// The program's own sources: what is fuzzed is not a copy.
+#[allow(dead_code, missing_docs, reason = "the program uses the rest of it")]
+#[path = "../../../src/cli/mod.rs"]
+mod cli;
+
+/// A target: panics when something is wrong.
+pub type Target = fn(&[u8]);
+
+/// All targets by their names, which are those of the programs in `fuzz/fuzz_targets` and of the
+/// folders in `tests/corpus`.
+pub const ALL: [(&str, Target); 6] = [
+    ("animation", animation::run),
+    ("arguments", arguments::run),
+    ("build_tree", build_tree::run),
+    ("obj", obj::run),
+    ("ray_file", ray_file::run),
+    ("tree_file", tree_file::run),
+];
+
+/// What must hold of every message to a user: one line of printable text that does not run on, which
+/// says where (`place`) where there is such a thing.
+fn check_message(message: &str, place: &str) {
+    assert!(!message.trim().is_empty(), "an error without words");
+    assert!(message.contains(place), "`{message}` does not say where: {place}");
+    assert!(message.len() < 2000, "a message of {} bytes: {message}", message.len());
+}
+
+/// Makes the calling thread the only one that works, once: handing work over costs more than most
+/// inputs do.
+pub fn single_thread() {
+    use std::sync::Once;
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        // A pool that is there already serves as well.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build_global();
+    });
+}

@@ -1,0 +1,155 @@
+//! Inputs that are kept, and some of chance, through the functions that fuzzers call.
+//!
+//! `tests/corpus/TARGET` holds, for each target, inputs that a fuzzer once broke something with and
+//! some that reach far; their names say which. Whatever is added there is run.
+
+use splitplane::scene::obj::{ObjError, parse};
+use splitplane_cpu::CpuBackend;
+use splitplane_fuzz_targets::{ALL, Target, build_tree, obj};
+use splitplane_test_support::faulty::{Fault, FaultyBackend};
+use splitplane_test_support::random::Random;
+use std::collections::BTreeSet;
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+/// Inputs of chance for each target.
+const RANDOM: u64 = 1500;
+
+fn corpus() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../corpus")
+}
+
+/// Up to 600 bytes of chance.
+fn chance(seed: u64) -> Vec<u8> {
+    let mut random = Random::new(seed);
+    (0..random.below(600)).map(|_| random.bits() as u8).collect()
+}
+
+/// Runs a target and names the input it fails on.
+fn run(name: &str, target: Target, input: &str, bytes: &[u8]) {
+    if let Err(panic) = catch_unwind(AssertUnwindSafe(|| target(bytes))) {
+        eprintln!("target {name} fails on {input}: {bytes:?}");
+        std::panic::resume_unwind(panic);
+    }
+}
+
+#[test]
+fn kept_inputs_do_no_harm() {
+    for (name, target) in ALL {
+        let folder = corpus().join(name);
+        let mut files: Vec<PathBuf> = fs::read_dir(&folder)
+            .unwrap_or_else(|error| panic!("no corpus of {name}: {error}"))
+            .map(|entry| entry.expect("a readable folder").path())
+            .collect();
+        files.sort();
+        assert!(!files.is_empty(), "the corpus of {name} is empty");
+        for file in files {
+            let bytes = fs::read(&file).expect("a readable file");
+            run(name, target, &file.display().to_string(), &bytes);
+        }
+    }
+}
+
+/// Bytes of chance get into every corner of a grammar, if not of a program.
+#[test]
+fn bytes_of_chance_do_no_harm() {
+    for (name, target) in ALL {
+        for seed in 0..RANDOM {
+            run(name, target, &format!("seed {seed}"), &chance(seed));
+        }
+    }
+}
+
+/// No target without a program, no program without a target, no folder of another name.
+#[test]
+fn targets_programs_and_folders_have_the_same_names() {
+    let names = |folder: PathBuf| -> BTreeSet<String> {
+        fs::read_dir(folder)
+            .expect("a readable folder")
+            .filter_map(|entry| Some(entry.ok()?.path().file_stem()?.to_str()?.to_owned()))
+            .collect()
+    };
+    let targets: BTreeSet<String> = ALL.iter().map(|(name, _)| (*name).to_owned()).collect();
+    assert_eq!(targets, names(corpus()));
+    assert_eq!(targets, names(corpus().join("../../fuzz/fuzz_targets")));
+    let manifest = fs::read_to_string(corpus().join("../../fuzz/Cargo.toml")).expect("a manifest");
+    for name in &targets {
+        assert!(manifest.contains(&format!("path = \"fuzz_targets/{name}.rs\"")), "{name}");
+    }
+}
+
+/// A target that fails is seen to fail.
+#[test]
+#[should_panic(expected = "a planted fault")]
+fn a_failing_target_fails() {
+    run("planted", |bytes| assert!(bytes.is_empty(), "a planted fault"), "one byte", &[0]);
+}
+
+/// Whether a target fails on one of many inputs of chance.
+fn is_found(inputs: u64, target: impl Fn(&[u8])) -> bool {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(|_| {}));
+    let found = (0..inputs).any(|seed| {
+        let bytes = chance(seed);
+        catch_unwind(AssertUnwindSafe(|| target(&bytes))).is_err()
+    });
+    std::panic::set_hook(hook);
+    found
+}
+
+/// Backends with a fault are found out, one without is not.
+#[test]
+fn faulty_backends_are_found() {
+    let cpu = CpuBackend::new();
+    assert!(!is_found(3000, |bytes| build_tree::run_on(bytes, &cpu)));
+    for fault in [
+        Fault::Leak,
+        Fault::HigherIndexWins,
+        Fault::OpenInterval,
+        Fault::NoCulling,
+        Fault::NoIgnore,
+        Fault::WrongDistance,
+        Fault::SecondHit,
+        Fault::ForgetsLast,
+        Fault::WrongWeights,
+        Fault::Unstable,
+        Fault::LosesReference,
+        Fault::CountsNothing,
+        Fault::Phantom,
+    ] {
+        let faulty = FaultyBackend::new(CpuBackend::new(), fault);
+        assert!(is_found(20_000, |bytes| build_tree::run_on(bytes, &faulty)), "{fault:?}");
+    }
+}
+
+/// Readers with a fault are found out.
+#[test]
+fn faulty_readers_are_found() {
+    let faults: [obj::Reader; 5] = [
+        // One triangle less, another order of corners, another line, no line, another vertex.
+        |text, name| {
+            let mut scene = parse(text, name)?;
+            (scene.indices.pop(), scene.material_of.pop());
+            Ok(scene)
+        },
+        |text, name| {
+            let mut scene = parse(text, name)?;
+            scene.indices.iter_mut().for_each(|face| face.rotate_left(1));
+            Ok(scene)
+        },
+        |text, name| {
+            parse(text, name).map_err(|error| ObjError { line: error.line.map(|l| l + 1), ..error })
+        },
+        |text, name| parse(text, name).map_err(|error| ObjError { line: None, ..error }),
+        |text, name| {
+            let mut scene = parse(text, name)?;
+            scene.positions[0][1] += 1.0;
+            Ok(scene)
+        },
+    ];
+    assert!(!is_found(3000, |bytes| obj::run_on(bytes, parse)));
+    for (i, fault) in faults.into_iter().enumerate() {
+        assert!(is_found(3000, |bytes| obj::run_on(bytes, fault)), "fault {i}");
+    }
+}
