@@ -205,8 +205,8 @@ fn undecided_rays_are_an_error_where_nothing_can_mark_them() {
     assert_eq!(hits[0].triangle, 0);
 }
 
-/// The closest hits by a shader of a host's own, from this text of the traversal.
-fn by_text(case: &Case, text: &str, rays: &[Ray]) -> Vec<Hit> {
+/// A shader of a host's own with this text of the traversal: closest hits.
+fn shader(text: &str) -> wgpu::ComputePipeline {
     let own = "
 @group(0) @binding(0) var<storage, read> given: array<vec4<u32>>;
 @group(0) @binding(1) var<storage, read_write> found: array<vec4<u32>>;
@@ -216,9 +216,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let ray = ray_of_words(given[2u * id.x], given[2u * id.x + 1u]);
     found[id.x] = hit_words(closest_hit(ray, default_options()));
 }";
+    common::gpu().pipeline("host", &(text.to_owned() + own)).expect("a pipeline")
+}
+
+/// The closest hits by such a shader.
+fn traced_by(pipeline: &wgpu::ComputePipeline, case: &Case, rays: &[Ray]) -> Vec<Hit> {
     use wgpu::BufferUsages as Usage;
     let gpu = common::gpu();
-    let pipeline = gpu.pipeline("host", &(text.to_owned() + own)).expect("a pipeline");
     let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
     let given = gpu.buffer("rays", size_of_val(rays) as u64, usage).expect("a buffer");
     let hits = gpu.buffer("hits", 16 * rays.len() as u64, usage).expect("a buffer");
@@ -236,7 +240,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     {
         let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&pipeline);
+        pass.set_pipeline(pipeline);
         pass.set_bind_group(0, &groups[0], &[]);
         pass.set_bind_group(1, &groups[1], &[]);
         pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
@@ -261,8 +265,9 @@ fn planted_faults_are_seen() {
     // Decided rays that are wrong, and undecided ones.
     let judge = |text: &str| {
         let (mut wrong, mut undecided) = (0, 0);
+        let pipeline = shader(text);
         for (case, rays) in &cases {
-            for (ray, hit) in rays.iter().zip(by_text(case, text, rays)) {
+            for (ray, hit) in rays.iter().zip(traced_by(&pipeline, case, rays)) {
                 assert_ne!(hit.triangle, UNFINISHED);
                 if hit.triangle == UNDECIDED_HIT {
                     undecided += 1;
