@@ -30,8 +30,8 @@ pub(super) struct Common {
     /// Threads that share the work; all cores when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub(super) threads: Option<u16>,
-    /// Most bytes a build, a frame or an answer of all hits may hold besides the mesh; k, M and G stand
-    /// for powers of 1024
+    /// Most bytes a build or an answer of all hits may hold besides the mesh; k, M and G stand for powers
+    /// of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
     #[command(flatten)]
