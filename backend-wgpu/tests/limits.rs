@@ -75,9 +75,8 @@ fn builds_end_at_any_call_and_the_next_one_is_whole() {
             assert!(ends_anywhere(build, cancelled) >= 2);
             // What was given up is behind this in the queue, in the same buffers.
             assert_eq!(*backend.build_accelerator(&mesh, &options).unwrap().tree(), expected);
-            let load = |watch: &dyn Watch| {
-                backend.load_watched(&mesh, expected.clone(), &options, watch)
-            };
+            let load =
+                |watch: &dyn Watch| backend.load_watched(&mesh, expected.clone(), &options, watch);
             assert!(ends_anywhere(load, cancelled) >= 2);
         }
     }
@@ -103,9 +102,7 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
     let on_cpu = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
     let rays = aim::rays(&mesh, Kind::Random, 10_000, 6);
     let options = QueryOptions::default();
-    let cancelled = |error: &QueryError| {
-        matches!(error, QueryError::Cancelled { done, total: 10_000 } if *done <= 10_000)
-    };
+    let cancelled = |error: &QueryError| matches!(error, QueryError::Cancelled { done, total: 10_000 } if *done <= 10_000);
     let mut expected = vec![Hit::MISS; rays.len()];
     on_cpu.closest_hits(&rays, &mut expected, &options).unwrap();
     let closest = |watch: &dyn Watch| {
