@@ -415,7 +415,7 @@ fn the_limit_of_memory_is_exact() {
 fn too_many_triangles_are_refused() {
     let triangles = splitplane_core::mesh::MAX_TRIANGLES + 1;
     let indices = vec![[0u32; 3]; triangles];
-    let error = Mesh::indexed(&[[0.0; 3]], &indices).err().expect("too many");
+    let error = Mesh::indexed(&[[0.0; 3]], &indices).expect_err("too many");
     assert_eq!(error, MeshError::TooManyTriangles { triangles });
     says(&error, &[&triangles.to_string()]);
 }

@@ -199,7 +199,7 @@ impl Collector {
         }
         self.test(ray, corners, triangle, culling);
         self.tests += 1;
-        if self.tests % Self::TESTS == 0 && !go_on(self) {
+        if self.tests.is_multiple_of(Self::TESTS) && !go_on(self) {
             self.ended = true;
             return f64::NEG_INFINITY;
         }

@@ -19,7 +19,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
 use splitplane_cpu::CpuBackend;
-use std::collections::HashMap;
+use std::collections::{HashMap, hash_map};
 
 /// How to measure.
 #[derive(Clone, Copy)]
@@ -188,8 +188,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Bench<'a>, TradeError> {
         let mut pools = HashMap::new();
         for station in stations {
-            if !pools.contains_key(&station.threads) {
-                pools.insert(station.threads, pool(station.threads)?);
+            if let hash_map::Entry::Vacant(place) = pools.entry(station.threads) {
+                place.insert(pool(station.threads)?);
             }
         }
         let most = stations.iter().map(|station| station.threads).max().unwrap_or(1);

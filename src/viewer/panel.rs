@@ -7,7 +7,6 @@ use super::source::FrameReport;
 use super::state::State;
 use crate::backend::BackendKind;
 use egui::{Color32, Grid, RichText, ScrollArea, Slider, Ui};
-use splitplane_core::ray::Accuracy;
 
 /// The panel's width in points.
 pub(super) const WIDTH: f32 = 292.0;

@@ -85,6 +85,7 @@ impl Default for Bins {
 ///
 /// # Errors
 /// More memory than the limit allows.
+#[allow(clippy::too_many_arguments, reason = "a bundle of them would be made for each node")]
 pub(super) fn best_split(
     set: InstructionSet,
     costs: &Costs,

@@ -62,6 +62,7 @@ impl Node {
     ///
     /// # Errors
     /// More memory than the limit allows.
+    #[allow(clippy::too_many_arguments, reason = "a bundle of them would be made for each node")]
     #[inline]
     pub fn decide(
         &self,

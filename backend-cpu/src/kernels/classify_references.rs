@@ -13,6 +13,7 @@ use super::GRAIN;
 use crate::lookout::Lookout;
 
 /// Runs the kernel.
+#[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
 pub fn run<A: Arithmetic>(
     look: &Lookout<'_>,
     clipped: bool,

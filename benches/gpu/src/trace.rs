@@ -286,7 +286,8 @@ impl<'a> Resident<'a> {
             for _ in 0..dispatches {
                 match self.query {
                     Query::Closest => {
-                        queries.record_closest_hits(encoder, tree, rays, answers, count, options)?
+                        queries
+                            .record_closest_hits(encoder, tree, rays, answers, count, options)?;
                     }
                     Query::Any => {
                         queries.record_any_hits(encoder, tree, rays, answers, count, options)?;

@@ -43,7 +43,7 @@ fn raw(bytes: &[u8], named_npy: bool) {
                 failure.message(),
                 if named_npy { "some.npy" } else { "some.rays" },
             );
-            let whole = bytes.len() % 32 == 0 && !named_npy && !npy::is_npy(bytes);
+            let whole = bytes.len().is_multiple_of(32) && !named_npy && !npy::is_npy(bytes);
             assert!(!whole, "whole rays are refused: {}", failure.message());
         }
     }

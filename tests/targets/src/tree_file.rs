@@ -221,7 +221,7 @@ fn use_tree(tree: &KdTree, sample: &Sample) {
     match loaded {
         Ok(accelerator) => ask(accelerator.as_ref(), sample),
         Err(error @ BuildError::WrongMesh { .. }) => {
-            crate::check_message(&error.to_string(), "mesh")
+            crate::check_message(&error.to_string(), "mesh");
         }
         Err(other) => panic!("{other}"),
     }

@@ -130,7 +130,8 @@ fn faulty_readers_are_found() {
         // One triangle less, another order of corners, another line, no line, another vertex.
         |text, name| {
             let mut scene = parse(text, name)?;
-            (scene.indices.pop(), scene.material_of.pop());
+            scene.indices.pop();
+            scene.material_of.pop();
             Ok(scene)
         },
         |text, name| {
