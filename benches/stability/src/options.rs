@@ -35,8 +35,8 @@ pub struct Options {
     /// Which builder
     #[arg(long, default_value = "fast", value_parser = preset)]
     pub preset: Preset,
-    /// Scenes, separated by commas: sphere[:RINGS], nested, seams, seams-oblique, boxes,
-    /// `awkward:NAME`, builtin:NAME[:SIZE] or .obj files
+    /// Scenes, separated by commas: `sphere[:RINGS]`, nested, seams, seams-oblique, boxes,
+    /// `awkward:NAME`, `builtin:NAME[:SIZE]` or .obj files
     #[arg(long, value_delimiter = ',', default_value = "sphere,nested,seams,seams-oblique,boxes")]
     pub scene: Vec<String>,
     /// Another seed gives other rays
