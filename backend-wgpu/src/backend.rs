@@ -90,9 +90,7 @@ impl WgpuBackend {
         gpu.check_limits()?;
         let mut backend = WgpuBackend::untested(gpu, Kernels::default());
         let parity = selftest::run(&backend)?;
-        if !parity.is_bitwise() {
-            backend.queries().set_uncertain();
-        }
+        backend.queries().set_parity(&parity);
         backend.parity = Some(parity);
         Ok(backend)
     }

@@ -20,7 +20,7 @@ use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::{Oracle, OracleHit};
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{
-    DeviceQueryError, Marked, Queries, UNDECIDED_HIT, UNFINISHED, WgpuAccelerator,
+    DeviceQueryError, Marked, Parity, Queries, UNDECIDED_HIT, UNFINISHED, WgpuAccelerator,
 };
 
 const EXACT: QueryOptions = QueryOptions {
@@ -35,7 +35,12 @@ const STALE: Hit = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
 
 fn queries() -> Arc<Queries> {
     static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
-    QUERIES.get_or_init(|| Arc::new(Queries::new(common::gpu()))).clone()
+    let tested = || {
+        let queries = Queries::new(common::gpu());
+        queries.set_parity(&Parity::Bitwise);
+        Arc::new(queries)
+    };
+    QUERIES.get_or_init(tested).clone()
 }
 
 /// A tree in host and in device memory.

@@ -61,9 +61,19 @@ impl Hit {
     /// The record of a ray that meets nothing.
     pub const MISS: Hit = Hit { t: f32::INFINITY, triangle: u32::MAX, u: 0.0, v: 0.0 };
 
-    /// True unless this is the record of a miss.
+    /// The `triangle` of a ray of accuracy `exact` that a device left undecided; see
+    /// [`Undecided::Flag`].
+    pub const UNDECIDED: u32 = u32::MAX - 2;
+
+    /// True for a triangle that was hit: neither for a miss, nor for a mark that a device leaves in place
+    /// of an answer, such as [`Hit::UNDECIDED`].
     pub fn is_hit(&self) -> bool {
-        self.triangle != u32::MAX
+        self.triangle < Hit::UNDECIDED
+    }
+
+    /// True for a ray that a device left undecided: there may be a hit.
+    pub fn is_undecided(&self) -> bool {
+        self.triangle == Hit::UNDECIDED
     }
 
     /// `None` for a miss.

@@ -74,7 +74,7 @@ mod compare {
             return Err(Failure::usage(message));
         }
         if common.accuracy_name() != "watertight" {
-            let message = "only answers of accuracy `watertight` are equal on every backend";
+            let message = "parity compares answers of accuracy `watertight`";
             return Err(Failure::usage(message));
         }
         let options = common.build_options()?;

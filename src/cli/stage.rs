@@ -7,7 +7,7 @@ use super::prepared::{Built, milliseconds, note_dropped, note_scene};
 use super::{output, progress};
 use splitplane::scene::Scene;
 use splitplane::tracer::Tracer;
-use splitplane::{BackendInfo, BuildOptions};
+use splitplane::{Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
 use std::time::Instant;
 
 /// A scene that is built, placed and described.
@@ -25,7 +25,15 @@ pub(super) struct Stage {
 /// said first.
 pub(super) fn open_tracer(common: &Common) -> Result<(Tracer, String), Failure> {
     common.build_options()?;
-    Ok(Tracer::open(common.backend, &common.open_options())?)
+    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
+    if exact_frames && common.backend == BackendKind::Wgpu {
+        return Err(Failure::usage(
+            "frames on a GPU are traced with accuracy fast or watertight, not exact; take --backend cpu, \
+             or another accuracy",
+        ));
+    }
+    let options = OpenOptions { exact_frames, ..common.open_options() };
+    Ok(Tracer::open(common.backend, &options)?)
 }
 
 impl Stage {

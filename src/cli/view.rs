@@ -12,6 +12,7 @@ use serde::Serialize;
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, AnimationError, Placement, Scene, SceneOptions};
 use splitplane::viewer::{DebugView, Ended, FrameReport, Settings, TracedSource, run as open};
+use splitplane::{Accuracy, OpenOptions};
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -82,7 +83,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     spinner.finish_and_clear();
     note_scene(common, &scene);
     let name = scene.name.clone();
-    let options = common.open_options();
+    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
+    let options = OpenOptions { exact_frames, ..common.open_options() };
     let settings = Settings {
         size: [arguments.size.width(), arguments.size.height()],
         adapter: options.adapter.clone(),

@@ -109,7 +109,8 @@ impl Queries {
     /// the device computed, see [`splitplane_core::certify`].
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, or a device that fails.
+    /// `rays` and `hits` of different length, a device that fails, or accuracy `exact` on one whose
+    /// arithmetic is not known to be the CPU's.
     pub fn closest_hits_marking(
         &self,
         tree: &DeviceTree,
@@ -117,6 +118,7 @@ impl Queries {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<Marked, DeviceQueryError> {
+        self.may_answer(options)?;
         self.closest_hits_under(tree, rays, hits, options, None)
     }
 
@@ -150,7 +152,7 @@ impl Queries {
     /// batch. Their answers are not to be used.
     ///
     /// # Errors
-    /// `rays` and `occluded` of different length, or a device that fails.
+    /// As for [`Queries::closest_hits_marking`].
     pub fn any_hits_marking(
         &self,
         tree: &DeviceTree,
@@ -158,6 +160,7 @@ impl Queries {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<Marked, DeviceQueryError> {
+        self.may_answer(options)?;
         self.any_hits_under(tree, rays, occluded, options, None)
     }
 

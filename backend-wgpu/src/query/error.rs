@@ -56,6 +56,12 @@ pub enum DeviceQueryError {
         /// The first of them.
         first: usize,
     },
+    /// Accuracy `exact` on a device that no self-test has found to round as the CPU does.
+    #[error(
+        "accuracy exact needs a device that a self-test found to be bitwise equal to the CPU; this \
+         one was not tested, or differs"
+    )]
+    Uncertain,
     /// The watch ended the batch.
     #[error("cancelled after {done} of {total} rays")]
     Cancelled {

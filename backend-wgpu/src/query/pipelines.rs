@@ -7,9 +7,11 @@ use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::traverse::Query;
 
 use super::batch::FIRST_RAYS;
+use super::error::DeviceQueryError;
 use super::staging::Staging;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::parity::Parity;
 
 /// The kernels of the queries, in the order of `splitplane_shaders::QUERIES`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,13 +54,15 @@ pub struct Queries {
 }
 
 impl Queries {
-    /// Queries on a device. Compiles nothing yet.
+    /// Queries on a device. Compiles nothing yet. Accuracy `exact` is refused until
+    /// [`Queries::set_parity`] says that the device may be trusted with it; a
+    /// [`WgpuBackend`](crate::WgpuBackend) that was tested has said so.
     pub fn new(gpu: Arc<Gpu>) -> Queries {
         Queries {
             gpu,
             pipelines: Default::default(),
             staging: Mutex::default(),
-            certain: AtomicBool::new(true),
+            certain: AtomicBool::new(false),
             slice_rays: AtomicU32::new(FIRST_RAYS),
         }
     }
@@ -68,15 +72,23 @@ impl Queries {
         &self.gpu
     }
 
-    /// Whether bounds of error hold on the device, so that it may tell exact hits. True unless a
-    /// self-test found that it rounds in a way of its own.
+    /// Whether bounds of error hold on the device, so that it may tell exact hits: only after a
+    /// self-test found that it rounds as the CPU does.
     pub fn is_certain(&self) -> bool {
         self.certain.load(Ordering::Relaxed)
     }
 
-    /// Says that the device rounds in a way of its own.
-    pub(crate) fn set_uncertain(&self) {
-        self.certain.store(false, Ordering::Relaxed);
+    /// Says what a self-test found of the device. With [`Parity::Bitwise`] it may tell exact hits.
+    pub fn set_parity(&self, parity: &Parity) {
+        self.certain.store(parity.is_bitwise(), Ordering::Relaxed);
+    }
+
+    /// Refuses accuracy `exact` on a device whose arithmetic nobody has tested, or that failed.
+    pub(super) fn may_answer(&self, options: &QueryOptions) -> Result<(), DeviceQueryError> {
+        if options.accuracy == Accuracy::Exact && !self.is_certain() {
+            return Err(DeviceQueryError::Uncertain);
+        }
+        Ok(())
     }
 
     /// The pipeline of a kernel, compiled by the first call.

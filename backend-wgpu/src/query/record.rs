@@ -85,7 +85,8 @@ impl Queries {
     /// seconds.
     ///
     /// # Errors
-    /// Buffers that do not suit, more rays than one binding can hold, or a device that fails.
+    /// Buffers that do not suit, more rays than one binding can hold, a device that fails, or accuracy
+    /// `exact` on one whose arithmetic is not known to be the CPU's ([`Queries::is_certain`]).
     pub fn record_closest_hits(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -125,6 +126,7 @@ impl Queries {
         options: &QueryOptions,
         query: Query,
     ) -> Result<(), DeviceQueryError> {
+        self.may_answer(options)?;
         if count == 0 {
             return Ok(());
         }
