@@ -540,7 +540,7 @@ fn planted_faults_are_seen() {
         ("far origins stay", "if plane.moves {", "if false {"),
         ("no wide test", "if !ray.wide {", "if true {"),
         ("no slack of planes", "free_mul_add(abs(t), PLANE_SLACK, slack)", "0.0"),
-        ("stops too early", "STOP_SLACK: f32 = 0x1p-15f", "STOP_SLACK: f32 = -0x1p-3f"),
+        ("stops too early", "STOP_SLACK: f32 = 0x1p-13f", "STOP_SLACK: f32 = -0x1p-3f"),
         ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
         ("weights swapped", "snap(quotient(edges.y, det))", "snap(quotient(edges.x, det))"),
         ("-0 below +0", "if bits == 0x80000000u {", "if false {"),

@@ -23,7 +23,7 @@ const SIZE_SLACK: f32 = 1.907_348_6e-6; // 2^-19
 const SCENE_SLACK: f32 = 2.328_306_4e-10; // 2^-32
 /// A traversal may stop when the next entry lies beyond the best `t` by more than this part of it:
 /// twice the bound on the error of an interpolated `t` (see `disorder`).
-pub const STOP_SLACK: f32 = 3.051_757_8e-5; // 2^-15
+pub const STOP_SLACK: f32 = 1.220_703_1e-4; // 2^-13
 /// What adding a moved ray's offset may round away, per unit of the offset: four roundings.
 const OFFSET_SLACK: f32 = 2.384_185_8e-7; // 2^-22
 /// Edge functions below this are zero, which is inside: smaller ones could depend on whether a
@@ -530,17 +530,20 @@ fn finish<A: Arithmetic>(
     Some(Candidate { t, u: snap(A::quotient(v, det)), v: snap(A::quotient(w, det)) })
 }
 
-/// The error of an interpolated `t` is at most this part of `disorder / |det|`: 24 roundings of
+/// The error of an interpolated `t` is at most this part of `disorder / |det|`: 92 roundings of
 /// 2^-24, and a third more for those of this estimate itself.
-pub const INTERPOLATION_ERROR: f32 = 1.907_348_6e-6; // 2^-19
+pub const INTERPOLATION_ERROR: f32 = 7.629_394_5e-6; // 2^-17
 
-/// How badly `t` interpolated from the corners may err, times the determinant and 2^24 / 24.
+/// How badly `t` interpolated from the corners may err, times the determinant and 2^24 / 92.
 ///
-/// Rounding moves each sheared corner by at most 4 roundings of its distance R, and so an edge
-/// function by 8 * 2^-24 * R * P, where P is the largest sheared coordinate; three such errors shift
-/// `t` by at most 24 * 2^-24 * R * P * spread / |det|, with spread the difference of the corners'
-/// depths. Where R * P * spread <= 8 |t det| that is below 2^-16 |t|, and interpolation suffices. It
-/// does not for triangles seen at a grazing angle or from very near.
+/// With u = 2^-24, R the distance of the corners, P the largest sheared coordinate (at most 2.1 R) and
+/// spread the difference of the corners' depths: rounding moves each coordinate of a sheared corner by at
+/// most 4.1 u R + u P <= 6.2 u R. Depth changes by at most 4 P spread / |det| per unit of either
+/// coordinate, and the weights are a mean of the corners' shifts, so `t` shifts by 50 u R P spread /
+/// |det|. The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at
+/// most 4 u of the greatest depth where `|det| <= 4 R P`, add 16. Where R P spread <= 8 |t det| all of it is
+/// below 2^-14 |t|, and interpolation suffices. It does not for triangles seen at a grazing angle or
+/// from very near.
 #[inline]
 fn disorder<A: Arithmetic>(from: &[[f32; 3]; 3], flat: &[[f32; 2]; 3], spread: f32) -> f32 {
     let (mut reach, mut width) = (0.0, 0.0);

@@ -7,7 +7,7 @@
 // Relative widening of the distance to a plane.
 const PLANE_SLACK: f32 = 0x1p-20f;
 // A traversal may stop when the next entry lies beyond the best `t` by more than this part of it.
-const STOP_SLACK: f32 = 0x1p-15f;
+const STOP_SLACK: f32 = 0x1p-13f;
 // What adding a moved ray's offset may round away, per unit of the offset.
 const OFFSET_SLACK: f32 = 0x1p-22f;
 // Slopes below this are zero.

@@ -4,7 +4,7 @@
 // Edge functions below this are zero, which is inside: smaller ones could depend on flushing.
 const EDGE_LEAST: f32 = 0x1p-98f;
 // The error of an interpolated `t` is at most this part of `disorder / |det|`.
-const INTERPOLATION_ERROR: f32 = 0x1p-19f;
+const INTERPOLATION_ERROR: f32 = 0x1p-17f;
 // Products of doubles err by less than this part of their factors.
 const DOUBLE_NOISE: f32 = 0x1p-40f;
 

@@ -16,7 +16,7 @@
 //! functions of different signs are both greater than that is the ray certainly outside.
 //!
 //! *Depths.* The depth of a corner errs by three roundings of itself, far less than the limits are
-//! widened by, 2^-15 of themselves; and the ray meets a triangle between the nearest and the farthest.
+//! widened by, 2^-13 of themselves; and the ray meets a triangle between the nearest and the farthest.
 //!
 //! *Distances.* Let m bound the error of the edge functions (here with the R of the triangle itself)
 //! and D be their sum. Interpolated with the rounded ones in place of the true ones, `t` shifts by
