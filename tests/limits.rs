@@ -505,7 +505,8 @@ fn all_hits_stay_within_their_limit() {
         }
         assert!(HELD.load(Relaxed) <= before + SLACK);
     }
-    assert!((8..=17).contains(&refused), "{refused}");
+    // Twice the bytes, since all is copied together, and the room of parts on their way.
+    assert!((8..=21).contains(&refused), "{refused}");
 
     // One ray that crosses a hundred thousand triangles is stopped before it has found them all.
     let scene = scenes::identical(100_000);
@@ -582,8 +583,9 @@ fn points_are_located_within_little_memory_and_left_in_the_middle() {
             drop(built.locate(&points[..300]));
             let (bytes, located) = peak(|| built.locate(&points).unwrap());
             assert!(located.windings.iter().all(|winding| winding.unwrap().abs() == 20_000));
-            // Four bytes a crossing of a ray on its way, in room that doubles.
-            assert!(bytes <= 4096 + threads * 3 * (64 << 10) + SLACK, "{bytes}");
+            // Four bytes a crossing of a ray on its way, in room that doubles, and again while some
+            // of it is there twice.
+            assert!(bytes <= 4096 + threads * 3 * (128 << 10) + SLACK, "{bytes}");
             let (bytes, refused) = peak(|| built.locate_watched(&points, Some(40_000), &()));
             assert!(matches!(refused, Err(QueryError::OutOfMemory { limit: 40_000, .. })));
             assert!(bytes <= 40_000 + SLACK, "{bytes}");
