@@ -21,7 +21,7 @@ fn locate(scene: &Scene, points: &[[f32; 3]]) -> Located {
     ];
     directions.extend((0..3).map(|_| random.direction().map(|x| x as f32)));
     for direction in directions {
-        let other = locate_along(&*accelerator, points, direction, &()).unwrap();
+        let other = locate_along(&*accelerator, points, direction, None, &()).unwrap();
         assert_eq!(other, located, "{} {direction:?}", scene.name);
     }
     assert!(DIRECTION.iter().all(|x| *x != 0.0) && located.answered_by_cpu == 0);

@@ -3,11 +3,12 @@
 mod common;
 
 use std::ops::ControlFlow;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use splitplane::{
-    Accelerator, Backend, BuildConfig, BuildError, BuildOptions, CpuBackend, Hit, Preset, Progress,
-    QueryError, QueryOptions, Stage, Watch,
+    Accelerator, Accuracy, Backend, BuildConfig, BuildError, BuildOptions, CpuBackend, Hit, Preset,
+    Progress, QueryError, QueryOptions, Stage, Watch,
 };
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes;
@@ -30,6 +31,16 @@ impl Watch for Ends {
         let call = self.calls.fetch_add(1, Relaxed) + 1;
         assert!(call <= self.at, "called after the end");
         if call == self.at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+/// Keeps how many rays it was told are done.
+struct Told(Mutex<Vec<u64>>);
+
+impl Watch for Told {
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        self.0.try_lock().unwrap().push(progress.done);
+        ControlFlow::Continue(())
     }
 }
 
@@ -119,6 +130,29 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
         Ok(())
     };
     assert!(ends_anywhere(any, cancelled) >= 2);
+    // Exact answers are the host's in the end: what is told to be done never falls, and is true.
+    let exactly = QueryOptions { accuracy: Accuracy::Exact, ..options };
+    on_cpu.closest_hits(&rays, &mut expected, &exactly).unwrap();
+    let closest = |watch: &dyn Watch| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        built.closest_hits_watched(&rays, &mut hits, &exactly, watch)?;
+        assert!(hits == expected);
+        Ok(())
+    };
+    assert!(ends_anywhere(closest, cancelled) >= 2);
+    let any = |watch: &dyn Watch| {
+        let mut hits = vec![false; rays.len()];
+        built.any_hits_watched(&rays, &mut hits, &exactly, watch)?;
+        assert!(hits.iter().zip(&expected).all(|(any, hit)| *any == hit.is_hit()));
+        Ok(())
+    };
+    assert!(ends_anywhere(any, cancelled) >= 2);
+    let told = Told(Mutex::default());
+    let mut hits = vec![Hit::MISS; rays.len()];
+    built.closest_hits_watched(&rays, &mut hits, &exactly, &told).unwrap();
+    let told = told.0.into_inner().unwrap();
+    assert_eq!((told[0], told[told.len() - 1]), (0, 10_000));
+    assert!(told[..told.len() - 1].iter().all(|done| *done == 0), "one slice");
     // All hits come from the host's copy, and say so.
     let all = |watch: &dyn Watch| built.all_hits_watched(&rays, &options, watch);
     assert!(ends_anywhere(all, cancelled) >= 4);

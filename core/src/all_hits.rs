@@ -69,6 +69,8 @@ impl AllHits {
     ) -> Result<AllHits, QueryError> {
         let total = rays.len() as u64;
         let mut all = AllHits::none();
+        check_bytes((rays.len() * size_of::<usize>()) as u64, options)?;
+        all.starts.reserve_exact(rays.len());
         let mut collector = Collector::default();
         for (number, ray) in rays.iter().enumerate() {
             if number % BETWEEN == 0 {
@@ -76,16 +78,16 @@ impl AllHits {
             }
             let held = all.bytes();
             let mut ended = Ok(());
-            collect(tree, triangles, ray, options, &mut collector, |collector| {
-                ended = collector
-                    .check_memory(held, options)
+            collect(tree, triangles, ray, options, &mut collector, |bytes| {
+                ended = check_bytes(held + bytes, options)
                     .and_then(|()| go_on_tracing(watch, number as u64, total));
                 ended.is_ok()
             });
             ended?;
+            let grown = collector.growth(&all.crossings);
+            check_bytes(held + collector.bytes() + grown, options)?;
             collector.finish(&mut all.crossings);
             all.starts.push(all.crossings.len());
-            check_bytes(all.bytes(), options)?;
         }
         go_on_tracing(watch, total, total)?;
         Ok(all)
@@ -101,9 +103,10 @@ impl AllHits {
         self.starts.len() - 1
     }
 
-    /// Bytes of both lists.
+    /// Bytes that both lists hold, with their spare room.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.starts[..]) + size_of_val(&self.crossings[..])) as u64
+        let starts = self.starts.capacity() * size_of::<usize>();
+        (starts + self.crossings.capacity() * size_of::<Crossing>()) as u64
     }
 
     /// Adds the answers to more rays behind those to the rays so far.
@@ -147,14 +150,14 @@ pub fn all_hits(
     collector.finish(out);
 }
 
-/// Collects what a ray crosses; `go_on` is asked every few hundred triangles.
+/// Collects what a ray crosses; `go_on` is asked as by [`Collector::test_while`].
 fn collect(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
     options: &QueryOptions,
     collector: &mut Collector,
-    mut go_on: impl FnMut(&mut Collector) -> bool,
+    mut go_on: impl FnMut(u64) -> bool,
 ) {
     crate::exact::visit(tree, triangles, ray, options, &mut (), |ray, corners, triangle| {
         collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
@@ -171,20 +174,11 @@ pub struct Collector {
 
 impl Collector {
     /// Tests between two questions whether to go on.
-    const TESTS: u32 = 512;
+    pub(crate) const TESTS: u32 = 512;
 
-    /// Tests a triangle (snapped corners), which may come more than once.
-    #[inline]
-    pub fn test(&mut self, ray: &ExactRay, corners: &Triangle, triangle: u32, culling: Culling) {
-        if let Some(met) = cross(ray, corners, culling)
-            && met.is_within_limits()
-        {
-            self.found.push((met, triangle));
-        }
-    }
-
-    /// As [`Collector::test`], asking every few hundred triangles whether to go on. Gives the `t` beyond which
-    /// no triangle is of interest: none at all after a no, until [`Collector::finish`].
+    /// Tests a triangle (snapped corners), which may come more than once. Every few hundred triangles, and before
+    /// it takes more memory, asks whether to go on holding so many bytes. Gives the `t` beyond which no
+    /// triangle is of interest: none at all after a no, until [`Collector::finish`].
     #[inline]
     pub fn test_while(
         &mut self,
@@ -192,48 +186,87 @@ impl Collector {
         corners: &Triangle,
         triangle: u32,
         culling: Culling,
-        go_on: &mut impl FnMut(&mut Collector) -> bool,
+        go_on: &mut impl FnMut(u64) -> bool,
     ) -> f64 {
         if self.ended {
             return f64::NEG_INFINITY;
         }
-        self.test(ray, corners, triangle, culling);
-        self.tests += 1;
-        if self.tests.is_multiple_of(Self::TESTS) && !go_on(self) {
-            self.ended = true;
-            return f64::NEG_INFINITY;
+        if let Some(met) = cross(ray, corners, culling)
+            && met.is_within_limits()
+        {
+            self.ended = !make_room(&mut self.found, each_once, go_on);
+            if !self.ended {
+                self.found.push((met, triangle));
+            }
         }
-        f64::INFINITY
-    }
-
-    /// Whether what was found fits besides `held` bytes.
-    ///
-    /// # Errors
-    /// [`QueryError::OutOfMemory`].
-    pub fn check_memory(&mut self, held: u64, options: &QueryOptions) -> Result<(), QueryError> {
-        let bytes = |found: &[(Meeting, u32)]| held + size_of_val(found) as u64;
-        if options.max_memory.is_some_and(|limit| bytes(&self.found) > limit) {
-            self.compact();
+        self.tests = self.tests.wrapping_add(1);
+        if !self.ended && self.tests.is_multiple_of(Self::TESTS) {
+            self.ended = !go_on(self.bytes());
         }
-        check_bytes(bytes(&self.found), options)
+        if self.ended { f64::NEG_INFINITY } else { f64::INFINITY }
     }
 
-    /// Each triangle once, in the order of their indices.
-    fn compact(&mut self) {
-        self.found.sort_unstable_by_key(|&(_, triangle)| triangle);
-        self.found.dedup_by_key(|&mut (_, triangle)| triangle);
+    /// Bytes that it holds.
+    pub fn bytes(&self) -> u64 {
+        (self.found.capacity() * size_of::<(Meeting, u32)>()) as u64
     }
 
-    /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray.
+    /// Bytes that `out` will take besides what it holds when this is added to it.
+    pub fn growth(&self, out: &Vec<Crossing>) -> u64 {
+        let length = out.len() + self.found.len();
+        if length <= out.capacity() {
+            return 0;
+        }
+        // Until the old room is given back both are held.
+        (length.max(2 * out.capacity()) * size_of::<Crossing>()) as u64
+    }
+
+    /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray. After a no
+    /// adds nothing.
     pub fn finish(&mut self, out: &mut Vec<Crossing>) {
-        self.compact();
-        // Stable: equal distances stay in order of their triangles.
-        self.found.sort_by(|(a, _), (b, _)| a.compare_t(b));
+        if self.ended {
+            self.found.clear();
+            self.ended = false;
+            return;
+        }
+        each_once(&mut self.found);
+        // In place: a stable sort would take memory that nobody counts.
+        self.found
+            .sort_unstable_by(|(a, first), (b, second)| a.compare_t(b).then(first.cmp(second)));
         let crossing = |(met, triangle): (Meeting, u32)| Crossing {
             hit: met.hit(triangle),
             front: met.is_front(),
         };
         out.extend(self.found.drain(..).map(crossing));
-        self.ended = false;
     }
+}
+
+/// Each triangle once, in the order of their indices.
+fn each_once(found: &mut Vec<(Meeting, u32)>) {
+    found.sort_unstable_by_key(|&(_, triangle)| triangle);
+    found.dedup_by_key(|&mut (_, triangle)| triangle);
+}
+
+/// Makes room for one more: by leaving out what is there twice, or, where that leaves more than half, by
+/// twice the room, if `go_on` agrees to so many bytes. False if it does not.
+pub(crate) fn make_room<T>(
+    list: &mut Vec<T>,
+    each_once: impl FnOnce(&mut Vec<T>),
+    go_on: &mut impl FnMut(u64) -> bool,
+) -> bool {
+    let room = list.capacity();
+    if list.len() < room {
+        return true;
+    }
+    each_once(list);
+    if list.len() < room.div_ceil(2) {
+        return true;
+    }
+    let more = (2 * room).max(32);
+    // Until the old room is given back both are held.
+    if !go_on(((room + more) * size_of::<T>()) as u64) {
+        return false;
+    }
+    list.reserve_exact(more - list.len());
+    true
 }

@@ -224,20 +224,22 @@ pub trait Accelerator: Send + Sync {
     /// # Errors
     /// A device that fails.
     fn locate(&self, points: &[[f32; 3]]) -> Result<Located, QueryError> {
-        self.locate_watched(points, &())
+        self.locate_watched(points, None, &())
     }
 
-    /// As [`Accelerator::locate`], telling `watch` how many points are done; `watch` may end it. It is
-    /// asked between slices of 4,096 points.
+    /// As [`Accelerator::locate`], telling `watch` how many points are done; `watch` may end it, between points
+    /// and within one. `max_memory` is the most bytes that the answer and what it is put together from
+    /// may take; `None` for no limit.
     ///
     /// # Errors
-    /// As for [`Accelerator::locate`], and [`QueryError::Cancelled`].
+    /// As for [`Accelerator::locate`], [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].
     fn locate_watched(
         &self,
         points: &[[f32; 3]],
+        max_memory: Option<u64>,
         watch: &dyn Watch,
     ) -> Result<Located, QueryError> {
-        inside::locate_along(self, points, inside::DIRECTION, watch)
+        inside::locate_along(self, points, inside::DIRECTION, max_memory, watch)
     }
 
     /// Rays of batches that a device's driver did not follow to their end and that the CPU answered

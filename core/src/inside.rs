@@ -12,12 +12,19 @@
 //!
 //! Coordinates count as snapped (below 2^-126 as 0), those of points too.
 
+use core::ops::ControlFlow;
+
 use alloc::vec;
 use alloc::vec::Vec;
 
+use crate::all_hits::{Collector, check_bytes, make_room};
 use crate::backend::{Accelerator, QueryError, go_on_tracing};
-use crate::ray::{Accuracy, QueryOptions, Ray};
-use crate::watch::Watch;
+use crate::exact::{self, ExactRay, cross, meet};
+use crate::ray::{Accuracy, Culling, QueryOptions, Ray};
+use crate::traverse::Triangles;
+use crate::tree::KdTreeView;
+use crate::triangle::Triangle;
+use crate::watch::{Progress, Watch};
 
 /// Where a point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -69,11 +76,136 @@ impl Located {
 /// The direction of rays that count windings: along no axis, so that few of them run through edges.
 pub const DIRECTION: [f32; 3] = [0.537_109_4, 0.291_015_6, 0.791_015_6];
 
-/// Points of a part of a batch: what holds all crossings of their rays at once.
-const PART: usize = 1 << 12;
+/// Tests a triangle that a ray may meet (snapped corners). Gives the `t` beyond which none is of interest any
+/// more.
+pub type Test<'a> = dyn FnMut(&ExactRay, &Triangle, u32) -> f64 + 'a;
 
-/// Where points lie, by rays in this direction (finite, not zero), which makes no difference where the surface is
-/// closed. A point with a coordinate that is not finite is outside. `watch` is told how many points are
+/// Finds the windings of points, one after the other. What it takes in memory grows with the triangles that
+/// one ray crosses, four bytes for each, and is kept between points.
+#[derive(Clone, Debug, Default)]
+pub struct Locator {
+    /// Triangles that the ray crosses, twice their index, and one more where it comes from the front.
+    crossed: Vec<u32>,
+    tests: u32,
+}
+
+impl Locator {
+    /// The winding number of a point, `None` where it is on a triangle. `visit` hands all triangles that a
+    /// ray may meet to a test, as often as it likes. Every few hundred triangles, and before it takes
+    /// more memory, asks `go_on` whether to go on holding so many bytes; after a no, what it gives is of no
+    /// use.
+    pub fn winding(
+        &mut self,
+        point: [f32; 3],
+        visit: impl Fn(&Ray, &mut Test<'_>),
+        go_on: &mut impl FnMut(u64) -> bool,
+    ) -> Option<i32> {
+        let Locator { crossed, tests } = self;
+        crossed.clear();
+        let mut is_due = || {
+            *tests = tests.wrapping_add(1);
+            tests.is_multiple_of(Collector::TESTS)
+        };
+        let bytes = |room: usize| (room * size_of::<u32>()) as u64;
+        let mut ended = false;
+        for ray in boundary_rays(point) {
+            visit(&ray, &mut |ray, corners, _| {
+                if !ended {
+                    let met = meet(ray, corners, Culling::None);
+                    ended = met.is_some_and(|met| met.is_within_limits())
+                        || is_due() && !go_on(bytes(crossed.capacity()));
+                }
+                if ended { f64::NEG_INFINITY } else { f64::INFINITY }
+            });
+            if ended {
+                return None;
+            }
+        }
+        visit(&Ray::new(point, DIRECTION), &mut |ray, corners, triangle| {
+            if ended {
+                return f64::NEG_INFINITY;
+            }
+            if let Some(met) = cross(ray, corners, Culling::None)
+                && met.is_within_limits()
+            {
+                ended = !make_room(crossed, each_once, go_on);
+                if !ended {
+                    crossed.push(triangle << 1 | u32::from(met.is_front()));
+                }
+            }
+            ended = ended || is_due() && !go_on(bytes(crossed.capacity()));
+            if ended { f64::NEG_INFINITY } else { f64::INFINITY }
+        });
+        each_once(crossed);
+        // A ray from within leaves through backs.
+        Some(crossed.iter().map(|crossing| if crossing & 1 == 1 { -1 } else { 1 }).sum())
+    }
+}
+
+fn each_once(crossed: &mut Vec<u32>) {
+    crossed.sort_unstable();
+    crossed.dedup();
+}
+
+/// Rays that end where they begin meet, exactly, the triangles that hold the point and whose plane they are
+/// not in; no plane holds all three axes.
+fn boundary_rays(point: [f32; 3]) -> [Ray; 3] {
+    [0, 1, 2].map(|axis| {
+        let mut direction = [0.0; 3];
+        direction[axis] = 1.0;
+        Ray::new(point, direction).with_limits(0.0, 0.0)
+    })
+}
+
+/// Bytes of the answer to so many points.
+///
+/// # Errors
+/// [`QueryError::OutOfMemory`] when they are more than allowed.
+pub fn check_points(points: usize, max_memory: Option<u64>) -> Result<u64, QueryError> {
+    let bytes = (points * size_of::<Option<i32>>()) as u64;
+    check_bytes(bytes, &QueryOptions { max_memory, ..QueryOptions::default() })?;
+    Ok(bytes)
+}
+
+/// Where points lie, one after the other: the reference, which backends on devices answer from too.
+///
+/// `tree` must be valid (see [`crate::validate`]).
+///
+/// # Errors
+/// [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].
+pub fn one_by_one(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    points: &[[f32; 3]],
+    max_memory: Option<u64>,
+    watch: &dyn Watch,
+) -> Result<Located, QueryError> {
+    let (total, options) = (points.len() as u64, QueryOptions::default());
+    let held = check_points(points.len(), max_memory)?;
+    let limit = QueryOptions { max_memory, ..options };
+    let mut located = Located { windings: vec![Some(0); points.len()], answered_by_cpu: 0 };
+    let mut locator = Locator::default();
+    for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
+        let mut ended = go_on_tracing(watch, done as u64, total);
+        if ended.is_ok() {
+            let visit = |ray: &Ray, test: &mut Test<'_>| {
+                exact::visit(tree, triangles, ray, &options, &mut (), test);
+            };
+            *winding = locator.winding(point, visit, &mut |bytes| {
+                ended = check_bytes(held + bytes, &limit)
+                    .and_then(|()| go_on_tracing(watch, done as u64, total));
+                ended.is_ok()
+            });
+        }
+        ended?;
+    }
+    go_on_tracing(watch, total, total)?;
+    Ok(located)
+}
+
+/// Where points lie, by an accelerator's hits alone: rays in this direction (finite, not zero), which makes no
+/// difference where the surface is closed. A point with a coordinate that is not finite is outside. Takes
+/// one point after the other, so holds the crossings of one ray at a time. `watch` is told how many points are
 /// done.
 ///
 /// # Errors
@@ -82,50 +214,67 @@ pub fn locate_along(
     accelerator: &(impl Accelerator + ?Sized),
     points: &[[f32; 3]],
     direction: [f32; 3],
+    max_memory: Option<u64>,
     watch: &dyn Watch,
 ) -> Result<Located, QueryError> {
     let total = points.len() as u64;
+    let held = check_points(points.len(), max_memory)?;
     let mut located = Located { windings: vec![Some(0); points.len()], answered_by_cpu: 0 };
-    let parts = points.chunks(PART).zip(located.windings.chunks_mut(PART)).enumerate();
-    for (part, (points, windings)) in parts {
-        go_on_tracing(watch, (part * PART) as u64, total)?;
-        mark_boundary(accelerator, points, windings)?;
-        let beside: Vec<usize> = (0..points.len()).filter(|&i| windings[i].is_some()).collect();
-        let rays: Vec<Ray> = beside.iter().map(|&i| Ray::new(points[i], direction)).collect();
-        let all = accelerator.all_hits(&rays, &QueryOptions::default())?;
-        for (ray, &point) in beside.iter().enumerate() {
-            // A ray from within leaves through backs.
-            let sign = |front: bool| if front { -1 } else { 1 };
-            windings[point] = Some(all.of(ray).iter().map(|met| sign(met.front)).sum());
+    let exactly = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let room = max_memory.map(|limit| limit - held);
+    let all = QueryOptions { max_memory: room, ..QueryOptions::default() };
+    for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
+        let done = done as u64;
+        let watch = OfPoint { watch, done, total };
+        let rays = boundary_rays(point);
+        let mut on = [false; 3];
+        accelerator
+            .any_hits_watched(&rays, &mut on, &exactly, &watch)
+            .map_err(|error| watch.place(error))?;
+        if on.contains(&true) {
+            *winding = None;
+            continue;
         }
-        if all.answered_by_cpu > 0 {
-            located.answered_by_cpu += points.len() as u64;
+        let met = accelerator
+            .all_hits_watched(&[Ray::new(point, direction)], &all, &watch)
+            .map_err(|error| match (watch.place(error), max_memory) {
+                (QueryError::OutOfMemory { needed, .. }, Some(limit)) => {
+                    QueryError::OutOfMemory { needed: needed + held, limit }
+                }
+                (error, _) => error,
+            })?;
+        // A ray from within leaves through backs.
+        let sign = |front: bool| if front { -1 } else { 1 };
+        *winding = Some(met.crossings.iter().map(|met| sign(met.front)).sum());
+        if met.answered_by_cpu > 0 {
+            located.answered_by_cpu = total;
         }
     }
     go_on_tracing(watch, total, total)?;
     Ok(located)
 }
 
-/// Forgets the winding of points on triangles. A ray that ends where it begins meets, exactly, the triangles
-/// that hold the point and whose plane it is not in; no plane holds all three axes.
-fn mark_boundary(
-    accelerator: &(impl Accelerator + ?Sized),
-    points: &[[f32; 3]],
-    windings: &mut [Option<i32>],
-) -> Result<(), QueryError> {
-    let exactly = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
-    let mut on = vec![false; points.len()];
-    for axis in 0..3 {
-        let mut direction = [0.0; 3];
-        direction[axis] = 1.0;
-        let rays: Vec<Ray> =
-            points.iter().map(|&point| Ray::new(point, direction).with_limits(0.0, 0.0)).collect();
-        accelerator.any_hits(&rays, &mut on, &exactly)?;
-        for (winding, on) in windings.iter_mut().zip(&on) {
-            if *on {
-                *winding = None;
+/// The watch over a batch of points, told of the rays of one.
+struct OfPoint<'a> {
+    watch: &'a dyn Watch,
+    done: u64,
+    total: u64,
+}
+
+impl OfPoint<'_> {
+    /// An error with the place in the batch of points.
+    fn place(&self, error: QueryError) -> QueryError {
+        match error {
+            QueryError::Cancelled { .. } => {
+                QueryError::Cancelled { done: self.done, total: self.total }
             }
+            error => error,
         }
     }
-    Ok(())
+}
+
+impl Watch for OfPoint<'_> {
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        self.watch.progress(&Progress { done: self.done, total: self.total, ..*progress })
+    }
 }

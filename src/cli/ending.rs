@@ -9,7 +9,7 @@ use super::output;
 use clap::Args;
 use indicatif::ProgressBar;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicU8, Ordering::SeqCst};
+use std::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering::SeqCst};
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -29,6 +29,8 @@ static START: OnceLock<Instant> = OnceLock::new();
 static LIMIT: OnceLock<Duration> = OnceLock::new();
 /// What is being done, and since when.
 static DOING: Mutex<Option<Doing>> = Mutex::new(None);
+/// Files that were written and are whole.
+static WHOLE: AtomicU32 = AtomicU32::new(0);
 /// Files that are not whole yet.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
@@ -76,19 +78,27 @@ pub(super) fn install() {
     }
 }
 
-/// Asks the run to end; without grace when it was asked before.
+/// Asks the run to end; without grace when Ctrl-C asks for the second time.
 fn end(cause: u8) {
-    let first = CAUSE.compare_exchange(GOES_ON, cause, SeqCst, SeqCst).is_ok();
-    if first {
+    if let Err(before) = CAUSE.compare_exchange(GOES_ON, cause, SeqCst, SeqCst) {
+        if skips_grace(before, cause) {
+            leave();
+        }
+    } else {
         let waiting = thread::Builder::new().spawn(|| {
             thread::sleep(GRACE);
             leave();
         });
-        if waiting.is_ok() {
-            return;
+        if waiting.is_err() {
+            leave();
         }
     }
-    leave();
+}
+
+/// Whether a run that was asked to end is to do so at once. Not when its time is found to be up from two
+/// sides.
+fn skips_grace(before: u8, cause: u8) -> bool {
+    before == INTERRUPTED && cause == INTERRUPTED
 }
 
 /// Ends the program here and now.
@@ -118,7 +128,7 @@ pub(super) fn is_due() -> bool {
     CAUSE.load(SeqCst) != GOES_ON
 }
 
-/// To be asked before anything is written.
+/// To be asked before a file is written or takes its name.
 ///
 /// # Errors
 /// The run is to end.
@@ -146,6 +156,26 @@ pub(super) fn begun(part: &Path) {
     lock(&PARTS).push(part.to_owned());
 }
 
+/// A run that succeeded ends as such, though its time ran out since; unless another thread is about to end the
+/// program.
+pub(super) fn succeeded() {
+    if ENDING.swap(true, SeqCst) {
+        wait();
+    }
+}
+
+/// Another thread ends the program.
+pub(super) fn wait() -> ! {
+    loop {
+        thread::park();
+    }
+}
+
+/// A file that was written and is whole: it stays, however the run ends.
+pub(super) fn kept() {
+    WHOLE.fetch_add(1, SeqCst);
+}
+
 /// A file that is whole, or gone.
 pub(super) fn done(part: &Path) {
     lock(&PARTS).retain(|other| other != part);
@@ -161,7 +191,12 @@ fn failure() -> Failure {
         None => "before anything was done".to_owned(),
         Some(doing) => doing.describe(),
     };
-    Failure::cancelled(format!("{why} {place}"))
+    let whole = match WHOLE.load(SeqCst) {
+        0 => String::new(),
+        1 => "; 1 file is written and whole".to_owned(),
+        files => format!("; {files} files are written and whole"),
+    };
+    Failure::cancelled(format!("{why} {place}{whole}"))
 }
 
 impl Doing {
@@ -194,6 +229,13 @@ fn seconds(text: &str) -> Result<Duration, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_a_second_interrupt_skips_the_grace() {
+        assert!(skips_grace(INTERRUPTED, INTERRUPTED));
+        assert!(!skips_grace(TIMED_OUT, TIMED_OUT));
+        assert!(!skips_grace(TIMED_OUT, INTERRUPTED) && !skips_grace(INTERRUPTED, TIMED_OUT));
+    }
 
     #[test]
     fn seconds_with_fractions() {

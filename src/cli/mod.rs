@@ -125,16 +125,16 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::View(arguments)) => view::run(&arguments),
     });
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => {
+            ending::succeeded();
+            ExitCode::SUCCESS
+        }
         Err(failure) => match ending::last_word(failure) {
             Some(failure) => {
                 failure.report();
                 failure.code()
             }
-            // Another thread ends the program.
-            None => loop {
-                std::thread::park();
-            },
+            None => ending::wait(),
         },
     }
 }

@@ -6,9 +6,9 @@ use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Prints data. A reader that went away ends the run quietly.
+/// Prints data. A reader that went away ends the run quietly. Does not ask whether time is up: what is
+/// printed is known, and files of it may be whole.
 pub(super) fn data(text: &str) -> Result<(), Failure> {
-    ending::check()?;
     let mut out = io::stdout().lock();
     let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
     written.map_err(|error| match error.kind() {
@@ -37,7 +37,7 @@ pub(super) fn file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
             .write(true)
             .open(path)
             .and_then(|mut file| file.write_all(bytes));
-        return written.map_err(|error| unwritten(path, &error));
+        return written.map(|()| ending::kept()).map_err(|error| unwritten(path, &error));
     }
     let (part, mut file) = Part::create(path)?;
     file.write_all(bytes).map_err(|error| unwritten(path, &error))?;
@@ -87,7 +87,9 @@ impl Part {
     /// Gives the file its own name. It must be whole.
     pub(super) fn keep(self) -> Result<(), Failure> {
         ending::check()?;
-        fs::rename(&self.part, &self.path).map_err(|error| unwritten(&self.path, &error))
+        fs::rename(&self.part, &self.path).map_err(|error| unwritten(&self.path, &error))?;
+        ending::kept();
+        Ok(())
     }
 }
 

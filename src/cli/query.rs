@@ -138,7 +138,7 @@ impl Asked {
                 (Default::default(), all.answered_by_cpu)
             }
             Asked::Inside(points, located) => {
-                *located = accelerator.locate_watched(points, watch)?;
+                *located = accelerator.locate_watched(points, options.max_memory, watch)?;
                 (Default::default(), located.answered_by_cpu)
             }
         })

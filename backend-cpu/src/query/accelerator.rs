@@ -1,11 +1,13 @@
 //! The built tree, ready for rays.
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{AllHits, Collector, check_bytes};
+use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes};
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
+use splitplane_core::inside::{self, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
@@ -24,8 +26,13 @@ use crate::lookout::{DUE, Lookout, UNWATCHED};
 
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;
-/// Rays of one task of all hits, which take longer and give more.
-const FEW: usize = 256;
+/// Rays of one task of all hits, and points of one task, which take longer and give more.
+const FEW: usize = 64;
+/// Rays of a task under a watch that are traced before the next question to it, at first.
+const FIRST: usize = 16;
+/// What takes longer under a watch is followed by half as many rays, what takes half of it by twice as
+/// many.
+const TOO_LONG: Duration = Duration::from_millis(2);
 
 /// A tree over a mesh on the CPU.
 #[derive(Debug)]
@@ -169,14 +176,31 @@ impl CpuAccelerator {
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), answers.len())?;
         look.begin(Stage::Rays, rays.len() as u64);
-        rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK)).for_each(|(rays, answers)| {
-            if look.is_over() {
-                return;
-            }
-            self.trace_batch(rays, options, query, |index, hit| answers[index] = told(hit));
-            look.advance(rays.len() as u64);
-            look.worked(DUE);
-        });
+        // How slow rays are shows only as they are traced.
+        let at_first = if look.is_watched() { FIRST } else { TASK };
+        let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
+        tasks.for_each_init(
+            || at_first,
+            |count, (rays, answers)| {
+                let mut next = 0;
+                while next < rays.len() && !look.is_over() {
+                    let some = next..rays.len().min(next + *count);
+                    let answers = &mut answers[some.clone()];
+                    let since = look.is_watched().then(Instant::now);
+                    self.trace_batch(&rays[some.clone()], options, query, |index, hit| {
+                        answers[index] = told(hit);
+                    });
+                    match since.map(|since| since.elapsed()) {
+                        Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
+                        Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
+                        _ => {}
+                    }
+                    look.advance(some.len() as u64);
+                    look.worked(DUE);
+                    next = some.end;
+                }
+            },
+        );
         look.finish();
         look.check_batch().map(|()| QueryReport::default())
     }
@@ -189,31 +213,35 @@ impl CpuAccelerator {
         look: &Lookout<'_>,
     ) -> Result<AllHits, QueryError> {
         look.begin(Stage::Rays, rays.len() as u64);
-        // What threads find is copied together in the end, so everything counts twice.
-        let held = AtomicU64::new((2 * rays.len() * size_of::<usize>()) as u64);
-        check_bytes(held.load(Relaxed), options)?;
+        let starts = (rays.len() * size_of::<usize>()) as u64;
+        let held = AtomicU64::new(starts);
+        check_bytes(starts, options)?;
         let parts = rays.par_chunks(FEW).map(|rays| {
+            let mut share = Share { held: &held, own: 0, max_memory: options.max_memory };
             let mut part = AllHits::none();
+            part.starts.reserve_exact(rays.len());
             let mut collector = Collector::default();
             let (blocks, bounds) = (&self.blocks, &self.tree.bounds);
             for ray in rays {
-                let before = part.crossings.len();
-                let mut ended = Ok(());
-                let go_on = |collector: &mut Collector| {
+                // What threads find is copied together in the end, so it counts twice.
+                let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
+                let beside = part.bytes() + copy(part.crossings.len());
+                let mut ended = share.hold(beside + collector.bytes());
+                ended.clone()?;
+                let go_on = |bytes| {
                     look.worked(DUE / 8);
-                    ended = look
-                        .check_batch()
-                        .and_then(|()| collector.check_memory(held.load(Relaxed), options));
+                    ended = look.check_batch().and_then(|()| share.hold(beside + bytes));
                     ended.is_ok()
                 };
-                let out = &mut part.crossings;
-                exact::all_hits(blocks, bounds, ray, options, &mut collector, out, go_on);
+                exact::all_hits(blocks, bounds, ray, options, &mut collector, go_on);
                 ended?;
+                let grown = collector.growth(&part.crossings);
+                share.hold(beside + collector.bytes() + grown)?;
+                collector.finish(&mut part.crossings);
                 part.starts.push(part.crossings.len());
-                let found = 2 * size_of_val(&part.crossings[before..]) as u64;
-                check_bytes(held.fetch_add(found, Relaxed) + found, options)?;
             }
             part.crossings.shrink_to_fit();
+            share.hold(part.bytes() + size_of_val(&part.crossings[..]) as u64)?;
             look.advance(rays.len() as u64);
             look.worked(DUE);
             look.check_batch().map(|()| part)
@@ -225,6 +253,67 @@ impl CpuAccelerator {
         parts.into_iter().for_each(|part| all.append(part));
         look.finish();
         look.check_batch().map(|()| all)
+    }
+
+    /// Where points lie, under a lookout.
+    fn locate_under(
+        &self,
+        points: &[[f32; 3]],
+        max_memory: Option<u64>,
+        look: &Lookout<'_>,
+    ) -> Result<Located, QueryError> {
+        look.begin(Stage::Rays, points.len() as u64);
+        let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
+        look.check_batch()?;
+        let mut windings = vec![Some(0); points.len()];
+        let options = QueryOptions::default();
+        let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
+        tasks.try_for_each(|(points, windings)| {
+            let mut share = Share { held: &held, own: 0, max_memory };
+            let mut locator = Locator::default();
+            for (&point, winding) in points.iter().zip(windings) {
+                let mut ended = look.check_batch();
+                ended.clone()?;
+                let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
+                    exact::visit(&self.blocks, &self.tree.bounds, ray, &options, test);
+                };
+                *winding = locator.winding(point, visit, &mut |bytes| {
+                    look.worked(DUE / 8);
+                    ended = look.check_batch().and_then(|()| share.hold(bytes));
+                    ended.is_ok()
+                });
+                ended?;
+                look.advance(1);
+                look.worked(DUE / 64);
+            }
+            share.hold(0)
+        })?;
+        look.finish();
+        look.check_batch().map(|()| Located { windings, answered_by_cpu: 0 })
+    }
+}
+
+/// A task's share of the bytes that all tasks of a batch hold.
+struct Share<'a> {
+    held: &'a AtomicU64,
+    own: u64,
+    max_memory: Option<u64>,
+}
+
+impl Share<'_> {
+    /// From now on the task holds so many bytes.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] when all tasks together hold more than allowed.
+    fn hold(&mut self, bytes: u64) -> Result<(), QueryError> {
+        if bytes == self.own {
+            return Ok(());
+        }
+        let difference = bytes.wrapping_sub(self.own);
+        self.own = bytes;
+        let all = self.held.fetch_add(difference, Relaxed).wrapping_add(difference);
+        let limit = QueryOptions { max_memory: self.max_memory, ..QueryOptions::default() };
+        check_bytes(all, &limit)
     }
 }
 
@@ -280,7 +369,7 @@ impl Accelerator for CpuAccelerator {
         self.answer(rays, occluded, options, Query::Any, &UNWATCHED, |hit| hit.is_hit())
     }
 
-    /// Asks the watch after every 4,096 rays, one thread at a time.
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
     fn closest_hits_watched(
         &self,
         rays: &[Ray],
@@ -291,7 +380,7 @@ impl Accelerator for CpuAccelerator {
         self.answer(rays, hits, options, Query::Closest, &Lookout::new(watch), |hit| hit)
     }
 
-    /// Asks the watch after every 4,096 rays, one thread at a time.
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
     fn any_hits_watched(
         &self,
         rays: &[Ray],
@@ -314,6 +403,15 @@ impl Accelerator for CpuAccelerator {
         watch: &dyn Watch,
     ) -> Result<AllHits, QueryError> {
         self.all_hits_under(rays, options, &Lookout::new(watch))
+    }
+
+    fn locate_watched(
+        &self,
+        points: &[[f32; 3]],
+        max_memory: Option<u64>,
+        watch: &dyn Watch,
+    ) -> Result<Located, QueryError> {
+        self.locate_under(points, max_memory, &Lookout::new(watch))
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

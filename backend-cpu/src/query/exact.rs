@@ -2,7 +2,7 @@
 //! the fast way for the rays that it serves.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{Collector, Crossing};
+use splitplane_core::all_hits::Collector;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::{Best, ExactRay, Walker};
@@ -54,26 +54,23 @@ pub(crate) fn trace_in_f64(
     best.hit()
 }
 
-/// All crossings of a ray, added to `out`; `collector` is kept between rays. `go_on` is asked every few hundred
-/// triangles; after a no, what is added is of no use.
+/// Hands what a ray may cross to a collector, which asks `go_on`.
 pub(crate) fn all_hits(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,
     options: &QueryOptions,
     collector: &mut Collector,
-    out: &mut Vec<Crossing>,
-    mut go_on: impl FnMut(&mut Collector) -> bool,
+    mut go_on: impl FnMut(u64) -> bool,
 ) {
     visit(blocks, bounds, ray, options, |ray, corners, triangle| {
         collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
     });
-    collector.finish(out);
 }
 
 /// Calls `test` for the triangles of all leaves that a ray may pass, near ones first. `test` gives the `t`
 /// beyond which no more leaves are of interest.
-fn visit(
+pub(crate) fn visit(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use splitplane_core::all_hits::AllHits;
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
 use splitplane_core::certify::UNDECIDED_HIT;
+use splitplane_core::inside::{self, Located};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
@@ -14,7 +15,7 @@ use splitplane_core::watch::Watch;
 
 use super::batch::Marked;
 use super::pipelines::Queries;
-use super::settle::HostScene;
+use super::settle::{Asking, HostScene};
 use super::tree::DeviceTree;
 use crate::error::GpuError;
 
@@ -112,18 +113,22 @@ impl WgpuAccelerator {
         watch: Option<&dyn Watch>,
     ) -> Result<QueryReport, QueryError> {
         let queries = &self.queries;
-        let mut marked = queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
-        if options.accuracy == Accuracy::Exact {
-            if !self.queries.is_certain() {
-                hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
-                marked = Marked::default();
+        in_slices(rays, hits, options, watch, |rays, hits, watch, asking| {
+            let mut marked =
+                queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
+            if options.accuracy == Accuracy::Exact {
+                if !queries.is_certain() {
+                    hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
+                    marked = Marked::default();
+                }
+                marked.undecided = self.host_scene().settle(rays, hits, options, asking);
             }
-            marked.undecided = self.host_scene().settle(rays, hits, options);
-        }
-        for &ray in &marked.unfinished {
-            hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
-        }
-        Ok(self.report(marked, options))
+            for &ray in &marked.unfinished {
+                asking.check()?;
+                hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+            }
+            Ok(self.report(marked, options))
+        })
     }
 
     fn any_hits_under(
@@ -134,20 +139,66 @@ impl WgpuAccelerator {
         watch: Option<&dyn Watch>,
     ) -> Result<QueryReport, QueryError> {
         let queries = &self.queries;
-        let mut marked = queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
-        if options.accuracy == Accuracy::Exact {
-            if !self.queries.is_certain() {
-                marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
+        in_slices(rays, occluded, options, watch, |rays, occluded, watch, asking| {
+            let mut marked =
+                queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
+            if options.accuracy == Accuracy::Exact {
+                if !queries.is_certain() {
+                    marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
+                }
+                if options.undecided == Undecided::Redo {
+                    let undecided = &marked.undecided;
+                    self.host_scene().settle_any(rays, undecided, occluded, options, asking);
+                }
             }
-            if options.undecided == Undecided::Redo {
-                self.host_scene().settle_any(rays, &marked.undecided, occluded, options);
+            for &ray in &marked.unfinished {
+                asking.check()?;
+                occluded[ray] = self.any_hit(&rays[ray], options);
             }
-        }
-        for &ray in &marked.unfinished {
-            occluded[ray] = self.any_hit(&rays[ray], options);
-        }
-        Ok(self.report(marked, options))
+            Ok(self.report(marked, options))
+        })
     }
+}
+
+/// Rays of a slice whose answers the host makes exact before the next, where somebody watches.
+const SLICE: usize = 1 << 16;
+
+/// Answers a batch. Where the host sees to all rays after the device and somebody watches, in slices, so
+/// that what is told to be done is.
+fn in_slices<T>(
+    rays: &[Ray],
+    answers: &mut [T],
+    options: &QueryOptions,
+    watch: Option<&dyn Watch>,
+    answer: impl Fn(
+        &[Ray],
+        &mut [T],
+        Option<&dyn Watch>,
+        &Asking<'_>,
+    ) -> Result<QueryReport, QueryError>,
+) -> Result<QueryReport, QueryError> {
+    let asking = Asking::new(watch, rays.len());
+    if watch.is_none() || options.accuracy != Accuracy::Exact || rays.len() != answers.len() {
+        // The device tells the watch itself, or what is wrong; after it all but a few rays are done.
+        asking.advance(rays.len());
+        return answer(rays, answers, watch, &asking);
+    }
+    asking.check()?;
+    let mut report = QueryReport::default();
+    let slices = rays.chunks(SLICE).zip(answers.chunks_mut(SLICE));
+    for (slice, (rays, answers)) in slices.enumerate() {
+        let part = answer(rays, answers, Some(&asking), &asking);
+        let part = part.map_err(|error| match error {
+            QueryError::Cancelled { .. } => asking.cancelled(),
+            error => error,
+        })?;
+        // Before these rays count as done.
+        asking.check()?;
+        report.append(part, slice * SLICE);
+        asking.advance(rays.len());
+    }
+    asking.check()?;
+    Ok(report)
 }
 
 impl Accelerator for WgpuAccelerator {
@@ -219,6 +270,19 @@ impl Accelerator for WgpuAccelerator {
         let mut all = AllHits::one_by_one_watched(&tree, triangles, rays, options, watch)?;
         all.answered_by_cpu = rays.len() as u64;
         Ok(all)
+    }
+
+    /// From the host copy, one point after the other, counted in [`Located::answered_by_cpu`].
+    fn locate_watched(
+        &self,
+        points: &[[f32; 3]],
+        max_memory: Option<u64>,
+        watch: &dyn Watch,
+    ) -> Result<Located, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        let mut located = inside::one_by_one(&tree, triangles, points, max_memory, watch)?;
+        located.answered_by_cpu = points.len() as u64;
+        Ok(located)
     }
 
     fn answered_by_cpu(&self) -> u64 {

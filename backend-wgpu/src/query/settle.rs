@@ -1,17 +1,88 @@
 //! Exact answers made of what the device is certain of: the last digits, and rays it left undecided.
 
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
+use splitplane_core::backend::QueryError;
 use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::exact::{self, ExactRay, meet};
 use splitplane_core::ray::{Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
+use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::record::UNFINISHED;
 
 /// Rays of a task.
 const TASK: usize = 1 << 12;
+
+/// Asks a watch on behalf of the device and of the host's threads, one at a time; what is told to be done are
+/// rays that both are done with.
+pub(super) struct Asking<'w> {
+    watch: Option<&'w dyn Watch>,
+    turn: Mutex<()>,
+    done: AtomicU64,
+    total: u64,
+    over: AtomicBool,
+}
+
+impl<'w> Asking<'w> {
+    pub(super) fn new(watch: Option<&'w dyn Watch>, rays: usize) -> Asking<'w> {
+        Asking {
+            watch,
+            turn: Mutex::new(()),
+            done: AtomicU64::new(0),
+            total: rays as u64,
+            over: AtomicBool::new(false),
+        }
+    }
+
+    /// So many more rays are done.
+    pub(super) fn advance(&self, rays: usize) {
+        self.done.fetch_add(rays as u64, Relaxed);
+    }
+
+    /// Asks, if no other thread does. True when the work is over.
+    pub(super) fn is_over(&self) -> bool {
+        let Some(watch) = self.watch else { return false };
+        match self.turn.try_lock() {
+            Ok(_turn) if !self.over.load(Relaxed) => {
+                let done = self.done.load(Relaxed);
+                let progress = Progress { stage: Stage::Rays, done, total: self.total };
+                if watch.progress(&progress).is_break() {
+                    self.over.store(true, Relaxed);
+                }
+            }
+            // The watch has panicked on another thread, which takes the panic to the caller.
+            Err(std::sync::TryLockError::Poisoned(_)) => self.over.store(true, Relaxed),
+            _ => {}
+        }
+        self.over.load(Relaxed)
+    }
+
+    /// Asks.
+    ///
+    /// # Errors
+    /// [`QueryError::Cancelled`] when the work is over.
+    pub(super) fn check(&self) -> Result<(), QueryError> {
+        if self.is_over() { Err(self.cancelled()) } else { Ok(()) }
+    }
+
+    /// The error of work that the watch ended.
+    pub(super) fn cancelled(&self) -> QueryError {
+        QueryError::Cancelled { done: self.done.load(Relaxed), total: self.total }
+    }
+}
+
+impl Watch for Asking<'_> {
+    /// For the device, which knows only of its part.
+    fn progress(&self, _progress: &Progress) -> ControlFlow<()> {
+        if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
 
 /// What is in host memory of a scene.
 #[derive(Clone, Copy)]
@@ -23,12 +94,14 @@ pub(super) struct HostScene<'a> {
 impl HostScene<'_> {
     /// Makes the hits of a device exact. Of a hit that is certain only the triangle is kept; distance
     /// and weights are computed from it. Other rays are traced again, or left marked, as the options
-    /// say. Gives the places of undecided rays, in ascending order.
+    /// say. Gives the places of undecided rays, in ascending order. `asking` may end it at any ray that is
+    /// traced again; then the answers are of no use.
     pub(super) fn settle(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
+        asking: &Asking<'_>,
     ) -> Vec<usize> {
         let task = |(first, (rays, hits)): (usize, (&[Ray], &mut [Hit]))| {
             let mut undecided = Vec::new();
@@ -42,25 +115,31 @@ impl HostScene<'_> {
                 }
                 undecided.push(first * TASK + place);
                 *hit = match options.undecided {
+                    Undecided::Redo if asking.is_over() => break,
                     Undecided::Redo => self.trace(ray, options, Query::Closest),
                     Undecided::Flag => Hit { triangle: UNDECIDED_HIT, ..Hit::MISS },
                 };
             }
+            asking.is_over();
             undecided
         };
         let tasks = rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).enumerate();
         tasks.map(task).collect::<Vec<_>>().concat()
     }
 
-    /// Traces the rays at these places again, on the CPU: whether they hit anything.
+    /// Traces the rays at these places again, on the CPU: whether they hit anything. As for
+    /// [`HostScene::settle`], `asking` may end it.
     pub(super) fn settle_any(
         &self,
         rays: &[Ray],
         places: &[usize],
         occluded: &mut [bool],
         options: &QueryOptions,
+        asking: &Asking<'_>,
     ) {
-        let again = |&place: &usize| self.trace(&rays[place], options, Query::Any).is_hit();
+        let again = |&place: &usize| {
+            !asking.is_over() && self.trace(&rays[place], options, Query::Any).is_hit()
+        };
         let answers: Vec<bool> = places.par_iter().map(again).collect();
         for (&place, answer) in places.iter().zip(answers) {
             occluded[place] = answer;
@@ -113,7 +192,8 @@ mod tests {
         for undecided in [Undecided::Redo, Undecided::Flag] {
             let options = QueryOptions { undecided, ..QueryOptions::default() };
             let mut hits = device;
-            assert_eq!(scene.settle(&rays, &mut hits, &options), [1, 2, 4, 5]);
+            let unwatched = Asking::new(None, rays.len());
+            assert_eq!(scene.settle(&rays, &mut hits, &options, &unwatched), [1, 2, 4, 5]);
             let expected = |ray| exact::closest_hit(&tree.view(), &triangles[..], ray, &options);
             assert_eq!(hits[0].some(), expected(&rays[0]));
             assert_eq!(hits[3].triangle, UNFINISHED);
@@ -124,5 +204,43 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Ends the work at its third call.
+    struct Third(AtomicU64);
+
+    impl Watch for Third {
+        fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+            assert_eq!((progress.done, progress.total), (5, 1_000), "none is done on its way");
+            let call = self.0.fetch_add(1, Relaxed) + 1;
+            assert!(call <= 3, "called after the end");
+            if call == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        }
+    }
+
+    #[test]
+    fn rays_that_are_traced_again_are_left_in_the_middle() {
+        let (tree, triangles) = scene();
+        let scene = HostScene { tree: tree.view(), triangles: &triangles };
+        let rays = [Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]); 1_000];
+        let marked = Hit { triangle: UNDECIDED_HIT, ..Hit::MISS };
+        let options = QueryOptions::default();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+        let ended = QueryError::Cancelled { done: 5, total: 1_000 };
+        pool.install(|| {
+            let (watch, mut hits) = (Third(AtomicU64::new(0)), [marked; 1_000]);
+            let asking = Asking::new(Some(&watch), 1_000);
+            asking.advance(5);
+            scene.settle(&rays, &mut hits, &options, &asking);
+            assert_eq!(asking.check(), Err(ended.clone()));
+            assert_eq!(hits.iter().filter(|hit| hit.triangle == 0).count(), 2);
+            let (watch, mut occluded) = (Third(AtomicU64::new(0)), [false; 1_000]);
+            let asking = Asking::new(Some(&watch), 1_000);
+            asking.advance(5);
+            let places: Vec<usize> = (0..1_000).collect();
+            scene.settle_any(&rays, &places, &mut occluded, &options, &asking);
+            assert_eq!(asking.check(), Err(ended.clone()));
+            assert_eq!(occluded.iter().filter(|hit| **hit).count(), 2);
+        });
     }
 }
