@@ -694,7 +694,7 @@ fn a_sweep_that_is_cut_short_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let long = ["builtin:city:20000", "--backends", "cpu", "--seconds", "600", "--out", "report"];
     let said = fails(folder.path(), 7, &[&long[..], &["--timeout", "1.5"]].concat());
-    assert!(said.contains("limit of 1.5 seconds ran out in: measuring"), "{said}");
+    assert!(said.contains("limit of 1.5 seconds ran out in: "), "{said}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
     #[cfg(unix)]
     {
