@@ -11,6 +11,7 @@ pub mod bvh;
 pub mod compare;
 pub mod document;
 mod error;
+pub mod held;
 pub mod judge;
 pub mod measure;
 pub mod pareto;

@@ -753,6 +753,8 @@ fn a_run_that_is_out_of_time_says_where_it_was_and_leaves_nothing() {
         &["animate", "--frames", "builtin:carousel:1000", "--out", "frames", "--count", "1"],
         &["adapters"],
         &["paper", "--quick", "--out", "paper"],
+        &["parity", "square.obj"],
+        &["trade", "square.obj", "--quick", "--out", "trade"],
     ] {
         let arguments = [verb, &["--timeout", "0"]].concat();
         assert!(ends(&folder, &arguments).contains("limit of 0 seconds"), "{verb:?}");

@@ -31,7 +31,7 @@ static LIMIT: OnceLock<Duration> = OnceLock::new();
 static DOING: Mutex<Option<Doing>> = Mutex::new(None);
 /// Files that were written and are whole.
 static WHOLE: AtomicU32 = AtomicU32::new(0);
-/// Files that are not whole yet.
+/// Files that are not whole yet, and folders for them.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 struct Doing {
@@ -108,9 +108,10 @@ fn leave() {
         return;
     }
     let failure = failure();
-    for part in lock(&PARTS).drain(..) {
-        // It may never have been there.
-        let _ = std::fs::remove_file(part);
+    // The last first: files before their folder.
+    for part in lock(&PARTS).drain(..).rev() {
+        // It may never have been there. A folder goes when nothing lies in it.
+        let _ = std::fs::remove_file(&part).or_else(|_| std::fs::remove_dir(&part));
     }
     failure.report();
     std::process::exit(CANCELLED.into());
@@ -151,7 +152,7 @@ pub(super) fn doing(what: &str, bar: &ProgressBar) {
     *lock(&DOING) = Some(doing);
 }
 
-/// A file that is not whole yet.
+/// A file that is not whole yet, or a new folder for such.
 pub(super) fn begun(part: &Path) {
     lock(&PARTS).push(part.to_owned());
 }
@@ -176,7 +177,7 @@ pub(super) fn kept() {
     WHOLE.fetch_add(1, SeqCst);
 }
 
-/// A file that is whole, or gone.
+/// A file that is whole, or gone; a folder likewise.
 pub(super) fn done(part: &Path) {
     lock(&PARTS).retain(|other| other != part);
 }

@@ -46,8 +46,8 @@ pub(super) struct Common {
     knobs: Knobs,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum PresetName {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum PresetName {
     /// The builder of Zhou et al. 2008: spatial medians above, SAH on masks below
     Fast,
     /// Binned SAH above, SAH on masks below: slower to build, faster to trace
@@ -56,14 +56,34 @@ enum PresetName {
     Best,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum AccuracyName {
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum AccuracyName {
     /// Moeller and Trumbore 1997
     Fast,
     /// Woop, Benthin and Wald 2013
     Watertight,
     /// What real arithmetic gives for the mesh and the rays as they are
     Exact,
+}
+
+impl PresetName {
+    pub(super) const fn preset(self) -> Preset {
+        match self {
+            PresetName::Fast => Preset::Fast,
+            PresetName::Balanced => Preset::Balanced,
+            PresetName::Best => Preset::Best,
+        }
+    }
+}
+
+impl AccuracyName {
+    pub(super) const fn accuracy(self) -> Accuracy {
+        match self {
+            AccuracyName::Fast => Accuracy::Fast,
+            AccuracyName::Watertight => Accuracy::Watertight,
+            AccuracyName::Exact => Accuracy::Exact,
+        }
+    }
 }
 
 impl Common {
@@ -77,11 +97,7 @@ impl Common {
     }
 
     fn preset(&self) -> Preset {
-        match self.preset {
-            PresetName::Fast => Preset::Fast,
-            PresetName::Balanced => Preset::Balanced,
-            PresetName::Best => Preset::Best,
-        }
+        self.preset.preset()
     }
 
     /// The preset with the knobs given, checked.
@@ -98,11 +114,7 @@ impl Common {
     }
 
     pub(super) fn query_options(&self) -> QueryOptions {
-        let accuracy = match self.accuracy {
-            AccuracyName::Fast => Accuracy::Fast,
-            AccuracyName::Watertight => Accuracy::Watertight,
-            AccuracyName::Exact => Accuracy::Exact,
-        };
+        let accuracy = self.accuracy.accuracy();
         QueryOptions { accuracy, max_memory: self.max_memory, ..QueryOptions::default() }
     }
 

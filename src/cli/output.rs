@@ -66,6 +66,52 @@ pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
     Err(Failure::usage(format!("`{shown}` does not end in .png; screenshots are written as PNG")))
 }
 
+/// A folder that a run writes to. Dropped, or when the run is ended, it is gone again if the run made it
+/// and nothing lies in it.
+pub(super) struct Folder {
+    made: Option<PathBuf>,
+}
+
+impl Folder {
+    /// Makes the folder where it is not there. To be called before anything is measured: that it cannot be
+    /// made is said first.
+    pub(super) fn make(path: &Path) -> Result<Folder, Failure> {
+        let made = (!path.exists()).then(|| path.to_owned());
+        if let Some(made) = &made {
+            ending::begun(made);
+        }
+        let folder = Folder { made };
+        fs::create_dir_all(path).map_err(|error| {
+            Failure::file(format!("cannot make the folder `{}`: {error}", path.display()))
+        })?;
+        Ok(folder)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        if let Some(made) = &self.made {
+            // What the run or others have put there keeps it.
+            let _ = fs::remove_dir(made);
+            ending::done(made);
+        }
+    }
+}
+
+/// Writes files, all of them before the first gets its name: a run that is cut short leaves the old ones or
+/// none.
+pub(super) fn files<'a>(
+    files: impl IntoIterator<Item = (PathBuf, &'a [u8])>,
+) -> Result<(), Failure> {
+    let mut parts = Vec::new();
+    for (path, bytes) in files {
+        let (part, mut file) = Part::create(&path)?;
+        file.write_all(bytes).map_err(|error| unwritten(&path, &error))?;
+        parts.push(part);
+    }
+    parts.into_iter().try_for_each(Part::keep)
+}
+
 /// A file that is being written under another name beside its own. Dropped before it is kept, it
 /// leaves nothing behind, and the old file as it was.
 pub(super) struct Part {

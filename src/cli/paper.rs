@@ -20,8 +20,7 @@ use splitplane::report::survey::{SCALING_LARGEST, SCALING_SMALLEST};
 use splitplane::report::worked::Worked;
 use splitplane::report::{Builder, areas};
 use splitplane::{Backend, BackendInfo, BackendKind, CpuBackend, OpenOptions, Preset};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// To see that all of it works.
 const QUICK_SCENES: [&str; 2] = ["builtin:carousel:4000@1", "builtin:city:3000@2"];
@@ -105,23 +104,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let gpu = arguments.gpu()?;
     let settings = arguments.settings(gpu.info.is_some())?;
     let others = arguments.others.as_deref().map(Others::read).transpose()?;
-    let made = make_folder(&arguments.out)?;
-    let done = arguments.report(&settings, &gpu, others);
-    if done.is_err() && made {
-        // What others have put there meanwhile keeps the folder.
-        let _ = fs::remove_dir(&arguments.out);
-    }
-    done
-}
-
-/// Makes the folder, and says whether it was not there. That this cannot be done is said before
-/// anything is measured.
-fn make_folder(path: &Path) -> Result<bool, Failure> {
-    let new = !path.exists();
-    fs::create_dir_all(path).map_err(|error| {
-        Failure::file(format!("cannot make the folder `{}`: {error}", path.display()))
-    })?;
-    Ok(new)
+    let _folder = output::Folder::make(&arguments.out)?;
+    arguments.report(&settings, &gpu, others)
 }
 
 /// The GPU that is measured, if one is, and why.

@@ -36,6 +36,15 @@ pub(super) fn watch(quiet: bool) -> Watching {
     Watching { bar, stage: Mutex::new(None) }
 }
 
+/// Ends work when the run is to end, and shows nothing: for work in many steps that has a bar of its own.
+pub(super) struct Unseen;
+
+impl Watch for Unseen {
+    fn progress(&self, _progress: &Progress) -> ControlFlow<()> {
+        if ending::is_due() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
 /// See [`watch`]. Gone from the screen when it is dropped.
 pub(super) struct Watching {
     bar: ProgressBar,

@@ -1,7 +1,8 @@
 //! `splitplane trade`: what each setting costs on a scene, what it gets wrong, and which to take.
 
+use super::ending::{self, TimeLimit};
 use super::failure::Failure;
-use super::options::bytes;
+use super::options::{AccuracyName, PresetName, bytes};
 use super::prepared::print_json;
 use super::{output, progress};
 use clap::{Args, ValueEnum};
@@ -11,12 +12,12 @@ use splitplane::report::machine::Machine;
 use splitplane::report::scene::{Placed, Settings as SceneSettings};
 use splitplane::trade::budget::{Fixed, FixedRays};
 use splitplane::trade::compare::{Comparison, Old, Thresholds};
+use splitplane::trade::held::Held;
 use splitplane::trade::measure::{Event, Settings};
 use splitplane::trade::plan::{Device, Scope, Station, stations};
 use splitplane::trade::recommend::Wish;
 use splitplane::trade::{Trade, measure, plot, rays};
 use splitplane::{Accuracy, Backend, BackendKind, OpenOptions, Preset};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 /// Seconds that the rounds of a sweep take.
@@ -44,14 +45,14 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "PER_MILLION", value_parser = at_least_zero)]
     max_error: Option<f64>,
     /// Recommend no accuracy that promises less
-    #[arg(long, value_enum, default_value_t = Level::Watertight)]
-    min_accuracy: Level,
+    #[arg(long, value_enum, default_value_t = AccuracyName::Watertight)]
+    min_accuracy: AccuracyName,
     /// Presets to measure
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Builder::ALL)]
-    presets: Vec<Builder>,
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = PresetName::value_variants().to_vec())]
+    presets: Vec<PresetName>,
     /// Accuracies to measure; all when left out
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = Level::ALL)]
-    accuracies: Vec<Level>,
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = AccuracyName::value_variants().to_vec())]
+    accuracies: Vec<AccuracyName>,
     /// Measure presets as they are only, not each knob by itself
     #[arg(long)]
     no_knobs: bool,
@@ -96,6 +97,8 @@ pub(super) struct Arguments {
     /// Most bytes a build may hold besides the mesh; k, M and G stand for powers of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
+    #[command(flatten)]
+    time: TimeLimit,
     /// Report as one JSON object
     #[arg(long)]
     json: bool,
@@ -104,56 +107,14 @@ pub(super) struct Arguments {
     quiet: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Builder {
-    /// Spatial medians above, SAH on masks below
-    Fast,
-    /// Binned SAH above, SAH on masks below
-    Balanced,
-    /// SAH over all planes, with clipping
-    Best,
-}
-
-impl Builder {
-    const ALL: [Builder; 3] = [Builder::Fast, Builder::Balanced, Builder::Best];
-
-    const fn preset(self) -> Preset {
-        match self {
-            Builder::Fast => Preset::Fast,
-            Builder::Balanced => Preset::Balanced,
-            Builder::Best => Preset::Best,
-        }
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Level {
-    /// Moeller and Trumbore 1997
-    Fast,
-    /// Woop, Benthin and Wald 2013
-    Watertight,
-    /// What real arithmetic gives for the mesh and the rays as they are
-    Exact,
-}
-
-impl Level {
-    const ALL: [Level; 3] = [Level::Fast, Level::Watertight, Level::Exact];
-
-    const fn accuracy(self) -> Accuracy {
-        match self {
-            Level::Fast => Accuracy::Fast,
-            Level::Watertight => Accuracy::Watertight,
-            Level::Exact => Accuracy::Exact,
-        }
-    }
-}
-
 fn at_least_zero(text: &str) -> Result<f64, String> {
     let number: Option<f64> = text.parse().ok().filter(|x: &f64| x.is_finite() && *x >= 0.0);
     number.ok_or_else(|| "give a number of 0 or more".to_owned())
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.time.begin();
+    ending::check()?;
     let old = arguments.compare.as_deref().map(Old::read).transpose()?;
     let folder = match (&arguments.out, &old) {
         (Some(folder), _) => Some(folder.clone()),
@@ -161,25 +122,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (None, Some(_)) => None,
     };
     // That nothing can be written is said before anything is measured.
-    let made = match &folder {
-        Some(folder) => make_folder(folder)?,
-        None => false,
-    };
-    let done = arguments.work(old.as_ref(), folder.as_deref());
-    if let (Err(_), true, Some(folder)) = (&done, made, &folder) {
-        // What others have put there meanwhile keeps the folder.
-        let _ = fs::remove_dir(folder);
-    }
-    done
-}
-
-/// Makes the folder, and says whether it was not there.
-fn make_folder(path: &Path) -> Result<bool, Failure> {
-    let new = !path.exists();
-    fs::create_dir_all(path).map_err(|error| {
-        Failure::file(format!("cannot make the folder `{}`: {error}", path.display()))
-    })?;
-    Ok(new)
+    let _made = folder.as_deref().map(output::Folder::make).transpose()?;
+    arguments.work(old.as_ref(), folder.as_deref())
 }
 
 /// What is measured, on which GPU if on one, and why.
@@ -221,6 +165,7 @@ impl Arguments {
             fixed: old.map_or_else(|| self.fixed(), Old::fixed),
             gpu: sweep.gpu.backend.as_deref(),
             max_memory: self.max_memory,
+            watch: &progress::Unseen,
         };
         let bar = progress::bar(self.quiet, "measuring", 0);
         let measured = measure(&placed, &sweep.stations, &settings, &mut |event| match event {
@@ -251,6 +196,7 @@ impl Arguments {
             None => Vec::new(),
         };
         self.tell(&trade, comparison.as_ref(), paths)?;
+        trustworthy(&trade.held)?;
         match comparison {
             Some(comparison) if !comparison.passed() => {
                 Err(Failure::failed_check(failed(&comparison)))
@@ -282,7 +228,7 @@ impl Arguments {
         let most = self.threads.map_or(cores, usize::from);
         let threads = if most > 1 { vec![1, most] } else { vec![1] };
         let on_cpu = self.backends.iter().any(|kind| *kind != BackendKind::Wgpu);
-        if !on_cpu && self.presets.iter().all(|builder| *builder == Builder::Best) {
+        if !on_cpu && self.presets.iter().all(|builder| *builder == PresetName::Best) {
             return Err(Failure::usage(
                 "preset best is built on the CPU only; add cpu to --backends",
             ));
@@ -429,6 +375,17 @@ fn failed(comparison: &Comparison) -> String {
     )
 }
 
+/// Whether the exact answers, by which all others were judged, hold.
+fn trustworthy(held: &Held) -> Result<(), Failure> {
+    if held.disagreements == 0 {
+        return Ok(());
+    }
+    Err(Failure::failed_check(format!(
+        "the exact answers cannot be trusted, and no figure of errors either: {}",
+        held.words()
+    )))
+}
+
 /// Writes all files and gives their paths.
 fn write(folder: &Path, trade: &Trade) -> Result<Vec<String>, Failure> {
     let json = serde_json::to_vec_pretty(trade)
@@ -444,25 +401,22 @@ fn write(folder: &Path, trade: &Trade) -> Result<Vec<String>, Failure> {
     files.push(File { name: "trade.json".into(), bytes: json });
     // The text comes last: where it is, all that it shows is there.
     files.push(File { name: "trade.md".into(), bytes: text.into_bytes() });
-    let mut paths = Vec::new();
-    for file in &files {
-        let path = folder.join(&file.name);
-        output::file(&path, &file.bytes)?;
-        paths.push(path.display().to_string());
-    }
-    Ok(paths)
+    output::files(files.iter().map(|file| (folder.join(&file.name), file.bytes.as_slice())))?;
+    Ok(files.iter().map(|file| folder.join(&file.name).display().to_string()).collect())
 }
 
 /// The rows in a line each, and what to take.
 fn described(trade: &Trade) -> String {
     let mut text = format!(
         "scene    {}: {} triangles\n\
-         rays     {} of each kind timed, {} of each kind judged, {} rounds\n",
+         rays     {} of each kind timed, {} of each kind judged, {} rounds\n\
+         exact    {}\n",
         trade.scene.name,
         trade.scene.triangles,
         trade.amounts.sample_rays.max(trade.amounts.gpu_sample_rays),
         trade.amounts.error_rays.max(trade.amounts.gpu_error_rays),
-        trade.amounts.repeat
+        trade.amounts.repeat,
+        trade.held.words()
     );
     for row in &trade.rows {
         text += &format!(
@@ -484,4 +438,18 @@ fn described(trade: &Trade) -> String {
         text += &format!("bvh      {}\n", bvh.words);
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exact_answers_that_do_not_hold_fail_the_run() {
+        assert!(trustworthy(&Held { checked: 9, rounded: 2, ..Held::default() }).is_ok());
+        let wrong = Held { checked: 9, disagreements: 1, ..Held::default() };
+        let failure = trustworthy(&wrong).unwrap_err();
+        assert_eq!(failure.number(), 1);
+        assert!(failure.message().contains("1 disagreements"), "{}", failure.message());
+    }
 }

@@ -41,7 +41,7 @@ struct Head {
 pub struct Thresholds {
     /// Times, memory and costs: part of the earlier one, 0.25 for a quarter more.
     pub ratio: f64,
-    /// Errors: more for each million rays.
+    /// Errors, and answers that were rounded or redone: more for each million rays.
     pub errors: f64,
 }
 
@@ -261,19 +261,23 @@ impl Comparison {
         by_ratio("query bytes", old.query_bytes as f64, new.query_bytes as f64);
         by_ratio("peak bytes", old.peak_bytes as f64, new.peak_bytes as f64);
         by_ratio("SAH cost", old.sah_cost, new.sah_cost);
+        // A part in 10^9 more is the rounding of the division.
+        let most = |was: f64| (was + errors) * (1.0 + 1e-9);
         let kinds = old.errors.each().into_iter().zip(new.errors.each());
         for (kind, (was, is)) in super::row::Aims::<()>::NAMES.into_iter().zip(kinds) {
             let rates = [
                 ("missing", was.per_million(was.missing), is.per_million(is.missing)),
                 ("wrong", was.per_million(was.wrong), is.per_million(is.wrong)),
                 ("phantom", was.per_million(was.phantom), is.per_million(is.phantom)),
+                // What is no error may still be a hole that is explained away.
+                ("rounded", was.per_million(was.rounded), is.per_million(is.rounded)),
             ];
             for (what, was, is) in rates {
-                // A part in 10^9 more is the rounding of the division.
-                let most = (was + errors) * (1.0 + 1e-9);
-                figure(format!("{what} a million {kind} rays"), was, is, most);
+                figure(format!("{what} a million {kind} rays"), was, is, most(was));
             }
         }
+        let (was, is) = (old.redone_per_million, new.redone_per_million);
+        figure("redone a million judged rays".to_owned(), was, is, most(was));
     }
 
     /// All of it in words, a line each.

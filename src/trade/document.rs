@@ -1,6 +1,7 @@
 //! What was measured and what follows from it, as JSON, CSV and Markdown.
 
 use super::bvh::{self, Verdict};
+use super::held::Held;
 use super::measure::Measured;
 use super::pareto;
 use super::payback::{Payback, count};
@@ -11,7 +12,7 @@ use crate::report::table::{Cell, Table};
 use serde::{Deserialize, Serialize};
 
 /// The one version of the file's format.
-pub const FORMAT: u32 = 1;
+pub const FORMAT: u32 = 2;
 /// The field of rows that use all threads, or a device.
 pub const ALL_THREADS: &str = "all";
 /// The field of rows of one thread, where others use more.
@@ -60,6 +61,8 @@ pub struct Trade {
     pub scene: Subject,
     /// How much was measured.
     pub amounts: Amounts,
+    /// What the independent reference says of the exact answers.
+    pub held: Held,
     /// A row each setting.
     pub rows: Vec<Row>,
     /// Which row to take for how many rays a build, by the wish's accuracy and errors.
@@ -82,7 +85,7 @@ impl Trade {
         wish: &Wish,
         left_out: Vec<String>,
     ) -> Trade {
-        let Measured { budget, mut rows, rays, mesh, .. } = measured;
+        let Measured { budget, mut rows, held, rays, mesh, .. } = measured;
         conclude(&mut rows);
         let amounts = Amounts {
             repeat: budget.repeat,
@@ -92,25 +95,19 @@ impl Trade {
             gpu_error_rays: budget.gpu.error_rays,
             rays,
         };
-        let bvh = Trade::verdict(&rows, wish);
+        let bvh = bvh::judge(&rows, wish);
         Trade {
             format: FORMAT,
             machine,
             scene: Subject { spec, name, triangles, mesh },
             amounts,
+            held,
             steps: recommend::steps(&rows, wish),
             recommendation: recommend::recommend(&rows, wish),
             bvh,
             rows,
             left_out,
         }
-    }
-
-    fn verdict(rows: &[Row], wish: &Wish) -> Option<Verdict> {
-        let usable = || rows.iter().filter(|row| recommend::will_do(row, wish));
-        let base = usable().min_by(|a, b| a.build_ms.total_cmp(&b.build_ms))?;
-        let best = usable().min_by(|a, b| a.ns_per_ray.total_cmp(&b.ns_per_ray))?;
-        Some(bvh::judge(base, best, wish.rays_per_build()))
     }
 
     /// A line each setting, all figures.
@@ -146,6 +143,9 @@ impl Trade {
             "vertex_missing_per_million",
             "vertex_wrong_per_million",
             "vertex_phantom_per_million",
+            "shadow_missing_per_million",
+            "shadow_wrong_per_million",
+            "shadow_phantom_per_million",
             "errors_per_million",
             "rounded_per_million",
             "redone_per_million",
@@ -171,9 +171,12 @@ impl Trade {
         );
         out += &format!(
             "- times: medians of {} rounds, in each of which every setting takes its turn; up to {} rays \
-             of each kind\n- errors: {} random, edge-aimed and vertex-aimed rays each, against the \
-             exact answers\n",
-            self.amounts.repeat, self.amounts.sample_rays, self.amounts.error_rays
+             of each kind\n- errors: {} random, edge-aimed and vertex-aimed rays each and up to as many \
+             shadow rays, against the exact answers\n- exact answers: {}\n",
+            self.amounts.repeat,
+            self.amounts.sample_rays,
+            self.amounts.error_rays,
+            self.held.words()
         );
         if self.amounts.repeat < 3 {
             out += "\n**So few rounds are no measurement: the times only show that the program works.**\n";
@@ -193,7 +196,7 @@ impl Trade {
                 *opt* marks rows that no row of the same field beats in build time, ns a ray, memory, \
                 errors and rounded answers at once. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
-                phantom hits a million rays, over random, edge-aimed and vertex-aimed rays; rounded are \
+                phantom hits a million rays, over random, edge-aimed, vertex-aimed and shadow rays; rounded are \
                 answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
                 costs less than preset fast at the same accuracy, backend and threads.\n\n";
         out += &self.summary().markdown();

@@ -70,6 +70,11 @@ impl<'a> Judge<'a> {
         Judge { mesh, reference, edges, known: Mutex::default() }
     }
 
+    /// The mesh in `f64`.
+    pub(super) fn reference(&self) -> &Reference {
+        self.reference
+    }
+
     /// Counts what answers to rays are, beside the exact ones. All three are of equal length.
     pub fn count(&self, rays: &[Ray], exact: &[Hit], answers: &[Hit]) -> Errors {
         let one = |((ray, exact), answer): ((&Ray, &Hit), &Hit)| {

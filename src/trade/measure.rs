@@ -3,6 +3,7 @@
 
 use super::TradeError;
 use super::budget::{Budget, Fixed, Pilot, divide};
+use super::held::Held;
 use super::judge::Judge;
 use super::payback::Payback;
 use super::plan::{Device, Station};
@@ -18,6 +19,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::watch::Watch;
 use splitplane_cpu::CpuBackend;
 use std::collections::{HashMap, hash_map};
 
@@ -32,6 +34,8 @@ pub struct Settings<'a> {
     pub gpu: Option<&'a dyn Backend>,
     /// Most bytes of a build.
     pub max_memory: Option<u64>,
+    /// Asked again and again whether to go on.
+    pub watch: &'a dyn Watch,
 }
 
 /// What there is to see while it goes on.
@@ -50,6 +54,8 @@ pub struct Measured {
     pub budget: Budget,
     /// The rows, without conclusions: [`super::document`] draws them.
     pub rows: Vec<Row>,
+    /// What the independent reference says of the exact answers.
+    pub held: Held,
     /// The name of the timed rays, see [`super::rays::digest`].
     pub rays: String,
     /// The name of the mesh.
@@ -66,7 +72,8 @@ const PILOT_RAYS: usize = 1 << 11;
 /// Measures the stations on a scene.
 ///
 /// # Errors
-/// A backend that cannot be opened, a tree that cannot be built, rays that cannot be traced.
+/// A backend that cannot be opened, a tree that cannot be built, rays that cannot be traced; `Cancelled` by
+/// `watch`.
 pub fn measure(
     placed: &Placed,
     stations: &[Station],
@@ -88,10 +95,11 @@ pub fn measure(
     event(Event::Steps((budget.repeat as u64 + 1) * stations.len() as u64 + 1));
     let errors = bench.all.install(|| {
         let count = budget.cpu.error_rays.max(budget.gpu.error_rays);
-        let rays = judged(&reference, count);
-        let exact = exact_answers(base.as_ref(), &rays)?;
+        let rays = judged(&reference, &sets, count);
+        let exact = exact_answers(base.as_ref(), &rays, settings.watch)?;
         Ok::<_, TradeError>(Judged { rays, exact, judge: Judge::new(&mesh, &reference) })
     })?;
+    let held = bench.all.install(|| errors.judge.hold(&errors.rays, &errors.exact));
     drop(base);
     event(Event::Step("exact answers"));
     let mut entries: Vec<Entry> =
@@ -104,7 +112,7 @@ pub fn measure(
                 // Answers do not depend on threads: one of these stations is enough.
                 let first = stations.iter().position(|other| other.answers_as(station));
                 if first == Some(place) {
-                    bench.all.install(|| entry.judge(&errors))?;
+                    bench.all.install(|| entry.judge(&errors, settings.watch))?;
                 }
                 entry.forget();
             }
@@ -125,6 +133,7 @@ pub fn measure(
     Ok(Measured {
         budget,
         rows: rows.enumerate().map(|(i, row)| Row { number: i + 1, ..row }).collect(),
+        held,
         rays: super::rays::digest(sets.each()),
         mesh: name_of(&mesh),
         cpu: bench.cpu.describe(),
@@ -152,15 +161,48 @@ fn name_of(mesh: &Mesh<'_>) -> String {
 fn exact_answers(
     tree: &dyn Accelerator,
     rays: &Aims<Vec<Ray>>,
+    watch: &dyn Watch,
 ) -> Result<Aims<Vec<Hit>>, TradeError> {
     let options = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
-    let mut exact: [Vec<Hit>; 3] = Default::default();
+    let mut exact: [Vec<Hit>; 4] = Default::default();
     for (exact, rays) in exact.iter_mut().zip(rays.each()) {
         exact.resize(rays.len(), Hit::MISS);
-        tree.closest_hits(rays, exact, &options)?;
+        tree.closest_hits_watched(rays, exact, &options, watch)?;
     }
     Ok(Aims::of(exact))
 }
+
+/// What only was asked for any hit, in hits that can be judged: the exact one where the answer is that of
+/// the exact one, else a miss, or the closest hit of the same tree, which stands for what was met. One
+/// that is a miss itself explains nothing: a hit of no place stands for it. The number is of rays left
+/// undecided.
+fn any_answers(
+    tree: &dyn Accelerator,
+    rays: &[Ray],
+    exact: &[Hit],
+    options: &QueryOptions,
+    watch: &dyn Watch,
+) -> Result<(Vec<Hit>, u64), TradeError> {
+    let mut stopped = vec![false; rays.len()];
+    let undecided = tree.any_hits_watched(rays, &mut stopped, options, watch)?.undecided;
+    let answer = |((ray, exact), stopped): ((&Ray, &Hit), &bool)| {
+        let mut hit = [Hit::MISS];
+        match (*stopped, exact.is_hit()) {
+            (true, false) => {
+                tree.closest_hits(&[*ray], &mut hit, options)?;
+                Ok(if hit[0].is_hit() { hit[0] } else { NOWHERE })
+            }
+            (true, true) => Ok(*exact),
+            (false, _) => Ok(Hit::MISS),
+        }
+    };
+    let hits: Result<Vec<Hit>, TradeError> =
+        rays.iter().zip(exact).zip(&stopped).map(answer).collect();
+    Ok((hits?, undecided))
+}
+
+/// Of the first triangle, at no distance.
+const NOWHERE: Hit = Hit { t: f32::NAN, triangle: 0, u: f32::NAN, v: f32::NAN };
 
 /// What all stations share.
 struct Bench<'a> {
@@ -171,6 +213,7 @@ struct Bench<'a> {
     /// The pool with most threads, for all that is not timed.
     all: rayon::ThreadPool,
     max_memory: Option<u64>,
+    watch: &'a dyn Watch,
 }
 
 /// The rays that are judged, and their exact answers.
@@ -194,8 +237,8 @@ impl<'a> Bench<'a> {
         }
         let most = stations.iter().map(|station| station.threads).max().unwrap_or(1);
         let cpu = CpuBackend::new();
-        let Settings { gpu, max_memory, .. } = *settings;
-        Ok(Bench { mesh, cpu, gpu, pools, all: pool(most)?, max_memory })
+        let Settings { gpu, max_memory, watch, .. } = *settings;
+        Ok(Bench { mesh, cpu, gpu, pools, all: pool(most)?, max_memory, watch })
     }
 
     fn build(
@@ -206,8 +249,8 @@ impl<'a> Bench<'a> {
     ) -> Result<Box<dyn Accelerator>, TradeError> {
         let options = BuildOptions { config: *config, max_memory: self.max_memory };
         let built = match (device, self.gpu) {
-            (Device::Gpu, Some(backend)) => backend.build(self.mesh, &options),
-            _ => self.cpu.build(self.mesh, &options),
+            (Device::Gpu, Some(backend)) => backend.build_watched(self.mesh, &options, self.watch),
+            _ => self.cpu.build_watched(self.mesh, &options, self.watch),
         };
         built.map_err(|error| TradeError::Build { setting: name.to_owned(), error })
     }
@@ -229,7 +272,7 @@ impl<'a> Bench<'a> {
                     for (ns, accuracy) in ns_per_ray.iter_mut().zip(Accuracy::ALL) {
                         let mut own = Vec::new();
                         for set in 0..4 {
-                            let (ms, rays) = trace(tree.as_ref(), sets, set, accuracy)?;
+                            let (ms, rays) = trace(tree.as_ref(), sets, set, accuracy, self.watch)?;
                             own.extend((rays > 0).then(|| 1e6 * ms / rays as f64));
                         }
                         *ns = mean(&own);
@@ -258,8 +301,9 @@ fn trace(
     sets: &RaySets,
     set: usize,
     accuracy: Accuracy,
+    watch: &dyn Watch,
 ) -> Result<(f64, usize), TradeError> {
-    trace_first(tree, sets.each()[set], set == SHADOW, accuracy, usize::MAX)
+    trace_first(tree, sets.each()[set], set == SHADOW, accuracy, watch)
 }
 
 /// The set of which only is asked whether anything is hit.
@@ -270,16 +314,15 @@ fn trace_first(
     rays: &[Ray],
     any: bool,
     accuracy: Accuracy,
-    most: usize,
+    watch: &dyn Watch,
 ) -> Result<(f64, usize), TradeError> {
-    let rays = &rays[..rays.len().min(most)];
     let options = QueryOptions { accuracy, ..QueryOptions::default() };
     let (traced, ms) = if any {
         let mut stopped = vec![false; rays.len()];
-        timed(|| tree.any_hits(rays, &mut stopped, &options))
+        timed(|| tree.any_hits_watched(rays, &mut stopped, &options, watch))
     } else {
         let mut hits = vec![Hit::MISS; rays.len()];
-        timed(|| tree.closest_hits(rays, &mut hits, &options))
+        timed(|| tree.closest_hits_watched(rays, &mut hits, &options, watch))
     };
     traced?;
     Ok((ms, rays.len()))
@@ -337,8 +380,9 @@ impl<'a> Entry<'a> {
             let tree = tree?;
             for (place, &accuracy) in self.station.accuracies.iter().enumerate() {
                 for (set, rays) in sets.each().into_iter().enumerate() {
-                    let (ms, rays) =
-                        trace_first(tree.as_ref(), rays, set == SHADOW, accuracy, most)?;
+                    let rays = &rays[..rays.len().min(most)];
+                    let any = set == SHADOW;
+                    let (ms, rays) = trace_first(tree.as_ref(), rays, any, accuracy, bench.watch)?;
                     self.rays[set] = rays;
                     if counts && rays > 0 {
                         self.ns[place][set].push(1e6 * ms / rays as f64);
@@ -356,18 +400,26 @@ impl<'a> Entry<'a> {
     }
 
     /// Judges the answers of the tree of the first round.
-    fn judge(&mut self, judged: &Judged<'_>) -> Result<(), TradeError> {
+    fn judge(&mut self, judged: &Judged<'_>, watch: &dyn Watch) -> Result<(), TradeError> {
         let Some(tree) = &self.tree else { return Ok(()) };
         let most = self.budget.of(self.station.device).error_rays as usize;
         for &accuracy in &self.station.accuracies {
             let options = QueryOptions { accuracy, ..QueryOptions::default() };
-            let (mut errors, mut redone) = ([Errors::default(); 3], 0);
+            let (mut errors, mut redone) = ([Errors::default(); 4], 0);
             for (kind, errors) in errors.iter_mut().enumerate() {
                 let (rays, exact) = (judged.rays.each()[kind], judged.exact.each()[kind]);
                 let count = rays.len().min(most);
-                let mut hits = vec![Hit::MISS; count];
-                redone += tree.closest_hits(&rays[..count], &mut hits, &options)?.undecided;
-                *errors = judged.judge.count(&rays[..count], &exact[..count], &hits);
+                let (rays, exact) = (&rays[..count], &exact[..count]);
+                let (hits, undecided) = match Aims::<()>::NAMES[kind] {
+                    "shadow" => any_answers(tree.as_ref(), rays, exact, &options, watch)?,
+                    _ => {
+                        let mut hits = vec![Hit::MISS; count];
+                        let told = tree.closest_hits_watched(rays, &mut hits, &options, watch)?;
+                        (hits, told.undecided)
+                    }
+                };
+                redone += undecided;
+                *errors = judged.judge.count(rays, exact, &hits);
             }
             self.judgements.push(Judgement { errors: Aims::of(errors), redone });
         }

@@ -65,15 +65,17 @@ pub fn timed(
     })
 }
 
-/// The rays that are judged, `count` of each kind.
-pub fn judged(reference: &Reference, count: u64) -> Aims<Vec<Ray>> {
+/// The rays that are judged, `count` of each kind; of the timed rays towards lights as many as there are.
+pub fn judged(reference: &Reference, sets: &RaySets, count: u64) -> Aims<Vec<Ray>> {
     let generator = Generator::new(reference);
     // Chords that are timed are not the ones that are judged.
     let first = |aim| if aim == Aim::Random { 1 << 32 } else { 0 };
-    Aims::of(Aim::ALL.map(|aim| {
+    let [random, edge, vertex] = Aim::ALL.map(|aim| {
         let numbers = first(aim)..first(aim) + count;
         numbers.into_par_iter().map(|number| generator.ray(aim, number)).collect()
-    }))
+    });
+    let shadow = sets.shadow.iter().take(count as usize).copied().collect();
+    Aims { random, edge, vertex, shadow }
 }
 
 /// A name of rays: XXH64 over their bits. Equal rays have equal names.

@@ -33,7 +33,7 @@ impl<T> Sets<T> {
     }
 }
 
-/// Something for each of the three kinds of rays whose answers are judged.
+/// Something for each of the four kinds of rays whose answers are judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aims<T> {
@@ -43,20 +43,23 @@ pub struct Aims<T> {
     pub edge: T,
     /// Aimed at vertices.
     pub vertex: T,
+    /// From what the camera sees towards lights, of which only is asked whether anything is hit; of the
+    /// others, what is.
+    pub shadow: T,
 }
 
 impl<T> Aims<T> {
     /// The names of the kinds, in their order.
-    pub const NAMES: [&'static str; 3] = ["random", "edge", "vertex"];
+    pub const NAMES: [&'static str; 4] = ["random", "edge", "vertex", "shadow"];
 
-    /// All three, in their order.
-    pub fn each(&self) -> [&T; 3] {
-        [&self.random, &self.edge, &self.vertex]
+    /// All four, in their order.
+    pub fn each(&self) -> [&T; 4] {
+        [&self.random, &self.edge, &self.vertex, &self.shadow]
     }
 
-    /// The same from three values in their order.
-    pub fn of([random, edge, vertex]: [T; 3]) -> Aims<T> {
-        Aims { random, edge, vertex }
+    /// The same from four values in their order.
+    pub fn of([random, edge, vertex, shadow]: [T; 4]) -> Aims<T> {
+        Aims { random, edge, vertex, shadow }
     }
 }
 
@@ -219,7 +222,7 @@ pub struct Row {
     pub digest: String,
     /// Answers that differ from the exact ones.
     pub errors: Aims<Errors>,
-    /// Missing, wrong and phantom hits for each million rays, over all three kinds.
+    /// Missing, wrong and phantom hits for each million rays, over all four kinds.
     pub errors_per_million: f64,
     /// Answers that differ from the exact ones within rounding, for each million rays.
     pub rounded_per_million: f64,
@@ -262,7 +265,7 @@ impl Row {
         self.line().total_ms(rays)
     }
 
-    /// All errors of a kind, added up over the three kinds of rays.
+    /// All errors of a kind, added up over the four kinds of rays.
     pub fn sum(&self, of: impl Fn(&Errors) -> u64) -> u64 {
         self.errors.each().into_iter().map(of).sum()
     }
