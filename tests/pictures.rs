@@ -233,9 +233,10 @@ fn the_readme_names_options_that_exist() {
     let part = readme.split("\n## Command line").nth(1).unwrap();
     let part = part.split("\n## ").next().unwrap();
     let mut help = String::new();
-    let verbs =
-        ["render", "animate", "build", "stats", "query", "verify", "adapters", "parity", "paper"];
-    for verb in verbs {
+    for verb in [
+        "render", "animate", "build", "stats", "query", "verify", "adapters", "parity", "paper",
+        "trade",
+    ] {
         help += &succeed(&folder, &[verb, "--help"]);
     }
     // Those of the window, which the default build does not have.
