@@ -21,7 +21,7 @@ use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 
 /// The `triangle` of a hit that is not decided. Its `t` is no greater than that of whatever is in doubt.
-pub const UNDECIDED_HIT: u32 = Hit::UNDECIDED;
+pub const UNDECIDED_HIT: u32 = 0xffff_fffd;
 
 /// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis: 6 roundings
 /// of 2^-24 (one of the difference, three of slope, difference and product, two of the last

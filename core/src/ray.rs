@@ -63,7 +63,7 @@ impl Hit {
 
     /// The `triangle` of a ray of accuracy `exact` that a device left undecided; see
     /// [`Undecided::Flag`].
-    pub const UNDECIDED: u32 = u32::MAX - 2;
+    pub const UNDECIDED: u32 = crate::certify::UNDECIDED_HIT;
 
     /// True for a triangle that was hit: neither for a miss, nor for a mark that a device leaves in place
     /// of an answer, such as [`Hit::UNDECIDED`].
