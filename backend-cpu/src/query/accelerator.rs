@@ -17,11 +17,8 @@ use splitplane_core::watch::{Stage, Watch};
 
 use super::blocks::Blocks;
 use super::exact;
-#[cfg(target_arch = "x86_64")]
-use super::lanes;
-use super::leaf::InstructionSet;
-use super::prepare::prepare_one;
-use super::single;
+use super::instruction_set::InstructionSet;
+use super::stream::{self, Batch};
 use crate::lookout::{DUE, Lookout, UNWATCHED};
 
 /// Rays of one task: what one thread takes at a time.
@@ -48,7 +45,7 @@ impl CpuAccelerator {
     /// Bytes of tree and query layout, for a limit to be checked before they are made.
     pub(crate) fn bytes_for(tree: &KdTreeView<'_>) -> u64 {
         let tree_bytes = size_of_val(tree.nodes) + size_of_val(tree.references);
-        tree_bytes as u64 + Blocks::bytes_for(tree)
+        tree_bytes as u64 + Blocks::bytes_for(tree, 16)
     }
 
     /// Makes the query layout of a valid tree. `triangles` are the mesh's snapped corners; `set` must
@@ -61,7 +58,7 @@ impl CpuAccelerator {
         look: &Lookout<'_>,
     ) -> CpuAccelerator {
         let scene = scene_scale(tree.bounds, triangles, look);
-        let blocks = Blocks::watched(&tree.view(), triangles, look);
+        let blocks = Blocks::watched(&tree.view(), triangles, set.lanes(), look);
         CpuAccelerator { tree, summary, scene, blocks, set }
     }
 
@@ -134,17 +131,16 @@ impl CpuAccelerator {
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
         if options.accuracy == Accuracy::Exact {
-            // SAFETY: `set` was detected on this processor.
-            return unsafe {
-                exact::trace(self.set, &self.blocks, &self.scene, ray, options, query)
-            };
+            let mut answered = Hit::MISS;
+            self.trace_batch(core::slice::from_ref(ray), options, query, |_, hit| answered = hit);
+            return answered;
         }
-        let Some((ray, interval)) = prepare_one(ray, &self.scene) else { return Hit::MISS };
-        // SAFETY: `set` was detected on this processor.
-        unsafe { single::trace(self.set, &self.blocks, &ray, interval, options, query, None) }
+        let (blocks, scene) = (&self.blocks, &self.scene);
+        // SAFETY: `set` was detected on this processor, and the layout made for it.
+        unsafe { stream::trace_one(self.set, blocks, scene, ray, options, query) }
     }
 
-    /// Traces a batch by the best path there is; `answer` takes ray number and hit.
+    /// Traces a batch; `answer` takes ray number and hit.
     fn trace_batch(
         &self,
         rays: &[Ray],
@@ -152,16 +148,10 @@ impl CpuAccelerator {
         query: Query,
         mut answer: impl FnMut(usize, Hit),
     ) {
-        #[cfg(target_arch = "x86_64")]
-        if self.set == InstructionSet::Avx512 && rays.len() >= lanes::WORTHWHILE {
-            let (blocks, scene) = (&self.blocks, &self.scene);
-            // SAFETY: `set` was detected on this processor.
-            unsafe { lanes::trace(blocks, scene, rays, options, query, &mut answer) };
-            return;
-        }
-        for (index, ray) in rays.iter().enumerate() {
-            answer(index, self.trace(ray, options, query));
-        }
+        let (blocks, scene) = (&self.blocks, &self.scene);
+        let batch = Batch { blocks, scene, rays, options, query };
+        // SAFETY: as for one ray.
+        unsafe { stream::trace(self.set, batch, &mut answer) };
     }
 
     /// Answers a batch under a lookout; `told` is what is told of a hit.

@@ -3,43 +3,15 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::all_hits::Collector;
-use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::{Best, ExactRay, Walker};
-use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::{Blocks, WalkNode};
-use super::leaf::InstructionSet;
-use super::sieve::ExactLane;
-use super::single;
 
-/// The exact closest hit of a ray, or any hit.
-///
-/// # Safety
-/// The processor must have `set`.
-pub(crate) unsafe fn trace(
-    set: InstructionSet,
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    let Some(prepared) = PreparedRay::new::<Strict>(ray, scene) else { return Hit::MISS };
-    let Some(mut exact) = ExactLane::new(ray, &prepared, &scene.bounds) else { return Hit::MISS };
-    if !exact.is_ordinary(&prepared) {
-        return trace_in_f64(blocks, &scene.bounds, ray, options, query);
-    }
-    let Some(interval) = prepared.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
-    // SAFETY: the caller's contract.
-    unsafe { single::trace(set, blocks, &prepared, interval, options, query, Some(&mut exact)) };
-    exact.hit(query)
-}
-
-/// The same in `f64` from the root on, for rays of all kinds.
+/// The exact closest hit of a ray, or any hit, in `f64` from the root on: for rays of all kinds.
 pub(crate) fn trace_in_f64(
     blocks: &Blocks,
     bounds: &Aabb,
@@ -88,7 +60,8 @@ pub(crate) fn visit(
     let mut top = 0;
     let mut node = 0u32;
     loop {
-        let WalkNode { word, tagged } = blocks.nodes[node as usize];
+        let walk = &blocks.nodes[node as usize];
+        let WalkNode { word, tagged } = *walk;
         let axis = (tagged & 3) as usize;
         if axis < 3 {
             let (least, greatest) = walker.plane_interval(axis, f32::from_bits(word));
@@ -105,11 +78,11 @@ pub(crate) fn visit(
             }
             continue;
         }
-        for block in blocks.leaf(word, tagged >> WalkNode::SHIFT) {
-            for index in 0..block.count {
-                let triangle = block.triangle(index);
+        for record in blocks.leaf(walk) {
+            for index in 0..record.count() {
+                let triangle = record.triangle(index);
                 if options.ignore != Some(triangle) {
-                    stop = test(&ray, &block.corners(index), triangle);
+                    stop = test(&ray, &record.corners(index), triangle);
                 }
             }
         }

@@ -8,16 +8,17 @@
 mod accelerator;
 mod blocks;
 mod exact;
-#[cfg(target_arch = "x86_64")]
-mod lanes;
+mod instruction_set;
 mod leaf;
-#[cfg(target_arch = "x86_64")]
-mod packet;
 mod prepare;
+mod record;
 mod sieve;
+mod simd;
 mod single;
+mod stream;
+mod wide;
 
 pub use accelerator::CpuAccelerator;
+pub use blocks::Blocks;
 pub(crate) use blocks::WalkNode;
-pub use blocks::{BLOCK, Blocks};
-pub use leaf::InstructionSet;
+pub use instruction_set::InstructionSet;

@@ -3,7 +3,7 @@
 //! Loops without branches over arrays of 16, which compilers turn into vector instructions. The rare
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
 
-use splitplane_core::arithmetic::{Strict, snap};
+use splitplane_core::arithmetic::snap;
 use splitplane_core::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
     STOP_SLACK, SceneScale,
@@ -42,25 +42,23 @@ pub(crate) struct PreparedRays {
 
 impl PreparedRays {
     /// Room for 16 rays.
-    pub fn new() -> PreparedRays {
-        PreparedRays {
-            origin: [[0.0; LANES]; 3],
-            direction: [[0.0; LANES]; 3],
-            reciprocal: [[0.0; LANES]; 3],
-            slack: [[0.0; LANES]; 3],
-            shear: [[0.0; LANES]; 3],
-            t_min: [0.0; LANES],
-            t_max: [0.0; LANES],
-            limits: [[0.0; LANES]; 2],
-            enter: [0.0; LANES],
-            exit: [0.0; LANES],
-            exponent: [0; LANES],
-            largest: [0; LANES],
-            alive: [0; LANES],
-            special: [0; LANES],
-            shifted: [0; LANES],
-        }
-    }
+    pub const NONE: PreparedRays = PreparedRays {
+        origin: [[0.0; LANES]; 3],
+        direction: [[0.0; LANES]; 3],
+        reciprocal: [[0.0; LANES]; 3],
+        slack: [[0.0; LANES]; 3],
+        shear: [[0.0; LANES]; 3],
+        t_min: [0.0; LANES],
+        t_max: [0.0; LANES],
+        limits: [[0.0; LANES]; 2],
+        enter: [0.0; LANES],
+        exit: [0.0; LANES],
+        exponent: [0; LANES],
+        largest: [0; LANES],
+        alive: [0; LANES],
+        special: [0; LANES],
+        shifted: [0; LANES],
+    };
 
     /// One of the rays, as the triangle tests take it.
     #[inline(always)]
@@ -200,17 +198,11 @@ impl PreparedRays {
     }
 }
 
-/// The scalar way: for rays that [`PreparedRays::fill`] leaves alone.
-pub(crate) fn prepare_one(ray: &Ray, scene: &SceneScale) -> Option<(PreparedRay, (f32, f32))> {
-    let prepared = PreparedRay::new::<Strict>(ray, scene)?;
-    let interval = prepared.enter::<Strict>(&scene.bounds)?;
-    Some((prepared, interval))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use splitplane_core::aabb::Aabb;
+    use splitplane_core::arithmetic::Strict;
     use splitplane_core::intersect::Limits;
 
     /// Every field that a hit depends on is that of the scalar code, bit for bit, for rays of all
@@ -240,7 +232,7 @@ mod tests {
             let (a, b) = (number(1.0), number(9.0));
             rays.push(Ray::new(origin, direction).with_limits(a, b.abs()));
         }
-        let mut lanes = PreparedRays::new();
+        let mut lanes = PreparedRays::NONE;
         let (mut compared, mut dead) = (0, 0);
         for chunk in rays.chunks(LANES) {
             lanes.fill(chunk, &scene);

@@ -32,7 +32,9 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::Block;
-use super::leaf::InstructionSet;
+use super::instruction_set::InstructionSet;
+use super::record::Record;
+use super::simd::{MOST_LANES, Simd};
 
 /// The error of an edge function, in R P.
 pub(crate) const EDGE_ERROR: f32 = 36.0 * UNIT;
@@ -120,34 +122,34 @@ impl ExactLane {
         answer(&self.best, query)
     }
 
-    /// Tests the blocks of a leaf; `stop` is the inner `t` beyond which nothing can precede the best
-    /// hit. True when the query is answered: any hit was asked for and found.
+    /// Tests a block; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
+    /// the query is answered: any hit was asked for and found.
     ///
     /// # Safety
-    /// The processor must have `set`.
+    /// The processor must have the set.
     #[inline(always)]
-    pub unsafe fn test_leaf<'a>(
+    pub unsafe fn test_record<S: Simd>(
         &mut self,
-        set: InstructionSet,
         prepared: &PreparedRay,
-        blocks: impl Iterator<Item = Block<'a>>,
+        record: &Record<'_>,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,
     ) -> bool {
-        for block in blocks {
-            let limit = self.reach.t_max.min(*stop);
-            // SAFETY: the caller's contract.
-            let mut bits = unsafe { sift(set, prepared, &self.reach, &block, limit) };
-            while bits != 0 {
-                let index = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                if decide(&self.ray, &mut self.best, &block, index, options, query) {
-                    if query == Query::Any {
-                        return true;
-                    }
-                    *stop = inner_stop(self.best.stop(), prepared.exponent);
+        let mut room = [0.0; 11 * MOST_LANES];
+        let block = record.written_out(&mut room);
+        let limit = self.reach.t_max.min(*stop);
+        let set = if S::N == 16 { InstructionSet::Avx512 } else { InstructionSet::Avx2 };
+        // SAFETY: the caller's contract.
+        let mut bits = unsafe { sift(set, prepared, &self.reach, &block, limit) };
+        while bits != 0 {
+            let index = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            if decide(&self.ray, &mut self.best, &block, index, options, query) {
+                if query == Query::Any {
+                    return true;
                 }
+                *stop = inner_stop(self.best.stop(), prepared.exponent);
             }
         }
         false

@@ -1,0 +1,71 @@
+//! What the processor can do.
+
+/// What the processor can do, found at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstructionSet {
+    /// Plain Rust, over 8 floats.
+    Portable,
+    /// Vectors of 8 floats.
+    Avx2,
+    /// Vectors of 16 floats.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `avx2`, `avx512`) lowers it, for
+    /// tests and measurements; it never raises it.
+    pub fn detect() -> InstructionSet {
+        let wanted = match std::env::var("SPLITPLANE_ISA").as_deref() {
+            Ok("portable") => InstructionSet::Portable,
+            Ok("avx2") => InstructionSet::Avx2,
+            _ => InstructionSet::Avx512,
+        };
+        InstructionSet::available()
+            .into_iter()
+            .rfind(|&set| set as u32 <= wanted as u32)
+            .unwrap_or(InstructionSet::Portable)
+    }
+
+    /// All that this processor has, worst first.
+    pub fn available() -> Vec<InstructionSet> {
+        #[allow(unused_mut, reason = "no other set on other processors")]
+        let mut sets = vec![InstructionSet::Portable];
+        #[cfg(all(target_arch = "x86_64", not(miri)))]
+        {
+            let avx2 = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("popcnt")
+                && is_x86_feature_detected!("fma");
+            if avx2 {
+                sets.push(InstructionSet::Avx2);
+            }
+            if avx2
+                && is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512vl")
+            {
+                sets.push(InstructionSet::Avx512);
+            }
+        }
+        sets
+    }
+
+    /// Floats in a vector: children of a wide node, triangles of a block.
+    pub const fn lanes(self) -> usize {
+        match self {
+            InstructionSet::Avx512 => 16,
+            _ => 8,
+        }
+    }
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Portable => "portable",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
+    }
+}

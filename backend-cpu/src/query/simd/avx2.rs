@@ -1,0 +1,152 @@
+//! 8 lanes: AVX2 and FMA.
+
+use core::arch::x86_64::*;
+
+use super::Simd;
+
+/// [`Simd`] by AVX2.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2;
+
+/// For each mask of eight its lanes, one after the other.
+static LANES_OF: [[u8; 8]; 256] = lanes_of();
+
+const fn lanes_of() -> [[u8; 8]; 256] {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut end) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][end] = lane as u8;
+                end += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+}
+
+#[rustfmt::skip]
+static DIRECTIONS: [[u8; 16]; 2] = [
+    [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
+    [7, 6, 5, 4, 3, 2, 1, 0, 8, 9, 10, 11, 12, 13, 14, 15],
+];
+
+// SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
+impl Simd for Avx2 {
+    const N: usize = 8;
+    type Floats = __m256;
+    type Places = __m256i;
+    type Mask = __m256;
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> __m256 {
+        unsafe { _mm256_set1_ps(x) }
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> __m256 {
+        unsafe { _mm256_loadu_ps(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(to: *mut f32, x: __m256) {
+        unsafe { _mm256_storeu_ps(to, x) }
+    }
+    #[inline(always)]
+    unsafe fn add(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn sub(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn mul(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn div(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_div_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    unsafe fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, c) }
+    }
+    #[inline(always)]
+    unsafe fn min(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_min_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn max(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn abs(a: __m256) -> __m256 {
+        unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
+    }
+    #[inline(always)]
+    unsafe fn le(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn and(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn keep(mask: __m256, a: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn bits(mask: __m256) -> u32 {
+        unsafe { _mm256_movemask_ps(mask) as u32 }
+    }
+    #[inline(always)]
+    unsafe fn places(from: *const u8) -> __m256i {
+        unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(from.cast())) }
+    }
+    #[inline(always)]
+    unsafe fn look_up(table: __m256, at: __m256i) -> __m256 {
+        unsafe { _mm256_permutevar8x32_ps(table, at) }
+    }
+    #[inline(always)]
+    unsafe fn look_up_2([low, high]: [__m256; 2], at: __m256i) -> __m256 {
+        unsafe {
+            let low = _mm256_permutevar8x32_ps(low, at);
+            let high = _mm256_permutevar8x32_ps(high, at);
+            // Bit 3 of a place names the table; where the sign is decides.
+            let which = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+            _mm256_blendv_ps(low, high, which)
+        }
+    }
+    #[inline(always)]
+    unsafe fn push(
+        children: *const u32,
+        t: __m256,
+        mask: __m256,
+        order: *const u8,
+        reversed: bool,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> u32 {
+        unsafe {
+            let direction = _mm_loadu_si128(DIRECTIONS[usize::from(reversed)].as_ptr().cast());
+            let in_direction = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), direction);
+            let places = _mm256_cvtepu8_epi32(in_direction);
+            let in_order = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, places)) as usize;
+            let lanes = _mm_loadl_epi64(LANES_OF[in_order].as_ptr().cast());
+            let places = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(in_direction, lanes));
+            _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, places));
+            let all = _mm256_loadu_si256(children.cast());
+            let met = _mm256_permutevar8x32_epi32(all, places);
+            _mm256_storeu_si256(to_children.cast(), met);
+            let last = 7 - ((in_order as u8) | 1).leading_zeros() as usize % 8;
+            let last = last ^ (usize::from(reversed) * 7);
+            *children.add(*order.add(last) as usize)
+        }
+    }
+}

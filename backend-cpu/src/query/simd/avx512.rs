@@ -1,0 +1,131 @@
+//! 16 lanes: AVX-512 F, DQ, BW and VL.
+
+use core::arch::x86_64::*;
+
+use super::Simd;
+
+/// [`Simd`] by AVX-512.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512;
+
+#[rustfmt::skip]
+static DIRECTIONS: [[u8; 16]; 2] = [
+    [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
+    [15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0],
+];
+
+// SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
+impl Simd for Avx512 {
+    const N: usize = 16;
+    type Floats = __m512;
+    type Places = __m512i;
+    type Mask = __mmask16;
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> __m512 {
+        unsafe { _mm512_set1_ps(x) }
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> __m512 {
+        unsafe { _mm512_loadu_ps(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(to: *mut f32, x: __m512) {
+        unsafe { _mm512_storeu_ps(to, x) }
+    }
+    #[inline(always)]
+    unsafe fn add(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_add_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn sub(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn mul(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn div(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_div_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn mul_add(a: __m512, b: __m512, c: __m512) -> __m512 {
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    unsafe fn mul_sub(a: __m512, b: __m512, c: __m512) -> __m512 {
+        unsafe { _mm512_fmsub_ps(a, b, c) }
+    }
+    #[inline(always)]
+    unsafe fn min(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_min_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn max(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn abs(a: __m512) -> __m512 {
+        unsafe { _mm512_abs_ps(a) }
+    }
+    #[inline(always)]
+    unsafe fn le(a: __m512, b: __m512) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
+        a & b
+    }
+    #[inline(always)]
+    unsafe fn keep(mask: __mmask16, a: __m512) -> __m512 {
+        unsafe { _mm512_maskz_mov_ps(mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn bits(mask: __mmask16) -> u32 {
+        u32::from(mask)
+    }
+    #[inline(always)]
+    unsafe fn places(from: *const u8) -> __m512i {
+        unsafe { _mm512_cvtepu8_epi32(_mm_loadu_si128(from.cast())) }
+    }
+    #[inline(always)]
+    unsafe fn look_up(table: __m512, at: __m512i) -> __m512 {
+        unsafe { _mm512_permutexvar_ps(at, table) }
+    }
+    #[inline(always)]
+    unsafe fn look_up_2([low, high]: [__m512; 2], at: __m512i) -> __m512 {
+        unsafe { _mm512_permutex2var_ps(low, at, high) }
+    }
+    #[inline(always)]
+    unsafe fn push(
+        children: *const u32,
+        t: __m512,
+        mask: __mmask16,
+        order: *const u8,
+        reversed: bool,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> u32 {
+        unsafe {
+            let direction = _mm_loadu_si128(DIRECTIONS[usize::from(reversed)].as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), direction);
+            let places = _mm512_cvtepu8_epi32(places);
+            // The mask in that order: whatever is not in it is infinitely far.
+            let infinity = _mm512_set1_ps(f32::INFINITY);
+            let t = _mm512_permutexvar_ps(places, _mm512_mask_mov_ps(infinity, mask, t));
+            let mask = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(t, infinity);
+            let in_order = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
+            // To a register and then to memory: compressing to memory is slow on some processors.
+            _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(mask, t));
+            _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(mask, in_order));
+            let last = 15 - (u32::from(mask) | 1).leading_zeros() as usize % 16;
+            let last = last ^ (usize::from(reversed) * 15);
+            *children.add(*order.add(last) as usize)
+        }
+    }
+    #[inline(always)]
+    unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_range_ps::<0b1011>(a, b) }
+    }
+}

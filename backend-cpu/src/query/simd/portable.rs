@@ -1,0 +1,123 @@
+//! 8 lanes in plain Rust, which compilers turn into what the target has.
+
+use super::Simd;
+
+/// [`Simd`] by loops over arrays.
+#[derive(Clone, Copy)]
+pub(crate) struct Portable;
+
+const N: usize = 8;
+
+/// One lane after the other.
+#[inline(always)]
+fn each<T>(of: impl FnMut(usize) -> T) -> [T; N] {
+    core::array::from_fn(of)
+}
+
+// SAFETY of all blocks: the trait's contract, readable or writable memory.
+impl Simd for Portable {
+    const N: usize = N;
+    type Floats = [f32; N];
+    type Places = [u8; N];
+    type Mask = [bool; N];
+
+    #[inline(always)]
+    unsafe fn splat(x: f32) -> [f32; N] {
+        [x; N]
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> [f32; N] {
+        unsafe { from.cast::<[f32; N]>().read_unaligned() }
+    }
+    #[inline(always)]
+    unsafe fn store(to: *mut f32, x: [f32; N]) {
+        unsafe { to.cast::<[f32; N]>().write_unaligned(x) }
+    }
+    #[inline(always)]
+    unsafe fn add(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    unsafe fn sub(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    unsafe fn mul(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    unsafe fn div(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| a[i] / b[i])
+    }
+    #[inline(always)]
+    unsafe fn mul_add(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+        each(|i| a[i] * b[i] + c[i])
+    }
+    #[inline(always)]
+    unsafe fn mul_sub(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
+        each(|i| a[i] * b[i] - c[i])
+    }
+    #[inline(always)]
+    unsafe fn min(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| if a[i] < b[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    unsafe fn max(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| if a[i] > b[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    unsafe fn abs(a: [f32; N]) -> [f32; N] {
+        each(|i| a[i].abs())
+    }
+    #[inline(always)]
+    unsafe fn le(a: [f32; N], b: [f32; N]) -> [bool; N] {
+        each(|i| a[i] <= b[i])
+    }
+    #[inline(always)]
+    unsafe fn and(a: [bool; N], b: [bool; N]) -> [bool; N] {
+        each(|i| a[i] & b[i])
+    }
+    #[inline(always)]
+    unsafe fn keep(mask: [bool; N], a: [f32; N]) -> [f32; N] {
+        each(|i| if mask[i] { a[i] } else { 0.0 })
+    }
+    #[inline(always)]
+    unsafe fn bits(mask: [bool; N]) -> u32 {
+        (0..N).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
+    }
+    #[inline(always)]
+    unsafe fn places(from: *const u8) -> [u8; N] {
+        unsafe { from.cast::<[u8; N]>().read_unaligned() }
+    }
+    #[inline(always)]
+    unsafe fn look_up(table: [f32; N], at: [u8; N]) -> [f32; N] {
+        each(|i| table[at[i] as usize % N])
+    }
+    #[inline(always)]
+    unsafe fn look_up_2(tables: [[f32; N]; 2], at: [u8; N]) -> [f32; N] {
+        let table = tables.as_flattened();
+        each(|i| table[at[i] as usize % (2 * N)])
+    }
+    #[inline(always)]
+    unsafe fn push(
+        children: *const u32,
+        t: [f32; N],
+        mask: [bool; N],
+        order: *const u8,
+        reversed: bool,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> u32 {
+        let (mut end, mut last) = (0, 0);
+        for i in 0..N {
+            unsafe {
+                let place = *order.add(if reversed { N - 1 - i } else { i }) as usize % N;
+                *to_children.add(end) = *children.add(place);
+                *to_t.add(end) = t[place];
+                end += usize::from(mask[place]);
+                last = if mask[place] { *children.add(place) } else { last };
+            }
+        }
+        last
+    }
+}
