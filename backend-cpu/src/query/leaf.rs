@@ -8,6 +8,7 @@ use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
+use super::prepare::Way;
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
 
@@ -94,26 +95,26 @@ struct Sifted {
 /// The processor must have the set, and a block of its width must follow the record's words.
 #[inline(always)]
 pub(crate) unsafe fn test<S: Simd>(
-    ray: &PreparedRay,
+    way: &Way,
     record: &Record<'_>,
     options: &QueryOptions,
     query: Query,
     best: &mut Best,
 ) -> bool {
-    let limit = if best.stop < ray.t_max { best.stop } else { ray.t_max };
+    let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
     let numbers = [0.0; MOST_LANES];
     let mut sifted = Sifted { met: 0, unclear: 0, t: numbers, u: numbers, v: numbers };
     // SAFETY: the caller's contract.
     unsafe {
         match (options.accuracy, record.corner_count() <= S::N) {
             (Accuracy::Fast, true) => {
-                sifted.unclear = fast::<S, false>(ray, record, limit);
+                sifted.unclear = fast::<S, false>(way, record, limit);
             }
             (Accuracy::Fast, false) => {
-                sifted.unclear = fast::<S, true>(ray, record, limit);
+                sifted.unclear = fast::<S, true>(way, record, limit);
             }
-            (_, true) => sift::<S, false>(ray, record, limit, options.culling, &mut sifted),
-            (_, false) => sift::<S, true>(ray, record, limit, options.culling, &mut sifted),
+            (_, true) => sift::<S, false>(way, record, limit, options.culling, &mut sifted),
+            (_, false) => sift::<S, true>(way, record, limit, options.culling, &mut sifted),
         }
     }
     let mut bits = sifted.met | sifted.unclear;
@@ -129,10 +130,10 @@ pub(crate) unsafe fn test<S: Simd>(
             let [t, u, v] = [&sifted.t, &sifted.u, &sifted.v].map(|row| row[index]);
             Candidate { t, u, v }
         } else {
-            let Some(found) = decide(ray, &record.corners(index), options) else { continue };
+            let Some(found) = decide(&way.ray(), &record.corners(index), options) else { continue };
             found
         };
-        if best.take(ray, &found, triangle) {
+        if best.take(&way.ray(), &found, triangle) {
             better = true;
             if query == Query::Any {
                 return true;
@@ -175,7 +176,7 @@ unsafe fn of_corners<S: Simd, const TWO: bool>(
 /// As for [`test`].
 #[inline(always)]
 unsafe fn sift<S: Simd, const TWO: bool>(
-    ray: &PreparedRay,
+    ray: &Way,
     record: &Record<'_>,
     limit: f32,
     culling: Culling,
@@ -183,9 +184,9 @@ unsafe fn sift<S: Simd, const TWO: bool>(
 ) {
     // SAFETY: the caller's contract.
     unsafe {
-        let [kx, ky, kz] = ray.axes;
+        let [kx, ky, kz] = ray.axes();
         let (ox, oy, oz) =
-            (S::splat(ray.origin[kx]), S::splat(ray.origin[ky]), S::splat(ray.origin[kz]));
+            (S::splat(ray.origin[0]), S::splat(ray.origin[1]), S::splat(ray.origin[2]));
         let (sx, sy, sz) = (S::splat(ray.shear[0]), S::splat(ray.shear[1]), S::splat(ray.shear[2]));
         let zero = S::splat(0.0);
         let mut x: Table<S> = [zero; 2];
@@ -293,15 +294,12 @@ pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn fast<S: Simd, const TWO: bool>(
-    ray: &PreparedRay,
-    record: &Record<'_>,
-    limit: f32,
-) -> u32 {
+unsafe fn fast<S: Simd, const TWO: bool>(way: &Way, record: &Record<'_>, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
         let places =
             [S::places(record.places(0)), S::places(record.places(1)), S::places(record.places(2))];
+        let ray = way.ray();
         let zero = S::splat(0.0);
         let mut o = [zero; 3];
         let (mut d, mut ab, mut ac, mut ao) = (o, o, o, o);

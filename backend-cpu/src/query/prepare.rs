@@ -9,6 +9,9 @@ use splitplane_core::intersect::{
     STOP_SLACK, SceneScale,
 };
 use splitplane_core::ray::Ray;
+use splitplane_core::traverse::Query;
+
+use super::simd::Simd;
 
 /// Rays made ready together.
 pub(crate) const LANES: usize = 16;
@@ -16,20 +19,148 @@ pub(crate) const LANES: usize = 16;
 /// A number of each ray.
 pub(crate) type Lanes<T> = [T; LANES];
 
-/// 16 rays, made ready; see [`PreparedRay`] for the fields.
+/// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Way {
+    pub reciprocal: [f32; 3],
+    /// Origin times reciprocal, with the slack of planes added, and with it taken away.
+    pub near: [f32; 3],
+    pub far: [f32; 3],
+    pub enter: f32,
+    /// Where the ray leaves the bounds, or where nothing can precede its best hit any more.
+    pub stop: f32,
+    /// Bits 0 to 2: the direction is negative on x, y, z; bit 3: far children come first.
+    pub octant: u32,
+    /// The origin on the sheared axes.
+    pub origin: [f32; 3],
+    pub shear: [f32; 3],
+    pub t_min: f32,
+    pub t_max: f32,
+    /// The largest component's axis, and 3 more if it is negative.
+    pub axes: u32,
+    pub exponent: i32,
+    pub limits: [f32; 2],
+    pub direction: [f32; 3],
+    pub slack: [f32; 3],
+    /// The ray's place in its batch; [`Way::NO_RAY`] for none.
+    pub index: u32,
+    padding: u32,
+}
+
+/// Words of a [`Way`].
+pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
+
+/// The axes that shearing calls x, y and z.
+static AXES: [[usize; 3]; 6] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+
+impl Way {
+    /// Not a place in a batch.
+    pub const NO_RAY: u32 = u32::MAX;
+
+    /// No ray.
+    pub fn none() -> Way {
+        Way { index: Way::NO_RAY, ..bytemuck::Zeroable::zeroed() }
+    }
+
+    /// The axes that shearing calls x, y and z.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        AXES[self.axes as usize % 6]
+    }
+
+    /// The ray as the reference tests take it.
+    #[inline(always)]
+    pub fn ray(&self) -> PreparedRay {
+        let axes = self.axes();
+        let mut origin = [0.0; 3];
+        for k in 0..3 {
+            origin[axes[k]] = self.origin[k];
+        }
+        PreparedRay {
+            origin,
+            direction: self.direction,
+            reciprocal: self.reciprocal,
+            slack: self.slack,
+            axes,
+            shear: self.shear,
+            t_min: self.t_min,
+            t_max: self.t_max,
+            limits: self.limits,
+            offset: 0.0,
+            exponent: self.exponent,
+            wide: false,
+        }
+    }
+
+    /// Of a ray that was neither moved nor is wide, and its interval.
+    pub fn new(ray: &PreparedRay, (enter, exit): (f32, f32), query: Query) -> Way {
+        let mut way = Way {
+            reciprocal: ray.reciprocal,
+            enter,
+            stop: exit,
+            origin: ray.axes.map(|axis| ray.origin[axis]),
+            shear: ray.shear,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            axes: ray.axes[2] as u32,
+            exponent: ray.exponent,
+            limits: ray.limits,
+            direction: ray.direction,
+            slack: ray.slack,
+            ..Way::none()
+        };
+        let reach = enter.abs().max(exit.abs()) * WAY_SLACK;
+        for axis in 0..3 {
+            let origin = ray.origin[axis] * ray.reciprocal[axis];
+            let slack = (ray.slack[axis] + origin.abs() * ORIGIN_SLACK) + reach;
+            (way.near[axis], way.far[axis]) = (origin + slack, origin - slack);
+            way.octant |= u32::from(ray.direction[axis] < 0.0) << axis;
+        }
+        way.axes += if ray.direction[ray.axes[2]] < 0.0 { 3 } else { 0 };
+        let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
+        way.octant |= u32::from(solid) << 3;
+        way
+    }
+}
+
+/// Distances to planes are differences of products here: each errs by half a rounding of the
+/// product and of the difference; this is four times that.
+const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
+/// The part of a distance by which planes are widened, here of the greatest distance at which the ray is
+/// within the bounds: what is further off is out of reach, widened or not.
+const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
+
+/// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
+/// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
+#[inline(always)]
+fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
+    (enter <= t_min) & (exit < t_max)
+}
+
+/// 16 rays, made ready; see [`PreparedRay`] and [`Way`] for the fields.
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
-    pub origin: [Lanes<f32>; 3],
-    pub direction: [Lanes<f32>; 3],
+    // Row by row the words of a `Way`.
     pub reciprocal: [Lanes<f32>; 3],
-    pub slack: [Lanes<f32>; 3],
+    pub near: [Lanes<f32>; 3],
+    pub far: [Lanes<f32>; 3],
+    pub enter: Lanes<f32>,
+    pub exit: Lanes<f32>,
+    octant: Lanes<u32>,
+    sheared_origin: [Lanes<f32>; 3],
     pub shear: [Lanes<f32>; 3],
     pub t_min: Lanes<f32>,
     pub t_max: Lanes<f32>,
-    pub limits: [Lanes<f32>; 2],
-    pub enter: Lanes<f32>,
-    pub exit: Lanes<f32>,
+    axes: Lanes<u32>,
     pub exponent: Lanes<i32>,
+    pub limits: [Lanes<f32>; 2],
+    pub direction: [Lanes<f32>; 3],
+    pub slack: [Lanes<f32>; 3],
+    index: Lanes<u32>,
+    padding: Lanes<u32>,
+    // What else there is.
+    pub origin: [Lanes<f32>; 3],
     /// Axis of the largest component.
     pub largest: Lanes<u32>,
     /// 1 for a ray that may hit something.
@@ -40,25 +171,57 @@ pub(crate) struct PreparedRays {
     pub shifted: Lanes<u32>,
 }
 
+const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == WAY_WORDS * 4 * LANES);
+
 impl PreparedRays {
     /// Room for 16 rays.
     pub const NONE: PreparedRays = PreparedRays {
-        origin: [[0.0; LANES]; 3],
-        direction: [[0.0; LANES]; 3],
         reciprocal: [[0.0; LANES]; 3],
-        slack: [[0.0; LANES]; 3],
+        near: [[0.0; LANES]; 3],
+        far: [[0.0; LANES]; 3],
+        enter: [0.0; LANES],
+        exit: [0.0; LANES],
+        octant: [0; LANES],
+        sheared_origin: [[0.0; LANES]; 3],
         shear: [[0.0; LANES]; 3],
         t_min: [0.0; LANES],
         t_max: [0.0; LANES],
-        limits: [[0.0; LANES]; 2],
-        enter: [0.0; LANES],
-        exit: [0.0; LANES],
+        axes: [0; LANES],
         exponent: [0; LANES],
+        limits: [[0.0; LANES]; 2],
+        direction: [[0.0; LANES]; 3],
+        slack: [[0.0; LANES]; 3],
+        index: [0; LANES],
+        padding: [0; LANES],
+        origin: [[0.0; LANES]; 3],
         largest: [0; LANES],
         alive: [0; LANES],
         special: [0; LANES],
         shifted: [0; LANES],
     };
+
+    /// The ways of the rays.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    pub unsafe fn ways<S: Simd>(&self, ways: &mut [Way; LANES]) {
+        let rows = (&raw const *self).cast::<f32>();
+        let to = ways.as_mut_ptr().cast::<f32>();
+        // SAFETY: the struct begins with as many rows of 16 as a way has words; ways are of that size.
+        unsafe {
+            for first in (0..WAY_WORDS).step_by(S::N) {
+                for lane in (0..LANES).step_by(S::N) {
+                    S::transpose(
+                        rows.add(first * LANES + lane),
+                        LANES,
+                        to.add(lane * WAY_WORDS + first),
+                        WAY_WORDS,
+                    );
+                }
+            }
+        }
+    }
 
     /// One of the rays, as the triangle tests take it.
     #[inline(always)]
@@ -89,13 +252,20 @@ impl PreparedRays {
         }
     }
 
-    /// Makes rays ready, at most [`LANES`] of them; lanes without a ray are not alive.
+    /// Makes rays ready, at most [`LANES`] of them; lanes without a ray are not alive. `first` is the place
+    /// of the first in its batch.
     #[inline(always)]
-    pub fn fill(&mut self, rays: &[Ray], scene: &SceneScale) {
-        let nothing = Ray::new([0.0; 3], [0.0; 3]);
-        let mut given = [nothing; LANES];
+    pub fn fill(&mut self, rays: &[Ray], scene: &SceneScale, first: usize, query: Query) {
         let count = rays.len().min(LANES);
-        given[..count].copy_from_slice(&rays[..count]);
+        let mut room;
+        let given = match rays.first_chunk::<LANES>() {
+            Some(given) => given,
+            None => {
+                room = [Ray::new([0.0; 3], [0.0; 3]); LANES];
+                room[..count].copy_from_slice(&rays[..count]);
+                &room
+            }
+        };
         let mut alive = [1u32; LANES];
         let mut special = [u32::from(scene.wide); LANES];
         let mut largest = [0.0f32; LANES];
@@ -151,6 +321,17 @@ impl PreparedRays {
                 self.exit[i] = if far < self.exit[i] { far } else { self.exit[i] };
             }
         }
+        for axis in 0..3 {
+            for i in 0..LANES {
+                let (enter, exit) = (self.enter[i].abs(), self.exit[i].abs());
+                let reach = if enter > exit { enter } else { exit } * WAY_SLACK;
+                let origin = self.origin[axis][i] * self.reciprocal[axis][i];
+                let slack = (self.slack[axis][i] + origin.abs() * ORIGIN_SLACK) + reach;
+                self.near[axis][i] = origin + slack;
+                self.far[axis][i] = origin - slack;
+            }
+        }
+        let (first_index, any) = (first as u32, query == Query::Any);
         let [dx, dy, dz] = &self.direction;
         for i in 0..LANES {
             let (x, y, z) = (dx[i], dy[i], dz[i]);
@@ -186,6 +367,37 @@ impl PreparedRays {
             self.shear[0][i] = if sx.abs() < SLOPE_LEAST { 0.0 } else { sx };
             self.shear[1][i] = if sy.abs() < SLOPE_LEAST { 0.0 } else { sy };
             self.shear[2][i] = 1.0 / main;
+            self.axes[i] = axis + if main < 0.0 { 3 } else { 0 };
+            let [ox, oy, oz] = [self.origin[0][i], self.origin[1][i], self.origin[2][i]];
+            let along = if is_z {
+                oz
+            } else if from_x {
+                ox
+            } else {
+                oy
+            };
+            let first_origin = if is_z {
+                ox
+            } else if from_x {
+                oy
+            } else {
+                oz
+            };
+            let second_origin = if is_z {
+                oy
+            } else if from_x {
+                oz
+            } else {
+                ox
+            };
+            let swapped = main < 0.0;
+            self.sheared_origin[0][i] = if swapped { second_origin } else { first_origin };
+            self.sheared_origin[1][i] = if swapped { first_origin } else { second_origin };
+            self.sheared_origin[2][i] = along;
+            self.index[i] = first_index + i as u32;
+            let solid = far_end_is_solid(self.enter[i], self.t_min[i], self.exit[i], self.t_max[i]);
+            let negative = u32::from(x < 0.0) | u32::from(y < 0.0) << 1 | u32::from(z < 0.0) << 2;
+            self.octant[i] = negative | u32::from(solid & any) << 3;
             self.alive[i] = alive[i];
             self.special[i] = special[i] & alive[i];
         }
@@ -235,7 +447,7 @@ mod tests {
         let mut lanes = PreparedRays::NONE;
         let (mut compared, mut dead) = (0, 0);
         for chunk in rays.chunks(LANES) {
-            lanes.fill(chunk, &scene);
+            lanes.fill(chunk, &scene, 0, Query::Closest);
             for (lane, ray) in chunk.iter().enumerate() {
                 let expected = PreparedRay::new::<Strict>(ray, &scene);
                 if lanes.special[lane] != 0 {

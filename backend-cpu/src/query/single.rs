@@ -62,10 +62,3 @@ pub(crate) fn trace(
         }
     }
 }
-
-/// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
-/// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
-#[inline]
-pub(crate) fn far_end_is_solid(ray: &PreparedRay, (enter, exit): (f32, f32)) -> bool {
-    enter <= ray.t_min && exit < ray.t_max
-}

@@ -10,7 +10,7 @@
 use core::cell::RefCell;
 
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
+use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -18,12 +18,12 @@ use super::blocks::Blocks;
 use super::exact;
 use super::instruction_set::InstructionSet;
 use super::leaf::{self, Best};
-use super::prepare::{LANES, PreparedRays};
+use super::prepare::{LANES, PreparedRays, Way};
 use super::record::{Record, UNIT};
 use super::sieve::ExactLane;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
-use super::simd::{Portable, Simd, prefetch};
+use super::simd::{Direction, Portable, Simd, prefetch};
 use super::single;
 use super::wide::{BLOCK, Line};
 
@@ -32,53 +32,42 @@ const FLIGHT: usize = 16;
 /// What stands at the bottom of a stack: the ray is answered.
 const DONE: u32 = u32::MAX;
 
-/// What a step at a node needs of a ray.
+/// What of a node rays of an octant read, in bytes from its start.
 #[derive(Clone, Copy)]
-pub(crate) struct Way {
-    reciprocal: [f32; 3],
-    /// Origin times reciprocal, with the planes' slack added, and with it taken away.
-    near: [f32; 3],
-    far: [f32; 3],
-    enter: f32,
-    /// Where the ray leaves the bounds, or nothing can precede its best hit any more.
-    stop: f32,
-    /// Rows of the planes that the ray meets first, in floats.
-    rows: [usize; 3],
-    /// Where the order of the children for its octant is, in bytes.
-    order: usize,
-    /// That order is to be taken backwards.
-    reversed: bool,
+#[repr(C, align(64))]
+struct Octant {
+    /// Rows of the planes that they meet first on x, y and z, and of those that they meet last.
+    near: [u32; 3],
+    far: [u32; 3],
+    /// The order of the children.
+    order: u32,
+    direction: Direction,
 }
 
-impl Way {
-    /// The way of a ray; `back_to_front` for any hits that are likely at the far end.
-    #[inline(always)]
-    fn new<S: Simd>(ray: &PreparedRay, (enter, stop): (f32, f32), back_to_front: bool) -> Way {
-        let backwards = ray.direction.map(|d| d < 0.0);
-        let [x, y, z] = backwards;
-        let mut way = Way {
-            reciprocal: ray.reciprocal,
-            near: [0.0; 3],
-            far: [0.0; 3],
-            enter,
-            stop,
-            rows: [0; 3],
-            order: (28 + usize::from(x ^ z) + 2 * usize::from(y ^ z)) * S::N,
-            reversed: z ^ back_to_front,
-        };
-        for axis in 0..3 {
-            let origin = ray.origin[axis] * ray.reciprocal[axis];
-            let slack = ray.slack[axis] + origin.abs() * ORIGIN_SLACK;
-            (way.near[axis], way.far[axis]) = (origin + slack, origin - slack);
-            way.rows[axis] = (axis + if backwards[axis] { 3 } else { 0 }) * S::N;
+/// Octants by [`Way::octant`], for nodes of so many children.
+const fn octants(lanes: usize) -> [Octant; 16] {
+    let direction = Direction::new(lanes, false);
+    let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
+    let mut i = 0;
+    while i < 16 {
+        let [x, y, z, reversed] = [i & 1, i >> 1 & 1, i >> 2 & 1, i >> 3];
+        let signs = [x, y, z];
+        let mut axis = 0;
+        while axis < 3 {
+            let (low, high) = (4 * lanes * axis, 4 * lanes * (axis + 3));
+            octants[i].near[axis] = if signs[axis] == 0 { low } else { high } as u32;
+            octants[i].far[axis] = if signs[axis] == 0 { high } else { low } as u32;
+            axis += 1;
         }
-        way
+        octants[i].order = ((28 + (x ^ z) + 2 * (y ^ z)) * lanes) as u32;
+        octants[i].direction = Direction::new(lanes, z ^ reversed != 0);
+        i += 1;
     }
+    octants
 }
 
-/// Distances to planes are differences of products here: each errs by half a rounding of the
-/// product and of the difference; this is four times that.
-const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
+static OCTANTS_OF_8: [Octant; 16] = octants(8);
+static OCTANTS_OF_16: [Octant; 16] = octants(16);
 
 /// A ray under way.
 struct Lane {
@@ -87,10 +76,7 @@ struct Lane {
     child: u32,
     /// Last entry of its stack.
     top: usize,
-    /// Its place in the batch; `usize::MAX` for none.
-    index: usize,
     best: Best,
-    ray: PreparedRay,
     exact: ExactLane,
 }
 
@@ -133,35 +119,30 @@ unsafe fn step<S: Simd>(
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
     unsafe {
-        let node = lines.add(node as usize * (S::N / 2)).cast::<f32>();
-        let [near_x, near_y, near_z] = way.rows;
-        let plane = |row: usize| S::load(node.add(row));
+        let octants = if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 };
+        let octant = octants.get_unchecked(way.octant as usize);
+        let node = lines.add(node as usize * (S::N / 2)).cast::<u8>();
+        let plane = |row: u32| S::load(node.add(row as usize).cast());
         let [x, y, z] = way.reciprocal;
         let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
-        let enter_x = S::mul_sub(plane(near_x), x, S::splat(way.near[0]));
-        let enter_y = S::mul_sub(plane(near_y), y, S::splat(way.near[1]));
-        let enter_z = S::mul_sub(plane(near_z), z, S::splat(way.near[2]));
-        let exit_x = S::mul_sub(plane(3 * S::N - near_x), x, S::splat(way.far[0]));
-        let exit_y = S::mul_sub(plane(5 * S::N - near_y), y, S::splat(way.far[1]));
-        let exit_z = S::mul_sub(plane(7 * S::N - near_z), z, S::splat(way.far[2]));
-        let enter = S::max(S::max(enter_x, enter_y), enter_z);
-        let exit = S::min(S::min(exit_x, exit_y), exit_z);
-        // Twice the slack of a plane, for the rounding of slack itself.
-        let slack = S::splat(-2.0 * PLANE_SLACK);
-        let early = S::mul_add(S::abs(enter), slack, enter);
-        let late = S::mul_add(S::abs(exit), S::splat(2.0 * PLANE_SLACK), exit);
-        // In this order of the operands what is no number stays so: places without a child.
-        let enter = S::max(S::splat(way.enter), early);
-        let exit = S::min(S::splat(way.stop), late);
+        let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(way.near[0]));
+        let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(way.near[1]));
+        let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(way.near[2]));
+        let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(way.far[0]));
+        let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(way.far[1]));
+        let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(way.far[2]));
+        // Places without a child are entered at infinity.
+        let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(way.enter)));
+        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(way.stop)));
         let met = S::le(enter, exit);
         let to = top + 1;
         let below = *stack.children.get_unchecked(top);
         let nearest = S::push(
-            node.add(6 * S::N).cast(),
+            node.add(24 * S::N).cast(),
             enter,
             met,
-            node.cast::<u8>().add(way.order),
-            way.reversed,
+            node.add(octant.order as usize),
+            &octant.direction,
             stack.children.as_mut_ptr().add(to),
             stack.t.as_mut_ptr().add(to),
         );
@@ -190,13 +171,14 @@ struct Flight {
     children: Vec<u32>,
     t: Vec<f32>,
     ready: PreparedRays,
+    ways: [Way; LANES],
 }
 
 impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
         let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
-        Flight { lanes, children, t, ready: PreparedRays::NONE }
+        Flight { lanes, children, t, ready: PreparedRays::NONE, ways: [Way::none(); LANES] }
     }
 }
 
@@ -295,30 +277,20 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
     let Batch { blocks, scene, rays, options, query } = batch;
     let (lines, words) = (blocks.wide.lines(), &blocks.words[..]);
     let room = blocks.wide.stack();
-    let Flight { lanes, children, t, ready } = flight;
+    let Flight { lanes, children, t, ready, ways } = flight;
     if lanes.is_empty() {
-        let ray = ready.ray(0);
-        let way = Way::new::<S>(&ray, (0.0, 0.0), false);
-        let (best, exact) = (Best::NONE, ExactLane::idle());
-        lanes.resize_with(FLIGHT, || Lane {
-            way,
-            child: DONE,
-            top: 0,
-            index: usize::MAX,
-            best,
-            ray,
-            exact,
-        });
+        let (way, best, exact) = (Way::none(), Best::NONE, ExactLane::idle());
+        lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
     }
     if children.len() < room * FLIGHT {
         children.resize(room * FLIGHT, DONE);
         t.resize(room * FLIGHT, 0.0);
     }
     let exactly = options.accuracy == Accuracy::Exact;
-    let mut source = Source { batch, next: 0, left: 0, ready };
+    let mut source = Source { batch, next: 0, left: 0, ready, ways };
     let mut queues = Queues { lanes: [[0; FLIGHT]; 3], counts: [0; 3] };
     for (lane, state) in lanes.iter_mut().enumerate() {
-        state.index = usize::MAX;
+        state.way.index = Way::NO_RAY;
         queues.put(lane, DONE);
     }
     let lanes = &mut lanes[..FLIGHT];
@@ -340,22 +312,18 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
         for &lane in waiting.iter().take(count) {
             let lane = lane as usize % FLIGHT;
             let state = &mut lanes[lane];
-            if state.index != usize::MAX {
+            if state.way.index != Way::NO_RAY {
                 let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
-                answer(state.index, hit);
-                state.index = usize::MAX;
+                answer(state.way.index as usize, hit);
+                state.way.index = Way::NO_RAY;
             }
             // SAFETY: the caller's contract.
-            let Some((from, index)) = (unsafe { source.next::<S>(answer) }) else { continue };
-            let ready = &source.ready;
-            state.ray = ready.ray(from);
-            let interval = (ready.enter[from], ready.exit[from]);
-            let backwards = query == Query::Any && single::far_end_is_solid(&state.ray, interval);
-            state.way = Way::new::<S>(&state.ray, interval, backwards);
+            let Some(way) = (unsafe { source.next::<S>(answer) }) else { continue };
+            state.way = *way;
             state.best = Best::NONE;
-            state.index = index;
             if exactly {
-                let exact = ExactLane::new(&rays[index], &state.ray, &scene.bounds);
+                let ray = &rays[way.index as usize];
+                let exact = ExactLane::new(ray, &way.ray(), &scene.bounds);
                 // Rays that can hit nothing are not handed out.
                 state.exact = exact.unwrap_or(ExactLane::idle());
             }
@@ -391,7 +359,7 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
                 if exactly {
                     exact_test::<S>(state, &record, options, query)
                 } else {
-                    leaf::test::<S>(&state.ray, &record, options, query, &mut state.best)
+                    leaf::test::<S>(&state.way, &record, options, query, &mut state.best)
                 }
             };
             if better {
@@ -427,7 +395,7 @@ unsafe fn exact_test<S: Simd>(
     let before = state.best.stop;
     // SAFETY: the caller's contract.
     let answered = unsafe {
-        state.exact.test_record::<S>(&state.ray, record, options, query, &mut state.best.stop)
+        state.exact.test_record::<S>(&state.way.ray(), record, options, query, &mut state.best.stop)
     };
     answered || state.best.stop < before
 }
@@ -438,45 +406,53 @@ struct Source<'a> {
     /// The first ray not yet made ready.
     next: usize,
     ready: &'a mut PreparedRays,
+    ways: &'a mut [Way; LANES],
     /// Rays of `ready` not yet handed out.
     left: u32,
 }
 
 impl Source<'_> {
-    /// The next ray that needs a lane, as its place among those made ready together and in the
-    /// batch. Rays that miss the bounds, and those left to the scalar code, are answered on the way.
+    /// The next ray that needs a lane. Rays that miss the bounds, and those left to the scalar code,
+    /// are answered on the way.
     ///
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    unsafe fn next<S: Simd>(
-        &mut self,
-        answer: &mut impl FnMut(usize, Hit),
-    ) -> Option<(usize, usize)> {
+    unsafe fn next<S: Simd>(&mut self, answer: &mut impl FnMut(usize, Hit)) -> Option<&Way> {
         while self.left == 0 {
-            let Batch { scene, rays, options, .. } = self.batch;
+            let Batch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {
                 return None;
             }
             let start = self.next;
             let chunk = &rays[start..(start + LANES).min(rays.len())];
-            self.ready.fill(chunk, scene);
+            self.ready.fill(chunk, scene, start, query);
             self.next += chunk.len();
-            for lane in 0..chunk.len() {
-                let ready = &self.ready;
-                let shifted = options.accuracy == Accuracy::Exact && ready.shifted[lane] != 0;
-                if ready.special[lane] != 0 || shifted {
-                    answer(start + lane, self.trace_one(&chunk[lane]));
-                } else if ready.alive[lane] != 0 && ready.enter[lane] <= ready.exit[lane] {
-                    self.left |= 1 << lane;
-                } else {
-                    answer(start + lane, Hit::MISS);
-                }
+            let ready = &*self.ready;
+            let shifts = u32::from(options.accuracy == Accuracy::Exact);
+            let (mut special, mut alive) = (0, 0);
+            for lane in 0..LANES {
+                let within = u32::from(ready.enter[lane] <= ready.exit[lane]);
+                special |= (ready.special[lane] | (ready.shifted[lane] & shifts)) << lane;
+                alive |= (ready.alive[lane] & within) << lane;
+            }
+            self.left = alive & !special;
+            let mut others = ((1u32 << chunk.len()) - 1) & !self.left;
+            while others != 0 {
+                let lane = others.trailing_zeros() as usize;
+                others &= others - 1;
+                let alone = special >> lane & 1 != 0;
+                let hit = if alone { self.trace_one(&chunk[lane]) } else { Hit::MISS };
+                answer(start + lane, hit);
+            }
+            if self.left != 0 {
+                // SAFETY: the caller's contract.
+                unsafe { self.ready.ways::<S>(self.ways) };
             }
         }
         let lane = self.left.trailing_zeros() as usize;
         self.left &= self.left - 1;
-        Some((lane, (self.next - 1) / LANES * LANES + lane))
+        Some(&self.ways[lane])
     }
 
     #[cold]
@@ -557,8 +533,7 @@ unsafe fn one<S: Simd>(
         return single::trace(blocks, scene, given, options, query);
     }
     let Some(interval) = ray.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
-    let backwards = query == Query::Any && single::far_end_is_solid(&ray, interval);
-    let mut way = Way::new::<S>(&ray, interval, backwards);
+    let mut way = Way::new(&ray, interval, query);
     let mut best = Best::NONE;
     let (lines, words) = (blocks.wide.lines(), &blocks.words[..]);
     let room = blocks.wide.stack();
@@ -586,7 +561,7 @@ unsafe fn one<S: Simd>(
         {
             let record = Record::at(words, child & !BLOCK);
             // SAFETY: the caller's contract; the ray is not wide.
-            if unsafe { leaf::test::<S>(&ray, &record, options, query, &mut best) } {
+            if unsafe { leaf::test::<S>(&way, &record, options, query, &mut best) } {
                 if query == Query::Any {
                     return best.hit;
                 }

@@ -2,7 +2,7 @@
 
 use core::arch::x86_64::*;
 
-use super::Simd;
+use super::{Direction, Simd};
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -27,12 +27,6 @@ const fn lanes_of() -> [[u8; 8]; 256] {
     }
     table
 }
-
-#[rustfmt::skip]
-static DIRECTIONS: [[u8; 16]; 2] = [
-    [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
-    [7, 6, 5, 4, 3, 2, 1, 0, 8, 9, 10, 11, 12, 13, 14, 15],
-];
 
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
@@ -124,18 +118,30 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
+        unsafe {
+            let (low, high) = (fours(from, stride), fours(from.add(4 * stride), stride));
+            for k in 0..4 {
+                let column = _mm256_permute2f128_ps::<0x20>(low[k], high[k]);
+                _mm256_storeu_ps(to.add(k * to_stride), column);
+                let column = _mm256_permute2f128_ps::<0x31>(low[k], high[k]);
+                _mm256_storeu_ps(to.add((k + 4) * to_stride), column);
+            }
+        }
+    }
+    #[inline(always)]
     unsafe fn push(
         children: *const u32,
         t: __m256,
         mask: __m256,
         order: *const u8,
-        reversed: bool,
+        direction: &Direction,
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32 {
         unsafe {
-            let direction = _mm_loadu_si128(DIRECTIONS[usize::from(reversed)].as_ptr().cast());
-            let in_direction = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), direction);
+            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let in_direction = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), read);
             let places = _mm256_cvtepu8_epi32(in_direction);
             let in_order = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, places)) as usize;
             let lanes = _mm_loadl_epi64(LANES_OF[in_order].as_ptr().cast());
@@ -145,8 +151,30 @@ impl Simd for Avx2 {
             let met = _mm256_permutevar8x32_epi32(all, places);
             _mm256_storeu_si256(to_children.cast(), met);
             let last = 7 - ((in_order as u8) | 1).leading_zeros() as usize % 8;
-            let last = last ^ (usize::from(reversed) * 7);
+            let last = *direction.places.get_unchecked(last) as usize;
             *children.add(*order.add(last) as usize)
         }
+    }
+}
+
+/// Four rows as columns of four: the k-th vector has, in each half, a column.
+///
+/// # Safety
+/// The processor must have the set, the rows must be readable.
+#[inline(always)]
+unsafe fn fours(from: *const f32, stride: usize) -> [__m256; 4] {
+    unsafe {
+        let a = _mm256_loadu_ps(from);
+        let b = _mm256_loadu_ps(from.add(stride));
+        let c = _mm256_loadu_ps(from.add(2 * stride));
+        let d = _mm256_loadu_ps(from.add(3 * stride));
+        let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        let (cd_low, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+        [
+            _mm256_shuffle_ps::<0x44>(ab_low, cd_low),
+            _mm256_shuffle_ps::<0xee>(ab_low, cd_low),
+            _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+            _mm256_shuffle_ps::<0xee>(ab_high, cd_high),
+        ]
     }
 }

@@ -2,17 +2,11 @@
 
 use core::arch::x86_64::*;
 
-use super::Simd;
+use super::{Direction, Simd};
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx512;
-
-#[rustfmt::skip]
-static DIRECTIONS: [[u8; 16]; 2] = [
-    [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15],
-    [15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0],
-];
 
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
@@ -98,18 +92,46 @@ impl Simd for Avx512 {
         unsafe { _mm512_permutex2var_ps(low, at, high) }
     }
     #[inline(always)]
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
+        unsafe {
+            let quarters = [
+                fours(from, stride),
+                fours(from.add(4 * stride), stride),
+                fours(from.add(8 * stride), stride),
+                fours(from.add(12 * stride), stride),
+            ];
+            for k in 0..4 {
+                let (a, b) = (quarters[0][k], quarters[1][k]);
+                let (c, d) = (quarters[2][k], quarters[3][k]);
+                // Quarters 0 and 2, then 1 and 3, of two vectors.
+                let ab_even = _mm512_shuffle_f32x4::<0x88>(a, b);
+                let ab_odd = _mm512_shuffle_f32x4::<0xdd>(a, b);
+                let cd_even = _mm512_shuffle_f32x4::<0x88>(c, d);
+                let cd_odd = _mm512_shuffle_f32x4::<0xdd>(c, d);
+                let to = to.add(k * to_stride);
+                _mm512_storeu_ps(to, _mm512_shuffle_f32x4::<0x88>(ab_even, cd_even));
+                let to = to.add(4 * to_stride);
+                _mm512_storeu_ps(to, _mm512_shuffle_f32x4::<0x88>(ab_odd, cd_odd));
+                let to = to.add(4 * to_stride);
+                _mm512_storeu_ps(to, _mm512_shuffle_f32x4::<0xdd>(ab_even, cd_even));
+                let to = to.add(4 * to_stride);
+                _mm512_storeu_ps(to, _mm512_shuffle_f32x4::<0xdd>(ab_odd, cd_odd));
+            }
+        }
+    }
+    #[inline(always)]
     unsafe fn push(
         children: *const u32,
         t: __m512,
         mask: __mmask16,
         order: *const u8,
-        reversed: bool,
+        direction: &Direction,
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32 {
         unsafe {
-            let direction = _mm_loadu_si128(DIRECTIONS[usize::from(reversed)].as_ptr().cast());
-            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), direction);
+            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
             let places = _mm512_cvtepu8_epi32(places);
             // The mask in that order: whatever is not in it is infinitely far.
             let infinity = _mm512_set1_ps(f32::INFINITY);
@@ -120,12 +142,36 @@ impl Simd for Avx512 {
             _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(mask, t));
             _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(mask, in_order));
             let last = 15 - (u32::from(mask) | 1).leading_zeros() as usize % 16;
-            let last = last ^ (usize::from(reversed) * 15);
+            let last = *direction.places.get_unchecked(last) as usize;
             *children.add(*order.add(last) as usize)
         }
     }
     #[inline(always)]
     unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
+    }
+}
+
+/// Four rows as columns of four: the k-th vector has, in each quarter, a column.
+///
+/// # Safety
+/// The processor must have the set, the rows must be readable.
+#[inline(always)]
+unsafe fn fours(from: *const f32, stride: usize) -> [__m512; 4] {
+    unsafe {
+        let a = _mm512_loadu_ps(from);
+        let b = _mm512_loadu_ps(from.add(stride));
+        let c = _mm512_loadu_ps(from.add(2 * stride));
+        let d = _mm512_loadu_ps(from.add(3 * stride));
+        let ab_low = _mm512_castps_pd(_mm512_unpacklo_ps(a, b));
+        let ab_high = _mm512_castps_pd(_mm512_unpackhi_ps(a, b));
+        let cd_low = _mm512_castps_pd(_mm512_unpacklo_ps(c, d));
+        let cd_high = _mm512_castps_pd(_mm512_unpackhi_ps(c, d));
+        [
+            _mm512_castpd_ps(_mm512_unpacklo_pd(ab_low, cd_low)),
+            _mm512_castpd_ps(_mm512_unpackhi_pd(ab_low, cd_low)),
+            _mm512_castpd_ps(_mm512_unpacklo_pd(ab_high, cd_high)),
+            _mm512_castpd_ps(_mm512_unpackhi_pd(ab_high, cd_high)),
+        ]
     }
 }

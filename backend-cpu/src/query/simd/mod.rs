@@ -20,6 +20,27 @@ pub(crate) use portable::Portable;
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
 
+/// Whether an order is read forwards or backwards.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Direction {
+    /// Where each place of the order is.
+    pub places: [u8; MOST_LANES],
+}
+
+impl Direction {
+    /// For orders of so many.
+    pub const fn new(lanes: usize, backwards: bool) -> Direction {
+        let mut places = [0; MOST_LANES];
+        let mut i = 0;
+        while i < lanes {
+            places[i] = if backwards { lanes - 1 - i } else { i } as u8;
+            i += 1;
+        }
+        Direction { places }
+    }
+}
+
 /// An instruction set.
 ///
 /// # Safety
@@ -73,8 +94,11 @@ pub(crate) trait Simd: Copy {
     unsafe fn look_up(table: Self::Floats, at: Self::Places) -> Self::Floats;
     /// Elements of a table of `2 N`.
     unsafe fn look_up_2(tables: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
+    /// apart.
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
     /// Writes the children of a mask to the end of a stack, in the order that `order` gives their
-    /// places in (backwards when `reversed`), with the `t` of each. `N` elements are written in all,
+    /// places in (read in the order of `direction`), with the `t` of each. `N` elements are written in all,
     /// of which as many count as the mask has lanes. Gives the last one that counts, or anything where
     /// none does: reading it back would wait for the stores.
     unsafe fn push(
@@ -82,7 +106,7 @@ pub(crate) trait Simd: Copy {
         t: Self::Floats,
         mask: Self::Mask,
         order: *const u8,
-        reversed: bool,
+        direction: &Direction,
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32;

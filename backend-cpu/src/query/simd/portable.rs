@@ -1,6 +1,6 @@
 //! 8 lanes in plain Rust, which compilers turn into what the target has.
 
-use super::Simd;
+use super::{Direction, Simd};
 
 /// [`Simd`] by loops over arrays.
 #[derive(Clone, Copy)]
@@ -99,19 +99,27 @@ impl Simd for Portable {
         each(|i| table[at[i] as usize % (2 * N)])
     }
     #[inline(always)]
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
+        for i in 0..N {
+            for k in 0..N {
+                unsafe { *to.add(k * to_stride + i) = *from.add(i * stride + k) }
+            }
+        }
+    }
+    #[inline(always)]
     unsafe fn push(
         children: *const u32,
         t: [f32; N],
         mask: [bool; N],
         order: *const u8,
-        reversed: bool,
+        direction: &Direction,
         to_children: *mut u32,
         to_t: *mut f32,
     ) -> u32 {
         let (mut end, mut last) = (0, 0);
         for i in 0..N {
             unsafe {
-                let place = *order.add(if reversed { N - 1 - i } else { i }) as usize % N;
+                let place = *order.add(direction.places[i] as usize) as usize % N;
                 *to_children.add(end) = *children.add(place);
                 *to_t.add(end) = t[place];
                 end += usize::from(mask[place]);
