@@ -27,7 +27,7 @@ use super::simd::{Direction, Portable, Simd, prefetch};
 use super::single;
 use super::wide::{BLOCK, Line};
 
-/// Rays under way.
+/// Rays under way, at most 16.
 const FLIGHT: usize = 16;
 /// What stands at the bottom of a stack: the ray is answered.
 const DONE: u32 = u32::MAX;
@@ -242,34 +242,48 @@ unsafe fn run<S: Simd>(batch: Batch<'_>, answer: &mut impl FnMut(usize, Hit)) {
     IN_FLIGHT.set(Some(flight));
 }
 
-/// Rays by what they wait for, as their lanes.
-struct Queues {
-    lanes: [[u8; FLIGHT]; 3],
-    /// How many wait in each queue, 16 bits each: memory would be slower to count in.
-    counts: u64,
+/// The lanes by what their rays wait for: a bit a lane, 16 bits for each [`Turn`]. In a register: memory
+/// would have to be written and read back in every step.
+struct Queues(u64);
+
+/// What a ray waits for.
+#[derive(Clone, Copy)]
+enum Turn {
+    Node,
+    Block,
+    /// Another ray.
+    Refill,
 }
 
-/// For a step at a node, for a test of a block, for another ray.
-const AT_NODE: usize = 0;
-const AT_BLOCK: usize = 1;
-const AT_END: usize = 2;
-
 impl Queues {
-    /// Appends a lane to the queue that its child says: without a branch, since nobody could foresee it.
+    /// Puts a lane where its child says: without a branch, since nobody could foresee it.
     #[inline(always)]
     fn put(&mut self, lane: usize, child: u32) {
         let queue = (child >> 31) as usize + usize::from(child == DONE);
-        // There are as many lanes as places.
-        self.lanes[queue][(self.counts >> (16 * queue)) as usize % FLIGHT] = lane as u8;
-        self.counts += 1 << (16 * queue);
+        self.0 |= 1 << (16 * queue + lane);
     }
 
     /// Empties a queue.
     #[inline(always)]
-    fn take(&mut self, queue: usize) -> ([u8; FLIGHT], usize) {
-        let count = self.counts >> (16 * queue) & 0xffff;
-        self.counts -= count << (16 * queue);
-        (self.lanes[queue], count as usize)
+    fn take(&mut self, turn: Turn) -> Lanes {
+        let shift = 16 * turn as u32;
+        let lanes = self.0 >> shift & 0xffff;
+        self.0 ^= lanes << shift;
+        Lanes(lanes)
+    }
+}
+
+/// Lanes as bits.
+struct Lanes(u64);
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        (lane < FLIGHT).then_some(lane)
     }
 }
 
@@ -291,7 +305,7 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
     }
     let exactly = options.accuracy == Accuracy::Exact;
     let mut source = Source { batch, next: 0, left: 0, ready, ways };
-    let mut queues = Queues { lanes: [[0; FLIGHT]; 3], counts: 0 };
+    let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
         state.way.index = Way::NO_RAY;
         queues.put(lane, DONE);
@@ -311,10 +325,9 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
     }
     let (lines, words_start) = (lines.as_ptr(), words.as_ptr());
     loop {
-        let (waiting, count) = queues.take(AT_END);
-        for &lane in waiting.iter().take(count) {
-            let lane = lane as usize % FLIGHT;
-            let state = &mut lanes[lane];
+        for lane in queues.take(Turn::Refill) {
+            // SAFETY: lanes are below FLIGHT.
+            let state = unsafe { lanes.get_unchecked_mut(lane) };
             if state.way.index != Way::NO_RAY {
                 let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
                 answer(state.way.index as usize, hit);
@@ -335,13 +348,12 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
             (stack.children[0], stack.t[0]) = (DONE, f32::NEG_INFINITY);
             queues.put(lane, 0);
         }
-        if queues.counts == 0 {
+        if queues.0 == 0 {
             return;
         }
-        let (waiting, count) = queues.take(AT_NODE);
-        for &lane in waiting.iter().take(count) {
-            let lane = lane as usize % FLIGHT;
-            let state = &mut lanes[lane];
+        for lane in queues.take(Turn::Node) {
+            // SAFETY: lanes are below FLIGHT.
+            let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
             // SAFETY: the caller's contract; the child is a node; stacks have the room.
             let (child, top) =
@@ -350,10 +362,9 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
             ask_for::<S>(lines, words_start, child);
             queues.put(lane, child);
         }
-        let (waiting, count) = queues.take(AT_BLOCK);
-        for &lane in waiting.iter().take(count) {
-            let lane = lane as usize % FLIGHT;
-            let state = &mut lanes[lane];
+        for lane in queues.take(Turn::Block) {
+            // SAFETY: lanes are below FLIGHT.
+            let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
             // SAFETY: children name nodes or blocks.
             let record = unsafe { Record::at_unchecked(words, state.child & !BLOCK) };
