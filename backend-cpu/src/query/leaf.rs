@@ -106,15 +106,9 @@ pub(crate) unsafe fn test<S: Simd>(
     let mut sifted = Sifted { met: 0, unclear: 0, t: numbers, u: numbers, v: numbers };
     // SAFETY: the caller's contract.
     unsafe {
-        match (options.accuracy, record.corner_count() <= S::N) {
-            (Accuracy::Fast, true) => {
-                sifted.unclear = fast::<S, false>(way, record, limit);
-            }
-            (Accuracy::Fast, false) => {
-                sifted.unclear = fast::<S, true>(way, record, limit);
-            }
-            (_, true) => sift::<S, false>(way, record, limit, options.culling, &mut sifted),
-            (_, false) => sift::<S, true>(way, record, limit, options.culling, &mut sifted),
+        match options.accuracy {
+            Accuracy::Fast => sifted.unclear = fast::<S>(way, record, limit),
+            _ => sift::<S>(way, record, limit, options.culling, &mut sifted),
         }
     }
     let mut bits = sifted.met | sifted.unclear;
@@ -143,7 +137,7 @@ pub(crate) unsafe fn test<S: Simd>(
     better
 }
 
-/// A number of each corner: as many as a vector has lanes, or twice that.
+/// A number of each corner. One vector is enough for some blocks, but which is not foreseen.
 type Table<S> = [<S as Simd>::Floats; 2];
 
 /// What the triangles' corners have, of a number of each corner.
@@ -151,18 +145,11 @@ type Table<S> = [<S as Simd>::Floats; 2];
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn of_corners<S: Simd, const TWO: bool>(
-    table: Table<S>,
-    places: [S::Places; 3],
-) -> [S::Floats; 3] {
+unsafe fn of_corners<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         let [a, b, c] = places;
-        if TWO {
-            [S::look_up_2(table, a), S::look_up_2(table, b), S::look_up_2(table, c)]
-        } else {
-            [S::look_up(table[0], a), S::look_up(table[0], b), S::look_up(table[0], c)]
-        }
+        [S::look_up(table, a), S::look_up(table, b), S::look_up(table, c)]
     }
 }
 
@@ -175,7 +162,7 @@ unsafe fn of_corners<S: Simd, const TWO: bool>(
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn sift<S: Simd, const TWO: bool>(
+unsafe fn sift<S: Simd>(
     ray: &Way,
     record: &Record<'_>,
     limit: f32,
@@ -191,7 +178,7 @@ unsafe fn sift<S: Simd, const TWO: bool>(
         let zero = S::splat(0.0);
         let mut x: Table<S> = [zero; 2];
         let (mut y, mut z, mut flat_x, mut flat_y, mut depth) = (x, x, x, x, x);
-        for half in 0..if TWO { 2 } else { 1 } {
+        for half in 0..2 {
             let row = |axis: usize| record.coordinates(axis).wrapping_add(half * S::N);
             x[half] = S::sub(S::load(row(kx)), ox);
             y[half] = S::sub(S::load(row(ky)), oy);
@@ -202,9 +189,9 @@ unsafe fn sift<S: Simd, const TWO: bool>(
         }
         let places =
             [S::places(record.places(0)), S::places(record.places(1)), S::places(record.places(2))];
-        let [ax, bx, cx] = of_corners::<S, TWO>(flat_x, places);
-        let [ay, by, cy] = of_corners::<S, TWO>(flat_y, places);
-        let [da, db, dc] = of_corners::<S, TWO>(depth, places);
+        let [ax, bx, cx] = of_corners::<S>(flat_x, places);
+        let [ay, by, cy] = of_corners::<S>(flat_y, places);
+        let [da, db, dc] = of_corners::<S>(depth, places);
         let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
         let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
         let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
@@ -239,13 +226,13 @@ unsafe fn sift<S: Simd, const TWO: bool>(
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
         let interpolated = S::div(sum, det);
         let (mut reach, mut width) = (x, x);
-        for half in 0..if TWO { 2 } else { 1 } {
+        for half in 0..2 {
             reach[half] = S::magnitude(S::magnitude(x[half], y[half]), z[half]);
             width[half] = S::magnitude(flat_x[half], flat_y[half]);
         }
-        let [a, b, c] = of_corners::<S, TWO>(reach, places);
+        let [a, b, c] = of_corners::<S>(reach, places);
         let reach = S::max(a, S::max(b, c));
-        let [a, b, c] = of_corners::<S, TWO>(width, places);
+        let [a, b, c] = of_corners::<S>(width, places);
         let width = S::max(a, S::max(b, c));
         let disorder = S::mul(S::mul(reach, width), S::sub(farthest, nearest));
         let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
@@ -294,7 +281,7 @@ pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn fast<S: Simd, const TWO: bool>(way: &Way, record: &Record<'_>, limit: f32) -> u32 {
+unsafe fn fast<S: Simd>(way: &Way, record: &Record<'_>, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
         let places =
@@ -305,8 +292,8 @@ unsafe fn fast<S: Simd, const TWO: bool>(way: &Way, record: &Record<'_>, limit: 
         let (mut d, mut ab, mut ac, mut ao) = (o, o, o, o);
         for axis in 0..3 {
             let row = record.coordinates(axis);
-            let second = if TWO { S::load(row.wrapping_add(S::N)) } else { zero };
-            let [a, b, c] = of_corners::<S, TWO>([S::load(row), second], places);
+            let table = [S::load(row), S::load(row.wrapping_add(S::N))];
+            let [a, b, c] = of_corners::<S>(table, places);
             (o[axis], d[axis]) = (S::splat(ray.origin[axis]), S::splat(ray.direction[axis]));
             (ab[axis], ac[axis], ao[axis]) = (S::sub(b, a), S::sub(c, a), S::sub(o[axis], a));
         }

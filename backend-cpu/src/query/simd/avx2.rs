@@ -104,11 +104,7 @@ impl Simd for Avx2 {
         unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(from.cast())) }
     }
     #[inline(always)]
-    unsafe fn look_up(table: __m256, at: __m256i) -> __m256 {
-        unsafe { _mm256_permutevar8x32_ps(table, at) }
-    }
-    #[inline(always)]
-    unsafe fn look_up_2([low, high]: [__m256; 2], at: __m256i) -> __m256 {
+    unsafe fn look_up([low, high]: [__m256; 2], at: __m256i) -> __m256 {
         unsafe {
             let low = _mm256_permutevar8x32_ps(low, at);
             let high = _mm256_permutevar8x32_ps(high, at);

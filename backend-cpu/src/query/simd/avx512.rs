@@ -84,11 +84,7 @@ impl Simd for Avx512 {
         unsafe { _mm512_cvtepu8_epi32(_mm_loadu_si128(from.cast())) }
     }
     #[inline(always)]
-    unsafe fn look_up(table: __m512, at: __m512i) -> __m512 {
-        unsafe { _mm512_permutexvar_ps(at, table) }
-    }
-    #[inline(always)]
-    unsafe fn look_up_2([low, high]: [__m512; 2], at: __m512i) -> __m512 {
+    unsafe fn look_up([low, high]: [__m512; 2], at: __m512i) -> __m512 {
         unsafe { _mm512_permutex2var_ps(low, at, high) }
     }
     #[inline(always)]

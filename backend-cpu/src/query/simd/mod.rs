@@ -90,10 +90,8 @@ pub(crate) trait Simd: Copy {
     unsafe fn bits(mask: Self::Mask) -> u32;
     /// Places from `N` bytes, each below 2 `N`, or anything where the result does not matter.
     unsafe fn places(from: *const u8) -> Self::Places;
-    /// Elements of a table of `N`, by the places modulo `N`.
-    unsafe fn look_up(table: Self::Floats, at: Self::Places) -> Self::Floats;
     /// Elements of a table of `2 N`.
-    unsafe fn look_up_2(tables: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
     /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);

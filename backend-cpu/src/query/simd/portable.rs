@@ -90,11 +90,7 @@ impl Simd for Portable {
         unsafe { from.cast::<[u8; N]>().read_unaligned() }
     }
     #[inline(always)]
-    unsafe fn look_up(table: [f32; N], at: [u8; N]) -> [f32; N] {
-        each(|i| table[at[i] as usize % N])
-    }
-    #[inline(always)]
-    unsafe fn look_up_2(tables: [[f32; N]; 2], at: [u8; N]) -> [f32; N] {
+    unsafe fn look_up(tables: [[f32; N]; 2], at: [u8; N]) -> [f32; N] {
         let table = tables.as_flattened();
         each(|i| table[at[i] as usize % (2 * N)])
     }
