@@ -1,6 +1,6 @@
 //! The wide triangle test: which triangles of a block hold a hit, and where.
 
-use splitplane_core::arithmetic::Strict;
+use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{
     Candidate, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay, moeller_trumbore, watertight,
 };
@@ -81,12 +81,24 @@ struct Sifted {
     met: u32,
     /// Those that it may accept: for it to decide.
     unclear: u32,
+    /// Those of `met` with the least inner `t`.
+    nearest: u32,
     /// Inner `t`.
     t: [f32; MOST_LANES],
-    /// Weight of the second corner.
-    u: [f32; MOST_LANES],
-    /// Weight of the third corner.
+    /// Edge functions opposite the second and the third corner, and the sum of all three.
     v: [f32; MOST_LANES],
+    w: [f32; MOST_LANES],
+    det: [f32; MOST_LANES],
+}
+
+impl Sifted {
+    /// Where the ray meets a triangle of `met`.
+    #[inline(always)]
+    fn candidate(&self, index: usize) -> Candidate {
+        let [t, v, w, det] = [&self.t, &self.v, &self.w, &self.det].map(|row| row[index]);
+        // Snapped, as in the reference test.
+        Candidate { t, u: snap(v / det), v: snap(w / det) }
+    }
 }
 
 /// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide.
@@ -102,15 +114,51 @@ pub(crate) unsafe fn test<S: Simd>(
     best: &mut Best,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
-    let numbers = [0.0; MOST_LANES];
-    let mut sifted = Sifted { met: 0, unclear: 0, t: numbers, u: numbers, v: numbers };
+    let row = [0.0; MOST_LANES];
+    let mut sifted = Sifted { met: 0, unclear: 0, nearest: 0, t: row, v: row, w: row, det: row };
     // SAFETY: the caller's contract.
     unsafe {
         match options.accuracy {
             Accuracy::Fast => sifted.unclear = fast::<S>(way, record, limit),
-            _ => sift::<S>(way, record, limit, options.culling, &mut sifted),
+            _ => {
+                let any = query == Query::Any;
+                sift::<S>(way, record, limit, options.culling, any, &mut sifted);
+            }
         }
     }
+    // Nearly always there is nothing, or one triangle that is nearer than all others.
+    if sifted.met | sifted.unclear == 0 {
+        return false;
+    }
+    let one = sifted.nearest;
+    if query == Query::Any && sifted.met != 0 && options.ignore.is_none() {
+        let index = sifted.met.trailing_zeros() as usize % MOST_LANES;
+        if best.take(&way.ray(), &sifted.candidate(index), record.triangle(index)) {
+            return true;
+        }
+    } else if sifted.unclear == 0 && one.is_power_of_two() && options.ignore.is_none() {
+        let index = one.trailing_zeros() as usize % MOST_LANES;
+        let found = sifted.candidate(index);
+        // What was flushed or clamped may be the same for others too.
+        let magnitude = (found.t * power_of_two(-way.exponent)).abs();
+        if (f32::MIN_POSITIVE..f32::MAX).contains(&magnitude) {
+            return best.take(&way.ray(), &found, record.triangle(index));
+        }
+    }
+    test_sifted(way, record, options, query, &sifted, best)
+}
+
+/// The rest of [`test`] where more than one triangle counts, or one that is to be looked at closely.
+#[inline(never)]
+fn test_sifted(
+    way: &Way,
+    record: &Record<'_>,
+    options: &QueryOptions,
+    query: Query,
+    sifted: &Sifted,
+    best: &mut Best,
+) -> bool {
+    let ray = way.ray();
     let mut bits = sifted.met | sifted.unclear;
     let mut better = false;
     while bits != 0 {
@@ -121,13 +169,12 @@ pub(crate) unsafe fn test<S: Simd>(
             continue;
         }
         let found = if sifted.met >> index & 1 != 0 {
-            let [t, u, v] = [&sifted.t, &sifted.u, &sifted.v].map(|row| row[index]);
-            Candidate { t, u, v }
+            sifted.candidate(index)
         } else {
-            let Some(found) = decide(&way.ray(), &record.corners(index), options) else { continue };
+            let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
             found
         };
-        if best.take(&way.ray(), &found, triangle) {
+        if best.take(&ray, &found, triangle) {
             better = true;
             if query == Query::Any {
                 return true;
@@ -167,6 +214,7 @@ unsafe fn sift<S: Simd>(
     record: &Record<'_>,
     limit: f32,
     culling: Culling,
+    any: bool,
     out: &mut Sifted,
 ) {
     // SAFETY: the caller's contract.
@@ -220,9 +268,6 @@ unsafe fn sift<S: Simd>(
             Culling::Back => !not_front,
             Culling::Front => !not_back,
         };
-        if bits == 0 {
-            return;
-        }
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
         let interpolated = S::div(sum, det);
         let (mut reach, mut width) = (x, x);
@@ -238,21 +283,22 @@ unsafe fn sift<S: Simd>(
         let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
         let t = S::min(S::max(interpolated, nearest), farthest);
         let kept = S::and(S::le(S::splat(ray.t_min), t), S::le(t, S::splat(limit)));
+        out.met = bits & fine & S::bits(kept);
         if bits & !fine != 0 {
             let part = S::div(disorder, S::abs(det));
             let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
-            // Less than, and greater than; what is no number stays.
-            let (low, high) = (ray.t_min.next_down(), ray.t_max.next_up());
+            // Less than, and greater than; what is no number stays. Beyond the limit the triangle cannot
+            // come before the best hit, however near its own error brings it.
+            let (low, high) = (ray.t_min.next_down(), limit.next_up());
             let before = S::bits(S::le(S::add(interpolated, error), S::splat(low)));
             let behind = S::bits(S::le(S::splat(high), S::sub(interpolated, error)));
             out.unclear = bits & !(fine | before | behind);
         }
-        out.met = bits & fine & S::bits(kept);
-        if out.met != 0 {
-            S::store(out.t.as_mut_ptr(), t);
-            S::store(out.u.as_mut_ptr(), snapped::<S>(S::div(v, det)));
-            S::store(out.v.as_mut_ptr(), snapped::<S>(S::div(w, det)));
-        }
+        out.nearest = if any { out.met } else { out.met & S::least(out.met, t) };
+        S::store(out.t.as_mut_ptr(), t);
+        S::store(out.v.as_mut_ptr(), v);
+        S::store(out.w.as_mut_ptr(), w);
+        S::store(out.det.as_mut_ptr(), det);
     }
 }
 

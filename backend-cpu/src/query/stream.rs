@@ -88,18 +88,16 @@ struct Stack<'a> {
 
 impl Stack<'_> {
     /// Lets go what lies beyond `stop`; the new last entry.
+    ///
+    /// # Safety
+    /// The processor must have the set; the stack must have room for 16 entries more.
     #[inline(always)]
-    fn cull(&mut self, top: usize, stop: f32) -> usize {
-        let (children, t) = (&mut self.children[..=top], &mut self.t[..=top]);
-        let mut end = 0;
-        for i in 1..=top {
-            let kept = t[i] <= stop;
-            end += usize::from(kept);
-            let to = if kept { end } else { 0 };
-            let from = if kept { i } else { 0 };
-            (children[to], t[to]) = (children[from], t[from]);
+    unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
+        // SAFETY: the caller's contract; the lowest entry stays.
+        unsafe {
+            let (children, t) = (self.children.as_mut_ptr().add(1), self.t.as_mut_ptr().add(1));
+            S::cull(children, t, top, stop)
         }
-        end
     }
 }
 
@@ -381,10 +379,10 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
                     queues.put(lane, DONE);
                     continue;
                 }
-                if state.best.stop < state.way.stop {
-                    state.way.stop = state.best.stop;
-                    state.top = stack.cull(state.top, state.way.stop);
-                }
+                let stop = state.best.stop.min(state.way.stop);
+                state.way.stop = stop;
+                // SAFETY: the caller's contract; stacks have the room.
+                state.top = unsafe { stack.cull::<S>(state.top, stop) };
             }
             // SAFETY: entries that were written.
             let child = unsafe { *stack.children.get_unchecked(state.top) };
@@ -579,10 +577,9 @@ unsafe fn one<S: Simd>(
                 if query == Query::Any {
                     return best.hit;
                 }
-                if best.stop < way.stop {
-                    way.stop = best.stop;
-                    top = stack.cull(top, way.stop);
-                }
+                way.stop = best.stop.min(way.stop);
+                // SAFETY: the caller's contract; the stack has the room.
+                top = unsafe { stack.cull::<S>(top, way.stop) };
             }
         }
         child = stack.children[top];

@@ -80,6 +80,37 @@ impl Simd for Avx512 {
         u32::from(mask)
     }
     #[inline(always)]
+    unsafe fn least(of: u32, a: __m512) -> u32 {
+        unsafe {
+            let infinity = _mm512_set1_ps(f32::INFINITY);
+            let a = _mm512_mask_mov_ps(infinity, of as __mmask16, a);
+            let b = _mm512_min_ps(a, _mm512_shuffle_f32x4::<0b01_00_11_10>(a, a));
+            let b = _mm512_min_ps(b, _mm512_shuffle_f32x4::<0b10_11_00_01>(b, b));
+            let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b01_00_11_10>(b, b));
+            let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b10_11_00_01>(b, b));
+            u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b))
+        }
+    }
+    #[inline(always)]
+    unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
+        unsafe {
+            let mut end = 0;
+            let mut i = 0;
+            while i < count {
+                let (old_t, old) = (t.add(i), children.add(i));
+                let x = _mm512_loadu_ps(old_t);
+                let kept = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(x, _mm512_set1_ps(stop));
+                let kept = kept & _bzhi_u32(0xffff, (count - i).min(16) as u32) as __mmask16;
+                let y = _mm512_maskz_compress_epi32(kept, _mm512_loadu_si512(old.cast()));
+                _mm512_storeu_ps(t.add(end), _mm512_maskz_compress_ps(kept, x));
+                _mm512_storeu_si512(children.add(end).cast(), y);
+                end += kept.count_ones() as usize;
+                i += 16;
+            }
+            end
+        }
+    }
+    #[inline(always)]
     unsafe fn places(from: *const u8) -> __m512i {
         unsafe { _mm512_cvtepu8_epi32(_mm_loadu_si128(from.cast())) }
     }

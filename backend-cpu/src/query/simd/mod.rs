@@ -88,6 +88,12 @@ pub(crate) trait Simd: Copy {
     unsafe fn keep(mask: Self::Mask, a: Self::Floats) -> Self::Floats;
     /// A bit a lane, the first lane lowest.
     unsafe fn bits(mask: Self::Mask) -> u32;
+    /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
+    /// be among them.
+    unsafe fn least(of: u32, a: Self::Floats) -> u32;
+    /// Keeps, of `count` entries, those with a `t` of at most `stop`, in their order; how many. May read
+    /// and write `N` entries more.
+    unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize;
     /// Places from `N` bytes, each below 2 `N`, or anything where the result does not matter.
     unsafe fn places(from: *const u8) -> Self::Places;
     /// Elements of a table of `2 N`.

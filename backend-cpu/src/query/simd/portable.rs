@@ -86,6 +86,26 @@ impl Simd for Portable {
         (0..N).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
     }
     #[inline(always)]
+    unsafe fn least(of: u32, a: [f32; N]) -> u32 {
+        let mut least = f32::INFINITY;
+        for i in 0..N {
+            least = if of >> i & 1 != 0 && a[i] < least { a[i] } else { least };
+        }
+        (0..N).fold(0, |bits, i| bits | u32::from(a[i] == least) << i)
+    }
+    #[inline(always)]
+    unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
+        let mut end = 0;
+        for i in 0..count {
+            unsafe {
+                let x = *t.add(i);
+                (*t.add(end), *children.add(end)) = (x, *children.add(i));
+                end += usize::from(x <= stop);
+            }
+        }
+        end
+    }
+    #[inline(always)]
     unsafe fn places(from: *const u8) -> [u8; N] {
         unsafe { from.cast::<[u8; N]>().read_unaligned() }
     }
