@@ -58,7 +58,7 @@ impl CpuAccelerator {
         look: &Lookout<'_>,
     ) -> CpuAccelerator {
         let scene = scene_scale(tree.bounds, triangles, look);
-        let blocks = Blocks::watched(&tree.view(), triangles, set.lanes(), look);
+        let blocks = Blocks::watched(&tree.view(), triangles, set, look);
         CpuAccelerator { tree, summary, scene, blocks, set }
     }
 

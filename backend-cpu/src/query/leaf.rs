@@ -312,16 +312,6 @@ unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
     unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
 }
 
-/// 0 for what is below the normal range.
-///
-/// # Safety
-/// The processor must have the set.
-#[inline(always)]
-pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
-    // SAFETY: the caller's contract.
-    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
-}
-
 /// Triangles that the fast test accepts, whichever way they face.
 ///
 /// # Safety

@@ -223,35 +223,6 @@ impl PreparedRays {
         }
     }
 
-    /// One of the rays, as the triangle tests take it.
-    #[inline(always)]
-    pub fn ray(&self, lane: usize) -> PreparedRay {
-        let z = self.largest[lane] as usize;
-        let axes = if self.direction[z][lane] < 0.0 {
-            [[2, 1, 0], [0, 2, 1], [1, 0, 2]][z]
-        } else {
-            [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z]
-        };
-        PreparedRay {
-            origin: [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]],
-            direction: [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]],
-            reciprocal: [
-                self.reciprocal[0][lane],
-                self.reciprocal[1][lane],
-                self.reciprocal[2][lane],
-            ],
-            slack: [self.slack[0][lane], self.slack[1][lane], self.slack[2][lane]],
-            axes,
-            shear: [self.shear[0][lane], self.shear[1][lane], self.shear[2][lane]],
-            t_min: self.t_min[lane],
-            t_max: self.t_max[lane],
-            limits: [self.limits[0][lane], self.limits[1][lane]],
-            offset: 0.0,
-            exponent: self.exponent[lane],
-            wide: false,
-        }
-    }
-
     /// Makes rays ready, at most [`LANES`] of them; lanes without a ray are not alive. `first` is the place
     /// of the first in its batch.
     #[inline(always)]
@@ -413,6 +384,7 @@ impl PreparedRays {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::query::simd::Portable;
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::intersect::Limits;
@@ -448,6 +420,9 @@ mod tests {
         let (mut compared, mut dead) = (0, 0);
         for chunk in rays.chunks(LANES) {
             lanes.fill(chunk, &scene, 0, Query::Closest);
+            let mut ways = [Way::none(); LANES];
+            // SAFETY: every processor has it.
+            unsafe { lanes.ways::<Portable>(&mut ways) };
             for (lane, ray) in chunk.iter().enumerate() {
                 let expected = PreparedRay::new::<Strict>(ray, &scene);
                 if lanes.special[lane] != 0 {
@@ -459,7 +434,7 @@ mod tests {
                     continue;
                 };
                 assert_eq!(lanes.alive[lane], 1, "{ray:?}");
-                let found = lanes.ray(lane);
+                let found = ways[lane].ray();
                 assert_eq!(found, expected, "{ray:?}");
                 let interval = (lanes.enter[lane], lanes.exit[lane]);
                 let expected = expected.enter::<Strict>(&bounds);

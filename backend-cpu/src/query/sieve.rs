@@ -107,15 +107,6 @@ impl ExactLane {
         Some(ExactLane { ray, reach: Reach::new(prepared, bounds), best: Best::default() })
     }
 
-    /// Whether the sieve serves this ray: one that was neither moved nor lost anything by being made
-    /// ready, in a scene that is not wide. Others are traced in `f64` all the way.
-    #[inline]
-    pub fn is_ordinary(&self, prepared: &PreparedRay) -> bool {
-        !prepared.wide && prepared.offset == 0.0 && prepared.origin == self.ray.origin
-    }
-}
-
-impl ExactLane {
     /// The answer.
     #[inline]
     pub fn hit(&self, query: Query) -> Hit {

@@ -2,8 +2,8 @@
 //!
 //! A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and in [`super::packet`]
 //! a group's rays are lanes. Sums, differences, products and quotients round each by itself, as
-//! scalar code does: only [`Simd::mul_add`] and [`Simd::mul_sub`] may be fused, and nothing that decides a
-//! hit is made with them. So every set gives the same hits.
+//! scalar code does: only [`Simd::mul_sub`] may be fused, and nothing that decides a
+//! hit is made with it. So every set gives the same hits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -55,7 +55,11 @@ pub(crate) trait Simd: Copy {
     type Places: Copy;
     /// `N` yes or no.
     type Mask: Copy;
+    /// Three rows of 32 words.
+    type Corners: Copy;
 
+    /// All words 0.
+    fn no_corners() -> Self::Corners;
     /// The same number in all lanes.
     unsafe fn splat(x: f32) -> Self::Floats;
     /// `N` floats from memory.
@@ -70,8 +74,6 @@ pub(crate) trait Simd: Copy {
     unsafe fn mul(a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// Quotients.
     unsafe fn div(a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// `a * b + c`, rounded once or twice.
-    unsafe fn mul_add(a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
     /// `a * b - c`, rounded once or twice.
     unsafe fn mul_sub(a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
     /// `a` where it is less than `b`, else `b`: so `b` where either is no number.
@@ -98,6 +100,10 @@ pub(crate) trait Simd: Copy {
     unsafe fn places(from: *const u8) -> Self::Places;
     /// Elements of a table of `2 N`.
     unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    /// Puts words into a column of 32, and gives the first column that has them all.
+    unsafe fn put_and_find(corners: &mut Self::Corners, words: [u32; 3], column: usize) -> usize;
+    /// The columns, row by row.
+    unsafe fn columns(corners: &Self::Corners) -> [[u32; 2 * MOST_LANES]; 3];
     /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
