@@ -185,14 +185,17 @@ fn test_sifted(
 }
 
 /// A number of each corner. One vector is enough for some blocks, but which is not foreseen.
-type Table<S> = [<S as Simd>::Floats; 2];
+pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
 
 /// What the triangles' corners have, of a number of each corner.
 ///
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn of_corners<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> [S::Floats; 3] {
+pub(crate) unsafe fn of_corners<S: Simd>(
+    table: Table<S>,
+    places: [S::Places; 3],
+) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         let [a, b, c] = places;
@@ -307,9 +310,19 @@ unsafe fn sift<S: Simd>(
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
+pub(crate) unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
+}
+
+/// 0 for what is below the normal range.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
 }
 
 /// Triangles that the fast test accepts, whichever way they face.
@@ -350,7 +363,7 @@ unsafe fn fast<S: Simd>(way: &Way, record: &Record<'_>, limit: f32) -> u32 {
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
+pub(crate) unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         [
@@ -364,7 +377,7 @@ unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3]
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
+pub(crate) unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::add(S::add(S::mul(p[0], q[0]), S::mul(p[1], q[1])), S::mul(p[2], q[2])) }
 }

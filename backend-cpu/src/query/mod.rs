@@ -10,6 +10,7 @@ mod blocks;
 mod exact;
 mod instruction_set;
 mod leaf;
+mod packet;
 mod prepare;
 mod record;
 mod sieve;

@@ -78,6 +78,16 @@ impl<'a> Record<'a> {
         self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
     }
 
+    /// The places of a triangle's corners.
+    ///
+    /// # Safety
+    /// The triangle must be one of the block's.
+    #[inline(always)]
+    pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
+        // SAFETY: three times as many bytes as triangles follow the first word.
+        core::array::from_fn(|corner| unsafe { *self.places(corner).add(index) } as usize)
+    }
+
     /// Coordinates of the different corners on an axis.
     #[inline(always)]
     pub fn coordinates(&self, axis: usize) -> *const f32 {

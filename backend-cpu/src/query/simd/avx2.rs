@@ -127,6 +127,18 @@ impl Simd for Avx2 {
         unsafe { _mm256_and_ps(mask, a) }
     }
     #[inline(always)]
+    unsafe fn select(mask: __m256, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_blendv_ps(b, a, mask) }
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> __m256 {
+        unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let own = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(own, lanes))
+        }
+    }
+    #[inline(always)]
     unsafe fn bits(mask: __m256) -> u32 {
         unsafe { _mm256_movemask_ps(mask) as u32 }
     }

@@ -103,6 +103,14 @@ impl Simd for Avx512 {
         unsafe { _mm512_maskz_mov_ps(mask, a) }
     }
     #[inline(always)]
+    unsafe fn select(mask: __mmask16, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mask_mov_ps(b, mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> __mmask16 {
+        bits as __mmask16
+    }
+    #[inline(always)]
     unsafe fn bits(mask: __mmask16) -> u32 {
         u32::from(mask)
     }

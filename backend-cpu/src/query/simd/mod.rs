@@ -88,8 +88,12 @@ pub(crate) trait Simd: Copy {
     unsafe fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// `a` where the mask says so, else 0.
     unsafe fn keep(mask: Self::Mask, a: Self::Floats) -> Self::Floats;
+    /// `a` where the mask says so, else `b`.
+    unsafe fn select(mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// A bit a lane, the first lane lowest.
     unsafe fn bits(mask: Self::Mask) -> u32;
+    /// The mask of such bits.
+    unsafe fn mask(bits: u32) -> Self::Mask;
     /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;

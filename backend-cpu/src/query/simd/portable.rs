@@ -96,6 +96,14 @@ impl Simd for Portable {
         each(|i| if mask[i] { a[i] } else { 0.0 })
     }
     #[inline(always)]
+    unsafe fn select(mask: [bool; N], a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| if mask[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> [bool; N] {
+        each(|i| bits >> i & 1 != 0)
+    }
+    #[inline(always)]
     unsafe fn bits(mask: [bool; N]) -> u32 {
         (0..N).fold(0, |bits, i| bits | u32::from(mask[i]) << i)
     }
