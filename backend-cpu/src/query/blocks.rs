@@ -8,6 +8,8 @@ use splitplane_core::triangle::Triangle;
 
 use super::instruction_set::InstructionSet;
 use super::record::{Packer, Record, TAIL, UNIT};
+#[cfg(target_arch = "aarch64")]
+use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
 use super::simd::{Portable, Simd};
@@ -219,6 +221,8 @@ impl Pack<'_> {
                 InstructionSet::Avx512 => self.pack_avx512(nodes, from, out),
                 #[cfg(target_arch = "x86_64")]
                 InstructionSet::Avx2 => self.pack_avx2(nodes, from, out),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => self.pack_in::<Neon>(nodes, from, out),
                 _ => self.pack_in::<Portable>(nodes, from, out),
             }
         }

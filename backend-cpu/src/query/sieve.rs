@@ -130,9 +130,8 @@ impl ExactLane {
         let mut room = [0.0; 11 * MOST_LANES];
         let block = record.written_out(&mut room);
         let limit = self.reach.t_max.min(*stop);
-        let set = if S::N == 16 { InstructionSet::Avx512 } else { InstructionSet::Avx2 };
         // SAFETY: the caller's contract.
-        let mut bits = unsafe { sift(set, prepared, &self.reach, &block, limit) };
+        let mut bits = unsafe { sift(S::SET, prepared, &self.reach, &block, limit) };
         while bits != 0 {
             let index = bits.trailing_zeros() as usize;
             bits &= bits - 1;

@@ -22,6 +22,8 @@ use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, Way};
 use super::record::{Record, UNIT};
 use super::sieve::ExactLane;
+#[cfg(target_arch = "aarch64")]
+use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
 use super::simd::{Direction, Portable, Simd, prefetch};
@@ -218,6 +220,8 @@ pub(crate) unsafe fn trace(
             InstructionSet::Avx512 => avx512(batch, answer),
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => avx2(batch, answer),
+            #[cfg(target_arch = "aarch64")]
+            InstructionSet::Neon => run::<Neon>(batch, answer),
             _ => run::<Portable>(batch, answer),
         }
     }
@@ -318,9 +322,9 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
     }
     let lanes = &mut lanes[..FLIGHT];
     let (children, t) = (&mut children[..room * FLIGHT], &mut t[..room * FLIGHT]);
-    // SAFETY: lanes are below FLIGHT.
     macro_rules! stack {
         ($lane:expr) => {
+            // SAFETY: lanes are below FLIGHT.
             unsafe {
                 Stack {
                     children: children.get_unchecked_mut($lane * room..($lane + 1) * room),
@@ -535,6 +539,8 @@ pub(crate) unsafe fn trace_one(
             InstructionSet::Avx512 => avx512_one(blocks, scene, ray, options, query),
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => avx2_one(blocks, scene, ray, options, query),
+            #[cfg(target_arch = "aarch64")]
+            InstructionSet::Neon => one::<Neon>(blocks, scene, ray, options, query),
             _ => one::<Portable>(blocks, scene, ray, options, query),
         }
     }

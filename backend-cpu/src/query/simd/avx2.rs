@@ -1,8 +1,11 @@
 //! 8 lanes: AVX2 and FMA.
 
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
 use core::arch::x86_64::*;
 
 use super::{Direction, Simd};
+use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -31,6 +34,7 @@ const fn lanes_of() -> [[u8; 8]; 256] {
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
+    const SET: InstructionSet = InstructionSet::Avx2;
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;

@@ -1,8 +1,11 @@
 //! 16 lanes: AVX-512 F, DQ, BW and VL.
 
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
 use core::arch::x86_64::*;
 
 use super::{Direction, Simd};
+use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -11,6 +14,7 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
+    const SET: InstructionSet = InstructionSet::Avx512;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;

@@ -9,13 +9,19 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+#[cfg(target_arch = "aarch64")]
+pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
+
+use super::instruction_set::InstructionSet;
 
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
@@ -49,6 +55,8 @@ impl Direction {
 pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
+    /// Which it is.
+    const SET: InstructionSet;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
