@@ -10,6 +10,7 @@ use splitplane_core::layout::Reference;
 
 use super::cost::{Best, Cell, Costs, LOWER, Split};
 use super::ledger::Ledger;
+use super::small::Small;
 use super::sweep::{Event, Face, event, sweep};
 use super::wide::for_every_set;
 use crate::lookout::Lookout;
@@ -52,6 +53,8 @@ pub(super) struct Bins {
     open: Vec<Open>,
     /// Their events.
     events: Vec<Event>,
+    /// For nodes that are too small for bins.
+    pub small: Small,
 }
 
 type Ends = [[u32; MOST]; 3];
@@ -77,6 +80,7 @@ impl Default for Bins {
             ends: [[CLOSED; MOST]; 3],
             open: Vec::new(),
             events: Vec::new(),
+            small: Small::default(),
         }
     }
 }

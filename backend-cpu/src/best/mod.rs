@@ -35,6 +35,7 @@ mod bins;
 pub mod clip;
 mod cost;
 mod emit;
+mod lanes;
 mod ledger;
 mod node;
 mod partition;
@@ -79,7 +80,7 @@ pub(crate) fn build(
     let ledger = Ledger::new(*memory);
     let built = {
         let builder = Builder {
-            costs: Costs::of(config),
+            costs: Costs::both(config),
             clip: config.clip,
             set,
             triangles: &buffers.triangles,

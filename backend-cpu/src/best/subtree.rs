@@ -55,8 +55,8 @@ impl Worker {
         let top = self.stacks[stack].top;
         let count = top - first;
         self.look_up(builder, count)?;
-        let cell = Cell::new(&builder.costs, &node.cell);
-        let leaf = builder.costs.leaf(cell.area, count as u32);
+        let cell = Cell::new(&builder.costs[0], &node.cell);
+        let leaf = builder.costs[0].leaf(cell.area, count as u32);
         let references = &self.stacks[stack].references[first..top];
         let decision = builder.decide(node, &cell, references, &mut self.bins)?;
         let index = self.nodes.len();
@@ -78,6 +78,7 @@ impl Worker {
         let start = other.top;
         builder.lengthen(&mut other.references, start + count)?;
         let counts = partition(
+            builder.set,
             builder.clip,
             builder.triangles,
             &node.cell,

@@ -45,7 +45,8 @@ impl Scratch {
 /// One build.
 #[derive(Debug)]
 pub(super) struct Builder<'a> {
-    pub costs: Costs,
+    /// What planes are compared by, and leaves for children.
+    pub costs: [Costs; 2],
     /// Whether references are clipped to cells.
     pub clip: bool,
     pub set: InstructionSet,
@@ -126,8 +127,8 @@ impl Builder<'_> {
             self.recycle(list);
             return built;
         }
-        let cell = Cell::new(&self.costs, &node.cell);
-        let leaf = self.costs.leaf(cell.area, count as u32);
+        let cell = Cell::new(&self.costs[0], &node.cell);
+        let leaf = self.costs[0].leaf(cell.area, count as u32);
         let decision =
             self.with_worker(|worker| self.decide(node, &cell, &list[..count], &mut worker.bins))?;
         self.look.check()?;
@@ -181,7 +182,7 @@ impl Builder<'_> {
                 if self.look.worked(2 * chunk.len() as u64) {
                     return [0; 2];
                 }
-                partition(self.clip, self.triangles, cell, split, chunk, left)
+                partition(self.set, self.clip, self.triangles, cell, split, chunk, left)
             })
             .collect();
         // Close the gaps between the chunks.
