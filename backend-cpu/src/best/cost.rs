@@ -10,7 +10,7 @@ use splitplane_core::config::BuildConfig;
 pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
 
 /// Numbers of references whose expected costs are in a table.
-const KNOWN: usize = 257;
+const KNOWN: usize = 2049;
 /// Numbers of blocks for which it is known what one more costs.
 pub(super) const STEPS: usize = 64;
 
@@ -32,7 +32,7 @@ pub(super) struct Costs {
     /// 1 / W.
     inverse: f64,
     /// Whether children are taken for leaves when planes are compared, too.
-    leaves: bool,
+    pub leaves: bool,
     /// [`Costs::expected`] of the blocks of so many references.
     known: [f64; KNOWN],
     /// What one block more than so many is expected to cost, times K_I; rounded.
