@@ -26,7 +26,8 @@ pub fn clip(
     plane: f32,
 ) -> [Option<Aabb>; 2] {
     let clipper = Clipper::new(cell, axis, plane);
-    let parts = clipper.clip(&points(corners), &Reference::new(bounds, 0));
+    let parts =
+        clipper.clip(&points(corners), &Reference::new(bounds, 0), &mut Polygons::default());
     parts.map(|part| part.1.then(|| part.0.bounds()))
 }
 
@@ -62,30 +63,38 @@ impl Clipper {
 
     /// [`clip`] for a reference; whether there is such a part comes with it.
     #[inline(always)]
-    pub fn clip(&self, corners: &[Point; 3], reference: &Reference) -> [(Reference, bool); 2] {
+    pub fn clip(
+        &self,
+        corners: &[Point; 3],
+        reference: &Reference,
+        polygons: &mut Polygons,
+    ) -> [(Reference, bool); 2] {
         let [a, b, c] = corners;
-        let (mut errors, mut below, mut above) = ([0.0; 4], 0, 0);
+        // Sides of the cell that the triangle crosses: two bits an axis.
+        let (mut errors, mut crossed) = ([0.0; 4], 0u32);
         for k in 0..4 {
             let low = least(least(a[k], b[k]), c[k]);
             let high = greatest(greatest(a[k], b[k]), c[k]);
             errors[k] = greatest(-low, high) * ERROR;
-            below |= u32::from(low < self.lo[k]) << k;
-            above |= u32::from(high > self.hi[k]) << k;
+            crossed |= u32::from(low < self.lo[k]) << (2 * k);
+            crossed |= u32::from(high > self.hi[k]) << (2 * k + 1);
         }
         let (axis, plane) = (self.axis, f64::from(self.plane));
         // Most triangles lie within the cell.
-        let parts = if below | above == 0 {
+        let parts = if crossed == 0 {
             extents(corners, axis, plane, errors[axis])
         } else {
-            let mut polygon = Polygon { corners: [[0.0; 4]; CORNERS + 1], count: 3 };
+            let Polygons([polygon, next]) = polygons;
+            let (mut polygon, mut next) = (polygon, next);
             polygon.corners[..3].copy_from_slice(corners);
-            for side in 0..3 {
-                if below >> side & 1 == 1 {
-                    polygon = polygon.cut(side, self.lo[side] - errors[side], 1.0);
-                }
-                if above >> side & 1 == 1 {
-                    polygon = polygon.cut(side, self.hi[side] + errors[side], -1.0);
-                }
+            polygon.count = 3;
+            while crossed != 0 {
+                let side = crossed.trailing_zeros() as usize;
+                crossed &= crossed - 1;
+                let (k, above) = (side / 2 % 4, side % 2 == 1);
+                let plane = if above { self.hi[k] + errors[k] } else { self.lo[k] - errors[k] };
+                polygon.cut(k, plane, if above { -1.0 } else { 1.0 }, next);
+                (polygon, next) = (next, polygon);
             }
             extents(&polygon.corners[..polygon.count.min(CORNERS)], axis, plane, errors[axis])
         };
@@ -100,7 +109,12 @@ impl Clipper {
 /// A point: three coordinates, and 0 for the sake of vectors.
 pub(super) type Point = [f64; 4];
 
-/// The part of a triangle within the planes so far.
+/// Scratch: the part of a triangle within the planes so far, and within one more.
+#[derive(Default)]
+pub(super) struct Polygons([Polygon; 2]);
+
+/// A convex polygon.
+#[derive(Default)]
 struct Polygon {
     corners: [Point; CORNERS + 1],
     count: usize,
@@ -109,8 +123,8 @@ struct Polygon {
 impl Polygon {
     /// What lies on the side of a plane that `sign` points to.
     #[inline(always)]
-    fn cut(&self, axis: usize, plane: f64, sign: f64) -> Polygon {
-        let mut out = Polygon { corners: [[0.0; 4]; CORNERS + 1], count: 0 };
+    fn cut(&self, axis: usize, plane: f64, sign: f64, out: &mut Polygon) {
+        out.count = 0;
         for i in 0..self.count.min(CORNERS) {
             let p = &self.corners[i];
             let q = &self.corners[if i + 1 == self.count { 0 } else { i + 1 }];
@@ -126,7 +140,6 @@ impl Polygon {
             let crosses = (dp > 0.0) & (dq < 0.0) | (dp < 0.0) & (dq > 0.0);
             out.count = (out.count + usize::from(crosses)).min(CORNERS);
         }
-        out
     }
 }
 

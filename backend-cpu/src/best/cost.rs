@@ -12,7 +12,7 @@ pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
 /// Numbers of references whose expected costs are in a table.
 const KNOWN: usize = 2049;
 /// Numbers of blocks for which it is known what one more costs.
-pub(super) const STEPS: usize = 64;
+pub(super) const STEPS: usize = 128;
 
 /// What of the configuration decides.
 #[derive(Clone, Debug)]

@@ -31,6 +31,8 @@ pub(super) trait Lanes: Copy {
     fn swapped(self) -> Self;
     /// The first four of each eight exchanged with the other four.
     fn crossed(self) -> Self;
+    /// The words of two references with upper faces negated, and 0 for words that are no faces.
+    fn faces(self) -> Self;
     /// The lower half of this, the upper half of the other.
     fn halves(self, other: Self) -> Self;
     /// `more` added where `a < b`.
@@ -134,6 +136,16 @@ impl Lanes for Loops {
     #[inline(always)]
     fn crossed(self) -> Self {
         self.permuted(|k| k ^ 4)
+    }
+
+    #[inline(always)]
+    fn faces(self) -> Self {
+        let mut out = self;
+        for k in 0..LANES {
+            let sign = if k % 8 < 4 { 1.0 } else { -1.0 };
+            out.0[k] = if k % 4 == 3 { 0.0 } else { sign * self.0[k] };
+        }
+        out
     }
 
     #[inline(always)]
@@ -252,6 +264,17 @@ mod wide {
         #[inline(always)]
         fn crossed(self) -> Self {
             unsafe { Avx512(_mm512_shuffle_f32x4::<0b10_11_00_01>(self.0, self.0)) }
+        }
+
+        #[inline(always)]
+        fn faces(self) -> Self {
+            unsafe {
+                let sign = i32::MIN;
+                let signs = _mm512_castsi512_ps(_mm512_set_epi32(
+                    sign, sign, sign, sign, 0, 0, 0, 0, sign, sign, sign, sign, 0, 0, 0, 0,
+                ));
+                Avx512(_mm512_maskz_xor_ps(0x7777, self.0, signs))
+            }
         }
 
         #[inline(always)]

@@ -4,12 +4,14 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::Reference;
 use splitplane_core::triangle::Triangle;
 
-use super::clip::{Clipper, points};
+use super::clip::{Clipper, Polygons, points};
 use super::cost::Split;
 use super::wide::for_every_set;
 
 /// References that are moved before those of them that straddle are clipped.
 const BLOCK: usize = 64;
+/// Triangles whose corners are loaded together.
+const AHEAD: usize = 8;
 
 for_every_set! {
     /// Moves the references of a node to the sides of a split: those that go right to the front of
@@ -26,11 +28,13 @@ for_every_set! {
         let (axis, plane) = (split.axis, split.position);
         let left = &mut left[..references.len()];
         let clipper = Clipper::new(cell, axis, plane);
+        let mut polygons = Polygons::default();
+        let mut corners = [[[0.0; 4]; 3]; AHEAD];
         let (mut below, mut above) = (0, 0);
         for first in (0..references.len()).step_by(BLOCK) {
             let starts = [below, above];
             // Where those that straddle stand on either side.
-            let mut straddling = [[0; 2]; BLOCK];
+            let mut straddling = [[0u32; 2]; BLOCK];
             let mut straddlers = 0;
             for i in first..references.len().min(first + BLOCK) {
                 let (lo, hi) = (references[i].lo[axis], references[i].hi[axis]);
@@ -42,7 +46,7 @@ for_every_set! {
                 // never overtakes what is read.
                 left[below] = reference;
                 references[above] = reference;
-                straddling[straddlers] = [below, above];
+                straddling[straddlers] = [below as u32, above as u32];
                 straddlers += usize::from(goes_left & goes_right);
                 below += usize::from(goes_left);
                 above += usize::from(goes_right);
@@ -50,14 +54,17 @@ for_every_set! {
             let straddling = &straddling[..straddlers];
             let mut lost = [0u64; 2];
             if clipped {
-                // All corners first: these loads miss the caches, and do so side by side.
-                let mut corners = [[[0.0; 4]; 3]; BLOCK];
-                for (corners, &[low, _]) in corners.iter_mut().zip(straddling) {
-                    *corners = points(&triangles[left[low].triangle as usize]);
-                }
                 for (k, &[low, high]) in straddling.iter().enumerate() {
+                    if k % AHEAD == 0 {
+                        // Corners of some first: these loads miss the caches, and do so side by side.
+                        for (corners, &[low, _]) in corners.iter_mut().zip(&straddling[k..]) {
+                            *corners = points(&triangles[left[low as usize].triangle as usize]);
+                        }
+                    }
+                    let [low, high] = [low, high].map(|place| place as usize);
                     let reference = left[low];
-                    let [one, other] = clipper.clip(&corners[k], &reference);
+                    let [one, other] =
+                        clipper.clip(&corners[k % AHEAD], &reference, &mut polygons);
                     // One that has nothing on either side, because its bounds were wider than its part
                     // of the cell, stays on both as its bounds have it: a reference never disappears.
                     if one.1 | other.1 {
@@ -69,15 +76,16 @@ for_every_set! {
                     }
                 }
             } else {
-                for &[low, high] in straddling {
+                for straddler in straddling {
+                    let [low, high] = straddler.map(|place| place as usize);
                     (left[low], references[high]) = halves(&left[low], split);
                 }
             }
             if lost[0] != 0 {
-                below = without(left, starts[0], below, |k| straddling[k][0], lost[0]);
+                below = without(left, starts[0], below, |k| straddling[k][0] as usize, lost[0]);
             }
             if lost[1] != 0 {
-                above = without(references, starts[1], above, |k| straddling[k][1], lost[1]);
+                above = without(references, starts[1], above, |k| straddling[k][1] as usize, lost[1]);
             }
         }
         [below, above]

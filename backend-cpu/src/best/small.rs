@@ -17,7 +17,7 @@ use super::lanes::{LANES, Lanes, Loops, Row};
 use crate::query::InstructionSet;
 
 /// Most references that are searched this way.
-pub(super) const MOST: usize = 64;
+pub(super) const MOST: usize = 128;
 /// Rows that are sorted together: 16 references.
 const OCTET: usize = 8;
 /// Rows of two references.
@@ -161,12 +161,11 @@ fn load<V: Lanes>(references: &[Reference], rows: &mut [Row]) -> u16 {
     for rest in rest.as_chunks_mut::<8>().0 {
         *rest = NOTHING;
     }
-    let signs = V::twice(&[1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0]);
     let mut planar = 0;
     for row in rows {
         let words = V::load(row);
         planar |= words.equal(words.crossed());
-        words.times(signs).store(row);
+        words.faces().store(row);
     }
     planar | planar >> 8
 }
