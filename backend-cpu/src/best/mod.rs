@@ -47,6 +47,9 @@ mod sweep;
 mod top;
 mod wide;
 
+use core::sync::atomic::AtomicUsize;
+
+use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::Counter;
@@ -80,6 +83,7 @@ pub(crate) fn build(
 ) -> Result<(usize, usize), BuildError> {
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let ledger = Ledger::new(*memory);
+    let workers = AtomicUsize::new(buffers.best.begin());
     let built = {
         let builder = Builder {
             costs: Costs::both(config),
@@ -88,6 +92,7 @@ pub(crate) fn build(
             triangles: &buffers.triangles,
             ledger: &ledger,
             scratch: &buffers.best,
+            workers,
             look,
         };
         let count = references as u32;
@@ -95,11 +100,12 @@ pub(crate) fn build(
         // The shares of the leaves add up to the root's.
         look.begin(Stage::Offline, root.budget);
         let mut list = builder.list(references)?;
-        let pieces = list.chunks_mut(PIECE).zip(buffers.references[..references].chunks(PIECE));
-        for (list, references) in pieces {
-            list[..references.len()].copy_from_slice(references);
-            look.worked(references.len() as u64);
-        }
+        let from = buffers.references[..references].par_chunks(PIECE);
+        list[..references].par_chunks_mut(PIECE).zip(from).for_each(|(list, references)| {
+            if !look.worked(references.len() as u64) {
+                list.copy_from_slice(references);
+            }
+        });
         look.check()?;
         builder.build(list, references, &root)?.0
     };
@@ -110,7 +116,9 @@ pub(crate) fn build(
     look.begin(Stage::Output, nodes as u64);
     memory.grow_watched(&mut buffers.nodes, nodes, look)?;
     memory.grow_watched(&mut buffers.leaf_references, references, look)?;
-    built.emit(look, &mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    let workers = buffers.best.workers();
+    let out = (&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    built.emit(look, &workers, out.0, out.1);
     look.finish();
     look.check()?;
     // What has been emitted is dropped here.
