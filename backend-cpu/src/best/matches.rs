@@ -121,7 +121,7 @@ mod tests {
                     }
                 }
             }
-            for &set in InstructionSet::available() {
+            for set in InstructionSet::available() {
                 let mut found = Vec::new();
                 Ranges::new(axes).search(set, &places, |i, word| found.push((i, word)));
                 assert_eq!(found, expected);

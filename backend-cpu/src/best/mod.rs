@@ -40,6 +40,8 @@ mod lanes;
 mod ledger;
 mod matches;
 mod node;
+#[cfg(test)]
+mod oracle;
 mod partition;
 mod small;
 mod subtree;

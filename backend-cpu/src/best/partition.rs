@@ -122,3 +122,102 @@ fn halves(reference: &Reference, split: &Split) -> (Reference, Reference) {
     right.lo[split.axis] = split.position;
     (left, right)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::best::clip::clip;
+    use crate::best::cost::Costs;
+    use crate::best::oracle;
+    use crate::query::InstructionSet;
+    use splitplane_core::config::BuildConfig;
+    use splitplane_test_support::random::Random;
+
+    /// One reference after the other.
+    fn plain(
+        clipped: bool,
+        triangles: &[Triangle],
+        cell: &Aabb,
+        split: &Split,
+        references: &[Reference],
+    ) -> [Vec<Reference>; 2] {
+        let mut sides = [Vec::new(), Vec::new()];
+        for reference in references {
+            let (lo, hi) = (reference.lo[split.axis], reference.hi[split.axis]);
+            let planar = lo == split.position && hi == split.position;
+            let goes_left = lo < split.position || (planar && !split.planar_right);
+            let goes_right = hi > split.position || (planar && split.planar_right);
+            let (mut left, mut right) = (Some(*reference), Some(*reference));
+            if goes_left && goes_right {
+                let triangle = reference.triangle;
+                let corners = &triangles[triangle as usize];
+                let bounds = reference.bounds();
+                let parts = clip(corners, cell, &bounds, split.axis, split.position);
+                if clipped && parts != [None, None] {
+                    [left, right] =
+                        parts.map(|part| part.map(|bounds| Reference::new(&bounds, triangle)));
+                } else {
+                    let halves = halves(reference, split);
+                    (left, right) = (Some(halves.0), Some(halves.1));
+                }
+            }
+            sides[0].extend(left.filter(|_| goes_left));
+            sides[1].extend(right.filter(|_| goes_right));
+        }
+        sides
+    }
+
+    #[test]
+    fn references_go_where_they_go_one_by_one() {
+        let mut random = Random::new(21);
+        let costs = &Costs::both(&BuildConfig::default())[0];
+        let mut lost = 0;
+        for round in 0..600 {
+            let count = 1 + random.below(200);
+            let (cell, references) = oracle::node(&mut random, costs, count);
+            // Bounds are those of boxes; a corner of each box belongs to the triangle, the others lie
+            // somewhere near it, so that much of a box may hold nothing.
+            let triangles: Vec<Triangle> = references
+                .iter()
+                .map(|reference| {
+                    let mut corners = [reference.lo, reference.hi, reference.lo];
+                    let axis = random.below(3);
+                    corners[2][axis] = reference.hi[axis];
+                    corners
+                })
+                .collect();
+            let axis = random.below(3);
+            let face = references[random.below(count)];
+            let position = random.pick(&[face.lo[axis], face.hi[axis]]);
+            if !cell.contains(axis, position) {
+                continue;
+            }
+            let planar_right = random.below(2) == 1;
+            let split = Split { cost: 0.0, axis, position, planar_right, counts: [0; 2] };
+            // A cell that cuts some of them, too.
+            let mut bounds = cell.bounds;
+            let inner = random.pick(&references);
+            if round % 2 == 0 {
+                let other = (axis + 1) % 3;
+                bounds.hi[other] = inner.hi[other];
+            }
+            for clipped in [true, false] {
+                let expected = plain(clipped, &triangles, &bounds, &split, &references);
+                for set in InstructionSet::available() {
+                    let (mut right, mut left) = (references.clone(), references.clone());
+                    let counts =
+                        partition(set, clipped, &triangles, &bounds, &split, &mut right, &mut left);
+                    assert_eq!(counts, [expected[0].len(), expected[1].len()]);
+                    let bytes = |list: &[Reference]| bytemuck::cast_slice(list).to_vec();
+                    let words: [Vec<u32>; 2] =
+                        [bytes(&left[..counts[0]]), bytes(&right[..counts[1]])];
+                    assert_eq!(words, [bytes(&expected[0]), bytes(&expected[1])]);
+                }
+                let straddling = expected[0].len() + expected[1].len() - count;
+                let by_bounds = plain(false, &triangles, &bounds, &split, &references);
+                lost += by_bounds[0].len() + by_bounds[1].len() - count - straddling;
+            }
+        }
+        assert!(lost > 100, "{lost}");
+    }
+}
