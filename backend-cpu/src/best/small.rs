@@ -114,24 +114,25 @@ fn best<V: Lanes>(
     let upper = |cost: f64| ((cost / cell.area) * (1.0 + 2.0 * MARGIN)) as f32;
     let mut most = least + least * (4.0 * MARGIN) as f32;
     most = if most < upper(limit) { most } else { upper(limit) };
+    let rows = &small.rows[..octets * OCTET];
     loop {
-        for row in 0..octets * OCTET {
-            let mut open = V::load(&small.least[row]).not_above(V::splat(most));
+        // The same plane often comes again: columns are sorted.
+        let mut last = [f32::NAN; LANES];
+        for (row, least) in rows.iter().zip(&small.least) {
+            let mut open = V::load(least).not_above(V::splat(most));
             while open != 0 {
                 let lane = open.trailing_zeros() as usize;
                 open &= open - 1;
-                let (axis, face) = (lane % 4, small.rows[row][lane]);
+                let (axis, face) = (lane % 4, row[lane]);
                 let position = if lane % 8 < 4 { face } else { 0.0 - face };
                 // Columns that are no faces come here where a bound is no number.
-                if axis == 3 || !cell.contains(axis, position) {
+                if position == last[lane] || axis == 3 || !cell.contains(axis, position) {
                     continue;
                 }
-                let [left, right] = count::<V>(&small.rows[..octets * OCTET], axis, position);
-                let in_plane = |reference: &&Reference| {
-                    reference.lo[axis] == position && reference.hi[axis] == position
-                };
+                last[lane] = position;
+                let [left, right] = count::<V>(rows, axis, position);
                 let planar = if planar >> axis & 1 == 1 {
-                    references.iter().filter(in_plane).count() as u32
+                    count_planar::<V>(references, axis, position)
                 } else {
                     0
                 };
@@ -344,6 +345,26 @@ fn count<V: Lanes>(rows: &[Row], axis: usize, position: f32) -> [u32; 2] {
         right += (less & 0xf0f0).count_ones();
     }
     [left, right]
+}
+
+/// How many references are planar in a plane.
+#[inline(always)]
+fn count_planar<V: Lanes>(references: &[Reference], axis: usize, position: f32) -> u32 {
+    let words: &[f32] = bytemuck::cast_slice(references);
+    let (rows, rest) = words.as_chunks::<LANES>();
+    let plane = V::splat(position);
+    let both = |words: V| {
+        let faces = words.equal(plane);
+        faces & faces >> 4 & 0x101 << axis
+    };
+    let mut planar = 0;
+    for row in rows {
+        planar += both(V::load(row)).count_ones();
+    }
+    if let Some(rest) = rest.first_chunk() {
+        planar += (both(V::twice(rest)) & 0xff).count_ones();
+    }
+    planar
 }
 
 #[cfg(test)]
