@@ -30,7 +30,7 @@ const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
 /// Numbers of references below this have their blocks counted without error in `f32`.
 const EXACT: u32 = 1 << 22;
 /// References that one task looks through; nodes of more than four times as many have several.
-pub(super) const CHUNK: usize = 4096;
+pub(super) const CHUNK: usize = 2048;
 
 /// Scratch of one thread.
 #[derive(Debug)]
