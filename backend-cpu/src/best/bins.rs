@@ -550,7 +550,7 @@ mod tests {
             let costs = &both[round % 2];
             let count = 1 + random.below(if round % 10 == 0 { 2500 } else { 400 });
             let (cell, references) = oracle::node(&mut random, costs, count);
-            if !(cell.area > 0.0) {
+            if cell.area <= 0.0 {
                 continue;
             }
             for limit in [f64::INFINITY, costs.leaf(cell.area, count as u32)] {
@@ -578,7 +578,7 @@ mod tests {
             let costs = &both[round % 2];
             let count = 1 + random.below(6 * CHUNK);
             let (cell, references) = oracle::node(&mut random, costs, count);
-            if !(cell.area > 0.0) {
+            if cell.area <= 0.0 {
                 continue;
             }
             for set in InstructionSet::available() {

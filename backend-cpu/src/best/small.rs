@@ -141,7 +141,7 @@ fn best<V: Lanes>(
         }
         // Planar references make planes dearer than their bounds say.
         let enough = upper(best.cost);
-        if enough <= most || !(most < f32::INFINITY) {
+        if enough <= most {
             return best.split;
         }
         most = enough;
@@ -383,7 +383,7 @@ mod tests {
             let costs = &both[round % 2];
             let count = 1 + random.below(if round % 8 == 0 { MOST } else { 40 });
             let (cell, references) = oracle::node(&mut random, costs, count);
-            if !(cell.area > 0.0) {
+            if cell.area <= 0.0 {
                 continue;
             }
             let free = oracle::best_split(costs, &cell, &references, f64::INFINITY);
@@ -409,10 +409,7 @@ mod tests {
             // Few values, so that many are equal.
             rows.as_flattened_mut().fill_with(|| random.below(20) as f32);
             let column = |rows: &[Row], column: usize| -> Vec<f32> {
-                (0..rows.len() * 2)
-                    .map(|i| place(i))
-                    .map(|(row, half)| rows[row][half + column])
-                    .collect()
+                (0..rows.len() * 2).map(place).map(|(row, half)| rows[row][half + column]).collect()
             };
             let mut expected: Vec<Vec<f32>> = (0..8).map(|k| column(&rows, k)).collect();
             expected.iter_mut().for_each(|column| column.sort_by(f32::total_cmp));

@@ -167,7 +167,7 @@ impl Builder<'_> {
             return Ok((Built::Leaf(all), leaf));
         };
         let split = decision.split;
-        let (left, list, counts) = self.partition(&node.cell, &split, list, count)?;
+        let ([left, list], counts) = self.partition(&node.cell, &split, list, count)?;
         self.look.check()?;
         let [below, above] = node.children(&decision, counts);
         let (left, right) = rayon::join(
@@ -190,7 +190,7 @@ impl Builder<'_> {
         split: &Split,
         mut list: Vec<Reference>,
         count: usize,
-    ) -> Result<(Vec<Reference>, Vec<Reference>, [usize; 2]), BuildError> {
+    ) -> Result<([Vec<Reference>; 2], [usize; 2]), BuildError> {
         let move_some = |references: &mut [Reference], left: &mut [Reference]| {
             // Clipping some of them takes as long as moving a few times as many.
             if self.look.worked(2 * references.len() as u64) {
@@ -201,7 +201,7 @@ impl Builder<'_> {
         let mut left = self.list(count)?;
         if count <= 4 * CHUNK {
             let counts = move_some(&mut list[..count], &mut left[..count]);
-            return Ok((left, list, counts));
+            return Ok(([left, list], counts));
         }
         // In parts, which are then put together; they differ in length.
         let counts: Vec<[usize; 2]> = list[..count]
@@ -227,6 +227,6 @@ impl Builder<'_> {
             self.recycle(list);
             Ok(out)
         };
-        Ok((together(left, 0)?, together(list, 1)?, sides))
+        Ok(([together(left, 0)?, together(list, 1)?], sides))
     }
 }
