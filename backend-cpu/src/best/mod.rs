@@ -25,12 +25,12 @@
 //! least upper bound cannot hold the least candidate. The events of the others are sorted and swept. The
 //! plane is the one that a sweep over all events finds; the tests hold it against one that looks at every
 //! plane. Where bounds rule nothing out (all events in few bins) all events are
-//! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead ([`small`]).
+//! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead (`small.rs`).
 //!
 //! # Who works
 //! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; what
 //! one task does for such a node alone is bounding its bins. Smaller ones are built by one task each,
-//! depth first ([`subtree`]). Scratch and finished subtrees are in memory that is kept between builds.
+//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds.
 //!
 //! # Order
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or
