@@ -8,6 +8,8 @@
 //! all planes from below in `f32`, relative to the area of the cell; the few that can be the least are
 //! considered in `f64` as everywhere.
 
+use core::cmp::Ordering;
+
 use splitplane_core::layout::Reference;
 
 use super::cost::{Best, Cell, Costs, STEPS, Split};
@@ -141,7 +143,7 @@ fn best<V: Lanes>(
         }
         // Planar references make planes dearer than their bounds say.
         let enough = upper(best.cost);
-        if enough <= most {
+        if enough.partial_cmp(&most) != Some(Ordering::Greater) {
             return best.split;
         }
         most = enough;
