@@ -83,7 +83,7 @@ struct Sifted {
     unclear: u32,
     /// Those of `met` with the least inner `t`.
     nearest: u32,
-    /// Inner `t`.
+    /// Inner `t`; of `unclear` the least that it may be.
     t: [f32; MOST_LANES],
     /// Edge functions opposite the second and the third corner, and the sum of all three.
     v: [f32; MOST_LANES],
@@ -115,7 +115,8 @@ pub(crate) unsafe fn test<S: Simd>(
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
     let row = [0.0; MOST_LANES];
-    let mut sifted = Sifted { met: 0, unclear: 0, nearest: 0, t: row, v: row, w: row, det: row };
+    let t = [f32::NEG_INFINITY; MOST_LANES];
+    let mut sifted = Sifted { met: 0, unclear: 0, nearest: 0, t, v: row, w: row, det: row };
     // SAFETY: the caller's contract.
     unsafe {
         match options.accuracy {
@@ -159,10 +160,11 @@ fn test_sifted(
     best: &mut Best,
 ) -> bool {
     let ray = way.ray();
-    let mut bits = sifted.met | sifted.unclear;
+    // Those that are met first: they may spare the others.
+    let mut bits = u64::from(sifted.met) | u64::from(sifted.unclear) << 32;
     let mut better = false;
     while bits != 0 {
-        let index = bits.trailing_zeros() as usize;
+        let index = bits.trailing_zeros() as usize % 32;
         bits &= bits - 1;
         let triangle = record.triangle(index);
         if options.ignore == Some(triangle) {
@@ -170,6 +172,9 @@ fn test_sifted(
         }
         let found = if sifted.met >> index & 1 != 0 {
             sifted.candidate(index)
+        } else if sifted.t[index] > best.stop {
+            // Decided or not, it cannot come before what has been found meanwhile.
+            continue;
         } else {
             let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
             found
@@ -284,18 +289,21 @@ unsafe fn sift<S: Simd>(
         let width = S::max(a, S::max(b, c));
         let disorder = S::mul(S::mul(reach, width), S::sub(farthest, nearest));
         let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
-        let t = S::min(S::max(interpolated, nearest), farthest);
+        let mut t = S::min(S::max(interpolated, nearest), farthest);
         let kept = S::and(S::le(S::splat(ray.t_min), t), S::le(t, S::splat(limit)));
         out.met = bits & fine & S::bits(kept);
         if bits & !fine != 0 {
             let part = S::div(disorder, S::abs(det));
             let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
-            // Less than, and greater than; what is no number stays. Beyond the limit the triangle cannot
-            // come before the best hit, however near its own error brings it.
-            let (low, high) = (ray.t_min.next_down(), limit.next_up());
+            // Less than, and greater than; what is no number stays.
+            let (low, high) = (ray.t_min.next_down(), ray.t_max.next_up());
+            let early = S::sub(interpolated, error);
             let before = S::bits(S::le(S::add(interpolated, error), S::splat(low)));
-            let behind = S::bits(S::le(S::splat(high), S::sub(interpolated, error)));
-            out.unclear = bits & !(fine | before | behind);
+            let behind = S::bits(S::le(S::splat(high), early));
+            // Nothing is further off than the farthest corner, whatever the error.
+            t = S::select(S::mask(fine), t, S::min(farthest, early));
+            let late = S::bits(S::le(S::splat(limit.next_up()), t));
+            out.unclear = bits & !(fine | before | behind | late);
         }
         out.nearest = if any { out.met } else { out.met & S::least(out.met, t) };
         S::store(out.t.as_mut_ptr(), t);
