@@ -174,9 +174,25 @@ impl CpuBackend {
         executor = executor.watched(look);
         let planes = options.config.preset.planes();
         match planes {
-            Some(planes) => schedule::build(&mut executor, planes)?,
+            Some(planes) => {
+                executor = executor.cached();
+                schedule::build(&mut executor, planes)?;
+                if executor.is_void() {
+                    let buffers = executor.finish();
+                    executor = CpuExecutor::new(
+                        *mesh,
+                        options.config,
+                        self.set,
+                        buffers,
+                        options.max_memory,
+                    )?
+                    .watched(look);
+                    schedule::build(&mut executor, planes)?;
+                }
+            }
             None => schedule::start(&mut executor)?,
         }
+        let totals = executor.totals();
         let mut memory = executor.memory();
         let mut buffers = executor.finish();
         let counters = buffers.counters;
@@ -198,8 +214,8 @@ impl CpuBackend {
             triangles: counters[Counter::Triangles],
             dropped: counters[Counter::Dropped],
             snapped: counters[Counter::Snapped],
-            large_levels: counters[Counter::Levels],
-            small_roots: counters[Counter::SmallRoots],
+            large_levels: totals.levels,
+            small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
         let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory);

@@ -10,7 +10,8 @@ use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
 
 use crate::best::Scratch;
-use crate::kernels::build_small::Subtrees;
+use crate::kernels::build_cached::{Totals, Workers};
+use crate::kernels::small_root::Subtrees;
 use crate::lookout::{Lookout, UNWATCHED, resize};
 
 /// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is
@@ -42,6 +43,11 @@ pub struct Buffers {
     pub(crate) root_bounds: Aabb,
     /// Not part of the schedule: the subtrees that `build_small` measured, kept for `emit_small`.
     pub(crate) subtrees: Vec<Subtrees>,
+    /// Not part of the schedule: how many references splits have added.
+    pub(crate) growth: u64,
+    /// Not part of the schedule: what each task of the cached stage counted, and their scratch.
+    pub(crate) totals: Vec<Totals>,
+    pub(crate) workers: Workers,
     /// Scratch of preset `best`, which the schedule does not build.
     pub(crate) best: Scratch,
 }
@@ -137,6 +143,8 @@ impl Buffers {
             + of(&self.nodes)
             + of(&self.leaf_references)
             + self.subtrees.iter().map(Subtrees::bytes).sum::<u64>()
+            + of(&self.totals)
+            + self.workers.bytes()
             + self.best.bytes()
     }
 }

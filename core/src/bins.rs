@@ -113,9 +113,13 @@ pub struct NodeBins {
 }
 
 impl NodeBins {
+    /// Nothing counted.
+    pub const EMPTY: NodeBins =
+        NodeBins { starts: [[0; MAX_BINS as usize]; 3], ends: [[0; MAX_BINS as usize]; 3] };
+
     /// Sums the bins of a node's chunks.
     pub fn sum(chunks: &[ChunkBins], bins: u32) -> NodeBins {
-        let mut sum = NodeBins { starts: [[0; 64]; 3], ends: [[0; 64]; 3] };
+        let mut sum = NodeBins::EMPTY;
         for chunk in chunks {
             for axis in 0..3 {
                 for bin in 0..bins as usize {

@@ -33,15 +33,15 @@ pub fn prepare(input: &Triangle) -> Prepared {
 }
 
 /// Beyond this magnitude, edge differences could overflow and clipping keeps the old bounds.
-const GREATEST_CLIPPED: f32 = 8.507_059e37; // 2^126
+pub const GREATEST_CLIPPED: f32 = 8.507_059e37; // 2^126
 /// Below this extent across the plane, `plane - corner` could be subnormal, which devices flush, and
 /// clipping keeps the old bounds.
-const LEAST_CLIPPED: f32 = 7.888_609e-31; // 2^-100
+pub const LEAST_CLIPPED: f32 = 7.888_609e-31; // 2^-100
 /// Each intersection point is off by at most 12 roundings (2^-24 each) of the greater end of its edge
 /// (ends of opposite signs double the difference); it is pushed outward by a third more.
-const OUTWARD: f32 = 9.536_743e-7; // 2^-20
+pub const OUTWARD: f32 = 9.536_743e-7; // 2^-20
 /// What a flushed product may have lost.
-const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
+pub const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
 
 /// Bounds of the parts of a triangle left and right of a plane, within the reference's old bounds
 /// (which may already be clipped by other planes): Zhou et al. 2008, Algorithm 2, "clip". Rounded

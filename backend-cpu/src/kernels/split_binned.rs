@@ -4,6 +4,8 @@
 //! empty space, then a split or a transfer to the small list.
 //! Ties: least expected cost, then axis, then position.
 
+use core::borrow::Borrow;
+
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
@@ -40,12 +42,22 @@ fn decide<A: Arithmetic>(
     tight: &Aabb,
     chunk_bins: &[ChunkBins],
 ) -> Decision {
-    let (mut decision, cell) = cut_empty_space::<A>(config, node, tight);
-    let Some(cell) = cell else { return decision };
     let first = node.first_chunk as usize;
     let chunks = &chunk_bins[first..first + node.count.div_ceil(CHUNK) as usize];
-    let bins = NodeBins::sum(chunks, config.bins);
-    let plane = bins.best_border::<A>(config, &cell, tight, node.count).or_else(|| {
+    decide_by::<A, _>(config, node, tight, || NodeBins::sum(chunks, config.bins))
+}
+
+/// The decision about one node, whose bins are asked for when they are needed.
+#[inline(always)]
+pub(super) fn decide_by<A: Arithmetic, B: Borrow<NodeBins>>(
+    config: &BuildConfig,
+    node: &LargeNode,
+    tight: &Aabb,
+    bins: impl FnOnce() -> B,
+) -> Decision {
+    let (mut decision, cell) = cut_empty_space::<A>(config, node, tight);
+    let Some(cell) = cell else { return decision };
+    let plane = bins().borrow().best_border::<A>(config, &cell, tight, node.count).or_else(|| {
         // That no border pays does not mean that none will: what is left is halved once, as the
         // paper does. If that separates nothing, either, the node stays whole.
         if node.inseparable == 0 { spatial_median::<A>(&cell) } else { None }
