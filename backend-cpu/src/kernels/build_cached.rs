@@ -461,10 +461,12 @@ impl Task<'_> {
                 }
                 split_large::decide::<A>(look, config, &large, &tight, references)
             }
-            Planes::Binned => split_binned::decide_by::<A, &NodeBins>(config, &large, &tight, || {
+            Planes::Binned => {
+                let (decision, cell) = split_large::cut_empty_space::<A>(config, &large, &tight);
+                let Some(cell) = cell else { return decision };
                 count_bins::<A>(config.bins, columns, node, &tight, bins);
-                bins
-            }),
+                split_binned::split::<A>(config, &large, &cell, &tight, bins, decision)
+            }
         }
     }
 

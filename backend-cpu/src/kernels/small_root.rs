@@ -8,13 +8,13 @@
 //! would exceed either becomes a leaf. Ties: least cost, then axis, then position.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::arithmetic::{Arithmetic, truncated};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
 use splitplane_core::layout::Reference;
 use splitplane_core::mask::TriangleMask;
 use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::sah::Extents;
-use splitplane_core::split::{Rank, SplitPlane, strictly_inside};
+use splitplane_core::split::{Rank, SplitPlane};
 
 use super::columns::Columns;
 use super::lanes::{Faces, Lanes, Outermost, Planes, WIDTH};
@@ -176,24 +176,26 @@ impl Root {
         if leaf <= costs.traversal * area {
             return None;
         }
-        let mut best = Candidate { rank: Rank { cost: leaf, axis: 0, position: 0 }, plane: None };
         if count <= costs.block_width {
-            self.cut_empty::<A, L>(costs, node, &extents, area, &mut best);
-            return best.plane;
+            return self.cut_empty::<A, L>(costs, node, &extents, leaf);
         }
+        let mut best = Best::above(leaf);
         for axis in 0..3 {
             let (low, high) = (node.cell.lo[axis], node.cell.hi[axis]);
             let (faces, planes) = (&mut self.gathered, &mut self.planes);
             let found = L::gather(&self.faces[axis], node.mask, low, high, faces, planes);
-            for positions in planes[..found].chunks(WIDTH) {
+            // Planes at the cell's side are not candidates.
+            planes[found..(found + WIDTH).min(2 * 64 + WIDTH)].fill(low);
+            for start in (0..found).step_by(WIDTH) {
+                let positions = core::array::from_fn(|k| planes[start + k]);
                 let block = Block { axis, positions, faces, count };
                 consider::<A, L>(costs, &node.cell, &extents, &block, &mut best);
             }
         }
-        best.plane
+        best.plane(leaf)
     }
 
-    /// Candidates of a node that fits one block. With triangles on both sides a split costs no less
+    /// The split of a node that fits one block. With triangles on both sides a split costs no less
     /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
     /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
     #[inline(always)]
@@ -202,35 +204,102 @@ impl Root {
         costs: &Costs,
         node: &Pending,
         extents: &Extents,
-        area: u32,
-        best: &mut Candidate,
-    ) {
-        let traversal = costs.traversal * area;
+        leaf: u32,
+    ) -> Option<SplitPlane> {
+        // Two planes of each axis side by side, the lowest face and the highest; then two that are none.
+        let mut position = [0.0f32; 8];
+        let mut lower = [0.0f32; 8];
+        let mut usable = [false; 8];
+        // Of the full side's half area: extent across the plane, what it is multiplied by, and the rest.
+        let (mut whole, mut rim, mut cap) = ([0u32; 8], [0u32; 8], [0u32; 8]);
         for axis in 0..3 {
             let Outermost { lowest, highest, first_end } =
                 L::outermost(&self.faces[axis], node.mask);
+            let (low, high) = (node.cell.lo[axis], node.cell.hi[axis]);
+            let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
             // A triangle planar in the lowest plane goes left of it, which is then not empty.
-            for (position, full_side, empty) in
-                [(lowest, 2, first_end > lowest), (highest, 1, true)]
+            for (k, plane, empty) in
+                [(2 * axis, lowest, first_end > lowest), (2 * axis + 1, highest, true)]
             {
-                if !(empty && strictly_inside(&node.cell, axis, position)) {
-                    continue;
-                }
-                let offset = extents.offset::<A>(node.cell.lo[axis], position);
-                let full = extents.split_areas(axis, offset)[full_side];
-                let rank = Rank::new(traversal + costs.intersection * full, axis, position);
-                if rank < best.rank {
-                    *best = Candidate { rank, plane: Some(SplitPlane { axis, position }) };
+                position[k] = plane;
+                lower[k] = low;
+                usable[k] = empty & (low < plane) & (plane < high);
+                (whole[k], rim[k], cap[k]) = (extents.cells[axis], b + c, b * c);
+            }
+        }
+        let mut cost = [u32::MAX; 8];
+        for k in 0..8 {
+            let half = A::snapped_difference(
+                A::snapped_product(position[k], 0.5),
+                A::snapped_product(lower[k], 0.5),
+            );
+            // Planes outside give any offset; it must only not overflow what follows.
+            let offset = truncated(A::product(half, extents.scale)).min(whole[k]);
+            let full = if k % 2 == 0 { whole[k] - offset } else { offset };
+            let total = costs.traversal * (whole[k].max(1) * rim[k] + cap[k])
+                + costs.intersection * (full.max(1) * rim[k] + cap[k]);
+            cost[k] = if usable[k] { total } else { u32::MAX };
+        }
+        let mut best = Rank { cost: leaf, axis: 0, position: 0 };
+        let mut plane = None;
+        for k in 0..6 {
+            if cost[k] <= best.cost {
+                let rank = Rank::new(cost[k], k / 2, position[k]);
+                if rank < best {
+                    best = rank;
+                    plane = Some(SplitPlane { axis: k / 2, position: position[k] });
                 }
             }
         }
+        plane
     }
 }
 
-/// The least candidate so far.
-struct Candidate {
-    rank: Rank,
-    plane: Option<SplitPlane>,
+/// The least candidates so far, one for each lane: lanes are compared in the end.
+#[derive(Debug)]
+struct Best {
+    cost: [u32; WIDTH],
+    axis: [u32; WIDTH],
+    position: [f32; WIDTH],
+}
+
+impl Best {
+    /// Candidates must cost less than this.
+    #[inline(always)]
+    fn above(cost: u32) -> Best {
+        // No candidate has this axis: none wins by a tie.
+        Best { cost: [cost; WIDTH], axis: [3; WIDTH], position: [0.0; WIDTH] }
+    }
+
+    /// Takes a candidate for a lane if it is less. Candidates come in the order of their axes.
+    #[inline(always)]
+    fn offer(&mut self, lane: usize, cost: u32, axis: u32, position: f32) {
+        let tie = (cost == self.cost[lane])
+            & (axis == self.axis[lane])
+            & (position < self.position[lane]);
+        let less = (cost < self.cost[lane]) | tie;
+        self.cost[lane] = if less { cost } else { self.cost[lane] };
+        self.axis[lane] = if less { axis } else { self.axis[lane] };
+        self.position[lane] = if less { position } else { self.position[lane] };
+    }
+
+    /// The least of all lanes, if any costs less than this.
+    #[inline(always)]
+    fn plane(&self, above: u32) -> Option<SplitPlane> {
+        let least = self.cost.iter().fold(u32::MAX, |least, &cost| least.min(cost));
+        if least >= above {
+            return None;
+        }
+        let mut best = (3, 0.0);
+        for lane in 0..WIDTH {
+            let (axis, position) = (self.axis[lane], self.position[lane]);
+            let first = (axis < best.0) | ((axis == best.0) & (position < best.1));
+            if (self.cost[lane] == least) & first {
+                best = (axis, position);
+            }
+        }
+        Some(SplitPlane { axis: best.0 as usize, position: best.1 })
+    }
 }
 
 /// What of the configuration costs depend on, with the division by W made a multiplication.
@@ -263,10 +332,10 @@ impl Costs {
     }
 }
 
-/// Up to [`WIDTH`] planes of one axis of a node.
+/// Planes of one axis of a node.
 struct Block<'a> {
     axis: usize,
-    positions: &'a [f32],
+    positions: [f32; WIDTH],
     /// Bounds of the node's references on that axis.
     faces: &'a Faces,
     /// Their number.
@@ -281,42 +350,28 @@ fn consider<A: Arithmetic, L: Lanes>(
     cell: &Aabb,
     extents: &Extents,
     block: &Block<'_>,
-    best: &mut Candidate,
+    best: &mut Best,
 ) {
     let &Block { axis, positions, faces, count } = block;
-    let mut plane = [cell.lo[axis]; WIDTH];
-    plane[..positions.len()].copy_from_slice(positions);
-    let [left, ended] = L::count(faces, count as usize, &plane);
+    let [left, ended] = L::count(faces, count as usize, &positions);
     let (low, high) = (cell.lo[axis], cell.hi[axis]);
     let half_low = A::snapped_product(low, 0.5);
     let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
     let (rim, cap) = (b + c, b * c);
     let whole = extents.cells[axis];
     let area = whole.max(1) * rim + cap;
-    let mut cost = [0u32; WIDTH];
     for k in 0..WIDTH {
-        let inside = (low < plane[k]) & (plane[k] < high);
+        let plane = positions[k];
+        let inside = (low < plane) & (plane < high);
         // Planes outside give any offset; it must only not overflow what follows.
-        let half = A::snapped_difference(A::snapped_product(plane[k], 0.5), half_low);
-        let offset = A::product(half, extents.scale) as i32 as u32;
-        let offset = offset.min(whole);
+        let half = A::snapped_difference(A::snapped_product(plane, 0.5), half_low);
+        let offset = truncated(A::product(half, extents.scale)).min(whole);
         let left_area = offset.max(1) * rim + cap;
         let right_area = (whole - offset).max(1) * rim + cap;
         let sum = costs.blocks(left[k]) * left_area + costs.blocks(count - ended[k]) * right_area;
         let total = costs.traversal * area + costs.intersection * sum;
-        cost[k] = if inside { total } else { u32::MAX };
-    }
-    let least = cost.iter().fold(u32::MAX, |m, &x| m.min(x));
-    if least > best.rank.cost {
-        return;
-    }
-    for k in 0..positions.len() {
-        if cost[k] <= best.rank.cost {
-            let rank = Rank::new(cost[k], axis, plane[k]);
-            if rank < best.rank {
-                *best = Candidate { rank, plane: Some(SplitPlane { axis, position: plane[k] }) };
-            }
-        }
+        let cost = if inside { total } else { u32::MAX };
+        best.offer(k, cost, axis as u32, plane);
     }
 }
 
@@ -326,6 +381,7 @@ mod tests {
     use super::super::lanes::Plain;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::sah::{leaf_cost, split_cost};
+    use splitplane_core::split::strictly_inside;
 
     /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
     /// counts from masks.

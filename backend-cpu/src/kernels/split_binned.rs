@@ -4,8 +4,6 @@
 //! empty space, then a split or a transfer to the small list.
 //! Ties: least expected cost, then axis, then position.
 
-use core::borrow::Borrow;
-
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
@@ -42,25 +40,27 @@ fn decide<A: Arithmetic>(
     tight: &Aabb,
     chunk_bins: &[ChunkBins],
 ) -> Decision {
+    let (decision, cell) = cut_empty_space::<A>(config, node, tight);
+    let Some(cell) = cell else { return decision };
     let first = node.first_chunk as usize;
     let chunks = &chunk_bins[first..first + node.count.div_ceil(CHUNK) as usize];
-    decide_by::<A, _>(config, node, tight, || NodeBins::sum(chunks, config.bins))
+    let bins = NodeBins::sum(chunks, config.bins);
+    split::<A>(config, node, &cell, tight, &bins, decision)
 }
 
-/// The decision about one node, whose bins are asked for when they are needed.
-#[inline(always)]
-pub(super) fn decide_by<A: Arithmetic, B: Borrow<NodeBins>>(
+/// The decision about a node after its cuts of empty space, which have left this cell.
+pub(super) fn split<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,
+    cell: &Aabb,
     tight: &Aabb,
-    bins: impl FnOnce() -> B,
+    bins: &NodeBins,
+    mut decision: Decision,
 ) -> Decision {
-    let (mut decision, cell) = cut_empty_space::<A>(config, node, tight);
-    let Some(cell) = cell else { return decision };
-    let plane = bins().borrow().best_border::<A>(config, &cell, tight, node.count).or_else(|| {
+    let plane = bins.best_border::<A>(config, cell, tight, node.count).or_else(|| {
         // That no border pays does not mean that none will: what is left is halved once, as the
         // paper does. If that separates nothing, either, the node stays whole.
-        if node.inseparable == 0 { spatial_median::<A>(&cell) } else { None }
+        if node.inseparable == 0 { spatial_median::<A>(cell) } else { None }
     });
     if let Some(SplitPlane { axis, position }) = plane {
         decision.axis = axis as u32;
