@@ -313,6 +313,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.chunk_bins, chunks, look)?;
                 k::bin_references::run::<A>(
                     look,
+                    self.set,
                     self.config.bins,
                     &b.chunks[..chunks],
                     &b.node_bounds[..active],

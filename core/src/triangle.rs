@@ -19,17 +19,26 @@ pub struct Prepared {
     pub snapped: bool,
 }
 
-/// Snaps a triangle and decides whether it is kept.
+/// Snaps a triangle and decides whether it is kept. Without branches: every triangle comes by here.
+#[inline]
 pub fn prepare(input: &Triangle) -> Prepared {
-    let corners = input.map(|corner| corner.map(snap));
-    let finite = corners.as_flattened().iter().all(|x| x.is_finite());
+    let mut corners = *input;
+    let (mut greatest, mut changed) = (0, 0);
+    for x in corners.as_flattened_mut() {
+        let before = x.to_bits();
+        *x = snap(*x);
+        greatest = greatest.max(before & 0x7fff_ffff);
+        changed |= before ^ x.to_bits();
+    }
+    // The bits of finite numbers, without the sign, are less than those of infinity.
+    let finite = greatest < f32::INFINITY.to_bits();
     let [a, b, c] = corners;
-    let changed = input
-        .as_flattened()
-        .iter()
-        .zip(corners.as_flattened())
-        .any(|(before, after)| before.to_bits() != after.to_bits());
-    Prepared { corners, kept: finite && a != b && b != c && c != a, snapped: finite && changed }
+    let differ = |p: [f32; 3], q: [f32; 3]| (p[0] != q[0]) | (p[1] != q[1]) | (p[2] != q[2]);
+    Prepared {
+        corners,
+        kept: finite & differ(a, b) & differ(b, c) & differ(c, a),
+        snapped: finite & (changed != 0),
+    }
 }
 
 /// Beyond this magnitude, edge differences could overflow and clipping keeps the old bounds.

@@ -22,6 +22,7 @@ use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::triangle::Triangle;
 
 use super::columns::Columns;
+use super::count_bins::count_axis;
 use super::cut::{Cut, TILE};
 #[cfg(target_arch = "x86_64")]
 use super::lanes::Avx512;
@@ -490,7 +491,7 @@ impl Task<'_> {
     }
 }
 
-/// Counts by bins where the references of a node start and end, as `bin_references` does by chunks.
+/// Counts by bins where the references of a node start and end.
 #[inline(always)]
 fn count_bins<A: Arithmetic>(
     count: u32,
@@ -500,21 +501,13 @@ fn count_bins<A: Arithmetic>(
     bins: &mut NodeBins,
 ) {
     for axis in 0..3 {
-        bins.starts[axis] = [0; MAX_BINS as usize];
-        bins.ends[axis] = [0; MAX_BINS as usize];
         // A flat axis has no borders: its bins stay empty.
-        let Some(axis_bins) = BinAxis::of::<A>(tight, axis, count) else { continue };
-        let lo = columns.face(axis, node.first, node.count).chunks(WIDTH);
-        let hi = columns.face(3 + axis, node.first, node.count).chunks(WIDTH);
-        for (lo, hi) in lo.zip(hi) {
-            let mut places = [[0u32; 2]; WIDTH];
-            for ((place, &lo), &hi) in places.iter_mut().zip(lo).zip(hi) {
-                *place = axis_bins.range::<A>(lo, hi);
-            }
-            for &[start, end] in &places[..lo.len()] {
-                bins.starts[axis][start as usize & 63] += 1;
-                bins.ends[axis][end as usize & 63] += 1;
-            }
+        let mut counted = [[0; MAX_BINS as usize]; 2];
+        if let Some(bins) = BinAxis::of::<A>(tight, axis, count) {
+            let lo = columns.face(axis, node.first, node.count);
+            let hi = columns.face(3 + axis, node.first, node.count);
+            counted = count_axis::<A>(&bins, lo, hi);
         }
+        [bins.starts[axis], bins.ends[axis]] = counted;
     }
 }

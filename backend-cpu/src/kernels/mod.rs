@@ -9,6 +9,7 @@ pub mod build_small;
 pub mod chunk_nodes;
 pub mod classify_references;
 pub(crate) mod columns;
+pub(crate) mod count_bins;
 pub mod count_children;
 pub(crate) mod cut;
 pub mod emit_small;
