@@ -37,6 +37,76 @@ struct Batch {
     faces: [[[f32; WIDTH]; 2]; 2],
 }
 
+/// What is known of the parts of 16 triangles.
+struct Parts {
+    /// Greatest magnitude of a coordinate.
+    reach: [f32; WIDTH],
+    /// Not 0 where an edge that crosses the plane extends too little across it.
+    short: [u32; WIDTH],
+    /// Bounds by side of the plane and other axis.
+    least: [[[f32; WIDTH]; 2]; 2],
+    most: [[[f32; WIDTH]; 2]; 2],
+}
+
+impl Parts {
+    const EMPTY: Parts = Parts {
+        reach: [0.0; WIDTH],
+        short: [0; WIDTH],
+        least: [[[f32::MAX; WIDTH]; 2]; 2],
+        most: [[[-f32::MAX; WIDTH]; 2]; 2],
+    };
+
+    /// Adds the corner p and where the edge to q crosses the plane. One loop without loops or branches
+    /// inside, so that vector instructions serve.
+    #[inline(always)]
+    fn edge<A: Arithmetic>(
+        &mut self,
+        p: &[[f32; WIDTH]; 3],
+        q: &[[f32; WIDTH]; 3],
+        plane: f32,
+    ) {
+        let [[least_0, least_1], [least_2, least_3]] = &mut self.least;
+        let [[most_0, most_1], [most_2, most_3]] = &mut self.most;
+        for lane in 0..WIDTH {
+            let (from, to) = (p[0][lane], q[0][lane]);
+            // A corner in the plane belongs to both sides.
+            let (left, right) = (from <= plane, from >= plane);
+            let crosses = ((from < plane) & (plane < to)) | ((to < plane) & (plane < from));
+            // From the lower end in both triangles of an edge, so that both compute the same point.
+            let rising = from < to;
+            let (low, high) = if rising { (from, to) } else { (to, from) };
+            let across = A::snapped_difference(high, low);
+            self.short[lane] |= u32::from(crosses & (across < LEAST_CLIPPED));
+            let ratio = A::quotient(A::snapped_difference(plane, low), across);
+            let (x, y) = (p[1][lane], p[2][lane]);
+            let [x_below, x_above] = crossing::<A>(rising, crosses, ratio, x, q[1][lane]);
+            let [y_below, y_above] = crossing::<A>(rising, crosses, ratio, y, q[2][lane]);
+            least_0[lane] = min(min(least_0[lane], if left { x } else { f32::MAX }), x_below);
+            least_1[lane] = min(min(least_1[lane], if left { y } else { f32::MAX }), y_below);
+            least_2[lane] = min(min(least_2[lane], if right { x } else { f32::MAX }), x_below);
+            least_3[lane] = min(min(least_3[lane], if right { y } else { f32::MAX }), y_below);
+            most_0[lane] = max(max(most_0[lane], if left { x } else { -f32::MAX }), x_above);
+            most_1[lane] = max(max(most_1[lane], if left { y } else { -f32::MAX }), y_above);
+            most_2[lane] = max(max(most_2[lane], if right { x } else { -f32::MAX }), x_above);
+            most_3[lane] = max(max(most_3[lane], if right { y } else { -f32::MAX }), y_above);
+        }
+    }
+}
+
+/// Where an edge from p to q, on another axis, crosses the plane at this part of its length from the lower end:
+/// least and greatest, its error included. What widens no bounds where it does not cross.
+#[inline(always)]
+fn crossing<A: Arithmetic>(rising: bool, crosses: bool, ratio: f32, p: f32, q: f32) -> [f32; 2] {
+    let (low, high) = if rising { (p, q) } else { (q, p) };
+    let along = A::snapped_difference(high, low);
+    let point = A::snapped_sum(low, A::snapped_product(ratio, along));
+    let reach = max(low.abs(), high.abs());
+    let error = A::snapped_sum(A::snapped_product(reach, OUTWARD), OUTWARD_LEAST);
+    let below = A::snapped_difference(point, error);
+    let above = A::snapped_sum(point, error);
+    if crosses { [below, above] } else { [f32::MAX, -f32::MAX] }
+}
+
 impl Cut {
     /// Nothing cut yet.
     pub fn new() -> Cut {
@@ -107,76 +177,38 @@ impl Cut {
     /// Cuts 16: the operations of [`splitplane_core::triangle::clip`] in their order, without branches.
     #[inline(always)]
     fn batch<A: Arithmetic>(&mut self, batch: &Batch, start: usize) {
-        let plane = self.plane;
-        let mut faces = [[[[0.0f32; WIDTH]; 2]; 2]; 2];
-        let mut kept = [[0u8; WIDTH]; 2];
-        for lane in 0..WIDTH {
-            let at = |corner: usize, k: usize| batch.corners[corner % 3][k][lane];
-            let mut reach = 0.0;
-            for corner in 0..3 {
-                for k in 0..3 {
-                    reach = max(reach, at(corner, k).abs());
-                }
-            }
-            // Whether the bounds stay what they are.
-            let mut stay = reach > GREATEST_CLIPPED;
-            let mut least = [[f32::MAX; 2]; 2];
-            let mut most = [[-f32::MAX; 2]; 2];
-            for corner in 0..3 {
-                let (p, q) = (at(corner, 0), at(corner + 1, 0));
-                let inside = [p <= plane, p >= plane];
-                for side in 0..2 {
-                    for other in 0..2 {
-                        let x = at(corner, 1 + other);
-                        let (low, high) = if inside[side] { (x, x) } else { (f32::MAX, -f32::MAX) };
-                        least[side][other] = min(least[side][other], low);
-                        most[side][other] = max(most[side][other], high);
-                    }
-                }
-                let crosses = ((p < plane) & (plane < q)) | ((q < plane) & (plane < p));
-                let rising = p < q;
-                let (low, high) = if rising { (p, q) } else { (q, p) };
-                let across = A::snapped_difference(high, low);
-                stay |= crosses & (across < LEAST_CLIPPED);
-                let ratio = A::quotient(A::snapped_difference(plane, low), across);
-                for other in 0..2 {
-                    let (p, q) = (at(corner, 1 + other), at(corner + 1, 1 + other));
-                    let (low, high) = if rising { (p, q) } else { (q, p) };
-                    let along = A::snapped_difference(high, low);
-                    let point = A::snapped_sum(low, A::snapped_product(ratio, along));
-                    let reach = max(low.abs(), high.abs());
-                    let error = A::snapped_sum(A::snapped_product(reach, OUTWARD), OUTWARD_LEAST);
-                    let below = A::snapped_difference(point, error);
-                    let above = A::snapped_sum(point, error);
-                    let (below, above) =
-                        if crosses { (below, above) } else { (f32::MAX, -f32::MAX) };
-                    for side in 0..2 {
-                        least[side][other] = min(least[side][other], below);
-                        most[side][other] = max(most[side][other], above);
-                    }
-                }
-            }
-            for side in 0..2 {
-                let mut empty = false;
-                for other in 0..2 {
-                    let [lo, hi] = [batch.faces[other][0][lane], batch.faces[other][1][lane]];
-                    let low = if stay { lo } else { max(lo, least[side][other]) };
-                    let high = if stay { hi } else { min(hi, most[side][other]) };
-                    faces[side][other][0][lane] = low;
-                    faces[side][other][1][lane] = high;
-                    empty |= low > high;
-                }
-                kept[side][lane] = if empty { 0 } else { u8::MAX };
+        let [a, b, c] = &batch.corners;
+        let mut parts = Parts::EMPTY;
+        for corner in [a, b, c] {
+            for lane in 0..WIDTH {
+                let reach = max(corner[0][lane].abs(), corner[1][lane].abs());
+                parts.reach[lane] = max(parts.reach[lane], max(reach, corner[2][lane].abs()));
             }
         }
+        parts.edge::<A>(a, b, self.plane);
+        parts.edge::<A>(b, c, self.plane);
+        parts.edge::<A>(c, a, self.plane);
         for side in 0..2 {
+            let mut empty = [0u32; WIDTH];
             for other in 0..2 {
-                for end in 0..2 {
-                    self.faces[side][other][end][start..start + WIDTH]
-                        .copy_from_slice(&faces[side][other][end]);
+                let [lo, hi] = &batch.faces[other];
+                let [low, high] = &mut self.faces[side][other];
+                let low = &mut low[start..start + WIDTH];
+                let high = &mut high[start..start + WIDTH];
+                let (least, most) = (&parts.least[side][other], &parts.most[side][other]);
+                for lane in 0..WIDTH {
+                    // Whether the bounds stay what they are.
+                    let stay = (parts.reach[lane] > GREATEST_CLIPPED) | (parts.short[lane] != 0);
+                    let inner = [max(lo[lane], least[lane]), min(hi[lane], most[lane])];
+                    let [l, h] = if stay { [lo[lane], hi[lane]] } else { inner };
+                    low[lane] = l;
+                    high[lane] = h;
+                    empty[lane] |= u32::from(l > h);
                 }
             }
-            self.kept[side][start..start + WIDTH].copy_from_slice(&kept[side]);
+            for (kept, empty) in self.kept[side][start..start + WIDTH].iter_mut().zip(empty) {
+                *kept = if empty == 0 { u8::MAX } else { 0 };
+            }
         }
     }
 
