@@ -415,7 +415,7 @@ impl Task<'_> {
         for tile in (0..node.count).step_by(TILE) {
             let count = TILE.min(node.count - tile);
             let from = node.first + tile;
-            cut.tile::<A>(columns, from, count, triangles);
+            cut.tile::<A, L>(columns, from, count, triangles);
             let to = [node.first + left, node.free + right];
             let [lefts, rights] = L::divide(columns, cut, from, count, to[0], to[1]);
             left += lefts;

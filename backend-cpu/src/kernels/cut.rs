@@ -7,7 +7,7 @@ use splitplane_core::triangle::{
 };
 
 use super::columns::{Columns, Row};
-use super::lanes::WIDTH;
+use super::lanes::{Lanes, Places, WIDTH};
 
 /// References divided at a time: their cuts stay in cache.
 pub(crate) const TILE: usize = 1024;
@@ -26,7 +26,7 @@ pub(crate) struct Cut {
     /// By side: all bits of a byte where something is left there, else none.
     pub kept: [[u8; ROOM]; 2],
     /// Which references: indices of the columns.
-    crossing: [u32; ROOM],
+    crossing: Places,
 }
 
 /// 16 triangles and what their references hold of them on the two other axes.
@@ -122,7 +122,7 @@ impl Cut {
     /// Cuts what the plane crosses among `count` references from `first`, at most [`TILE`]. Without
     /// triangles bounds are cut alone.
     #[inline(always)]
-    pub fn tile<A: Arithmetic>(
+    pub fn tile<A: Arithmetic, L: Lanes>(
         &mut self,
         columns: &Columns,
         first: usize,
@@ -131,11 +131,7 @@ impl Cut {
     ) {
         let (lo, hi) =
             (columns.face(self.axis, first, count), columns.face(3 + self.axis, first, count));
-        let mut crossing = 0;
-        for (i, (&lo, &hi)) in lo.iter().zip(hi).enumerate() {
-            self.crossing[crossing & (TILE - 1)] = i as u32;
-            crossing += usize::from((lo < self.plane) & (self.plane < hi));
-        }
+        let crossing = L::crossing(lo, hi, self.plane, &mut self.crossing);
         let mut batch = Batch { corners: [[[0.0; WIDTH]; 3]; 3], faces: [[[0.0; WIDTH]; 2]; 2] };
         let axes = [self.axis, (self.axis + 1) % 3, (self.axis + 2) % 3];
         let names = columns.triangles(first, count);

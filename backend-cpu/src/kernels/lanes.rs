@@ -27,6 +27,9 @@ impl Faces {
     pub const NONE: Faces = Faces { lo: [0.0; 64], hi: [0.0; 64] };
 }
 
+/// Places in a tile, and room for a whole store behind them.
+pub(crate) type Places = [u32; TILE + WIDTH];
+
 /// Candidate planes of a node on one axis: some of its faces, and room for a whole store behind them.
 pub(crate) type Planes = [f32; 2 * 64 + WIDTH];
 
@@ -64,6 +67,10 @@ pub(crate) trait Lanes {
 
     /// The outermost faces of the references that a mask names.
     fn outermost(faces: &Faces, mask: u64) -> Outermost;
+
+    /// Lists the places of references from `lo` to `hi` that a plane crosses, in order. At most [`TILE`]
+    /// references. Returns how many there are; what stands behind them is of no use.
+    fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut Places) -> usize;
 
     /// Divides a tile of references by a plane, whose crossing references have been cut: the left ones
     /// move to `left`, in place, the right ones to `right`. Returns how many go to either side.
@@ -147,6 +154,16 @@ impl Lanes for Plain {
             out.first_end = min(out.first_end, faces.hi[i]);
         }
         out
+    }
+
+    #[inline(always)]
+    fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut Places) -> usize {
+        let mut crossing = 0;
+        for (i, (&lo, &hi)) in lo.iter().zip(hi).enumerate() {
+            out[crossing] = i as u32;
+            crossing += usize::from((lo < plane) & (plane < hi));
+        }
+        crossing
     }
 
     #[inline(always)]
@@ -306,6 +323,33 @@ impl Lanes for Avx512 {
                 first_end: _mm512_reduce_min_ps(first_end),
             }
         }
+    }
+
+    #[inline(always)]
+    fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut Places) -> usize {
+        use core::arch::x86_64::*;
+        let count = lo.len().min(hi.len());
+        assert!(count <= TILE);
+        let mut crossing = 0;
+        // SAFETY: the processor has AVX-512 by the type's contract. Loads are masked beyond the ends. At most
+        // TILE places are listed, and there is room for a whole store behind them.
+        unsafe {
+            let plane = _mm512_set1_ps(plane);
+            let mut place = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+            for start in (0..count).step_by(WIDTH) {
+                let left = count - start;
+                let valid = if left >= WIDTH { u16::MAX } else { (1 << left) - 1 };
+                let lo = _mm512_maskz_loadu_ps(valid, lo.as_ptr().add(start));
+                let hi = _mm512_maskz_loadu_ps(valid, hi.as_ptr().add(start));
+                let starts = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(valid, lo, plane);
+                let both = _mm512_mask_cmp_ps_mask::<_CMP_LT_OQ>(starts, plane, hi);
+                let listed = _mm512_maskz_compress_epi32(both, place);
+                _mm512_storeu_si512(out.as_mut_ptr().add(crossing).cast(), listed);
+                crossing += both.count_ones() as usize;
+                place = _mm512_add_epi32(place, _mm512_set1_epi32(WIDTH as i32));
+            }
+        }
+        crossing
     }
 
     #[inline(always)]
