@@ -33,11 +33,11 @@ use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
 /// Tasks for each thread: enough that the last ones to end keep no other waiting long.
-const TASKS: usize = 16;
+const TASKS: usize = 8;
 /// Fewest references of a task: levels cost little beside what they save from here on.
 const LEAST: usize = 1024;
-/// Most: columns of so many references fit the caches of any machine.
-const MOST: usize = 1 << 16;
+/// Most: columns of so many references fit the last level of cache of most machines.
+const MOST: usize = 1 << 17;
 
 /// Most references of a node that one task builds.
 pub fn limit(references: usize, threads: usize) -> u32 {
@@ -509,5 +509,149 @@ fn count_bins<A: Arithmetic>(
             counted = count_axis::<A>(&bins, lo, hi);
         }
         [bins.starts[axis], bins.ends[axis]] = counted;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::CpuExecutor;
+    use crate::buffers::Buffers;
+    use splitplane_core::arithmetic::{Hostile, Strict};
+    use splitplane_core::config::Preset;
+    use splitplane_core::kernel::Buffer;
+    use splitplane_core::mesh::Mesh;
+    use splitplane_core::schedule;
+
+    fn soup(count: usize, size: f32, seed: u32) -> Vec<Triangle> {
+        let mut state = seed;
+        let mut next = move || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 8) as f32 / 8_388_608.0 - 1.0
+        };
+        let mut point = |spread: f32| [(); 3].map(|()| next() * spread);
+        (0..count)
+            .map(|i| {
+                let centre = point(5.0);
+                let size = if i % 60 == 0 { 20.0 * size } else { size };
+                let mut corners = [(); 3].map(|()| {
+                    let offset = point(size);
+                    [0, 1, 2].map(|k| centre[k] + offset[k])
+                });
+                if i % 7 == 0 {
+                    // Planar, some of them in one plane.
+                    for corner in &mut corners {
+                        corner[i % 3] = if i % 14 == 0 { 0.5 } else { centre[i % 3] };
+                    }
+                }
+                corners
+            })
+            .collect()
+    }
+
+    /// Nodes, references, levels and small roots of a build, and whether it was void.
+    fn built<A: Arithmetic>(
+        mesh: &Mesh<'_>,
+        config: BuildConfig,
+        set: InstructionSet,
+        cached: bool,
+    ) -> (Vec<u8>, Vec<u8>, [u32; 2], bool) {
+        let buffers = Buffers::default();
+        let mut executor: CpuExecutor<'_, A> =
+            CpuExecutor::new(*mesh, config, set, buffers, None).unwrap();
+        if cached {
+            executor = executor.cached();
+        }
+        schedule::build(&mut executor, config.preset.planes().unwrap()).unwrap();
+        let Totals { levels, small_roots } = executor.totals();
+        let live = |buffer| executor.live(buffer).unwrap().to_vec();
+        let void = executor.is_void();
+        (live(Buffer::Nodes), live(Buffer::LeafReferences), [levels, small_roots], void)
+    }
+
+    /// The tree of the levels, over every instruction set, for configurations of all kinds.
+    #[test]
+    fn tasks_build_what_the_levels_build() {
+        let plain = BuildConfig::default();
+        let scenes = [soup(5000, 0.2, 1), soup(3000, 0.02, 2), soup(1200, 1.0, 3), soup(50, 1.0, 4)];
+        let mut same = scenes[1].clone();
+        same.extend([scenes[1][7]; 1200]);
+        for (scene, triangles) in scenes.iter().chain([&same]).enumerate() {
+            let mesh = Mesh::soup(triangles).unwrap();
+            for preset in [Preset::Fast, Preset::Balanced] {
+                for config in [
+                    plain,
+                    BuildConfig { clip: false, ..plain },
+                    BuildConfig { small_node_limit: 5, block_width: 3, empty_cutoff: 10, ..plain },
+                    BuildConfig { max_depth: 9, bins: 7, ..plain },
+                    BuildConfig { max_depth: 3, ..plain },
+                ] {
+                    let config =
+                        BuildConfig { preset, references_per_triangle: 1 << 10, ..config };
+                    let config = BuildConfig { nodes_per_triangle: 1 << 10, ..config };
+                    let portable = InstructionSet::Portable;
+                    let expected = built::<Strict>(&mesh, config, portable, false);
+                    for set in InstructionSet::available() {
+                        let found = built::<Strict>(&mesh, config, set, true);
+                        assert!(!found.3, "scene {scene}, {config:?}");
+                        assert!(found == expected, "scene {scene}, {set:?}, {config:?}");
+                    }
+                }
+                let config = BuildConfig { preset, ..plain };
+                let (nodes, references, ..) =
+                    built::<Strict>(&mesh, config, InstructionSet::Portable, false);
+                let hostile = built::<Hostile>(&mesh, config, InstructionSet::Portable, true);
+                assert!((hostile.0, hostile.1) == (nodes, references), "scene {scene}, hostile");
+            }
+        }
+    }
+
+    /// Where a cap binds, or might, the tasks' tree is void, and [`crate::CpuBackend`] builds that of the
+    /// levels. With room to spare it is not.
+    #[test]
+    fn caps_make_it_void() {
+        let triangles = soup(9000, 1.0, 5);
+        let mesh = Mesh::soup(&triangles).unwrap();
+        let mut voids = 0;
+        for preset in [Preset::Fast, Preset::Balanced] {
+            for (references_per_triangle, nodes_per_triangle) in
+                [(1, 4), (2, 4), (3, 4), (8, 4), (1 << 10, 1), (1 << 10, 1 << 10)]
+            {
+                let config = BuildConfig {
+                    preset,
+                    references_per_triangle,
+                    nodes_per_triangle,
+                    small_node_limit: 8,
+                    ..BuildConfig::default()
+                };
+                let set = InstructionSet::detect();
+                let (nodes, references, [levels, small_roots], _) =
+                    built::<Strict>(&mesh, config, set, false);
+                let found = built::<Strict>(&mesh, config, set, true);
+                voids += u32::from(found.3);
+                assert!(found.3 || found.0 == nodes && found.1 == references);
+                let options = config.into();
+                let (tree, summary) =
+                    crate::CpuBackend::new().build_tree(&mesh, &options).unwrap();
+                assert!(bytemuck::cast_slice::<_, u8>(&tree.nodes) == nodes);
+                assert!(bytemuck::cast_slice::<_, u8>(&tree.references) == references);
+                assert_eq!([summary.large_levels, summary.small_roots], [levels, small_roots]);
+            }
+        }
+        // Twice the least references, twice the least nodes at least, and never all.
+        assert!((4..12).contains(&voids), "{voids}");
+    }
+
+    /// However many references a task takes, each root is within its bounds.
+    #[test]
+    fn tasks_are_neither_too_small_nor_too_large() {
+        assert_eq!(limit(0, 1), LEAST as u32);
+        assert_eq!(limit(1 << 20, 4), 1 << 15);
+        assert_eq!(limit(1 << 28, 1), MOST as u32);
+        let caps = Caps::new(&BuildConfig::default(), 100, 0, 0);
+        caps.add(4096 + 800, 0);
+        assert!(!caps.exceeded());
+        caps.add(1, 0);
+        assert!(caps.exceeded());
     }
 }

@@ -433,3 +433,218 @@ impl Lanes for Avx512 {
         [lefts, rights]
     }
 }
+
+#[cfg(all(test, target_arch = "x86_64"))]
+mod tests {
+    use super::*;
+    use crate::kernels::columns::Row;
+    use crate::query::InstructionSet;
+    use splitplane_core::arithmetic::Strict;
+    use splitplane_core::triangle::Triangle;
+
+    /// Numbers of a coarse grid, so that faces coincide and references are planar.
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (self.0 >> 24) as f32 / 16.0
+        }
+
+        fn faces(&mut self) -> Faces {
+            let mut faces = Faces::NONE;
+            for i in 0..64 {
+                faces.lo[i] = self.next();
+                faces.hi[i] = faces.lo[i] + (self.next() / 4.0 - 1.0).max(0.0);
+            }
+            faces
+        }
+
+        fn mask(&mut self) -> u64 {
+            let bits = (0..8).fold(0u64, |bits, _| bits << 8 | (self.next() * 16.0) as u64);
+            if self.next() < 8.0 { bits } else { bits & bits >> 7 & bits << 9 }
+        }
+    }
+
+    fn avx512() -> bool {
+        InstructionSet::available().contains(&InstructionSet::Avx512)
+    }
+
+    /// Gathered faces, and planes in order, without repeats.
+    fn gathered<L: Lanes>(faces: &Faces, mask: u64, low: f32, high: f32) -> Vec<Vec<f32>> {
+        let (mut out, mut planes) = (Faces::NONE, [f32::NAN; 2 * 64 + WIDTH]);
+        let found = L::gather(faces, mask, low, high, &mut out, &mut planes);
+        let mut planes = planes[..found].to_vec();
+        planes.sort_by(f32::total_cmp);
+        planes.dedup();
+        let count = mask.count_ones() as usize;
+        vec![out.lo[..count].to_vec(), out.hi[..count].to_vec(), planes]
+    }
+
+    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
+    fn small_operations() {
+        let mut numbers = Numbers(1);
+        for _ in 0..2000 {
+            let (faces, mask) = (numbers.faces(), numbers.mask());
+            let (plane, count) = (numbers.next(), numbers.next() as usize * 4);
+            assert_eq!(Avx512::sides(&faces, count, plane), Plain::sides(&faces, count, plane));
+            let planes = core::array::from_fn(|_| numbers.next());
+            assert_eq!(Avx512::count(&faces, count, &planes), Plain::count(&faces, count, &planes));
+            assert_eq!(Avx512::outermost(&faces, mask), Plain::outermost(&faces, mask));
+            let (low, high) = (numbers.next(), numbers.next());
+            let expected = gathered::<Plain>(&faces, mask, low, high);
+            assert_eq!(gathered::<Avx512>(&faces, mask, low, high), expected);
+            // Against the rule itself: every face inside, once.
+            let chosen = (0..64).filter(|i| mask >> i & 1 == 1);
+            let mut all: Vec<f32> = chosen.flat_map(|i| [faces.lo[i], faces.hi[i]]).collect();
+            all.retain(|&face| low < face && face < high);
+            all.sort_by(f32::total_cmp);
+            all.dedup();
+            assert_eq!(expected[2], all);
+        }
+    }
+
+    #[test]
+    fn small_operations_are_the_plain_ones() {
+        if avx512() {
+            // SAFETY: the processor has AVX-512.
+            unsafe { small_operations() };
+        }
+    }
+
+    /// What a node of these references becomes: the left rows, then the right ones.
+    fn divided<L: Lanes>(
+        references: &[Row],
+        triangles: Option<&[Triangle]>,
+        axis: usize,
+        plane: f32,
+    ) -> [Vec<Row>; 2] {
+        let count = references.len();
+        let right_first = count + WIDTH;
+        let mut columns = Columns::default();
+        columns.lengthen(right_first + count + TILE + WIDTH);
+        for (i, row) in references.iter().enumerate() {
+            columns.set(i, row);
+        }
+        let mut cut = Box::new(Cut::new());
+        (cut.axis, cut.plane) = (axis, plane);
+        let mut sides = [0; 2];
+        for tile in (0..count).step_by(TILE) {
+            let rows = TILE.min(count - tile);
+            cut.tile::<Strict, L>(&columns, tile, rows, triangles);
+            let to = right_first + sides[1];
+            let more = L::divide(&mut columns, &cut, tile, rows, sides[0], to);
+            sides = [sides[0] + more[0], sides[1] + more[1]];
+        }
+        let rows = |first: usize, count: usize| (first..first + count).map(|i| columns.get(i));
+        [rows(0, sides[0]).collect(), rows(right_first, sides[1]).collect()]
+    }
+
+    /// The same by core's functions, one reference after the other.
+    fn by_core(
+        references: &[Row],
+        triangles: Option<&[Triangle]>,
+        axis: usize,
+        plane: f32,
+    ) -> [Vec<Row>; 2] {
+        use splitplane_core::aabb::Aabb;
+        let mut sides = [vec![], vec![]];
+        for row in references {
+            let [lx, ly, lz, hx, hy, hz] = row.faces;
+            let bounds = Aabb { lo: [lx, ly, lz], hi: [hx, hy, hz] };
+            let mut parts = [bounds; 2];
+            let mut goes = [
+                goes_left(bounds.lo[axis], bounds.hi[axis], plane),
+                goes_right(bounds.hi[axis], plane),
+            ];
+            if goes == [true; 2] {
+                parts[0].hi[axis] = plane;
+                parts[1].lo[axis] = plane;
+                if let Some(triangles) = triangles {
+                    let corners = &triangles[row.triangle as usize];
+                    parts = splitplane_core::triangle::clip::<Strict>(corners, &bounds, axis, plane);
+                    goes = parts.map(|part| !part.is_empty());
+                }
+            }
+            for side in 0..2 {
+                if goes[side] {
+                    let Aabb { lo: [lx, ly, lz], hi: [hx, hy, hz] } = parts[side];
+                    let faces = [lx, ly, lz, hx, hy, hz];
+                    sides[side].push(Row { faces, triangle: row.triangle });
+                }
+            }
+        }
+        sides
+    }
+
+    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
+    fn divide_by_avx512(
+        references: &[Row],
+        triangles: Option<&[Triangle]>,
+        axis: usize,
+        plane: f32,
+    ) -> [Vec<Row>; 2] {
+        divided::<Avx512>(references, triangles, axis, plane)
+    }
+
+    /// References of triangles of all kinds, some of them clipped before, divided at ordinary and extreme
+    /// scales by planes that cross many, few and none.
+    #[test]
+    fn divided_as_core_divides() {
+        let mut numbers = Numbers(5);
+        let mut lost = 0;
+        for scale in [1.0f32, 1e-36, 1e-30, 1e30, 2e37] {
+            for count in [1, 15, 16, 17, 100, 1023, 1024, 1025, 2100] {
+                let triangles: Vec<Triangle> = (0..count)
+                    .map(|_| {
+                        let centre = [(); 3].map(|()| numbers.next() * 2.0 - 16.0);
+                        let size = if numbers.next() < 1.0 { 1.0 } else { 0.1 };
+                        [(); 3].map(|()| {
+                            centre.map(|x| (x + size * (numbers.next() - 8.0)) * scale)
+                        })
+                    })
+                    .collect();
+                let mut references: Vec<Row> = (0u32..)
+                    .zip(&triangles)
+                    .map(|(triangle, corners)| {
+                        let bounds = splitplane_core::aabb::Aabb::of_points(corners);
+                        let ([lx, ly, lz], [hx, hy, hz]) = (bounds.lo, bounds.hi);
+                        Row { faces: [lx, ly, lz, hx, hy, hz], triangle }
+                    })
+                    .collect();
+                for turn in 0..6 {
+                    let (axis, clip) = (turn % 3, turn < 4 || count % 2 == 0);
+                    let plane = match turn {
+                        0 => references[count / 2].faces[axis],
+                        1 => references[count / 3].faces[3 + axis],
+                        _ => (numbers.next() - 8.0) * scale,
+                    };
+                    let corners = clip.then_some(&triangles[..]);
+                    let expected = by_core(&references, corners, axis, plane);
+                    let found = divided::<Plain>(&references, corners, axis, plane);
+                    assert_eq!(found, expected, "{scale} {count} {turn}");
+                    if avx512() {
+                        // SAFETY: the processor has AVX-512.
+                        let found = unsafe { divide_by_avx512(&references, corners, axis, plane) };
+                        assert_eq!(found, expected, "{scale} {count} {turn}");
+                    }
+                    let sides = expected.iter().map(Vec::len).sum::<usize>();
+                    lost += references.len().saturating_sub(sides);
+                    // On with the larger part, whose bounds are no longer those of the triangles.
+                    let [left, right] = expected;
+                    references = if left.len() > right.len() { left } else { right };
+                    if references.is_empty() {
+                        break;
+                    }
+                    let middle = references.len() / 2;
+                    if turn > 2 {
+                        // Bounds that hold more than the triangle, which clipping finds out.
+                        references[middle].faces[3] += scale;
+                    }
+                }
+            }
+        }
+        // A reference may go nowhere; it seldom does.
+        assert!(lost < 100, "{lost}");
+    }
+}
