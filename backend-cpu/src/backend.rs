@@ -24,7 +24,7 @@ use crate::query::{CpuAccelerator, InstructionSet};
 /// between builds.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<Box<Buffers>>>,
+    scratch: Mutex<Option<Buffers>>,
     set: InstructionSet,
 }
 
@@ -170,7 +170,7 @@ impl CpuBackend {
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
-            CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
+            CpuExecutor::on(*mesh, options.config, self.set, scratch, options.max_memory)?;
         executor = executor.watched(look);
         let planes = options.config.preset.planes();
         match planes {
@@ -179,7 +179,7 @@ impl CpuBackend {
                 schedule::build(&mut executor, planes)?;
                 if executor.is_void() {
                     let buffers = executor.finish();
-                    executor = CpuExecutor::new(
+                    executor = CpuExecutor::on(
                         *mesh,
                         options.config,
                         self.set,
@@ -220,7 +220,7 @@ impl CpuBackend {
         };
         let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory);
         if let Ok(mut kept) = self.scratch.lock() {
-            *kept = Some(Box::new(buffers));
+            *kept = Some(buffers);
         }
         out
     }

@@ -2,6 +2,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
+use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{
     Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
     Sides, SmallRoot, TopNode,
@@ -48,6 +49,9 @@ pub struct Buffers {
     /// Not part of the schedule: what each task of the cached stage counted, and their scratch.
     pub(crate) totals: Vec<Totals>,
     pub(crate) workers: Workers,
+    /// The last mesh's length and configuration for which the cached stage was void: the next build of the
+    /// kind does not try it again.
+    pub(crate) voided: Option<(u32, BuildConfig)>,
     /// Scratch of preset `best`, which the schedule does not build.
     pub(crate) best: Scratch,
 }

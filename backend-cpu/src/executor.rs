@@ -46,11 +46,25 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         mesh: Mesh<'a>,
         config: BuildConfig,
         set: InstructionSet,
-        mut buffers: Buffers,
+        buffers: Buffers,
         limit: Option<u64>,
     ) -> Result<CpuExecutor<'a, A>, BuildError> {
         let available = InstructionSet::available().contains(&set);
         let set = if available { set } else { InstructionSet::Portable };
+        CpuExecutor::on(mesh, config, set, buffers, limit)
+    }
+
+    /// As [`CpuExecutor::new`], for a set that the processor is known to have.
+    ///
+    /// # Errors
+    /// As for [`CpuExecutor::new`].
+    pub(crate) fn on(
+        mesh: Mesh<'a>,
+        config: BuildConfig,
+        set: InstructionSet,
+        mut buffers: Buffers,
+        limit: Option<u64>,
+    ) -> Result<CpuExecutor<'a, A>, BuildError> {
         buffers.counters = Counters::default();
         let triangles = mesh.len() as u32;
         buffers.growth = 0;
@@ -81,10 +95,12 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         CpuExecutor { lookout, ..self }
     }
 
-    /// The executor with the lower levels built by tasks: the same tree, unless [`CpuExecutor::is_void`]. What
-    /// buffers hold between dispatches is then not what other executors hold.
+    /// The executor with the lower levels built by tasks: the same tree, unless [`CpuExecutor::is_void`], and not
+    /// where the last build of the kind was void. What buffers hold between dispatches is then not what other executors hold.
     pub(crate) fn cached(self) -> CpuExecutor<'a, A> {
-        CpuExecutor { cached: Some(0), ..self }
+        let triangles = self.mesh.len() as u32;
+        let void_before = self.buffers.voided == Some((triangles, self.config));
+        CpuExecutor { cached: (!void_before).then_some(0), ..self }
     }
 
     /// Whether a cap might have bound, so that the tree must be built by the schedule as it stands.
@@ -200,6 +216,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             &mut b.subtrees[..roots],
         );
         self.void = caps.exceeded();
+        b.voided = self.void.then_some((triangles, self.config));
         b.workers.prepare(rayon::current_num_threads());
         m.take(b.bytes() - before)
     }
@@ -407,7 +424,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::BuildSmall if self.cached.is_some() => {
-                look.begin(Stage::SmallNodes, small as u64);
+                look.begin(Stage::SmallNodes, u64::from(b.counters[Counter::SmallReferences]));
                 self.build_cached()?;
                 look.finish();
                 look.check()?;

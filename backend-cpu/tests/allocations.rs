@@ -52,8 +52,9 @@ fn allocations(work: impl FnOnce()) -> usize {
     ALLOCATIONS.load(Relaxed)
 }
 
-/// Triangles of all sizes; many coincide, so that planes do not separate them.
-fn soup(count: usize) -> Vec<Triangle> {
+/// Triangles of all sizes, and some that coincide. Of many that coincide the builder makes more references
+/// than it may, so that a cap binds.
+fn soup(count: usize, coincident: usize) -> Vec<Triangle> {
     let mut state = 9u32;
     let mut next = move || {
         state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
@@ -62,41 +63,40 @@ fn soup(count: usize) -> Vec<Triangle> {
     let mut triangles: Vec<Triangle> = (0..count)
         .map(|i| {
             let centre = [(); 3].map(|()| next());
-            let size = if i % 50 == 0 { 0.5 } else { 0.02 };
+            let size = if i % 50 == 0 { 0.3 } else { 0.02 };
             [(); 3].map(|()| centre.map(|x| x + size * next()))
         })
         .collect();
-    triangles.extend([triangles[0]; 300]);
+    triangles.extend(vec![triangles[0]; coincident]);
     triangles
 }
 
 /// One test, since it counts for the whole process.
 #[test]
 fn rebuilds_allocate_nothing() {
-    let triangles = soup(30_000);
-    let mesh = Mesh::soup(&triangles).unwrap();
-    for preset in [Preset::Fast, Preset::Balanced] {
-        let options = BuildOptions::from(BuildConfig::preset(preset));
-        for threads in [1, 2] {
+    for (threads, coincident) in [(1, 10), (2, 10), (2, 300)] {
+        let triangles = soup(30_000, coincident);
+        let mesh = Mesh::soup(&triangles).unwrap();
+        for preset in [Preset::Fast, Preset::Balanced] {
+            let options = BuildOptions::from(BuildConfig::preset(preset));
+            let what = format!("{preset:?}, {threads} threads, {coincident} coincide");
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let backend = CpuBackend::new();
             pool.install(|| {
                 let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();
                 let digest = accelerator.tree().digest();
                 let mut rebuild = || backend.rebuild(&mut accelerator, &mesh, &options).unwrap();
-                // The first rebuild finds the memory that the build has left; rayon's queues grow now and then.
+                // The layout needs a list that a first build does not keep; rayon's queues grow now and then.
                 rebuild();
                 rebuild();
                 let counts = [(); 5].map(|()| allocations(&mut rebuild));
-                assert!(counts.contains(&0), "{preset:?}, {threads} threads: {counts:?}");
-                assert!(counts.iter().sum::<usize>() < 3, "{preset:?}, {threads} threads: {counts:?}");
+                assert!(counts.iter().filter(|&&count| count == 0).count() >= 4, "{what}: {counts:?}");
                 assert_eq!(accelerator.tree().digest(), digest);
 
-                // Seen to fail: a backend that has nothing to reuse.
+                // Seen to fail: a backend that has nothing to reuse, and one allocation in a rebuild.
                 let new = || CpuBackend::new().rebuild(&mut accelerator, &mesh, &options).unwrap();
                 let planted = allocations(new);
-                assert!(planted > 20, "{planted}");
-                // And one allocation in a rebuild.
+                assert!(planted > 20, "{what}: {planted}");
                 let planted = allocations(|| {
                     drop(std::hint::black_box(vec![0u8; 100]));
                     backend.rebuild(&mut accelerator, &mesh, &options).unwrap();

@@ -218,7 +218,7 @@ pub(crate) fn run<A: Arithmetic>(
         workers.give_back(worker);
         *size =
             Extent { nodes: out.nodes.len() as u32, references: out.references.len() as u32 };
-        inputs.look.advance(1);
+        inputs.look.advance(u64::from(root.count));
     });
 }
 
