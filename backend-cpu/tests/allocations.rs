@@ -90,7 +90,10 @@ fn rebuilds_allocate_nothing() {
                 rebuild();
                 rebuild();
                 let counts = [(); 5].map(|()| allocations(&mut rebuild));
-                assert!(counts.iter().filter(|&&count| count == 0).count() >= 4, "{what}: {counts:?}");
+                assert!(
+                    counts.iter().filter(|&&count| count == 0).count() >= 4,
+                    "{what}: {counts:?}"
+                );
                 assert_eq!(accelerator.tree().digest(), digest);
 
                 // Seen to fail: a backend that has nothing to reuse, and one allocation in a rebuild.

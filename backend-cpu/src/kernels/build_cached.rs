@@ -216,8 +216,7 @@ pub(crate) fn run<A: Arithmetic>(
             _ => one_root::<A, Plain>(inputs, root, &mut worker, totals, out),
         }
         workers.give_back(worker);
-        *size =
-            Extent { nodes: out.nodes.len() as u32, references: out.references.len() as u32 };
+        *size = Extent { nodes: out.nodes.len() as u32, references: out.references.len() as u32 };
         inputs.look.advance(u64::from(root.count));
     });
 }
@@ -573,7 +572,8 @@ mod tests {
     #[test]
     fn tasks_build_what_the_levels_build() {
         let plain = BuildConfig::default();
-        let scenes = [soup(5000, 0.2, 1), soup(3000, 0.02, 2), soup(1200, 1.0, 3), soup(50, 1.0, 4)];
+        let scenes =
+            [soup(5000, 0.2, 1), soup(3000, 0.02, 2), soup(1200, 1.0, 3), soup(50, 1.0, 4)];
         let mut same = scenes[1].clone();
         same.extend([scenes[1][7]; 1200]);
         for (scene, triangles) in scenes.iter().chain([&same]).enumerate() {
@@ -586,8 +586,7 @@ mod tests {
                     BuildConfig { max_depth: 9, bins: 7, ..plain },
                     BuildConfig { max_depth: 3, ..plain },
                 ] {
-                    let config =
-                        BuildConfig { preset, references_per_triangle: 1 << 10, ..config };
+                    let config = BuildConfig { preset, references_per_triangle: 1 << 10, ..config };
                     let config = BuildConfig { nodes_per_triangle: 1 << 10, ..config };
                     let portable = InstructionSet::Portable;
                     let expected = built::<Strict>(&mesh, config, portable, false);
@@ -631,8 +630,7 @@ mod tests {
                 voids += u32::from(found.3);
                 assert!(found.3 || found.0 == nodes && found.1 == references);
                 let options = config.into();
-                let (tree, summary) =
-                    crate::CpuBackend::new().build_tree(&mesh, &options).unwrap();
+                let (tree, summary) = crate::CpuBackend::new().build_tree(&mesh, &options).unwrap();
                 assert!(bytemuck::cast_slice::<_, u8>(&tree.nodes) == nodes);
                 assert!(bytemuck::cast_slice::<_, u8>(&tree.references) == references);
                 assert_eq!([summary.large_levels, summary.small_roots], [levels, small_roots]);

@@ -59,12 +59,7 @@ impl Parts {
     /// Adds the corner p and where the edge to q crosses the plane. One loop without loops or branches
     /// inside, so that vector instructions serve.
     #[inline(always)]
-    fn edge<A: Arithmetic>(
-        &mut self,
-        p: &[[f32; WIDTH]; 3],
-        q: &[[f32; WIDTH]; 3],
-        plane: f32,
-    ) {
+    fn edge<A: Arithmetic>(&mut self, p: &[[f32; WIDTH]; 3], q: &[[f32; WIDTH]; 3], plane: f32) {
         let [[least_0, least_1], [least_2, least_3]] = &mut self.least;
         let [[most_0, most_1], [most_2, most_3]] = &mut self.most;
         for lane in 0..WIDTH {
@@ -141,8 +136,7 @@ impl Cut {
                 for end in 0..2 {
                     let face = columns.face(3 * end + axis, first, count);
                     for lane in 0..live {
-                        batch.faces[other][end][lane] =
-                            face[self.crossing[start + lane] as usize];
+                        batch.faces[other][end][lane] = face[self.crossing[start + lane] as usize];
                     }
                 }
             }

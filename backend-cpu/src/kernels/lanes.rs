@@ -259,14 +259,18 @@ impl Lanes for Avx512 {
                     // Neighbours share corners: a face that one of the four before it has is not new.
                     let bits = _mm512_castps_si512(face);
                     let zero = _mm512_setzero_si512();
-                    inside &= !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<15>(bits, zero))
-                        & !1);
-                    inside &= !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<14>(bits, zero))
-                        & !3);
-                    inside &= !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<13>(bits, zero))
-                        & !7);
-                    inside &= !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<12>(bits, zero))
-                        & !15);
+                    inside &=
+                        !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<15>(bits, zero))
+                            & !1);
+                    inside &=
+                        !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<14>(bits, zero))
+                            & !3);
+                    inside &=
+                        !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<13>(bits, zero))
+                            & !7);
+                    inside &=
+                        !(_mm512_cmpeq_epi32_mask(bits, _mm512_alignr_epi32::<12>(bits, zero))
+                            & !15);
                     let new = _mm512_maskz_compress_ps(inside, face);
                     _mm512_storeu_ps(planes.as_mut_ptr().add(found), new);
                     found += inside.count_ones() as usize;
@@ -562,7 +566,8 @@ mod tests {
                 parts[1].lo[axis] = plane;
                 if let Some(triangles) = triangles {
                     let corners = &triangles[row.triangle as usize];
-                    parts = splitplane_core::triangle::clip::<Strict>(corners, &bounds, axis, plane);
+                    parts =
+                        splitplane_core::triangle::clip::<Strict>(corners, &bounds, axis, plane);
                     goes = parts.map(|part| !part.is_empty());
                 }
             }
@@ -599,9 +604,8 @@ mod tests {
                     .map(|_| {
                         let centre = [(); 3].map(|()| numbers.next() * 2.0 - 16.0);
                         let size = if numbers.next() < 1.0 { 1.0 } else { 0.1 };
-                        [(); 3].map(|()| {
-                            centre.map(|x| (x + size * (numbers.next() - 8.0)) * scale)
-                        })
+                        [(); 3]
+                            .map(|()| centre.map(|x| (x + size * (numbers.next() - 8.0)) * scale))
                     })
                     .collect();
                 let mut references: Vec<Row> = (0u32..)

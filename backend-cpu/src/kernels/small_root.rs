@@ -377,8 +377,8 @@ fn consider<A: Arithmetic, L: Lanes>(
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use super::super::lanes::Plain;
+    use super::*;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::sah::{leaf_cost, split_cost};
     use splitplane_core::split::strictly_inside;
