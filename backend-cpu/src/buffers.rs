@@ -88,7 +88,7 @@ impl Memory {
     ///
     /// # Errors
     /// More memory than the limit allows, or than there is.
-    pub fn grow<T: bytemuck::Zeroable + Clone>(
+    pub fn grow<T: bytemuck::Zeroable + Clone + Send + Sync>(
         &mut self,
         vector: &mut Vec<T>,
         length: usize,
@@ -97,7 +97,7 @@ impl Memory {
     }
 
     /// As [`Memory::grow`]; new memory takes time to clear, and the lookout may end it.
-    pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone>(
+    pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone + Send + Sync>(
         &mut self,
         vector: &mut Vec<T>,
         length: usize,
