@@ -12,6 +12,7 @@ use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
 /// Runs the kernel. `subtrees` holds an element for each `batch` roots.
+#[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
 pub fn run(
     look: &Lookout<'_>,
     batch: usize,
