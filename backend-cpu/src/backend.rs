@@ -24,7 +24,7 @@ use crate::query::{CpuAccelerator, InstructionSet};
 /// between builds.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<Box<Buffers>>>,
+    scratch: Mutex<Option<Buffers>>,
     set: InstructionSet,
 }
 
@@ -170,13 +170,29 @@ impl CpuBackend {
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
-            CpuExecutor::new(*mesh, options.config, self.set, *scratch, options.max_memory)?;
+            CpuExecutor::on(*mesh, options.config, self.set, scratch, options.max_memory)?;
         executor = executor.watched(look);
         let planes = options.config.preset.planes();
         match planes {
-            Some(planes) => schedule::build(&mut executor, planes)?,
+            Some(planes) => {
+                executor = executor.cached();
+                schedule::build(&mut executor, planes)?;
+                if executor.is_void() {
+                    let buffers = executor.finish();
+                    executor = CpuExecutor::on(
+                        *mesh,
+                        options.config,
+                        self.set,
+                        buffers,
+                        options.max_memory,
+                    )?
+                    .watched(look);
+                    schedule::build(&mut executor, planes)?;
+                }
+            }
             None => schedule::start(&mut executor)?,
         }
+        let totals = executor.totals();
         let mut memory = executor.memory();
         let mut buffers = executor.finish();
         let counters = buffers.counters;
@@ -198,13 +214,13 @@ impl CpuBackend {
             triangles: counters[Counter::Triangles],
             dropped: counters[Counter::Dropped],
             snapped: counters[Counter::Snapped],
-            large_levels: counters[Counter::Levels],
-            small_roots: counters[Counter::SmallRoots],
+            large_levels: totals.levels,
+            small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
         let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory);
         if let Ok(mut kept) = self.scratch.lock() {
-            *kept = Some(Box::new(buffers));
+            *kept = Some(buffers);
         }
         out
     }

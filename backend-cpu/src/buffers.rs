@@ -2,6 +2,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
+use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{
     Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
     Sides, SmallRoot, TopNode,
@@ -10,7 +11,8 @@ use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
 
 use crate::best::Scratch;
-use crate::kernels::build_small::Subtrees;
+use crate::kernels::build_cached::{Totals, Workers};
+use crate::kernels::small_root::Subtrees;
 use crate::lookout::{Lookout, UNWATCHED, resize};
 
 /// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is
@@ -42,6 +44,14 @@ pub struct Buffers {
     pub(crate) root_bounds: Aabb,
     /// Not part of the schedule: the subtrees that `build_small` measured, kept for `emit_small`.
     pub(crate) subtrees: Vec<Subtrees>,
+    /// Not part of the schedule: how many references splits have added.
+    pub(crate) growth: u64,
+    /// Not part of the schedule: what each task of the cached stage counted, and their scratch.
+    pub(crate) totals: Vec<Totals>,
+    pub(crate) workers: Workers,
+    /// The last mesh's length and configuration for which the cached stage was void: the next build of the
+    /// kind does not try it again.
+    pub(crate) voided: Option<(u32, BuildConfig)>,
     /// Scratch of preset `best`, which the schedule does not build.
     pub(crate) best: Scratch,
 }
@@ -78,7 +88,7 @@ impl Memory {
     ///
     /// # Errors
     /// More memory than the limit allows, or than there is.
-    pub fn grow<T: bytemuck::Zeroable + Clone>(
+    pub fn grow<T: bytemuck::Zeroable + Clone + Send + Sync>(
         &mut self,
         vector: &mut Vec<T>,
         length: usize,
@@ -87,7 +97,7 @@ impl Memory {
     }
 
     /// As [`Memory::grow`]; new memory takes time to clear, and the lookout may end it.
-    pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone>(
+    pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone + Send + Sync>(
         &mut self,
         vector: &mut Vec<T>,
         length: usize,
@@ -137,6 +147,8 @@ impl Buffers {
             + of(&self.nodes)
             + of(&self.leaf_references)
             + self.subtrees.iter().map(Subtrees::bytes).sum::<u64>()
+            + of(&self.totals)
+            + self.workers.bytes()
             + self.best.bytes()
     }
 }

@@ -13,7 +13,9 @@ use splitplane_core::schedule::Executor;
 use splitplane_core::watch::Stage;
 
 use crate::buffers::{Buffers, Memory};
-use crate::kernels::build_small::{BATCH, Subtrees};
+use crate::kernels::build_cached::{self, Caps, Totals};
+use crate::kernels::build_small::BATCH;
+use crate::kernels::small_root::Subtrees;
 use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
 use crate::lookout::{Lookout, UNWATCHED};
 use crate::query::{InstructionSet, WalkNode};
@@ -27,6 +29,10 @@ pub struct CpuExecutor<'a, A = Strict> {
     buffers: Buffers,
     memory: Memory,
     lookout: &'a Lookout<'a>,
+    /// T as the levels have it, where tasks build what has fewer references ([`kernels::build_cached`]).
+    cached: Option<u32>,
+    /// Whether the tree is void since a cap might have bound.
+    void: bool,
     arithmetic: PhantomData<A>,
 }
 
@@ -40,13 +46,28 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         mesh: Mesh<'a>,
         config: BuildConfig,
         set: InstructionSet,
-        mut buffers: Buffers,
+        buffers: Buffers,
         limit: Option<u64>,
     ) -> Result<CpuExecutor<'a, A>, BuildError> {
         let available = InstructionSet::available().contains(&set);
         let set = if available { set } else { InstructionSet::Portable };
+        CpuExecutor::on(mesh, config, set, buffers, limit)
+    }
+
+    /// As [`CpuExecutor::new`], for a set that the processor is known to have.
+    ///
+    /// # Errors
+    /// As for [`CpuExecutor::new`].
+    pub(crate) fn on(
+        mesh: Mesh<'a>,
+        config: BuildConfig,
+        set: InstructionSet,
+        mut buffers: Buffers,
+        limit: Option<u64>,
+    ) -> Result<CpuExecutor<'a, A>, BuildError> {
         buffers.counters = Counters::default();
         let triangles = mesh.len() as u32;
+        buffers.growth = 0;
         buffers.counters[Counter::Triangles] = triangles;
         buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
         buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
@@ -63,6 +84,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             buffers,
             memory,
             lookout: &UNWATCHED,
+            cached: None,
+            void: false,
             arithmetic: PhantomData,
         })
     }
@@ -70,6 +93,35 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     /// The executor under a lookout, which may end the build.
     pub(crate) fn watched(self, lookout: &'a Lookout<'a>) -> CpuExecutor<'a, A> {
         CpuExecutor { lookout, ..self }
+    }
+
+    /// The executor with the lower levels built by tasks: the same tree, unless [`CpuExecutor::is_void`], and not
+    /// where the last build of the kind was void. What buffers hold between dispatches is then not what other executors hold.
+    pub(crate) fn cached(self) -> CpuExecutor<'a, A> {
+        let triangles = self.mesh.len() as u32;
+        let void_before = self.buffers.voided == Some((triangles, self.config));
+        CpuExecutor { cached: (!void_before).then_some(0), ..self }
+    }
+
+    /// Whether a cap might have bound, so that the tree must be built by the schedule as it stands.
+    pub(crate) fn is_void(&self) -> bool {
+        self.void
+    }
+
+    /// Levels of the large-node stage, and small roots, wherever they were built.
+    pub(crate) fn totals(&self) -> Totals {
+        let mut totals = Totals {
+            levels: self.buffers.counters[Counter::Levels],
+            small_roots: self.buffers.counters[Counter::SmallRoots],
+        };
+        if self.cached.is_some() {
+            totals.small_roots = 0;
+            for task in &self.buffers.totals[..self.count(Counter::SmallRoots)] {
+                totals.levels = totals.levels.max(task.levels);
+                totals.small_roots += task.small_roots;
+            }
+        }
+        totals
     }
 
     /// The counters.
@@ -126,6 +178,49 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         self.buffers.counters[counter] as usize
     }
 
+    /// The lower levels and all small roots, by tasks.
+    fn build_cached(&mut self) -> Result<(), BuildError> {
+        let Some(planes) = self.config.preset.planes() else { return Ok(()) };
+        let roots = self.count(Counter::SmallRoots);
+        let triangles = self.count(Counter::Triangles) as u32;
+        let (b, m) = (&mut self.buffers, &mut self.memory);
+        m.grow_watched(&mut b.small_sizes, roots, self.lookout)?;
+        let before = b.bytes();
+        b.subtrees.resize_with(roots.max(b.subtrees.len()), Subtrees::default);
+        b.totals.resize(roots.max(b.totals.len()), Totals::default());
+        b.workers.prepare(rayon::current_num_threads());
+        let kept = u64::from(b.counters[Counter::Triangles] - b.counters[Counter::Dropped]);
+        let caps = Caps::new(
+            &self.config,
+            triangles,
+            kept + b.growth,
+            u64::from(b.counters[Counter::TopNodes]),
+        );
+        let inputs = build_cached::Inputs {
+            look: self.lookout,
+            config: &self.config,
+            planes,
+            limit: self.cached.unwrap_or_default(),
+            set: self.set,
+            roots: &b.small_roots[..roots],
+            references: &b.small_references,
+            triangles: &b.triangles,
+            level_starts: &b.level_starts,
+            caps: &caps,
+        };
+        build_cached::run::<A>(
+            &inputs,
+            &b.workers,
+            &mut b.small_sizes[..roots],
+            &mut b.totals[..roots],
+            &mut b.subtrees[..roots],
+        );
+        self.void = caps.exceeded();
+        b.voided = self.void.then_some((triangles, self.config));
+        b.workers.prepare(rayon::current_num_threads());
+        m.take(b.bytes() - before)
+    }
+
     /// Sums sizes in 64 bits before anything trusts the 32-bit ones.
     fn check_size(&self) -> Result<(), BuildError> {
         let b = &self.buffers;
@@ -152,6 +247,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
         use kernels as k;
+        if self.void {
+            return Ok(());
+        }
         let triangles = self.count(Counter::Triangles);
         let input_chunks = self.count(Counter::InputChunks);
         let active = self.count(Counter::ActiveNodes);
@@ -162,6 +260,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
         let b = &mut self.buffers;
         let m = &mut self.memory;
         let look = self.lookout;
+        // The configuration as the levels have it.
+        let mut levels = self.config;
+        levels.small_node_limit = self.cached.unwrap_or(levels.small_node_limit);
         match kernel {
             Kernel::TriangleBounds => {
                 // Their bounds, then their references.
@@ -188,6 +289,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.counters,
                 );
                 b.root_bounds = b.active_nodes[0].cell();
+                let kept = b.active_nodes[0].count as usize;
+                self.cached =
+                    self.cached.map(|_| build_cached::limit(kept, rayon::current_num_threads()));
             }
             Kernel::GatherReferences => {
                 m.grow_watched(&mut b.references, references, look)?;
@@ -215,7 +319,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.decisions, active, look)?;
                 k::split_large::run::<A>(
                     look,
-                    &self.config,
+                    &levels,
                     &b.active_nodes[..active],
                     &b.node_bounds[..active],
                     &b.references[..references],
@@ -226,6 +330,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.chunk_bins, chunks, look)?;
                 k::bin_references::run::<A>(
                     look,
+                    self.set,
                     self.config.bins,
                     &b.chunks[..chunks],
                     &b.node_bounds[..active],
@@ -237,7 +342,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.decisions, active, look)?;
                 k::split_binned::run::<A>(
                     look,
-                    &self.config,
+                    &levels,
                     &b.active_nodes[..active],
                     &b.node_bounds[..active],
                     &b.chunk_bins[..chunks],
@@ -279,9 +384,10 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     small: &mut b.small_roots,
                     top: &mut b.top_nodes,
                     level_starts: &mut b.level_starts,
+                    growth: &mut b.growth,
                 };
                 k::allocate_children::run(
-                    &self.config,
+                    &levels,
                     &b.active_nodes[..active],
                     &mut b.decisions[..active],
                     &mut lists,
@@ -300,7 +406,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 }
                 m.grow_watched(&mut b.chunk_bounds, chunks, look)?;
                 let inputs = Inputs {
-                    small_node_limit: self.config.small_node_limit,
+                    small_node_limit: levels.small_node_limit,
                     clip: self.config.clip,
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],
@@ -316,6 +422,13 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.small_references[..small],
                     &mut b.chunk_bounds[..chunks],
                 );
+            }
+            Kernel::BuildSmall if self.cached.is_some() => {
+                look.begin(Stage::SmallNodes, u64::from(b.counters[Counter::SmallReferences]));
+                self.build_cached()?;
+                look.finish();
+                look.check()?;
+                self.check_size()?;
             }
             Kernel::BuildSmall => {
                 look.begin(Stage::SmallNodes, small as u64);
@@ -371,6 +484,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.leaf_references, leaf_references, look)?;
                 k::emit_small::run(
                     look,
+                    if self.cached.is_some() { 1 } else { BATCH },
                     &b.small_roots[..small],
                     &b.small_sizes[..small],
                     &b.subtrees,

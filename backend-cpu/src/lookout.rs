@@ -4,6 +4,7 @@ use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
+use rayon::prelude::*;
 use splitplane_core::backend::{BuildError, QueryError};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
@@ -160,15 +161,17 @@ impl Watched<'_> {
 /// Elements that are cleared between two looks at the watch.
 const PIECE: usize = 1 << 15;
 
-/// [`Vec::resize`] in pieces, for vectors that have the room. Ends early when the work is over.
-pub(crate) fn resize<T: Clone>(
+/// [`Vec::resize`] for vectors that have the room: by all threads, since most of the time goes into the system's
+/// making of pages; under a watch in pieces, one after the other. Ends early when the work is over.
+pub(crate) fn resize<T: Clone + Send + Sync>(
     lookout: &Lookout<'_>,
     vector: &mut Vec<T>,
     length: usize,
     value: &T,
 ) {
-    if !lookout.is_watched() {
-        vector.resize(length, value.clone());
+    if !lookout.is_watched() && vector.len() < length {
+        let more = rayon::iter::repeat_n(value.clone(), length - vector.len());
+        vector.par_extend(more.with_min_len(PIECE));
     }
     while vector.len() < length {
         let next = length.min(vector.len() + PIECE);
@@ -181,8 +184,16 @@ pub(crate) fn resize<T: Clone>(
     vector.truncate(length);
 }
 
-/// Appends all of a slice in pieces. Ends early when the work is over.
-pub(crate) fn extend<T: Copy>(lookout: &Lookout<'_>, vector: &mut Vec<T>, slice: &[T]) {
+/// Appends all of a slice, as [`resize`] does with one value. Ends early when the work is over.
+pub(crate) fn extend<T: Copy + Send + Sync>(
+    lookout: &Lookout<'_>,
+    vector: &mut Vec<T>,
+    slice: &[T],
+) {
+    if !lookout.is_watched() {
+        vector.par_extend(slice.par_iter().copied().with_min_len(PIECE));
+        return;
+    }
     for piece in slice.chunks(PIECE) {
         vector.extend_from_slice(piece);
         if lookout.worked((size_of_val(piece) / 32) as u64) {

@@ -30,6 +30,7 @@ impl Aabb {
     pub const EMPTY: Aabb = Aabb { lo: [f32::MAX; 3], hi: [-f32::MAX; 3] };
 
     /// The least box that holds every point.
+    #[inline]
     pub fn of_points(points: &[[f32; 3]]) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for point in points {
@@ -42,6 +43,7 @@ impl Aabb {
     }
 
     /// The least box that holds both.
+    #[inline]
     #[must_use]
     pub fn union(&self, other: &Aabb) -> Aabb {
         let mut out = *self;

@@ -184,6 +184,15 @@ pub fn exponent(x: f32) -> i32 {
     ((x.to_bits() >> 23) & 0xff) as i32 - 127
 }
 
+/// `x as u32` for `x` from 0 to below 2^22, and any number for others, by operations that compilers turn into
+/// vector instructions, as they do not that conversion.
+#[inline(always)]
+pub fn truncated(x: f32) -> u32 {
+    const WHOLE: f32 = 8_388_608.0; // 2^23: floats from here to its double are the integers
+    let nearest = x + WHOLE;
+    (nearest.to_bits() & 0x7f_ffff).wrapping_sub(u32::from(nearest - WHOLE > x))
+}
+
 /// Maps floats to integers of the same order; -0 comes just before +0.
 #[inline]
 pub fn ordered_bits(x: f32) -> u32 {
@@ -269,6 +278,25 @@ mod tests {
         let y = Double::difference_of::<Strict>(1e8, 0.1);
         let gap = y.minus::<Strict>(x).high;
         assert!((gap - 0.2).abs() < 1e-6, "{gap}");
+    }
+
+    #[test]
+    fn truncation_is_the_conversion() {
+        let mut x = 0.0f32;
+        while x < 4_194_304.0 {
+            assert_eq!(truncated(x), x as u32, "{x}");
+            // Every float near the integers up to 128, every 1,021st elsewhere.
+            let step = if x < 128.0 && (x - x.round()).abs() < 1e-4 { 1 } else { 1021 };
+            x = f32::from_bits(x.to_bits() + step);
+        }
+        for whole in 1..2048u32 {
+            let x = whole as f32;
+            let below = f32::from_bits(x.to_bits() - 1);
+            assert_eq!([truncated(x), truncated(below)], [whole, whole - 1]);
+        }
+        for any in [-1.0, f32::MAX, f32::INFINITY, f32::NAN] {
+            truncated(any);
+        }
     }
 
     #[test]

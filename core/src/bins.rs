@@ -8,7 +8,7 @@
 //! [`crate::split::goes_left`] and [`crate::split::goes_right`].
 
 use crate::aabb::Aabb;
-use crate::arithmetic::{Arithmetic, exponent};
+use crate::arithmetic::{Arithmetic, exponent, truncated};
 use crate::config::{BuildConfig, MAX_BINS};
 use crate::layout::ChunkBins;
 use crate::sah::{Extents, LEAST_EXPONENT, expected_quarters};
@@ -55,10 +55,11 @@ impl BinAxis {
     #[inline(always)]
     pub fn range<A: Arithmetic>(&self, lo: f32, hi: f32) -> [u32; 2] {
         let (start, end) = (self.place::<A>(lo), self.place::<A>(hi));
-        let whole = end as u32;
-        let at_border = u32::from(whole as f32 == end && whole > 0);
+        // Places are from 0 to the number of bins.
+        let whole = truncated(end);
+        let at_border = u32::from((whole as f32 == end) & (whole > 0));
         let last = (whole - at_border).min(self.bins - 1);
-        [(start as u32).min(last), last]
+        [truncated(start).min(last), last]
     }
 
     /// The border below bin `index`, 1 to `bins - 1`: the plane at that part of the extent.
@@ -113,9 +114,13 @@ pub struct NodeBins {
 }
 
 impl NodeBins {
+    /// Nothing counted.
+    pub const EMPTY: NodeBins =
+        NodeBins { starts: [[0; MAX_BINS as usize]; 3], ends: [[0; MAX_BINS as usize]; 3] };
+
     /// Sums the bins of a node's chunks.
     pub fn sum(chunks: &[ChunkBins], bins: u32) -> NodeBins {
-        let mut sum = NodeBins { starts: [[0; 64]; 3], ends: [[0; 64]; 3] };
+        let mut sum = NodeBins::EMPTY;
         for chunk in chunks {
             for axis in 0..3 {
                 for bin in 0..bins as usize {
@@ -131,6 +136,7 @@ impl NodeBins {
     /// The border of least expected cost among those that pay: where a split with children taken for
     /// leaves costs less than a leaf of all `count` references. Ties go to the lower axis, then to the
     /// lower border.
+    #[inline(always)]
     pub fn best_border<A: Arithmetic>(
         &self,
         config: &BuildConfig,
@@ -138,27 +144,45 @@ impl NodeBins {
         tight: &Aabb,
         count: u32,
     ) -> Option<SplitPlane> {
+        const BORDERS: usize = MAX_BINS as usize;
         let extents = Extents::of::<A>(cell)?;
         let leaf = wide_leaf_cost(config, Extents::half_area(extents.cells), count);
         let mut least = u64::MAX;
         let mut best = None;
         for axis in 0..3 {
             let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins) else { continue };
-            let (mut left, mut right) = (0, count);
-            for border in 1..config.bins {
-                left += self.starts[axis][border as usize - 1];
-                right -= self.ends[axis][border as usize - 1];
-                let position = bins.border::<A>(border);
-                if !strictly_inside(cell, axis, position) {
+            // One thing after the other for all borders: most of it in loops without branches, which
+            // compilers turn into vector instructions. Border 0 is none.
+            let borders = config.bins as usize;
+            let (mut left, mut right) = ([0; BORDERS], [0; BORDERS]);
+            let (mut lefts, mut rights) = (0, count);
+            for border in 1..borders {
+                lefts += self.starts[axis][border - 1];
+                rights -= self.ends[axis][border - 1];
+                (left[border], right[border]) = (lefts, rights);
+            }
+            let mut position = [0.0; BORDERS];
+            let mut areas = [[0; BORDERS]; 2];
+            for border in 0..borders.min(BORDERS) {
+                position[border] = bins.border::<A>(border as u32);
+                let offset = extents.offset::<A>(cell.lo[axis], position[border]);
+                let [_, left, right] = extents.split_areas(axis, offset);
+                (areas[0][border], areas[1][border]) = (left, right);
+            }
+            let whole = Extents::half_area(extents.cells);
+            for border in 1..borders {
+                if !strictly_inside(cell, axis, position[border]) {
                     continue;
                 }
-                let offset = extents.offset::<A>(cell.lo[axis], position);
-                let areas = extents.split_areas(axis, offset);
-                let pays = wide_split_cost(config, areas, left, right) < leaf;
-                let expected = expected_split_cost(config, areas, left, right);
+                let areas = [whole, areas[0][border], areas[1][border]];
+                let blocks =
+                    [left[border], right[border]].map(|count| count.div_ceil(config.block_width));
+                let pays = weigh(config, areas, config.traversal_cost, blocks) < leaf;
+                let quarters = blocks.map(expected_quarters);
+                let expected = weigh(config, areas, 4 * config.traversal_cost, quarters);
                 if pays && expected < least {
                     least = expected;
-                    best = Some(SplitPlane { axis, position });
+                    best = Some(SplitPlane { axis, position: position[border] });
                 }
             }
         }

@@ -7,7 +7,7 @@
 //! on CPUs only and computes its costs in `f64`.
 
 use crate::aabb::Aabb;
-use crate::arithmetic::{Arithmetic, exponent, power_of_two};
+use crate::arithmetic::{Arithmetic, exponent, power_of_two, truncated};
 use crate::config::BuildConfig;
 
 /// Half the surface area of a box with these extents.
@@ -119,7 +119,8 @@ impl Extents {
     pub fn offset<A: Arithmetic>(&self, lower: f32, plane: f32) -> u32 {
         let half =
             A::snapped_difference(A::snapped_product(plane, 0.5), A::snapped_product(lower, 0.5));
-        A::product(half, self.scale) as u32
+        // At most 1,023.
+        truncated(A::product(half, self.scale))
     }
 
     /// Half area of a box with these quantised extents. An extent of zero counts as one, so that

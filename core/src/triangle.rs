@@ -19,29 +19,38 @@ pub struct Prepared {
     pub snapped: bool,
 }
 
-/// Snaps a triangle and decides whether it is kept.
+/// Snaps a triangle and decides whether it is kept. Without branches: every triangle comes by here.
+#[inline]
 pub fn prepare(input: &Triangle) -> Prepared {
-    let corners = input.map(|corner| corner.map(snap));
-    let finite = corners.as_flattened().iter().all(|x| x.is_finite());
+    let mut corners = *input;
+    let (mut greatest, mut changed) = (0, 0);
+    for x in corners.as_flattened_mut() {
+        let before = x.to_bits();
+        *x = snap(*x);
+        greatest = greatest.max(before & 0x7fff_ffff);
+        changed |= before ^ x.to_bits();
+    }
+    // The bits of finite numbers, without the sign, are less than those of infinity.
+    let finite = greatest < f32::INFINITY.to_bits();
     let [a, b, c] = corners;
-    let changed = input
-        .as_flattened()
-        .iter()
-        .zip(corners.as_flattened())
-        .any(|(before, after)| before.to_bits() != after.to_bits());
-    Prepared { corners, kept: finite && a != b && b != c && c != a, snapped: finite && changed }
+    let differ = |p: [f32; 3], q: [f32; 3]| (p[0] != q[0]) | (p[1] != q[1]) | (p[2] != q[2]);
+    Prepared {
+        corners,
+        kept: finite & differ(a, b) & differ(b, c) & differ(c, a),
+        snapped: finite & (changed != 0),
+    }
 }
 
 /// Beyond this magnitude, edge differences could overflow and clipping keeps the old bounds.
-const GREATEST_CLIPPED: f32 = 8.507_059e37; // 2^126
+pub const GREATEST_CLIPPED: f32 = 8.507_059e37; // 2^126
 /// Below this extent across the plane, `plane - corner` could be subnormal, which devices flush, and
 /// clipping keeps the old bounds.
-const LEAST_CLIPPED: f32 = 7.888_609e-31; // 2^-100
+pub const LEAST_CLIPPED: f32 = 7.888_609e-31; // 2^-100
 /// Each intersection point is off by at most 12 roundings (2^-24 each) of the greater end of its edge
 /// (ends of opposite signs double the difference); it is pushed outward by a third more.
-const OUTWARD: f32 = 9.536_743e-7; // 2^-20
+pub const OUTWARD: f32 = 9.536_743e-7; // 2^-20
 /// What a flushed product may have lost.
-const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
+pub const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
 
 /// Bounds of the parts of a triangle left and right of a plane, within the reference's old bounds
 /// (which may already be clipped by other planes): Zhou et al. 2008, Algorithm 2, "clip". Rounded

@@ -10,9 +10,11 @@ pub enum Stage {
     Start,
     /// The large-node stage; `done` counts levels, whose number is not known before the end.
     LargeNodes,
-    /// The small-node stage; `done` counts small roots.
+    /// The small-node stage; `done` counts small roots. On the CPU the lower levels of the large-node stage
+    /// are part of it, and `done` counts the references of the nodes whose subtrees are finished.
     SmallNodes,
-    /// Nodes and references take their places; `done` counts small roots, or nodes of the offline builder.
+    /// Nodes and references take their places; `done` counts the subtrees of the stage before, or nodes of the
+    /// offline builder.
     Output,
     /// The offline builder, in place of the two stages. Every node has a share of the references that the
     /// configuration allows, its children share it; `done` counts the shares of finished leaves.

@@ -19,6 +19,8 @@ pub struct Lists<'a> {
     pub top: &'a mut Vec<TopNode>,
     /// First top node of each level.
     pub level_starts: &'a mut Vec<u32>,
+    /// Not part of the schedule: how many references splits have added, whether they were done or not.
+    pub growth: &'a mut u64,
 }
 
 /// Runs the kernel.
@@ -45,6 +47,7 @@ pub fn run(
     for (node, decision) in active.iter().zip(decisions) {
         let emitted = 2 * decision.cut_count + 2;
         let growth = (decision.counts.left + decision.counts.right).saturating_sub(node.count);
+        *lists.growth += u64::from(growth);
         if lists.top.len() as u64 + u64::from(emitted) > u64::from(node_cap) {
             decision.cut_count = 0;
             transfer(decision, node.count);

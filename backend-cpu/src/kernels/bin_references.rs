@@ -7,15 +7,18 @@ use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::BinAxis;
-use splitplane_core::config::MAX_BINS;
+use splitplane_core::config::{CHUNK, MAX_BINS};
 use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 
 use super::GRAIN;
+use super::count_bins::count_axis;
 use crate::lookout::Lookout;
+use crate::query::InstructionSet;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
     look: &Lookout<'_>,
+    set: InstructionSet,
     bins: u32,
     chunks: &[Chunk],
     node_bounds: &[Aabb],
@@ -29,26 +32,72 @@ pub fn run<A: Arithmetic>(
         let tight = &node_bounds[chunk.node as usize];
         let (first, count) = (chunk.first as usize, chunk.count as usize);
         let references = &references[first..first + count];
-        for axis in 0..3 {
-            out.words[axis] = [0; MAX_BINS as usize];
-            // A flat axis has no borders: its bins stay empty.
-            if let Some(bins) = BinAxis::of::<A>(tight, axis, bins) {
-                count_axis::<A>(&bins, axis, references, &mut out.words[axis]);
-            }
+        match set {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: the executor holds only sets that the processor has.
+            InstructionSet::Avx512 => unsafe { chunk_16::<A>(bins, tight, references, out) },
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: as above.
+            InstructionSet::Avx2 => unsafe { chunk_8::<A>(bins, tight, references, out) },
+            _ => one_chunk::<A>(bins, tight, references, out),
         }
     });
 }
 
-#[inline]
-fn count_axis<A: Arithmetic>(
-    bins: &BinAxis,
-    axis: usize,
+/// [`one_chunk`], compiled for AVX-512.
+///
+/// # Safety
+/// The processor must have it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
+unsafe fn chunk_16<A: Arithmetic>(
+    bins: u32,
+    tight: &Aabb,
     references: &[Reference],
-    words: &mut [u32; MAX_BINS as usize],
+    out: &mut ChunkBins,
 ) {
-    for reference in references {
-        let [start, end] = bins.range::<A>(reference.lo[axis], reference.hi[axis]);
-        words[start as usize & 63] += 1;
-        words[end as usize & 63] += 1 << 16;
+    one_chunk::<A>(bins, tight, references, out);
+}
+
+/// [`one_chunk`], compiled for AVX2.
+///
+/// # Safety
+/// The processor must have it.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
+unsafe fn chunk_8<A: Arithmetic>(
+    bins: u32,
+    tight: &Aabb,
+    references: &[Reference],
+    out: &mut ChunkBins,
+) {
+    one_chunk::<A>(bins, tight, references, out);
+}
+
+#[inline(always)]
+fn one_chunk<A: Arithmetic>(
+    bins: u32,
+    tight: &Aabb,
+    references: &[Reference],
+    out: &mut ChunkBins,
+) {
+    const ROOM: usize = CHUNK as usize;
+    let count = references.len().min(ROOM);
+    let (mut lo, mut hi) = ([[0.0; ROOM]; 3], [[0.0; ROOM]; 3]);
+    for (i, reference) in references[..count].iter().enumerate() {
+        for axis in 0..3 {
+            lo[axis][i] = reference.lo[axis];
+            hi[axis][i] = reference.hi[axis];
+        }
+    }
+    for axis in 0..3 {
+        out.words[axis] = [0; MAX_BINS as usize];
+        // A flat axis has no borders: its bins stay empty.
+        if let Some(bins) = BinAxis::of::<A>(tight, axis, bins) {
+            let [starts, ends] = count_axis::<A>(&bins, &lo[axis][..count], &hi[axis][..count]);
+            for (bin, word) in out.words[axis].iter_mut().enumerate() {
+                *word = starts[bin] | ends[bin] << 16;
+            }
+        }
     }
 }

@@ -7,13 +7,15 @@ use rayon::prelude::*;
 use splitplane_core::layout::{Extent, SmallRoot};
 use splitplane_core::node::{KdNode, NodeKind};
 
-use super::build_small::{BATCH, Subtrees};
+use super::small_root::Subtrees;
 use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
-/// Runs the kernel.
+/// Runs the kernel. `subtrees` holds an element for each `batch` roots.
+#[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
 pub fn run(
     look: &Lookout<'_>,
+    batch: usize,
     roots: &[SmallRoot],
     sizes: &[Extent],
     subtrees: &[Subtrees],
@@ -23,7 +25,7 @@ pub fn run(
 ) {
     let nodes = Scatter::new(nodes);
     let leaf_references = Scatter::new(leaf_references);
-    roots.par_chunks(BATCH).zip(sizes.par_chunks(BATCH)).zip(subtrees).for_each(
+    roots.par_chunks(batch).zip(sizes.par_chunks(batch)).zip(subtrees).for_each(
         |((roots, sizes), subtrees)| {
             if look.is_over() {
                 return;

@@ -40,15 +40,28 @@ fn decide<A: Arithmetic>(
     tight: &Aabb,
     chunk_bins: &[ChunkBins],
 ) -> Decision {
-    let (mut decision, cell) = cut_empty_space::<A>(config, node, tight);
+    let (decision, cell) = cut_empty_space::<A>(config, node, tight);
     let Some(cell) = cell else { return decision };
     let first = node.first_chunk as usize;
     let chunks = &chunk_bins[first..first + node.count.div_ceil(CHUNK) as usize];
     let bins = NodeBins::sum(chunks, config.bins);
-    let plane = bins.best_border::<A>(config, &cell, tight, node.count).or_else(|| {
+    split::<A>(config, node, &cell, tight, &bins, decision)
+}
+
+/// The decision about a node after its cuts of empty space, which have left this cell.
+#[inline(always)]
+pub(super) fn split<A: Arithmetic>(
+    config: &BuildConfig,
+    node: &LargeNode,
+    cell: &Aabb,
+    tight: &Aabb,
+    bins: &NodeBins,
+    mut decision: Decision,
+) -> Decision {
+    let plane = bins.best_border::<A>(config, cell, tight, node.count).or_else(|| {
         // That no border pays does not mean that none will: what is left is halved once, as the
         // paper does. If that separates nothing, either, the node stays whole.
-        if node.inseparable == 0 { spatial_median::<A>(&cell) } else { None }
+        if node.inseparable == 0 { spatial_median::<A>(cell) } else { None }
     });
     if let Some(SplitPlane { axis, position }) = plane {
         decision.axis = axis as u32;

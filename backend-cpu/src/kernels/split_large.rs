@@ -32,7 +32,8 @@ pub fn run<A: Arithmetic>(
     );
 }
 
-fn decide<A: Arithmetic>(
+/// The decision about one node. Its references matter only where a plane did not separate it.
+pub(super) fn decide<A: Arithmetic>(
     look: &Lookout<'_>,
     config: &BuildConfig,
     node: &LargeNode,
