@@ -18,13 +18,13 @@ use crate::best;
 use crate::buffers::{Buffers, Memory};
 use crate::executor::CpuExecutor;
 use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::query::{CpuAccelerator, InstructionSet};
+use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch};
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
 /// between builds.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<Buffers>>,
+    scratch: Mutex<Option<(Buffers, LayoutScratch)>>,
     set: InstructionSet,
 }
 
@@ -57,7 +57,9 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, _| Ok((tree.into(), summary)))
+        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, _, _| {
+            Ok((tree.into(), summary))
+        })
     }
 
     /// As [`CpuBackend::build_tree`], telling `watch` how far it is; `watch` may end it.
@@ -71,7 +73,7 @@ impl CpuBackend {
         watch: &dyn Watch,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
         let look = Lookout::new(watch);
-        self.with_built(mesh, options, &look, |tree, summary, _, _| {
+        self.with_built(mesh, options, &look, |tree, summary, _, _, _| {
             Ok((copied(&tree, &look)?, summary))
         })
     }
@@ -109,12 +111,12 @@ impl CpuBackend {
         look: &Lookout<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory| {
+        self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory, scratch| {
             begin_layout(look, &tree);
-            memory.take(old + CpuAccelerator::bytes_for(&tree))?;
+            memory.take(old + CpuAccelerator::bytes_for(&tree, self.set)? + scratch.bytes())?;
             summary.peak_bytes = memory.peak;
             let tree = copied(&tree, look)?;
-            let built = CpuAccelerator::new(tree, summary, triangles, self.set, look);
+            let built = CpuAccelerator::new(tree, summary, triangles, self.set, look, scratch);
             look.finish();
             look.check().map(|()| built)
         })
@@ -132,12 +134,17 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(), BuildError> {
-        self.with_built(mesh, options, &UNWATCHED, |tree, mut summary, triangles, mut memory| {
-            memory.take(CpuAccelerator::bytes_for(&tree))?;
-            summary.peak_bytes = memory.peak;
-            accelerator.replace(&tree, summary, triangles);
-            Ok(())
-        })
+        self.with_built(
+            mesh,
+            options,
+            &UNWATCHED,
+            |tree, mut summary, triangles, mut memory, scratch| {
+                memory.take(CpuAccelerator::bytes_for(&tree, self.set)? + scratch.bytes())?;
+                summary.peak_bytes = memory.peak;
+                accelerator.replace(&tree, summary, triangles, scratch);
+                Ok(())
+            },
+        )
     }
 
     /// As [`CpuBackend::rebuild`], telling `watch` how far it is; `watch` may end it, and the accelerator is
@@ -153,7 +160,7 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<(), BuildError> {
-        let old = CpuAccelerator::bytes_for(&accelerator.tree().view());
+        let old = CpuAccelerator::bytes_for(&accelerator.tree().view(), self.set)?;
         *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
         Ok(())
     }
@@ -164,11 +171,18 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         look: &Lookout<'_>,
-        then: impl FnOnce(KdTreeView<'_>, BuildSummary, &[Triangle], Memory) -> Result<T, BuildError>,
+        then: impl FnOnce(
+            KdTreeView<'_>,
+            BuildSummary,
+            &[Triangle],
+            Memory,
+            &mut LayoutScratch,
+        ) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
-        let scratch = self.scratch.lock().map_or(None, |mut kept| kept.take()).unwrap_or_default();
+        let kept = self.scratch.lock().map_or(None, |mut kept| kept.take());
+        let (scratch, mut layout) = kept.unwrap_or_default();
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::on(*mesh, options.config, self.set, scratch, options.max_memory)?;
         executor = executor.watched(look);
@@ -218,9 +232,9 @@ impl CpuBackend {
             small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
-        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory);
+        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory, &mut layout);
         if let Ok(mut kept) = self.scratch.lock() {
-            *kept = Some(buffers);
+            *kept = Some((buffers, layout));
         }
         out
     }
@@ -295,7 +309,7 @@ impl CpuBackend {
         look.check()?;
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view()))?;
+        memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view(), self.set)?)?;
         let mut prepared = Vec::with_capacity(mesh.len());
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
@@ -324,7 +338,8 @@ impl CpuBackend {
         };
         let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
         begin_layout(look, &tree.view());
-        let loaded = CpuAccelerator::new(tree, summary, &triangles, self.set, look);
+        let mut scratch = LayoutScratch::default();
+        let loaded = CpuAccelerator::new(tree, summary, &triangles, self.set, look, &mut scratch);
         look.finish();
         look.check()?;
         Ok(Box::new(loaded))

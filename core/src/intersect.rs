@@ -130,7 +130,9 @@ impl SceneScale {
             // The last part matters only next to the least normal numbers, where a device may flush
             // halved positions and distances.
             slack: limits.longest * SIZE_SLACK + extent * SCENE_SLACK + 4.0 * f32::MIN_POSITIVE,
+            // The bounds of a tree may be wider than its triangles, though no tree of ours has such.
             wide: limits.greatest > COORDINATE_MOST
+                || bounds.lo.iter().chain(&bounds.hi).any(|x| x.abs() > COORDINATE_MOST)
                 || limits.least < COORDINATE_LEAST
                 || limits.shortest < EXTENT_LEAST,
         }

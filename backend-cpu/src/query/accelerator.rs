@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes};
-use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
+use splitplane_core::backend::{Accelerator, BuildError, BuildSummary, QueryError, QueryReport};
 use splitplane_core::inside::{self, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -15,7 +15,7 @@ use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::watch::{Stage, Watch};
 
-use super::blocks::Blocks;
+use super::blocks::{Blocks, LayoutScratch};
 use super::exact;
 use super::instruction_set::InstructionSet;
 use super::stream::{self, Batch};
@@ -42,10 +42,13 @@ pub struct CpuAccelerator {
 }
 
 impl CpuAccelerator {
-    /// Bytes of tree and query layout, for a limit to be checked before they are made.
-    pub(crate) fn bytes_for(tree: &KdTreeView<'_>) -> u64 {
+    /// Most bytes of tree and query layout, for a limit to be checked before they are made.
+    ///
+    /// # Errors
+    /// [`BuildError::TooLarge`] for a tree beyond what the layout can name.
+    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, set: InstructionSet) -> Result<u64, BuildError> {
         let tree_bytes = size_of_val(tree.nodes) + size_of_val(tree.references);
-        tree_bytes as u64 + Blocks::bytes_for(tree, 16)
+        Ok(tree_bytes as u64 + Blocks::bytes_for(tree, set.lanes())?)
     }
 
     /// Makes the query layout of a valid tree. `triangles` are the mesh's snapped corners; `set` must
@@ -56,9 +59,10 @@ impl CpuAccelerator {
         triangles: &[Triangle],
         set: InstructionSet,
         look: &Lookout<'_>,
+        scratch: &mut LayoutScratch,
     ) -> CpuAccelerator {
         let scene = scene_scale(tree.bounds, triangles, look);
-        let blocks = Blocks::watched(&tree.view(), triangles, set, look);
+        let blocks = Blocks::new(&tree.view(), triangles, set, look, scratch);
         CpuAccelerator { tree, summary, scene, blocks, set }
     }
 
@@ -68,9 +72,10 @@ impl CpuAccelerator {
         tree: &KdTreeView<'_>,
         summary: BuildSummary,
         triangles: &[Triangle],
+        scratch: &mut LayoutScratch,
     ) {
         self.scene = scene_scale(tree.bounds, triangles, &UNWATCHED);
-        self.blocks.fill(tree, triangles);
+        self.blocks.fill(tree, triangles, &UNWATCHED, scratch);
         self.tree.nodes.clear();
         self.tree.nodes.extend_from_slice(tree.nodes);
         self.tree.references.clear();
@@ -81,7 +86,7 @@ impl CpuAccelerator {
         self.summary = summary;
     }
 
-    /// The instruction set of the wide test.
+    /// The instruction set of queries.
     pub fn instruction_set(&self) -> InstructionSet {
         self.set
     }

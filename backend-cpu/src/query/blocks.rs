@@ -2,6 +2,7 @@
 //! ([`super::record`]), and for the rare rays that need more care the tree's own nodes.
 
 use rayon::prelude::*;
+use splitplane_core::backend::BuildError;
 use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
@@ -13,9 +14,12 @@ use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
 use super::simd::{Portable, Simd};
-use super::wide::WideNodes;
-use crate::lookout::{self, Lookout, UNWATCHED};
+use super::wide::{WideNodes, WideScratch};
+use crate::lookout::{self, Lookout};
+use crate::scatter::Scatter;
 
+/// Units that children can name, but for what ends a stack.
+const MOST_UNITS: usize = (1 << 31) - 1;
 /// Nodes looked through at a time.
 const PIECE: usize = 1 << 12;
 
@@ -34,20 +38,35 @@ pub(crate) struct WalkNode {
 impl WalkNode {
     /// Where child and count begin.
     pub const SHIFT: u32 = 2;
-    /// Most nodes that the remaining bits can name, with one bit kept free.
+    /// Most nodes of a tree.
     pub const MOST: u32 = 1 << 28;
 }
 
 /// Nodes and triangles of a tree, for queries.
 #[derive(Debug)]
-pub struct Blocks {
+pub(crate) struct Blocks {
     /// For which the layout is made.
     set: InstructionSet,
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) wide: WideNodes,
     pub(crate) words: Vec<u32>,
-    /// What pieces of the tree come to, while they are put together; kept for the next tree.
+}
+
+/// What layouts are made with, kept for the next one.
+#[derive(Debug, Default)]
+pub(crate) struct LayoutScratch {
+    /// The blocks of pieces of the tree, and where they go.
     parts: Vec<Vec<u32>>,
+    starts: Vec<usize>,
+    wide: WideScratch,
+}
+
+impl LayoutScratch {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let words = self.parts.iter().map(Vec::capacity).sum::<usize>();
+        (words * size_of::<u32>()) as u64 + self.wide.bytes()
+    }
 }
 
 /// A block with all corners written out: nine rows of coordinates (corner after corner) and one of
@@ -82,7 +101,10 @@ impl Block<'_> {
 
 impl Blocks {
     /// Most bytes that the layout of a tree may take.
-    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, lanes: usize) -> u64 {
+    ///
+    /// # Errors
+    /// [`BuildError::TooLarge`] when children could not name all blocks.
+    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, lanes: usize) -> Result<u64, BuildError> {
         let words = |nodes: &[KdNode]| {
             let words = |node: &KdNode| match node.kind() {
                 // Without a shared corner: 13 words and a part of the first a triangle.
@@ -92,45 +114,44 @@ impl Blocks {
             nodes.iter().map(words).sum::<usize>()
         };
         let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
-        let nodes = tree.nodes.len() * size_of::<WalkNode>();
-        (nodes + words * size_of::<u32>()) as u64 + WideNodes::most_bytes(tree, lanes)
+        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
+        if words / UNIT >= MOST_UNITS || nodes > u64::from(WalkNode::MOST) {
+            return Err(BuildError::TooLarge { nodes, references });
+        }
+        let bytes = nodes * size_of::<WalkNode>() as u64 + (words * size_of::<u32>()) as u64;
+        Ok(bytes + WideNodes::most_bytes(tree, lanes))
     }
 
     /// Makes the layout of a tree from the snapped corners of its triangles, for an instruction set that
-    /// the processor has.
-    pub fn new(tree: &KdTreeView<'_>, triangles: &[Triangle], set: InstructionSet) -> Blocks {
-        Blocks::watched(tree, triangles, set, &UNWATCHED)
-    }
-
-    /// As [`Blocks::new`]; of no use when the lookout has ended it.
-    pub(crate) fn watched(
+    /// the processor has. Of no use when the lookout has ended it.
+    pub(crate) fn new(
         tree: &KdTreeView<'_>,
         triangles: &[Triangle],
         set: InstructionSet,
         look: &Lookout<'_>,
+        scratch: &mut LayoutScratch,
     ) -> Blocks {
-        let mut blocks = Blocks {
-            nodes: Vec::new(),
-            set,
-            wide: WideNodes::new(set.lanes()),
-            words: Vec::new(),
-            parts: Vec::new(),
-        };
-        blocks.refill(tree, triangles, look);
+        let wide = WideNodes::new(set.lanes());
+        let mut blocks = Blocks { set, nodes: Vec::new(), wide, words: Vec::new() };
+        blocks.fill(tree, triangles, look, scratch);
         blocks
     }
 
     /// Makes the layout of another tree in the same memory.
-    pub fn fill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle]) {
-        self.refill(tree, triangles, &UNWATCHED);
-    }
-
-    fn refill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) {
-        let Blocks { set, nodes, wide, words, parts } = self;
+    pub(crate) fn fill(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        triangles: &[Triangle],
+        look: &Lookout<'_>,
+        scratch: &mut LayoutScratch,
+    ) {
+        let Blocks { set, nodes, wide, words } = self;
+        let LayoutScratch { parts, starts, wide: wide_scratch } = scratch;
         let set = *set;
         let lanes = wide.lanes();
         let pieces = tree.nodes.len().div_ceil(PIECE);
         parts.resize_with(pieces.max(parts.len()), Vec::new);
+        let parts = &mut parts[..pieces];
         let nothing = WalkNode { word: 0, tagged: 0 };
         lookout::resize(look, nodes, tree.nodes.len(), &nothing);
         if look.is_over() {
@@ -144,31 +165,28 @@ impl Blocks {
             unsafe { pack.pack(set, nodes, from, part) };
         });
         look.advance(tree.nodes.len() as u64);
-        if look.is_over() {
-            return;
+        starts.clear();
+        let mut length = 0;
+        for part in &*parts {
+            starts.push(length);
+            length += part.len();
         }
-        let length = parts[..pieces].iter().map(Vec::len).sum::<usize>();
         lookout::resize(look, words, length + TAIL, &0);
         if look.is_over() {
             return;
         }
-        let mut rest = &mut words[..];
-        let mut start = 0;
-        let mut places = Vec::with_capacity(pieces);
-        for part in &parts[..pieces] {
-            let (to, behind) = rest.split_at_mut(part.len());
-            places.push((to, start));
-            start += (part.len() / UNIT) as u32;
-            rest = behind;
-        }
-        let work = nodes.par_chunks_mut(PIECE).zip(&parts[..pieces]).zip(places);
-        work.for_each(|((nodes, part), (to, start))| {
-            to.copy_from_slice(part);
+        // A block without triangles, and what vector loads may read behind the last one.
+        words[length..].fill(0);
+        let out = Scatter::new(words);
+        let work = nodes.par_chunks_mut(PIECE).zip(&*parts).zip(&*starts);
+        work.for_each(|((nodes, part), &start)| {
+            // SAFETY: parts follow each other without overlap.
+            unsafe { out.part(start, part.len()) }.copy_from_slice(part);
             for node in nodes.iter_mut().filter(|node| node.tagged & 3 == 3) {
-                node.word += start;
+                node.word += (start / UNIT) as u32;
             }
         });
-        wide.fill(tree, nodes, words, look);
+        wide.fill(tree, nodes, (words, (length / UNIT) as u32), look, wide_scratch);
     }
 
     /// Bytes held for queries.

@@ -20,6 +20,6 @@ mod stream;
 mod wide;
 
 pub use accelerator::CpuAccelerator;
-pub use blocks::Blocks;
+pub(crate) use blocks::LayoutScratch;
 pub(crate) use blocks::WalkNode;
 pub use instruction_set::InstructionSet;

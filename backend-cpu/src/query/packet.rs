@@ -967,7 +967,13 @@ mod tests {
             let backend = CpuBackend::with_instruction_set(set);
             let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
             let (tree, scene) = (built.tree().view(), built.scene_scale());
-            let blocks = Blocks::new(&tree, &triangles, S::N);
+            let blocks = Blocks::new(
+                &tree,
+                &triangles,
+                S::SET,
+                &crate::lookout::UNWATCHED,
+                &mut Default::default(),
+            );
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut numbers);
                 let (accuracy, culling, ignore) = match round % 6 {

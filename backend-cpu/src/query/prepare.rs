@@ -432,7 +432,6 @@ impl PreparedRays {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::simd::Portable;
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::intersect::Limits;

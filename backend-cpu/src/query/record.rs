@@ -106,7 +106,7 @@ impl<'a> Record<'a> {
         let (start, count) = (self.before(), self.corner_count());
         core::array::from_fn(|corner| {
             let byte = corner * self.count() + index;
-            let place = self.words[1 + byte / 4].to_le_bytes()[byte % 4] as usize;
+            let place = self.words[1 + byte / 4].to_ne_bytes()[byte % 4] as usize;
             core::array::from_fn(|axis| f32::from_bits(self.words[start + axis * count + place]))
         })
     }
@@ -216,7 +216,7 @@ impl<S: Simd> Packer<S> {
         for (k, places) in self.places.iter().enumerate() {
             bytes[k * count..(k + 1) * count].copy_from_slice(&places[..count]);
         }
-        let words = bytes.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word));
+        let words = bytes.as_chunks::<4>().0.iter().map(|&word| u32::from_ne_bytes(word));
         out.extend(words.take((3 * count).div_ceil(4)));
         out.extend_from_slice(&self.triangles[..count]);
         // SAFETY: the caller's contract.

@@ -20,7 +20,8 @@ use splitplane_core::tree::KdTreeView;
 use super::blocks::{self, WalkNode};
 use super::record::Record;
 use super::simd::MOST_LANES;
-use crate::lookout::Lookout;
+use crate::lookout::{self, Lookout};
+use crate::scatter::Scatter;
 
 /// Set in a child that is a block: the other bits are its first unit. Otherwise they are a node.
 pub(crate) const BLOCK: u32 = 1 << 31;
@@ -48,10 +49,29 @@ pub(crate) struct WideNodes {
     lines: Vec<Line>,
     /// Most nodes on a way down.
     depth: usize,
-    /// Boxes of the tree's nodes and how their subtrees are laid out; of use while nodes are made.
+}
+
+/// What nodes are made with, kept for the next tree.
+#[derive(Debug, Default)]
+pub(crate) struct WideScratch {
+    /// Boxes of the tree's nodes, and how their subtrees are laid out.
     boxes: Vec<Aabb>,
     plans: Vec<Plan>,
+    /// The nodes next to the root, what is left to tasks, what those make, and where it goes.
+    top: Vec<Line>,
+    open: VecDeque<(Item, Option<(usize, usize)>, usize)>,
     parts: Vec<Part>,
+    starts: Vec<usize>,
+}
+
+impl WideScratch {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let parts = self.parts.iter().map(|part| part.lines.capacity()).sum::<usize>();
+        let lines = (parts + self.top.capacity()) * size_of::<Line>();
+        let boxes = self.boxes.capacity() * size_of::<Aabb>();
+        (lines + boxes + self.plans.capacity() * size_of::<Plan>()) as u64
+    }
 }
 
 /// For each number of places that a subtree may take, one less than it: how many of them its left child
@@ -76,14 +96,14 @@ struct Part {
 }
 
 /// A subtree or a run of a leaf's blocks, its cell and its box.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Item {
     kind: Kind,
     cell: Aabb,
     bounds: Aabb,
 }
 
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 enum Kind {
     /// An interior node of the tree.
     Subtree(u32),
@@ -105,6 +125,7 @@ struct Source<'a> {
     lanes: usize,
     nodes: &'a [WalkNode],
     words: &'a [u32],
+    nothing: u32,
     boxes: &'a [Aabb],
     plans: &'a [Plan],
 }
@@ -151,8 +172,7 @@ fn box_of<'a>(records: impl Iterator<Item = Record<'a>>, cell: &Aabb) -> Aabb {
 impl WideNodes {
     /// No nodes yet, for vectors of so many lanes.
     pub fn new(lanes: usize) -> WideNodes {
-        let (lines, boxes, plans, parts) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        WideNodes { lanes, lines, depth: 0, boxes, plans, parts }
+        WideNodes { lanes, lines: Vec::new(), depth: 0 }
     }
 
     /// Children of a node.
@@ -182,15 +202,18 @@ impl WideNodes {
         (tree.nodes.len() / 2 + 1) as u64 * 32 * lanes as u64
     }
 
-    /// Makes the nodes of a tree whose leaves name their blocks.
+    /// Makes the nodes of a tree whose leaves name their blocks; `nothing` is the unit of a block
+    /// without triangles. Of no use when the lookout has ended it.
     pub fn fill(
         &mut self,
         tree: &KdTreeView<'_>,
         nodes: &[WalkNode],
-        words: &[u32],
+        (words, nothing): (&[u32], u32),
         look: &Lookout<'_>,
+        scratch: &mut WideScratch,
     ) {
-        let WideNodes { lanes, lines, depth, boxes, plans, parts } = self;
+        let WideNodes { lanes, lines, depth } = self;
+        let WideScratch { boxes, plans, top, open, parts, starts } = scratch;
         let lanes = *lanes;
         lines.clear();
         *depth = 0;
@@ -204,21 +227,25 @@ impl WideNodes {
         if look.is_over() {
             return;
         }
-        let source = Source { lanes, nodes, words, boxes, plans };
-        let Some(root) = source.item(0, &tree.bounds) else { return };
+        let source = Source { lanes, nodes, words, nothing, boxes, plans };
+        // A tree without triangles has a root without children: rays within its bounds read it.
+        let bounds = Aabb::EMPTY;
+        let none = Item { kind: Kind::Blocks(0, 0), cell: tree.bounds, bounds };
+        let root = source.item(0, &tree.bounds).unwrap_or(none);
 
         // The top: as many nodes as give work to all tasks.
         let size = source.node_lines();
-        let mut top = Vec::new();
-        let mut open = VecDeque::from([(root, None, 1)]);
+        top.clear();
+        open.clear();
+        open.push_back((root, None, 1));
         while let Some((item, from, level)) = open.pop_front() {
             if from.is_some() && open.len() + 1 >= TASKS {
                 open.push_front((item, from, level));
                 break;
             }
-            source.link(&mut top, from);
+            source.link(top, from);
             let node = top.len() / size;
-            for (place, item) in source.node(&item, &mut top) {
+            for (place, item) in source.node(&item, top) {
                 open.push_back((item, Some((node, place)), level + 1));
             }
             *depth = level;
@@ -234,31 +261,31 @@ impl WideNodes {
             return;
         }
         let parts = &parts[..open.len()];
-        let mut starts = Vec::with_capacity(parts.len());
+        starts.clear();
         let mut end = top.len();
         for ((_, from, _), part) in open.iter().zip(parts) {
             if let Some((node, place)) = from {
-                words_of(&mut top)[node * size * 16 + 6 * lanes + place] = (end / size) as u32;
+                words_of(top)[node * size * 16 + 6 * lanes + place] = (end / size) as u32;
             }
             *depth = part.depth.max(*depth);
             starts.push(end);
             end += part.lines.len();
         }
-        lines.resize(end, EMPTY_LINE);
-        let (first, mut rest) = lines.split_at_mut(top.len());
-        first.copy_from_slice(&top);
-        let mut places = Vec::with_capacity(parts.len());
-        for (start, part) in starts.into_iter().zip(parts) {
-            let (to, behind) = rest.split_at_mut(part.lines.len());
-            places.push((to, (start / size) as u32, part));
-            rest = behind;
+        lookout::resize(look, lines, end, &EMPTY_LINE);
+        if look.is_over() {
+            return;
         }
-        places.into_par_iter().for_each(|(to, start, part)| {
+        lines[..top.len()].copy_from_slice(top);
+        let out = Scatter::new(lines);
+        starts.par_iter().zip(parts).for_each(|(&start, part)| {
+            // SAFETY: parts follow each other without overlap.
+            let to = unsafe { out.part(start, part.lines.len()) };
             to.copy_from_slice(&part.lines);
+            let first = (start / size) as u32;
             for node in words_of(to).chunks_exact_mut(size * 16) {
                 for child in &mut node[6 * lanes..7 * lanes] {
                     // Nodes count from the part's first so far.
-                    *child += if *child & BLOCK == 0 { start } else { 0 };
+                    *child += if *child & BLOCK == 0 { first } else { 0 };
                 }
             }
         });
@@ -303,7 +330,7 @@ impl Planner<'_> {
         let mut one = || self.plan(node + 1, &left_cell, left_boxes, left_plans);
         let mut other = || self.plan(right, &right_cell, right_boxes, right_plans);
         let (left, right) = if nodes > LARGE { rayon::join(one, other) } else { (one(), other()) };
-        if self.look.is_over() {
+        if self.look.worked(8) {
             return costs;
         }
         let (bounds, plan) = (&mut first_box[0], &mut first_plan[0]);
@@ -392,7 +419,7 @@ impl Source<'_> {
     fn spread(&self, item: Item, mut places: usize, shape: usize, whole: bool, made: &mut Made) {
         let split = match item.kind {
             _ if places == 1 && !whole => None,
-            Kind::Blocks(_, 1) => None,
+            Kind::Blocks(_, 0 | 1) => None,
             Kind::Blocks(unit, count) => {
                 let half = count / 2;
                 let node = WalkNode { word: unit, tagged: half << WalkNode::SHIFT };
@@ -457,13 +484,17 @@ impl Source<'_> {
         let words = words_of(&mut out[start..]);
         words[..3 * n].fill(f32::INFINITY.to_bits());
         words[3 * n..6 * n].fill(f32::NEG_INFINITY.to_bits());
+        // Nobody goes to such a child; who did would find nothing there.
+        words[6 * n..7 * n].fill(BLOCK | self.nothing);
         for (place, item) in made.items.iter().enumerate() {
             let Some(item) = item else { continue };
             for axis in 0..3 {
                 words[axis * n + place] = item.bounds.lo[axis].to_bits();
                 words[(3 + axis) * n + place] = item.bounds.hi[axis].to_bits();
             }
-            if let Kind::Blocks(unit, 1) = item.kind {
+            if let Kind::Blocks(_, 0) = item.kind {
+                words[6 * n + place] = BLOCK | self.nothing;
+            } else if let Kind::Blocks(unit, 1) = item.kind {
                 words[6 * n + place] = BLOCK | unit;
             }
         }
@@ -471,7 +502,7 @@ impl Source<'_> {
         for (octant, order) in orders.chunks_exact_mut(n).enumerate() {
             order_children(&made, octant, order);
         }
-        let needs = |item: &Item| !matches!(item.kind, Kind::Blocks(_, 1));
+        let needs = |item: &Item| !matches!(item.kind, Kind::Blocks(_, 0 | 1));
         made.items.into_iter().enumerate().filter_map(move |(place, item)| {
             item.filter(|item| needs(item)).map(|item| (place, item))
         })
