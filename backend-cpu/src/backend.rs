@@ -18,7 +18,7 @@ use crate::best;
 use crate::buffers::{Buffers, Memory};
 use crate::executor::CpuExecutor;
 use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::query::{CpuAccelerator, InstructionSet};
+use crate::query::{CpuAccelerator, InstructionSet, Source};
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
 /// between builds.
@@ -111,10 +111,11 @@ impl CpuBackend {
     ) -> Result<CpuAccelerator, BuildError> {
         self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory| {
             begin_layout(look, &tree);
-            memory.take(old + CpuAccelerator::bytes_for(&tree))?;
+            memory.take(old + CpuAccelerator::bytes_for(&tree, mesh, options.layout))?;
             summary.peak_bytes = memory.peak;
             let tree = copied(&tree, look)?;
-            let built = CpuAccelerator::new(tree, summary, triangles, self.set, look);
+            let source = Source { mesh, triangles, layout: options.layout };
+            let built = CpuAccelerator::new(tree, summary, source, self.set, look);
             look.finish();
             look.check().map(|()| built)
         })
@@ -133,9 +134,9 @@ impl CpuBackend {
         options: &BuildOptions,
     ) -> Result<(), BuildError> {
         self.with_built(mesh, options, &UNWATCHED, |tree, mut summary, triangles, mut memory| {
-            memory.take(CpuAccelerator::bytes_for(&tree))?;
+            memory.take(CpuAccelerator::bytes_for(&tree, mesh, options.layout))?;
             summary.peak_bytes = memory.peak;
-            accelerator.replace(&tree, summary, triangles);
+            accelerator.replace(&tree, summary, Source { mesh, triangles, layout: options.layout });
             Ok(())
         })
     }
@@ -153,7 +154,7 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<(), BuildError> {
-        let old = CpuAccelerator::bytes_for(&accelerator.tree().view());
+        let old = accelerator.most_bytes();
         *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
         Ok(())
     }
@@ -279,7 +280,8 @@ impl CpuBackend {
         look.check()?;
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view()))?;
+        memory
+            .take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view(), mesh, options.layout))?;
         let mut prepared = Vec::with_capacity(mesh.len());
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
@@ -308,7 +310,8 @@ impl CpuBackend {
         };
         let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
         begin_layout(look, &tree.view());
-        let loaded = CpuAccelerator::new(tree, summary, &triangles, self.set, look);
+        let source = Source { mesh, triangles: &triangles, layout: options.layout };
+        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look);
         look.finish();
         look.check()?;
         Ok(Box::new(loaded))

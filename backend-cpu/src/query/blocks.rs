@@ -1,13 +1,18 @@
 //! The layout that queries read, made from a tree: wide nodes ([`super::wide`]) and blocks of triangles
-//! ([`super::record`]), and for the rare rays that need more care the tree's own nodes.
+//! ([`super::record`]), and for the rare rays that need more care the tree's own nodes. In the compact
+//! layout the tree itself and a copy of the mesh ([`super::indexed`]) stand for blocks.
 
 use rayon::prelude::*;
+use splitplane_core::backend::QueryLayout;
+use splitplane_core::mesh::Mesh;
 use splitplane_core::node::{KdNode, NodeKind};
-use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
+use super::indexed::IndexedMesh;
+use super::leaves::Indexed;
 use super::record::{Packer, Record, TAIL, UNIT};
-use super::wide::WideNodes;
+use super::wide::{Content, WideNodes};
 use crate::lookout::{self, Lookout, UNWATCHED};
 
 /// Nodes looked through at a time.
@@ -17,7 +22,7 @@ const PIECE: usize = 1 << 12;
 /// axis in bits 0 and 1 of the second word (3 for a leaf), above them the right child, or the number of
 /// blocks.
 #[repr(C)]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct WalkNode {
     /// Bits of the split position, or the leaf's first block in units of [`UNIT`] words.
     pub word: u32,
@@ -30,14 +35,34 @@ impl WalkNode {
     pub const SHIFT: u32 = 2;
     /// Most nodes that the remaining bits can name, with one bit kept free.
     pub const MOST: u32 = 1 << 28;
+
+    /// The references of a leaf of the tree itself.
+    #[inline(always)]
+    pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
+        &all[self.word as usize..][..(self.tagged >> WalkNode::SHIFT) as usize]
+    }
+}
+
+/// What a layout is made of besides a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub mesh: &'a Mesh<'a>,
+    /// Its triangles' snapped corners.
+    pub triangles: &'a [Triangle],
+    pub layout: QueryLayout,
 }
 
 /// Nodes and triangles of a tree, for queries.
 #[derive(Debug)]
 pub struct Blocks {
+    pub(crate) tree: KdTree,
+    /// The tree's nodes, with leaves that name their blocks. Neither they nor blocks are there in the
+    /// compact layout.
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) wide: WideNodes,
     pub(crate) words: Vec<u32>,
+    /// In the compact layout only.
+    mesh: Option<IndexedMesh>,
     /// What pieces of the tree come to, while they are put together; kept for the next tree.
     parts: Vec<Vec<u32>>,
 }
@@ -73,8 +98,17 @@ impl Block<'_> {
 }
 
 impl Blocks {
-    /// Most bytes that the layout of a tree may take.
-    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, lanes: usize) -> u64 {
+    /// Most bytes that the layout of a tree may take; for the compact one over a mesh, with what is needed
+    /// to make it.
+    pub(crate) fn bytes_for(
+        tree: &KdTreeView<'_>,
+        compact: Option<&Mesh<'_>>,
+        lanes: usize,
+    ) -> u64 {
+        let wide = WideNodes::most_bytes(tree, lanes);
+        if let Some(mesh) = compact {
+            return wide + WideNodes::scratch_bytes(tree) + IndexedMesh::bytes_for(mesh);
+        }
         let words = |nodes: &[KdNode]| {
             let words = |node: &KdNode| match node.kind() {
                 // Without a shared corner: 13 words and a part of the first a triangle.
@@ -85,39 +119,66 @@ impl Blocks {
         };
         let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
         let nodes = tree.nodes.len() * size_of::<WalkNode>();
-        (nodes + words * size_of::<u32>()) as u64 + WideNodes::most_bytes(tree, lanes)
+        (nodes + words * size_of::<u32>()) as u64 + wide
     }
 
-    /// Makes the layout of a tree from the snapped corners of its triangles, for vectors of so many
-    /// lanes (8 or 16).
-    pub fn new(tree: &KdTreeView<'_>, triangles: &[Triangle], lanes: usize) -> Blocks {
-        Blocks::watched(tree, triangles, lanes, &UNWATCHED)
-    }
-
-    /// As [`Blocks::new`]; of no use when the lookout has ended it.
-    pub(crate) fn watched(
-        tree: &KdTreeView<'_>,
-        triangles: &[Triangle],
+    /// Makes the layout of a tree, for vectors of so many lanes (8 or 16); of no use when the lookout
+    /// has ended it.
+    pub(crate) fn new(
+        tree: KdTree,
+        source: Source<'_>,
         lanes: usize,
         look: &Lookout<'_>,
     ) -> Blocks {
         let mut blocks = Blocks {
+            tree,
             nodes: Vec::new(),
             wide: WideNodes::new(lanes),
             words: Vec::new(),
+            mesh: None,
             parts: Vec::new(),
         };
-        blocks.refill(tree, triangles, look);
+        blocks.refill(source, look);
         blocks
     }
 
     /// Makes the layout of another tree in the same memory.
-    pub fn fill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle]) {
-        self.refill(tree, triangles, &UNWATCHED);
+    pub(crate) fn fill(&mut self, tree: &KdTreeView<'_>, source: Source<'_>) {
+        self.tree.nodes.clear();
+        self.tree.nodes.extend_from_slice(tree.nodes);
+        self.tree.references.clear();
+        self.tree.references.extend_from_slice(tree.references);
+        self.tree.bounds = tree.bounds;
+        self.tree.triangles = tree.triangles;
+        self.tree.config = tree.config;
+        self.refill(source, &UNWATCHED);
     }
 
-    fn refill(&mut self, tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) {
-        let Blocks { nodes, wide, words, parts } = self;
+    fn refill(&mut self, source: Source<'_>, look: &Lookout<'_>) {
+        match source.layout {
+            QueryLayout::Fast => self.refill_blocks(source.triangles, look),
+            QueryLayout::Compact => self.refill_mesh(source, look),
+        }
+    }
+
+    /// The compact layout: the mesh in place of blocks. What is of use while it is made is not kept.
+    fn refill_mesh(&mut self, source: Source<'_>, look: &Lookout<'_>) {
+        let Blocks { tree, nodes, wide, words, mesh, parts } = self;
+        (*nodes, *words, *parts) = (Vec::new(), Vec::new(), Vec::new());
+        mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
+        if look.is_over() {
+            return;
+        }
+        let content = Content::References(&tree.references, source.triangles);
+        wide.fill(&tree.view(), bytemuck::cast_slice(&tree.nodes), content, look);
+        wide.forget();
+        look.advance(tree.nodes.len() as u64);
+    }
+
+    fn refill_blocks(&mut self, triangles: &[Triangle], look: &Lookout<'_>) {
+        let Blocks { tree, nodes, wide, words, mesh, parts } = self;
+        let tree = tree.view();
+        *mesh = None;
         let lanes = wide.lanes();
         let pieces = tree.nodes.len().div_ceil(PIECE);
         parts.resize_with(pieces.max(parts.len()), Vec::new);
@@ -174,18 +235,55 @@ impl Blocks {
                 node.word += start;
             }
         });
-        wide.fill(tree, nodes, words, look);
+        wide.fill(&tree, nodes, Content::Blocks(words), look);
     }
 
-    /// Bytes held for queries.
+    /// Bytes held for queries besides the tree.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.nodes[..]) + size_of_val(&self.words[..])) as u64 + self.wide.bytes()
+        let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
+        let blocks = size_of_val(&self.nodes[..]) + size_of_val(&self.words[..]);
+        blocks as u64 + self.wide.bytes() + mesh
     }
 
-    /// The blocks of a leaf of the tree's own nodes.
+    /// The layout that this is.
+    pub(crate) fn layout(&self) -> QueryLayout {
+        if self.mesh.is_some() { QueryLayout::Compact } else { QueryLayout::Fast }
+    }
+
+    /// The leaves of the compact layout.
+    #[inline(always)]
+    pub(crate) fn indexed(&self) -> Option<Indexed<'_>> {
+        let mesh = self.mesh.as_ref()?;
+        Some(Indexed { nodes: self.walk_nodes(), references: &self.tree.references, mesh })
+    }
+
+    /// The tree's nodes, root first; their leaves are for [`Blocks::any_triangle`].
     #[inline]
-    pub(crate) fn leaf(&self, node: &WalkNode) -> impl Iterator<Item = Record<'_>> {
-        leaf(&self.words, node)
+    pub(crate) fn walk_nodes(&self) -> &[WalkNode] {
+        match self.mesh {
+            // Of the same format but for what a leaf names.
+            Some(_) => bytemuck::cast_slice(&self.tree.nodes),
+            None => &self.nodes,
+        }
+    }
+
+    /// Hands the triangles of a leaf to `test` one by one until it says true; whether it did.
+    #[inline]
+    pub(crate) fn any_triangle(
+        &self,
+        node: &WalkNode,
+        mut test: impl FnMut(u32, &Triangle) -> bool,
+    ) -> bool {
+        match &self.mesh {
+            Some(mesh) => {
+                let mut references = node.references(&self.tree.references).iter();
+                references.any(|&triangle| test(triangle, &mesh.corners(triangle)))
+            }
+            None => leaf(&self.words, node).any(|record| {
+                (0..record.count())
+                    .any(|index| test(record.triangle(index), &record.corners(index)))
+            }),
+        }
     }
 }
 

@@ -52,26 +52,18 @@ pub(crate) fn decide(
     }
 }
 
-/// Tests a block triangle by triangle, for rays that vectors are not made for. True when the query is
-/// answered.
-pub(crate) fn test_one_by_one(
+/// Tests one triangle, for rays that vectors are not made for. True when the best hit changed.
+pub(crate) fn test_one(
     ray: &PreparedRay,
-    record: &Record<'_>,
+    corners: &Triangle,
+    triangle: u32,
     options: &QueryOptions,
-    query: Query,
     best: &mut Best,
 ) -> bool {
-    for index in 0..record.count() {
-        let triangle = record.triangle(index);
-        if options.ignore == Some(triangle) {
-            continue;
-        }
-        let Some(found) = decide(ray, &record.corners(index), options) else { continue };
-        if best.take(ray, &found, triangle) && query == Query::Any {
-            return true;
-        }
+    if options.ignore == Some(triangle) {
+        return false;
     }
-    false
+    decide(ray, corners, options).is_some_and(|found| best.take(ray, &found, triangle))
 }
 
 /// What the wide test says of the triangles of a block, as bits.

@@ -8,8 +8,10 @@
 mod accelerator;
 mod blocks;
 mod exact;
+mod indexed;
 mod instruction_set;
 mod leaf;
+mod leaves;
 mod prepare;
 mod record;
 mod sieve;
@@ -20,5 +22,5 @@ mod wide;
 
 pub use accelerator::CpuAccelerator;
 pub use blocks::Blocks;
-pub(crate) use blocks::WalkNode;
+pub(crate) use blocks::{Source, WalkNode};
 pub use instruction_set::InstructionSet;

@@ -16,13 +16,15 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::triangle::Triangle;
 
 use super::blocks::{self, WalkNode};
 use super::record::Record;
 use super::simd::MOST_LANES;
 use crate::lookout::Lookout;
 
-/// Set in a child that is a block: the other bits are its first unit. Otherwise they are a node.
+/// Set in a child that is a block: the other bits are its first unit, or in the compact layout the leaf's
+/// place among the tree's nodes. Otherwise they are a node.
 pub(crate) const BLOCK: u32 = 1 << 31;
 /// Subtrees of more nodes are looked at by several tasks.
 const LARGE: usize = 1 << 12;
@@ -87,7 +89,8 @@ struct Item {
 enum Kind {
     /// An interior node of the tree.
     Subtree(u32),
-    /// Blocks of a leaf that follow each other: the first one's unit and how many.
+    /// Blocks of a leaf that follow each other: the first one's unit and how many. Or a leaf of the tree, as
+    /// one: its place among the nodes.
     Blocks(u32, u32),
 }
 
@@ -99,12 +102,22 @@ enum Shape {
     Split(u8, u8, u8),
 }
 
+/// What the leaves of the nodes given have.
+#[derive(Clone, Copy)]
+pub(crate) enum Content<'a> {
+    /// Blocks, in these words.
+    Blocks(&'a [u32]),
+    /// References, and the corners of all triangles: the tree's own leaves, which are children as they
+    /// are, however many triangles they have.
+    References(&'a [u32], &'a [Triangle]),
+}
+
 /// What emission reads.
 #[derive(Clone, Copy)]
 struct Source<'a> {
     lanes: usize,
     nodes: &'a [WalkNode],
-    words: &'a [u32],
+    content: Content<'a>,
     boxes: &'a [Aabb],
     plans: &'a [Plan],
 }
@@ -142,6 +155,11 @@ fn box_of<'a>(records: impl Iterator<Item = Record<'a>>, cell: &Aabb) -> Aabb {
             bounds.hi[axis] = bounds.hi[axis].max(hi);
         }
     }
+    within(cell, &bounds, any)
+}
+
+/// The part of some triangles' bounds in their cell.
+fn within(cell: &Aabb, bounds: &Aabb, any: bool) -> Aabb {
     let bounds = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = any && (0..3).any(|axis| bounds.lo[axis] > bounds.hi[axis]);
@@ -182,12 +200,24 @@ impl WideNodes {
         (tree.nodes.len() / 2 + 1) as u64 * 32 * lanes as u64
     }
 
-    /// Makes the nodes of a tree whose leaves name their blocks.
+    /// Bytes of what is of use while nodes are made, which [`WideNodes::forget`] lets go.
+    pub fn scratch_bytes(tree: &KdTreeView<'_>) -> u64 {
+        (tree.nodes.len() * (size_of::<Aabb>() + size_of::<Plan>())) as u64
+    }
+
+    /// Lets go of what is of use while nodes are made only.
+    pub fn forget(&mut self) {
+        let WideNodes { lines, boxes, plans, parts, .. } = self;
+        (*boxes, *plans, *parts) = (Vec::new(), Vec::new(), Vec::new());
+        lines.shrink_to_fit();
+    }
+
+    /// Makes the nodes of a tree from its nodes and what their leaves have.
     pub fn fill(
         &mut self,
         tree: &KdTreeView<'_>,
         nodes: &[WalkNode],
-        words: &[u32],
+        content: Content<'_>,
         look: &Lookout<'_>,
     ) {
         let WideNodes { lanes, lines, depth, boxes, plans, parts } = self;
@@ -199,12 +229,12 @@ impl WideNodes {
         }
         boxes.resize(nodes.len(), Aabb::EMPTY);
         plans.resize(nodes.len(), [NODE; MOST_LANES]);
-        let planner = Planner { lanes, nodes, words, look };
+        let planner = Planner { lanes, nodes, content, look };
         planner.plan(0, &tree.bounds, boxes, plans);
         if look.is_over() {
             return;
         }
-        let source = Source { lanes, nodes, words, boxes, plans };
+        let source = Source { lanes, nodes, content, boxes, plans };
         let Some(root) = source.item(0, &tree.bounds) else { return };
 
         // The top: as many nodes as give work to all tasks.
@@ -274,19 +304,39 @@ fn words_of(lines: &mut [Line]) -> &mut [u32] {
 struct Planner<'a> {
     lanes: usize,
     nodes: &'a [WalkNode],
-    words: &'a [u32],
+    content: Content<'a>,
     look: &'a Lookout<'a>,
 }
 
 impl Planner<'_> {
+    /// The box of a leaf.
+    fn leaf_box(&self, leaf: &WalkNode, cell: &Aabb) -> Aabb {
+        let (references, triangles) = match self.content {
+            Content::Blocks(words) => return box_of(blocks::leaf(words, leaf), cell),
+            Content::References(references, triangles) => (references, triangles),
+        };
+        let references = leaf.references(references);
+        let count = references.len() as u64;
+        if self.look.worked(2 * count) {
+            return Aabb::EMPTY;
+        }
+        let corners = |&triangle: &u32| Aabb::of_points(&triangles[triangle as usize]);
+        let bounds = references.iter().map(corners).fold(Aabb::EMPTY, |all, one| all.union(&one));
+        self.look.advance(count);
+        within(cell, &bounds, count > 0)
+    }
+
     /// Boxes and plans of a subtree, whose nodes follow each other from `node` on; its costs.
     fn plan(&self, node: u32, cell: &Aabb, boxes: &mut [Aabb], plans: &mut [Plan]) -> Costs {
         let mut costs = [0.0; MOST_LANES];
         let walk = &self.nodes[node as usize];
         let Some((axis, split, right)) = interior(walk) else {
-            boxes[0] = box_of(blocks::leaf(self.words, walk), cell);
+            boxes[0] = self.leaf_box(walk, cell);
             // Where there are too few places for a leaf's blocks they get a node of their own.
-            let count = (walk.tagged >> WalkNode::SHIFT) as usize;
+            let count = match self.content {
+                Content::Blocks(_) => (walk.tagged >> WalkNode::SHIFT) as usize,
+                Content::References(..) => 1,
+            };
             let area = area(&boxes[0]);
             for cost in costs.iter_mut().take(count.saturating_sub(1)) {
                 *cost = area;
@@ -345,6 +395,14 @@ struct Made {
 }
 
 impl Source<'_> {
+    /// The words of the blocks.
+    fn words(&self) -> &[u32] {
+        match self.content {
+            Content::Blocks(words) => words,
+            Content::References(..) => &[],
+        }
+    }
+
     /// Lines of a node.
     fn node_lines(&self) -> usize {
         self.lanes / 2
@@ -360,7 +418,10 @@ impl Source<'_> {
             }
             let walk = &self.nodes[node as usize];
             let Some((axis, split, right)) = interior(walk) else {
-                let kind = Kind::Blocks(walk.word, walk.tagged >> WalkNode::SHIFT);
+                let kind = match self.content {
+                    Content::Blocks(_) => Kind::Blocks(walk.word, walk.tagged >> WalkNode::SHIFT),
+                    Content::References(..) => Kind::Blocks(node, 1),
+                };
                 return Some(Item { kind, cell, bounds });
             };
             let (left_cell, right_cell) = halves(&cell, axis, split);
@@ -375,7 +436,7 @@ impl Source<'_> {
     /// A run of blocks with its box.
     fn run(&self, unit: u32, count: u32, cell: &Aabb) -> Item {
         let node = WalkNode { word: unit, tagged: count << WalkNode::SHIFT };
-        let bounds = box_of(blocks::leaf(self.words, &node), cell);
+        let bounds = box_of(blocks::leaf(self.words(), &node), cell);
         Item { kind: Kind::Blocks(unit, count), cell: *cell, bounds }
     }
 
@@ -396,7 +457,7 @@ impl Source<'_> {
             Kind::Blocks(unit, count) => {
                 let half = count / 2;
                 let node = WalkNode { word: unit, tagged: half << WalkNode::SHIFT };
-                let units = blocks::leaf(self.words, &node).map(|record| record.units());
+                let units = blocks::leaf(self.words(), &node).map(|record| record.units());
                 let middle = unit + units.sum::<u32>();
                 let left = self.run(unit, half, &item.cell);
                 let right = self.run(middle, count - half, &item.cell);

@@ -1,0 +1,113 @@
+//! What a child that is no node stands for, in the two layouts: a block, or a leaf of the tree whose
+//! triangles are gathered when a ray comes there.
+
+use super::blocks::{Blocks, WalkNode};
+use super::indexed::{IndexedMesh, Room};
+use super::record::{Record, UNIT};
+use super::simd::Simd;
+
+/// Where traversals find the triangles of a child. Children are numbers here, without their mark.
+pub(crate) trait Leaves: Copy {
+    /// Whether a child is always one block.
+    const ONE: bool;
+    /// What a traversal must have for blocks to be made in.
+    type Room;
+
+    /// Room for one traversal.
+    fn room() -> Self::Room;
+
+    /// What of a child is read first; not to be read for numbers of other children.
+    fn address(self, child: u32) -> *const u8;
+
+    /// A child's block that begins with its triangle `from`, and where the next one begins; 0 after the
+    /// last.
+    ///
+    /// # Safety
+    /// The child must be one that a node names.
+    unsafe fn block<'b, S: Simd>(
+        self,
+        child: u32,
+        from: usize,
+        room: &'b mut Self::Room,
+    ) -> (Record<'b>, usize)
+    where
+        Self: 'b;
+}
+
+/// Blocks: a child is the unit at which its block begins.
+#[derive(Clone, Copy)]
+pub(crate) struct Packed<'a> {
+    words: &'a [u32],
+}
+
+impl<'a> Packed<'a> {
+    /// The blocks of a layout.
+    #[inline(always)]
+    pub fn new(blocks: &'a Blocks) -> Packed<'a> {
+        Packed { words: &blocks.words }
+    }
+}
+
+impl Leaves for Packed<'_> {
+    const ONE: bool = true;
+    type Room = ();
+
+    #[inline(always)]
+    fn room() {}
+
+    #[inline(always)]
+    fn address(self, child: u32) -> *const u8 {
+        self.words.as_ptr().wrapping_add(child as usize * UNIT).cast()
+    }
+
+    #[inline(always)]
+    unsafe fn block<'b, S: Simd>(self, child: u32, _: usize, (): &'b mut ()) -> (Record<'b>, usize)
+    where
+        Self: 'b,
+    {
+        // SAFETY: the caller's contract.
+        (unsafe { Record::at_unchecked(self.words, child) }, 0)
+    }
+}
+
+/// Leaves of the tree: a child is the leaf's place among the nodes.
+#[derive(Clone, Copy)]
+pub(crate) struct Indexed<'a> {
+    pub nodes: &'a [WalkNode],
+    pub references: &'a [u32],
+    pub mesh: &'a IndexedMesh,
+}
+
+impl Leaves for Indexed<'_> {
+    const ONE: bool = false;
+    type Room = Room;
+
+    #[inline(always)]
+    fn room() -> Room {
+        Room::EMPTY
+    }
+
+    #[inline(always)]
+    fn address(self, child: u32) -> *const u8 {
+        self.nodes.as_ptr().wrapping_add(child as usize).cast()
+    }
+
+    #[inline(always)]
+    unsafe fn block<'b, S: Simd>(
+        self,
+        child: u32,
+        from: usize,
+        room: &'b mut Room,
+    ) -> (Record<'b>, usize)
+    where
+        Self: 'b,
+    {
+        let references = &self.nodes[child as usize].references(self.references)[from..];
+        let most = IndexedMesh::most(S::N);
+        let (some, next) = match references.split_at_checked(most) {
+            Some((some, rest)) => (some, if rest.is_empty() { 0 } else { from + most }),
+            None => (references, 0),
+        };
+        (self.mesh.gather(some, room), next)
+    }
+}
