@@ -34,8 +34,8 @@ pub(super) struct Common {
     /// of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
-    /// Trees on the CPU without copies of triangles in leaves: less memory, slower rays, the same hits; a
-    /// GPU has one layout and ignores it
+    /// Query layout without copies of corners in leaves: about half the memory, slower rays, the same hits;
+    /// on the CPU only
     #[arg(long)]
     compact: bool,
     #[command(flatten)]
@@ -113,6 +113,9 @@ impl Common {
         // Said before a device is opened.
         if self.backend == BackendKind::Wgpu && preset.planes().is_none() {
             return Err(BuildError::PresetNotOnDevice { preset }.into());
+        }
+        if self.compact && self.backend == BackendKind::Wgpu {
+            return Err(Failure::usage("--compact is for trees on the CPU; take --backend cpu"));
         }
         let layout = if self.compact { QueryLayout::Compact } else { QueryLayout::Fast };
         let config = self.knobs.config(preset)?;

@@ -6,37 +6,20 @@ use splitplane_core::arithmetic::snap;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
 
-use super::record::Record;
+use super::blocks::Block;
+use super::simd::MOST_LANES;
 use crate::lookout::{self, Lookout};
 
 /// Vertices that are snapped between two looks at the watch.
 const PIECE: usize = 1 << 13;
-/// Most triangles that are gathered at once: their corners, none of which are taken as shared, fill two
-/// vectors of 16.
-const MOST: usize = 10;
-/// Words of [`Room`]: a block of [`MOST`] triangles, and what vector loads read behind it; a power of two.
-const WORDS: usize = 128;
-
-/// Where gathered triangles are put together to a block.
+/// Where gathered triangles are put together to a block, with what vector loads read behind it.
 #[repr(align(64))]
-pub(crate) struct Room([u32; WORDS]);
+pub(crate) struct Room([f32; 11 * MOST_LANES]);
 
 impl Room {
     /// An empty one.
-    pub const EMPTY: Room = Room([0; WORDS]);
+    pub const EMPTY: Room = Room([0.0; 11 * MOST_LANES]);
 }
-
-/// The places of the corners of a gathered block: first corners, second, third, none twice.
-const PLACES: [u32; (3 * MOST).div_ceil(4)] = {
-    let mut places = [0; (3 * MOST).div_ceil(4)];
-    let mut i = 0;
-    while i < places.len() {
-        let first = 4 * i as u8;
-        places[i] = u32::from_le_bytes([first, first + 1, first + 2, first + 3]);
-        i += 1;
-    }
-    places
-};
 
 /// A mesh with snapped coordinates. Vertices are those of the caller; a mesh with as many vertices as
 /// twice its triangles, or without indices, takes less as three corners a triangle.
@@ -107,31 +90,17 @@ impl IndexedMesh {
         }
     }
 
-    /// Most triangles of a block for vectors of so many lanes.
-    pub const fn most(lanes: usize) -> usize {
-        if 2 * lanes / 3 < MOST { 2 * lanes / 3 } else { MOST }
-    }
-
-    /// Puts at most [`MOST`] triangles together to a block.
+    /// Puts at most [`MOST_LANES`] triangles together to a block.
     #[inline(always)]
-    pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut Room) -> Record<'b> {
+    pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut Room) -> Block<'b> {
         let words = &mut room.0;
-        let count = triangles.len();
-        let before = 1 + (3 * count).div_ceil(4) + count;
-        words[0] = count as u32 | (3 * count as u32) << 8 | (before as u32) << 16;
-        // More of them than there are corners: what comes next is written over them.
-        words[1..=PLACES.len()].copy_from_slice(&PLACES);
-        for (i, &triangle) in triangles.iter().enumerate() {
-            words[(before - count + i) % WORDS] = triangle;
-        }
-        for (i, &triangle) in triangles.iter().enumerate() {
+        for (i, &triangle) in triangles.iter().enumerate().take(MOST_LANES) {
             let corners = self.corners(triangle);
-            for (k, corner) in corners.iter().enumerate() {
-                for (axis, x) in corner.iter().enumerate() {
-                    words[(before + (3 * axis + k) * count + i) % WORDS] = x.to_bits();
-                }
+            for (row, &x) in corners.as_flattened().iter().enumerate() {
+                words[row * MOST_LANES + i] = x;
             }
+            words[9 * MOST_LANES + i] = f32::from_bits(triangle);
         }
-        Record::at(&words[..], 0)
+        Block { words: &room.0, stride: MOST_LANES, count: triangles.len() }
     }
 }

@@ -1,10 +1,11 @@
 //! What a child that is no node stands for, in the two layouts: a block, or a leaf of the tree whose
 //! triangles are gathered when a ray comes there.
 
-use super::blocks::{Blocks, WalkNode};
+use super::blocks::{Block, Blocks, WalkNode};
 use super::indexed::{IndexedMesh, Room};
+use super::leaf::Triangles;
 use super::record::{Record, UNIT};
-use super::simd::Simd;
+use super::simd::{MOST_LANES, Simd};
 
 /// Where traversals find the triangles of a child. Children are numbers here, without their mark.
 pub(crate) trait Leaves: Copy {
@@ -12,6 +13,10 @@ pub(crate) trait Leaves: Copy {
     const ONE: bool;
     /// What a traversal must have for blocks to be made in.
     type Room;
+    /// A block.
+    type Block<'b>: Triangles + WrittenOut
+    where
+        Self: 'b;
 
     /// Room for one traversal.
     fn room() -> Self::Room;
@@ -29,9 +34,29 @@ pub(crate) trait Leaves: Copy {
         child: u32,
         from: usize,
         room: &'b mut Self::Room,
-    ) -> (Record<'b>, usize)
+    ) -> (Self::Block<'b>, usize)
     where
         Self: 'b;
+}
+
+/// Triangles that can be had with all corners written out, as the exact test takes them.
+pub(crate) trait WrittenOut {
+    /// The block, in the room given where it needs one.
+    fn written_out<'r>(&'r self, room: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r>;
+}
+
+impl WrittenOut for Record<'_> {
+    #[inline(always)]
+    fn written_out<'r>(&'r self, room: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r> {
+        Record::written_out(self, room)
+    }
+}
+
+impl WrittenOut for Block<'_> {
+    #[inline(always)]
+    fn written_out<'r>(&'r self, _: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r> {
+        *self
+    }
 }
 
 /// Blocks: a child is the unit at which its block begins.
@@ -51,6 +76,10 @@ impl<'a> Packed<'a> {
 impl Leaves for Packed<'_> {
     const ONE: bool = true;
     type Room = ();
+    type Block<'b>
+        = Record<'b>
+    where
+        Self: 'b;
 
     #[inline(always)]
     fn room() {}
@@ -61,7 +90,12 @@ impl Leaves for Packed<'_> {
     }
 
     #[inline(always)]
-    unsafe fn block<'b, S: Simd>(self, child: u32, _: usize, (): &'b mut ()) -> (Record<'b>, usize)
+    unsafe fn block<'b, S: Simd>(
+        self,
+        child: u32,
+        _: usize,
+        (): &'b mut (),
+    ) -> (Self::Block<'b>, usize)
     where
         Self: 'b,
     {
@@ -81,6 +115,10 @@ pub(crate) struct Indexed<'a> {
 impl Leaves for Indexed<'_> {
     const ONE: bool = false;
     type Room = Room;
+    type Block<'b>
+        = Block<'b>
+    where
+        Self: 'b;
 
     #[inline(always)]
     fn room() -> Room {
@@ -98,14 +136,14 @@ impl Leaves for Indexed<'_> {
         child: u32,
         from: usize,
         room: &'b mut Room,
-    ) -> (Record<'b>, usize)
+    ) -> (Self::Block<'b>, usize)
     where
         Self: 'b,
     {
         let references = &self.nodes[child as usize].references(self.references)[from..];
-        let most = IndexedMesh::most(S::N);
-        let (some, next) = match references.split_at_checked(most) {
-            Some((some, rest)) => (some, if rest.is_empty() { 0 } else { from + most }),
+        // As many as there are lanes at a time.
+        let (some, next) = match references.split_at_checked(S::N) {
+            Some((some, rest)) => (some, if rest.is_empty() { 0 } else { from + S::N }),
             None => (references, 0),
         };
         (self.mesh.gather(some, room), next)

@@ -18,9 +18,8 @@ use super::blocks::Blocks;
 use super::exact;
 use super::instruction_set::InstructionSet;
 use super::leaf::{self, Best};
-use super::leaves::{Indexed, Leaves, Packed};
+use super::leaves::{Indexed, Leaves, Packed, WrittenOut};
 use super::prepare::{LANES, PreparedRays, Way};
-use super::record::Record;
 use super::sieve::ExactLane;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
@@ -386,7 +385,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
                     if exactly {
                         exact_test::<S>(state, &record, options, query)
                     } else {
-                        leaf::test::<S>(&state.way, &record, options, query, &mut state.best)
+                        leaf::test::<S, _>(&state.way, &record, options, query, &mut state.best)
                     }
                 };
                 if L::ONE || next == 0 || (better && query == Query::Any) {
@@ -420,7 +419,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
 #[inline(never)]
 unsafe fn exact_test<S: Simd>(
     state: &mut Lane,
-    record: &Record<'_>,
+    record: &impl WrittenOut,
     options: &QueryOptions,
     query: Query,
 ) -> bool {
@@ -618,7 +617,7 @@ unsafe fn one<S: Simd, L: Leaves>(
             // SAFETY: children name nodes or leaves.
             let (record, next) = unsafe { leaves.block::<S>(child & !BLOCK, from, &mut leaf_room) };
             // SAFETY: the caller's contract; the ray is not wide.
-            better |= unsafe { leaf::test::<S>(&way, &record, options, query, &mut best) };
+            better |= unsafe { leaf::test::<S, _>(&way, &record, options, query, &mut best) };
             if L::ONE || next == 0 || (better && query == Query::Any) {
                 break;
             }
