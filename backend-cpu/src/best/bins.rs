@@ -4,57 +4,61 @@
 //! bin behind k ends behind them. So the counts of bins bound the numbers of references on either side of
 //! any plane in a bin, and the bin's borders bound the areas.
 
+use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
 use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 
 use super::cost::{Best, Cell, Costs, LOWER, Split};
+use super::grid::{Faces, Grid, MOST, Places, count_faces};
 use super::ledger::Ledger;
+use super::matches::Ranges;
+use super::small::Small;
 use super::sweep::{Event, Face, event, sweep};
 use super::wide::for_every_set;
 use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
-/// Most bins of an axis; a power of two.
-const MOST: usize = 256;
 /// References for each bin, roughly.
 const PER_BIN: usize = 4;
 /// Fewest bins of an axis.
 const LEAST: usize = 16;
-/// 2^23: a float from 0 on below it, added to this, has its nearest integer in the low bits.
-const ROUND: f32 = 8_388_608.0;
-/// Least half extent that is cut into bins; thinner cells have one.
-const LEAST_EXTENT: f32 = 7.888_609e-31; // 2^-100
-/// What the borders of a bin are widened by, of the cell's extent. A position in bins collects two
-/// roundings of 2^-24 of its distance from the lower side.
-const SLACK: f64 = 1.0 / 1_048_576.0; // 2^-20
-
-/// References that one task counts or looks through.
-const CHUNK: usize = 16_384;
-
-/// Faces by word of a reference and bin: three words of lower faces, one that is none, three of upper
-/// faces, one that is none.
-type Faces = [[u32; MOST]; 8];
+/// What bounds of costs may be off, of themselves: numbers of blocks by at most 2^-16, all else by less
+/// than 2^-20.
+const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
+/// Numbers of references below this have their blocks counted without error in `f32`.
+const EXACT: u32 = 1 << 22;
+/// References that one task looks through; nodes of more than four times as many have several.
+pub(super) const CHUNK: usize = 2048;
 
 /// Scratch of one thread.
 #[derive(Debug)]
 pub(super) struct Bins {
     faces: Faces,
-    /// Lower bounds of the costs in a bin; infinite where there is no face.
-    least: [[f64; MOST]; 3],
+    /// Lower bounds of the costs in a bin, in units of the cell's half area; infinite where there is no
+    /// face.
+    least: [[f32; MOST]; 3],
     /// References that start in bins before this one.
-    started: [[u32; MOST]; 3],
+    started: [[u32; MOST + 1]; 3],
     /// References that do not end in bins before this one.
-    unfinished: [[u32; MOST]; 3],
-    /// Where the events of a bin end so far; [`CLOSED`] for bins that cannot hold the least split.
-    ends: Ends,
+    unfinished: [[u32; MOST + 1]; 3],
+    /// Where each bin is among the open ones; [`CLOSED`] for bins that cannot hold the least split.
+    numbers: Numbers,
     /// The bins that can hold it.
     open: Vec<Open>,
     /// Their events.
     events: Vec<Event>,
+    /// The bins of each reference's faces.
+    places: Vec<Places>,
+    /// What tasks find in parts of many references.
+    parts: Vec<Part>,
+    /// For nodes that are too small for bins.
+    pub small: Small,
 }
 
-type Ends = [[u32; MOST]; 3];
+/// By axis and bin.
+type Numbers = [[u32; MOST]; 3];
 
 /// A bin that can hold the least split.
 #[derive(Clone, Copy, Debug)]
@@ -62,23 +66,50 @@ struct Open {
     least: f64,
     axis: u32,
     bin: u32,
+    /// Where its events begin, and where those end that are there so far.
     first: u32,
+    end: u32,
 }
 
 const CLOSED: u32 = u32::MAX;
+
+/// What one task finds.
+#[derive(Debug)]
+struct Part {
+    faces: Faces,
+    /// Events in open bins, bin by bin.
+    events: Vec<Event>,
+    /// Where those of each open bin end.
+    ends: Vec<u32>,
+}
 
 impl Default for Bins {
     fn default() -> Bins {
         Bins {
             faces: [[0; MOST]; 8],
-            least: [[f64::INFINITY; MOST]; 3],
-            started: [[0; MOST]; 3],
-            unfinished: [[0; MOST]; 3],
-            ends: [[CLOSED; MOST]; 3],
+            least: [[f32::INFINITY; MOST]; 3],
+            started: [[0; MOST + 1]; 3],
+            unfinished: [[0; MOST + 1]; 3],
+            numbers: [[CLOSED; MOST]; 3],
             open: Vec::new(),
             events: Vec::new(),
+            places: Vec::new(),
+            parts: Vec::new(),
+            small: Small::default(),
         }
     }
+}
+
+/// What a search needs besides scratch.
+struct Search<'a> {
+    set: InstructionSet,
+    costs: &'a Costs,
+    cell: &'a Cell,
+    references: &'a [Reference],
+    grid: Grid,
+    limit: f64,
+    ledger: &'a Ledger,
+    look: &'a Lookout<'a>,
 }
 
 /// The split of least (cost, axis, position) that costs less than `limit`.
@@ -98,185 +129,242 @@ pub(super) fn best_split(
 ) -> Result<Option<Split>, BuildError> {
     let count = (references.len() / PER_BIN).next_power_of_two().clamp(LEAST, MOST);
     let grid = Grid::new(cell, count);
-    let parallel = references.len() > 2 * CHUNK;
-    for faces in &mut bins.faces {
-        faces[..count].fill(0);
-    }
+    let search = Search { set, costs, cell, references, grid, limit, ledger, look };
+    let parallel = references.len() > 4 * CHUNK;
+    lengthen(ledger, &mut bins.places, references.len(), [0; 8])?;
     if parallel {
-        bins.faces = references
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                let mut faces = [[0; MOST]; 8];
-                if !look.worked(chunk.len() as u64) {
-                    count_faces(set, &grid, chunk, &mut faces);
-                }
-                faces
-            })
-            .reduce(|| [[0; MOST]; 8], sum);
+        search.count_parts(bins)?;
     } else {
-        count_faces(set, &grid, references, &mut bins.faces);
+        for faces in &mut bins.faces {
+            faces[..count].fill(0);
+        }
+        count_faces(set, &search.grid, references, &mut bins.faces, &mut bins.places);
     }
     look.check()?;
-    let events = bound(set, bins, costs, cell, &grid, references.len() as u32, limit);
+    let events = bound(set, bins, costs, cell, &search.grid, references.len() as u32, limit);
     if bins.open.is_empty() {
         return Ok(None);
     }
-    if bins.events.len() < events {
-        let more = events - bins.events.len();
-        ledger.reserve(&mut bins.events, more)?;
-        bins.events.resize(events, 0);
-    }
-    if parallel {
-        let ends = &bins.ends;
-        let found: Vec<Vec<Reference>> = references
-            .par_chunks(CHUNK)
-            .map(|chunk| {
-                let mut found = Vec::new();
-                ledger.reserve(&mut found, chunk.len())?;
-                if !look.worked(chunk.len() as u64) {
-                    in_open_bins(set, &grid, chunk, ends, &mut found);
-                }
-                Ok(found)
-            })
-            .collect::<Result<_, BuildError>>()?;
-        for list in found {
-            if !look.worked(list.len() as u64) {
-                gather(set, &grid, &list, &mut bins.ends, &mut bins.events);
-            }
-            ledger.give((list.capacity() * size_of::<Reference>()) as u64);
-        }
-    } else {
-        gather(set, &grid, references, &mut bins.ends, &mut bins.events);
-    }
+    lengthen(ledger, &mut bins.events, events, 0)?;
+    let split = if parallel { search.sweep_parts(bins, events)? } else { search.sweep(bins) };
     look.check()?;
-    Ok(bins.search(costs, cell, limit, look))
+    Ok(split)
 }
 
-fn sum(mut one: Faces, other: Faces) -> Faces {
-    for (one, other) in one.as_flattened_mut().iter_mut().zip(other.as_flattened()) {
-        *one += other;
+/// Makes a list at least so long.
+fn lengthen<T: Copy>(
+    ledger: &Ledger,
+    list: &mut Vec<T>,
+    length: usize,
+    filler: T,
+) -> Result<(), BuildError> {
+    if list.len() < length {
+        ledger.reserve(list, length - list.len())?;
+        list.resize(list.capacity(), filler);
     }
-    one
+    Ok(())
 }
 
-/// Bins of a cell. Words are those of a [`Reference`]: three lower faces, the triangle, three upper
-/// faces, padding; the two that are no faces land somewhere, unused.
-struct Grid {
-    bins: usize,
-    half_lo: [f32; 8],
-    scale: [f32; 8],
-}
+impl Search<'_> {
+    /// Counts faces, part by part.
+    fn count_parts(&self, bins: &mut Bins) -> Result<(), BuildError> {
+        let parts = self.references.len().div_ceil(CHUNK);
+        if bins.parts.len() < parts {
+            let more = parts - bins.parts.len();
+            self.ledger.reserve(&mut bins.parts, more)?;
+            let part = || Part { faces: [[0; MOST]; 8], events: Vec::new(), ends: Vec::new() };
+            bins.parts.resize_with(parts, part);
+        }
+        let parts = &mut bins.parts[..parts];
+        let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks_mut(CHUNK));
+        parts.par_iter_mut().zip(chunks).for_each(|(part, (references, places))| {
+            for faces in &mut part.faces {
+                faces[..self.grid.bins].fill(0);
+            }
+            if !self.look.worked(references.len() as u64) {
+                count_faces(self.set, &self.grid, references, &mut part.faces, places);
+            }
+        });
+        bins.faces.par_iter_mut().enumerate().for_each(|(word, faces)| {
+            faces.fill(0);
+            for part in &*parts {
+                for bin in 0..self.grid.bins {
+                    faces[bin] += part.faces[word][bin];
+                }
+            }
+        });
+        Ok(())
+    }
 
-impl Grid {
-    fn new(cell: &Cell, bins: usize) -> Grid {
-        let (mut half_lo, mut scale) = ([0.0; 8], [0.0; 8]);
-        for axis in 0..3 {
-            let half = cell.bounds.half_extent(axis);
-            let scale_here = if half < LEAST_EXTENT { 0.0 } else { (bins - 1) as f32 / half };
-            for word in [axis, axis + 4] {
-                half_lo[word] = 0.5 * cell.bounds.lo[axis];
-                scale[word] = scale_here;
+    /// Collects the events in open bins and sweeps these, the most promising one first, as long as they
+    /// may hold something better.
+    fn sweep(&self, bins: &mut Bins) -> Option<Split> {
+        let Bins { numbers, open, events, places, .. } = bins;
+        let places = &places[..self.references.len()];
+        let ranges = ranges(open);
+        gather(self.set, self.set, &ranges, self.references, places, numbers, open, events);
+        let mut first = 0;
+        for (i, open) in bins.open.iter().enumerate() {
+            if open.least < bins.open[first].least {
+                first = i;
             }
         }
-        Grid { bins, half_lo, scale }
-    }
-
-    /// The bins of a reference's faces, by word: never falling with the position.
-    #[inline(always)]
-    fn bins_of(&self, reference: &Reference) -> [usize; 8] {
-        let words: &[f32; 8] = bytemuck::cast_ref(reference);
-        let mut bins = [0; 8];
-        for word in 0..8 {
-            // Halved, so that nothing overflows. A bin holds what rounds to its number.
-            let place = (0.5 * words[word] - self.half_lo[word]) * self.scale[word];
-            bins[word] = ((place + ROUND).to_bits() & (MOST as u32 - 1)) as usize;
+        bins.open.swap(0, first);
+        let mut best = Best::below(self.limit);
+        for open in &bins.open {
+            if open.least > best.cost {
+                continue;
+            }
+            if self.look.is_over() {
+                break;
+            }
+            let events = &mut bins.events[open.first as usize..open.end as usize];
+            let counts = counts(&bins.started, &bins.unfinished, open);
+            sweep(self.costs, self.cell, open.axis as usize, events, counts, &mut best);
         }
-        bins
+        best.split
     }
 
-    /// The borders of an axis's bins.
-    #[inline(always)]
-    fn borders(&self, cell: &Cell, axis: usize) -> Borders {
-        let (lo, hi) = (cell.axes[axis].lo, cell.axes[axis].hi);
-        // Without a scale all is in the first bin.
-        let scale = self.scale[axis];
-        let width = if scale == 0.0 { hi - lo } else { 2.0 / f64::from(scale) };
-        let slack = if scale == 0.0 { hi - lo } else { SLACK * (hi - lo) };
-        Borders { lo, hi, width, slack }
+    /// The same by many tasks: first one a part of the references, then one an open bin.
+    fn sweep_parts(&self, bins: &mut Bins, all: usize) -> Result<Option<Split>, BuildError> {
+        let parts = &mut bins.parts[..self.references.len().div_ceil(CHUNK)];
+        let (numbers, open) = (&bins.numbers, &bins.open);
+        let ranges = ranges(open);
+        let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks(CHUNK));
+        parts.par_iter_mut().zip(chunks).try_for_each(|(part, (references, places))| {
+            if self.look.worked(references.len() as u64) {
+                return Ok(());
+            }
+            let places = &places[..references.len()];
+            self.collect(part, references, places, numbers, open.len(), &ranges)
+        })?;
+        self.look.check()?;
+        let mut events = &mut bins.events[..];
+        let mut lists = Vec::with_capacity(open.len());
+        for (number, open) in open.iter().enumerate() {
+            let end = bins.open.get(number + 1).map_or(all, |next| next.first as usize);
+            let (list, rest) = events.split_at_mut(end - open.first as usize);
+            lists.push((number, open, list));
+            events = rest;
+        }
+        let parts = &*parts;
+        let (started, unfinished) = (&bins.started, &bins.unfinished);
+        // What another task has found; a hint, on which nothing but time depends.
+        let least = AtomicU64::new(self.limit.to_bits());
+        let best = lists
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(number, open, list)| {
+                let mut best = Best::below(self.limit);
+                if open.least > f64::from_bits(least.load(Relaxed)) {
+                    return best;
+                }
+                let mut end = 0;
+                for part in parts {
+                    let events = part.of(number);
+                    list[end..end + events.len()].copy_from_slice(events);
+                    end += events.len();
+                }
+                if !self.look.worked(4 * end as u64) {
+                    let counts = counts(started, unfinished, open);
+                    let axis = open.axis as usize;
+                    sweep(self.costs, self.cell, axis, &mut list[..end], counts, &mut best);
+                    // Costs are not negative, so their bits compare as they do.
+                    least.fetch_min(best.cost.to_bits(), Relaxed);
+                }
+                best
+            })
+            .reduce(
+                || Best::below(self.limit),
+                |mut one, other| {
+                    if let Some(split) = other.split {
+                        one.offer(split);
+                    }
+                    one
+                },
+            );
+        Ok(best.split)
+    }
+
+    /// The events of a part in open bins, bin by bin.
+    fn collect(
+        &self,
+        part: &mut Part,
+        references: &[Reference],
+        places: &[Places],
+        numbers: &Numbers,
+        open: usize,
+        ranges: &Ranges,
+    ) -> Result<(), BuildError> {
+        lengthen(self.ledger, &mut part.ends, open, 0)?;
+        part.ends[..open].fill(0);
+        let all = count_events(self.set, self.set, ranges, places, numbers, &mut part.ends[..open]);
+        lengthen(self.ledger, &mut part.events, all as usize, 0)?;
+        let mut first = 0;
+        for end in &mut part.ends[..open] {
+            first += core::mem::replace(end, first);
+        }
+        let Part { events, ends, .. } = part;
+        place_events(self.set, self.set, ranges, references, places, numbers, ends, events);
+        Ok(())
     }
 }
 
-/// Between which positions all those of a bin lie.
-struct Borders {
-    lo: f64,
-    hi: f64,
-    width: f64,
-    slack: f64,
+/// In place of the upper face of a planar reference: sorted behind all events.
+const NOTHING: Event = Event::MAX;
+
+impl Part {
+    /// The events of an open bin.
+    fn of(&self, number: usize) -> &[Event] {
+        let first = number.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.events[first as usize..self.ends[number] as usize]
+    }
 }
 
-impl Borders {
-    #[inline(always)]
-    fn of(&self, bin: usize) -> [f64; 2] {
-        let bin = f64::from(bin as i32);
-        let low = self.lo + (bin - 0.5) * self.width - self.slack;
-        let high = self.lo + (bin + 0.5) * self.width + self.slack;
-        [if low > self.lo { low } else { self.lo }, if high < self.hi { high } else { self.hi }]
+/// The event of a reference's face, by word; none for the upper face of one that is planar.
+#[inline(always)]
+fn event_of(reference: &Reference, word: usize) -> Option<Event> {
+    let axis = word % 4;
+    let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
+    if word < 4 {
+        Some(event(lo, if lo == hi { Face::Planar } else { Face::Start }))
+    } else {
+        (lo != hi).then(|| event(hi, Face::End))
     }
+}
+
+/// What starts before an open bin, and what does not end before it.
+fn counts(
+    started: &[[u32; MOST + 1]; 3],
+    unfinished: &[[u32; MOST + 1]; 3],
+    open: &Open,
+) -> [u32; 2] {
+    let (axis, bin) = (open.axis as usize, open.bin as usize);
+    [started[axis][bin], unfinished[axis][bin]]
+}
+
+/// The range of open bins on each axis.
+fn ranges(open: &[Open]) -> Ranges {
+    let mut axes = [None; 3];
+    for open in open {
+        let bin = open.bin as u8;
+        let [first, last] = axes[open.axis as usize].get_or_insert([bin; 2]);
+        (*first, *last) = ((*first).min(bin), (*last).max(bin));
+    }
+    Ranges::new(axes)
 }
 
 impl Bins {
     /// Bytes of its lists.
     pub fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();
-        (open + self.events.capacity() * size_of::<Event>()) as u64
-    }
-
-    /// Sweeps the open bins, the most promising one first, as long as they may hold something better.
-    #[inline(always)]
-    fn search(
-        &mut self,
-        costs: &Costs,
-        cell: &Cell,
-        limit: f64,
-        look: &Lookout<'_>,
-    ) -> Option<Split> {
-        let mut best = Best::below(limit);
-        let mut first = 0;
-        for (i, open) in self.open.iter().enumerate() {
-            if open.least < self.open[first].least {
-                first = i;
-            }
-        }
-        self.open.swap(0, first);
-        for open in &self.open {
-            if open.least > best.cost {
-                continue;
-            }
-            if look.is_over() {
-                break;
-            }
-            let (axis, bin) = (open.axis as usize, open.bin as usize);
-            let events = &mut self.events[open.first as usize..self.ends[axis][bin] as usize];
-            let counts = [self.started[axis][bin], self.unfinished[axis][bin]];
-            sweep(costs, cell, axis, events, counts, &mut best);
-        }
-        best.split
-    }
-}
-
-for_every_set! {
-    /// Counts the faces in every bin.
-    fn count_faces(grid: &Grid, references: &[Reference], faces: &mut Faces) -> () {
-        let [x, y, z, _, far_x, far_y, far_z, _] = faces;
-        for reference in references {
-            let bins = grid.bins_of(reference);
-            x[bins[0]] += 1;
-            y[bins[1]] += 1;
-            z[bins[2]] += 1;
-            far_x[bins[4]] += 1;
-            far_y[bins[5]] += 1;
-            far_z[bins[6]] += 1;
-        }
+        let events = self.events.capacity() * size_of::<Event>();
+        let places = self.places.capacity() * size_of::<Places>();
+        let part = |part: &Part| {
+            (part.events.capacity() * size_of::<Event>() + part.ends.capacity() * 4) as u64
+        };
+        let parts = (self.parts.capacity() * size_of::<Part>()) as u64;
+        (open + events + places) as u64 + parts + self.parts.iter().map(part).sum::<u64>()
     }
 }
 
@@ -291,50 +379,69 @@ for_every_set! {
         count: u32,
         limit: f64,
     ) -> usize {
-        let mut most = limit;
-        let all = costs.blocks(count);
+        let mut most = ((limit / cell.area) as f32) * (1.0 + MARGIN);
+        let inverse = 1.0 / costs.width as f32;
+        let blocks = |n: u32| (((n + costs.width - 1) as i32 as f32 + 0.5) * inverse).floor();
+        let expected = |blocks: f32| {
+            let root = (0.25 * blocks).sqrt();
+            let power = 4.0 * (root * root.sqrt());
+            if power < blocks && !costs.leaves { power } else { blocks }
+        };
+        let (step, weight) = (costs.traversal as f32, costs.intersection as f32);
+        let empty = costs.empty as f32;
+        // Where it cannot be counted exactly, that all are somewhere is not made use of.
+        let all = if count < EXACT { blocks(count) } else { 0.0 };
+        // Expected costs of what starts before a border, and of what does not end before it.
+        let [mut near, mut far] = [[0.0f32; MOST + 1]; 2];
         for axis in 0..3 {
-            let (started, unfinished) = (&mut bins.started[axis], &mut bins.unfinished[axis]);
-            let (starts, ends) = (&bins.faces[axis], &bins.faces[axis + 4]);
+            let started = &mut bins.started[axis][..grid.bins + 1];
+            let unfinished = &mut bins.unfinished[axis][..grid.bins + 1];
+            let starts = &bins.faces[axis][..grid.bins];
+            let ends = &bins.faces[axis + 4][..grid.bins];
             let (mut left, mut right) = (0, count);
             for bin in 0..grid.bins {
                 (started[bin], unfinished[bin]) = (left, right);
                 left += starts[bin];
                 right -= ends[bin];
             }
+            (started[grid.bins], unfinished[grid.bins]) = (left, right);
+            let near = &mut near[..grid.bins + 1];
+            let far = &mut far[..grid.bins + 1];
+            for bin in 0..grid.bins + 1 {
+                near[bin] = expected(blocks(started[bin]));
+                far[bin] = expected(blocks(unfinished[bin]));
+            }
             let areas = &cell.axes[axis];
-            let least = &mut bins.least[axis];
-            let borders = grid.borders(cell, axis);
+            let growth = ((areas.hi - areas.lo) * areas.slope / cell.area) as f32;
+            let base = (areas.base / cell.area) as f32;
+            let borders = grid.borders(axis);
+            let least = &mut bins.least[axis][..grid.bins];
             // Without branches, to be turned into vector instructions.
             for bin in 0..grid.bins {
                 let faces = starts[bin] + ends[bin];
                 let [low, high] = borders.of(bin);
                 // At least these are left and right of any plane in the bin, and all are somewhere.
-                let (left, right) = (started[bin], unfinished[bin] - ends[bin]);
-                let blocks = [costs.blocks(left), costs.blocks(right)];
-                let rest = [all - blocks[1], all - blocks[0]];
-                let most_blocks = [
-                    if rest[0] > blocks[0] { rest[0] } else { blocks[0] },
-                    if rest[1] > blocks[1] { rest[1] } else { blocks[1] },
+                let (left, right) = (started[bin], unfinished[bin + 1]);
+                let few = [blocks(left), blocks(right)];
+                let rest = [all - few[1], all - few[0]];
+                let many = [
+                    expected(if rest[0] > few[0] { rest[0] } else { few[0] }),
+                    expected(if rest[1] > few[1] { rest[1] } else { few[1] }),
                 ];
-                let small = [areas.below(low), areas.above(high)];
+                let small = [low * growth + base, (1.0 - high) * growth + base];
                 // What is expected is concave: least where all that may be on either side is on one.
-                let fewest = blocks.map(|n| costs.expected(n));
-                let most_expected = most_blocks.map(|n| costs.expected(n));
-                let all_left = [most_expected[0], fewest[1]];
-                let all_right = [fewest[0], most_expected[1]];
-                let all_left = costs.blocks_cost(cell.step, small, all_left);
-                let all_right = costs.blocks_cost(cell.step, small, all_right);
-                let cost = if all_left < all_right { all_left } else { all_right } * LOWER;
-                let cost = if left == 0 || right == 0 { cost * costs.empty } else { cost };
-                least[bin] = if faces > 0 { cost } else { f64::INFINITY };
+                let all_left = many[0] * small[0] + far[bin + 1] * small[1];
+                let all_right = near[bin] * small[0] + many[1] * small[1];
+                let cost = if all_left < all_right { all_left } else { all_right };
+                let cost = (step + weight * cost) * (1.0 - MARGIN);
+                let cost = if left == 0 || right == 0 { cost * empty } else { cost };
+                least[bin] = if faces > 0 { cost } else { f32::INFINITY };
                 // The outermost bins may hold nothing but the sides of the cell.
                 let inner = faces > 0 && bin > 0 && bin + 1 < grid.bins;
-                let large = [areas.below(high), areas.above(low)];
-                let blocks =
-                    [costs.blocks(started[bin] + starts[bin]), costs.blocks(unfinished[bin])];
-                let cost = costs.blocks_cost(cell.step, large, blocks.map(|n| costs.expected(n)));
-                let cost = if inner { cost } else { f64::INFINITY };
+                let large = [high * growth + base, (1.0 - low) * growth + base];
+                let cost = near[bin + 1] * large[0] + far[bin] * large[1];
+                let cost = (step + weight * cost) * (1.0 + MARGIN);
+                let cost = if inner { cost } else { f32::INFINITY };
                 most = if cost < most { cost } else { most };
             }
         }
@@ -343,13 +450,15 @@ for_every_set! {
         for axis in 0..3 {
             for bin in 0..grid.bins {
                 let least = bins.least[axis][bin];
-                if least <= most && least < f64::INFINITY {
+                let number = &mut bins.numbers[axis][bin];
+                *number = CLOSED;
+                if least <= most && least < f32::INFINITY {
+                    *number = bins.open.len() as u32;
+                    let least = f64::from(least) * cell.area * LOWER;
+                    let (axis, bin_here) = (axis as u32, bin as u32);
                     let first = events;
-                    bins.ends[axis][bin] = first;
-                    bins.open.push(Open { least, axis: axis as u32, bin: bin as u32, first });
-                    events += bins.faces[axis][bin] + bins.faces[axis + 4][bin];
-                } else {
-                    bins.ends[axis][bin] = CLOSED;
+                    bins.open.push(Open { least, axis, bin: bin_here, first, end: first });
+                    events += bins.faces[axis as usize][bin] + bins.faces[axis as usize + 4][bin];
                 }
             }
         }
@@ -358,48 +467,154 @@ for_every_set! {
 }
 
 for_every_set! {
-    /// Collects the references that have a face in an open bin.
-    fn in_open_bins(
-        grid: &Grid,
+    /// Collects the events in open bins, bin by bin.
+    fn gather(
+        own_set: InstructionSet,
+        ranges: &Ranges,
         references: &[Reference],
-        ends: &Ends,
-        found: &mut Vec<Reference>,
+        places: &[Places],
+        numbers: &Numbers,
+        open: &mut [Open],
+        events: &mut [Event],
     ) -> () {
-        for reference in references {
-            let bins = grid.bins_of(reference);
-            let open = (0..3).any(|axis| {
-                ends[axis][bins[axis]] != CLOSED || ends[axis][bins[axis + 4]] != CLOSED
-            });
-            if open {
-                found.push(*reference);
+        ranges.search(own_set, places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(open) = open.get_mut(number as usize)
+                && let Some(event) = event_of(&references[reference], word)
+            {
+                events[open.end as usize] = event;
+                open.end += 1;
             }
-        }
+        });
     }
 }
 
 for_every_set! {
-    /// Collects the events in open bins, bin by bin.
-    fn gather(
-        grid: &Grid,
+    /// Counts the events in each open bin. Returns how many there are in all.
+    fn count_events(
+        own_set: InstructionSet,
+        ranges: &Ranges,
+        places: &[Places],
+        numbers: &Numbers,
+        counts: &mut [u32],
+    ) -> u32 {
+        let mut all = 0;
+        ranges.search(own_set, places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(count) = counts.get_mut(number as usize) {
+                *count += 1;
+                all += 1;
+            }
+        });
+        all
+    }
+}
+
+for_every_set! {
+    /// Puts the events in open bins where those of each bin end so far.
+    fn place_events(
+        own_set: InstructionSet,
+        ranges: &Ranges,
         references: &[Reference],
-        ends: &mut Ends,
+        places: &[Places],
+        numbers: &Numbers,
+        ends: &mut [u32],
         events: &mut [Event],
     ) -> () {
-        for reference in references {
-            let bins = grid.bins_of(reference);
-            for axis in 0..3 {
-                let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
-                let start = &mut ends[axis][bins[axis]];
-                if *start != CLOSED {
-                    let face = if lo == hi { Face::Planar } else { Face::Start };
-                    events[*start as usize] = event(lo, face);
-                    *start += 1;
+        ranges.search(own_set, places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(end) = ends.get_mut(number as usize) {
+                // Both faces of a planar reference are one event.
+                events[*end as usize] = event_of(&references[reference], word).unwrap_or(NOTHING);
+                *end += 1;
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::best::oracle;
+    use crate::buffers::Memory;
+    use crate::lookout::UNWATCHED;
+    use splitplane_test_support::random::Random;
+
+    #[test]
+    fn the_split_is_that_of_a_search_over_all() {
+        let mut random = Random::new(8);
+        let (ledger, mut bins) = (Ledger::new(Memory::default()), Bins::default());
+        let mut found = 0;
+        for round in 0..300 {
+            let both = oracle::costs(&mut random);
+            let costs = &both[round % 2];
+            let count = 1 + random.below(if round % 10 == 0 { 2500 } else { 400 });
+            let (cell, references) = oracle::node(&mut random, costs, count);
+            if cell.area <= 0.0 {
+                continue;
+            }
+            for limit in [f64::INFINITY, costs.leaf(cell.area, count as u32)] {
+                let expected = oracle::best_split(costs, &cell, &references, limit);
+                for set in InstructionSet::available() {
+                    let (ledger, look) = (&ledger, &UNWATCHED);
+                    let (bins, references) = (&mut bins, &references);
+                    let split =
+                        best_split(set, costs, &cell, references, limit, bins, ledger, look);
+                    assert_eq!(split.unwrap(), expected, "{set:?} {round} {limit}");
                 }
-                let end = &mut ends[axis][bins[axis + 4]];
-                if *end != CLOSED && lo != hi {
-                    events[*end as usize] = event(hi, Face::End);
-                    *end += 1;
+                found += usize::from(expected.is_some());
+            }
+        }
+        assert!(found > 250, "{found}");
+    }
+
+    #[test]
+    fn many_tasks_find_what_one_finds() {
+        let mut random = Random::new(9);
+        let ledger = Ledger::new(Memory::default());
+        let (mut one, mut many) = (Bins::default(), Bins::default());
+        for round in 0..12 {
+            let both = oracle::costs(&mut random);
+            let costs = &both[round % 2];
+            let count = 1 + random.below(6 * CHUNK);
+            let (cell, references) = oracle::node(&mut random, costs, count);
+            if cell.area <= 0.0 {
+                continue;
+            }
+            for set in InstructionSet::available() {
+                let search = Search {
+                    set,
+                    costs,
+                    cell: &cell,
+                    references: &references,
+                    grid: Grid::new(&cell, MOST),
+                    limit: f64::INFINITY,
+                    ledger: &ledger,
+                    look: &UNWATCHED,
+                };
+                let mut events = [0; 2];
+                for (bins, events) in [&mut one, &mut many].into_iter().zip(&mut events) {
+                    lengthen(&ledger, &mut bins.places, count, [0; 8]).unwrap();
+                    bins.faces = [[0; MOST]; 8];
+                    count_faces(set, &search.grid, &references, &mut bins.faces, &mut bins.places);
+                    let faces = bins.faces;
+                    search.count_parts(bins).unwrap();
+                    for axis in [0, 1, 2, 4, 5, 6] {
+                        assert_eq!(bins.faces[axis], faces[axis]);
+                    }
+                    let limit = f64::INFINITY;
+                    *events = bound(set, bins, costs, &cell, &search.grid, count as u32, limit);
+                    lengthen(&ledger, &mut bins.events, *events, 0).unwrap();
                 }
+                // Where no plane lies inside, no bin is open, and neither is asked.
+                if one.open.is_empty() {
+                    assert!(many.open.is_empty());
+                    continue;
+                }
+                assert_eq!(
+                    search.sweep(&mut one),
+                    search.sweep_parts(&mut many, events[1]).unwrap()
+                );
             }
         }
     }

@@ -1,14 +1,21 @@
 //! What splits and leaves cost, and which of two splits is better: every way of finding a plane asks
 //! here, so all find the same one.
 
+use core::array;
+
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
 
 /// A bound is lowered by this much of itself, far more than its roundings: 2^-40.
 pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
 
+/// Numbers of references whose expected costs are in a table.
+const KNOWN: usize = 2049;
+/// Numbers of blocks for which it is known what one more costs.
+pub(super) const STEPS: usize = 128;
+
 /// What of the configuration decides.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Costs {
     /// K_T.
     pub traversal: f64,
@@ -25,14 +32,22 @@ pub(super) struct Costs {
     /// 1 / W.
     inverse: f64,
     /// Whether children are taken for leaves when planes are compared, too.
-    leaves: bool,
+    pub leaves: bool,
+    /// [`Costs::expected`] of the blocks of so many references.
+    known: [f64; KNOWN],
+    /// What one block more than so many is expected to cost, times K_I; rounded.
+    pub steps: [f32; STEPS],
 }
 
 impl Costs {
-    /// The costs of a configuration.
-    pub fn of(config: &BuildConfig) -> Costs {
+    /// The costs of a configuration, and the same with children taken for leaves throughout.
+    pub fn both(config: &BuildConfig) -> [Costs; 2] {
+        [Costs::of(config, false), Costs::of(config, true)]
+    }
+
+    fn of(config: &BuildConfig, leaves: bool) -> Costs {
         let width = config.block_width;
-        Costs {
+        let mut costs = Costs {
             traversal: f64::from(config.traversal_cost),
             intersection: f64::from(config.intersection_cost),
             width,
@@ -40,13 +55,16 @@ impl Costs {
             max_depth: config.max_depth,
             bad_splits: config.bad_splits,
             inverse: 1.0 / f64::from(width),
-            leaves: false,
-        }
-    }
-
-    /// The same costs with children taken for leaves throughout.
-    pub fn of_leaves(&self) -> Costs {
-        Costs { leaves: true, ..*self }
+            leaves,
+            known: [0.0; KNOWN],
+            steps: [0.0; STEPS],
+        };
+        costs.known = array::from_fn(|n| costs.expected(costs.blocks(n as u32)));
+        costs.steps = array::from_fn(|blocks| {
+            let [some, more] = [blocks, blocks + 1].map(|n| costs.expected(n as f64));
+            (costs.intersection * (more - some)) as f32
+        });
+        costs
     }
 
     /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
@@ -90,25 +108,17 @@ impl Costs {
     /// four blocks in all it is [`Costs::split`].
     #[inline(always)]
     pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
-        let blocks = counts.map(|n| self.expected(self.blocks(n)));
+        let blocks = counts.map(|n| self.expected_of(n));
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
-    /// The least part of its blocks that a child of at most `count` references may be expected to cost:
-    /// that of all together, since what is expected is concave. 1 where nothing is expected but blocks.
-    pub fn share(&self, count: u32) -> f64 {
-        if self.few(count) {
-            return 1.0;
-        }
-        let blocks = self.blocks(count);
-        self.expected(blocks) / blocks * LOWER
-    }
-
-    /// A bound below [`Costs::expected_split`], from a [`Costs::share`]; the very cost where that is 1.
+    /// [`Costs::expected`] of the blocks of `n` references.
     #[inline(always)]
-    pub fn least_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2], share: f64) -> f64 {
-        let blocks = counts.map(|n| share * self.blocks(n));
-        self.forgive(self.blocks_cost(step, areas, blocks), counts)
+    pub fn expected_of(&self, n: u32) -> f64 {
+        match self.known.get(n as usize) {
+            Some(&known) => known,
+            None => self.expected(self.blocks(n)),
+        }
     }
 
     /// The cost of a split, less what an empty side is forgiven.
@@ -145,9 +155,9 @@ pub(super) struct AxisAreas {
     pub lo: f64,
     pub hi: f64,
     /// Growth of the half area by length.
-    slope: f64,
+    pub slope: f64,
     /// Half area of the cross-section.
-    base: f64,
+    pub base: f64,
 }
 
 impl AxisAreas {
@@ -290,7 +300,7 @@ mod tests {
     #[test]
     fn blocks_are_rounded_up_quotients() {
         for block_width in 1..=64 {
-            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() });
+            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() }, false);
             let check =
                 |n: u32| assert_eq!(costs.blocks(n), f64::from(n.div_ceil(block_width)), "{n}");
             (0..1000).for_each(check);
@@ -305,11 +315,12 @@ mod tests {
 
     #[test]
     fn expected_costs_never_fall_and_are_those_in_whole_numbers() {
-        let costs = Costs::of(&BuildConfig::default());
-        assert_eq!(costs.of_leaves().expected(77.0), 77.0);
+        let costs = Costs::of(&BuildConfig::default(), false);
+        assert_eq!(Costs::of(&BuildConfig::default(), true).expected(77.0), 77.0);
         let mut last = 0.0;
         for blocks in 0..100_000u32 {
             let found = costs.expected(f64::from(blocks));
+            assert_eq!(costs.expected_of(blocks * costs.width), found);
             assert!(found >= last && found <= f64::from(blocks), "{blocks}");
             if blocks <= 4 {
                 assert_eq!(found, f64::from(blocks));
@@ -325,7 +336,7 @@ mod tests {
         assert_eq!(half_area([2.0, 3.0, 4.0]), 26.0);
         assert_eq!(half_area([2.0, 3.0, 0.0]), 6.0);
         assert_eq!(half_area([0.0, 3.0, 0.0]), 3.0);
-        let costs = Costs::of(&BuildConfig::default());
+        let costs = Costs::of(&BuildConfig::default(), false);
         let cell = Cell::new(&costs, &Aabb { lo: [0.0, 1.0, 0.0], hi: [0.0, 4.0, 0.0] });
         assert_eq!(cell.axes[1].at(2.0), [1.0, 2.0]);
     }

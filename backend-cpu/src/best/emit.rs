@@ -1,8 +1,11 @@
 //! Finished subtrees, and the canonical arrays they become.
 
+use core::ops::Range;
+
 use splitplane_core::backend::BuildError;
 use splitplane_core::node::{Axis, KdNode, NodeKind};
 
+use super::subtree::{Worker, union};
 use crate::lookout::Lookout;
 use crate::query::WalkNode;
 
@@ -13,13 +16,19 @@ pub(super) enum Built {
     Whole(Subtree),
     /// A node with two children.
     Split(Box<Parts>),
+    /// One leaf.
+    Leaf(Vec<u32>),
+    /// A node that is a leaf after all: the references of its children, each once.
+    Retracted(Box<Parts>),
 }
 
-/// Nodes and references of a subtree; indices count from its start.
+/// Where a subtree is in what a [`Worker`] has built; indices count from its start.
 #[derive(Debug)]
 pub(super) struct Subtree {
-    pub nodes: Vec<KdNode>,
-    pub references: Vec<u32>,
+    /// [`Worker::number`].
+    pub worker: usize,
+    pub nodes: Range<usize>,
+    pub references: Range<usize>,
 }
 
 /// A node with two children.
@@ -41,17 +50,18 @@ impl Built {
         Built::Split(Box::new(Parts { axis, position, left, right, nodes, references }))
     }
 
-    /// One leaf.
-    pub fn leaf(references: Vec<u32>) -> Built {
-        let nodes = vec![KdNode::leaf(0, references.len() as u32)];
-        Built::Whole(Subtree { nodes, references })
+    /// A leaf of all that its children's leaves have: so many references.
+    pub fn retracted(left: Built, right: Built, references: u64) -> Built {
+        let (axis, position) = (Axis::X, 0.0);
+        Built::Retracted(Box::new(Parts { axis, position, left, right, nodes: 1, references }))
     }
 
     /// How many nodes it has.
     pub fn nodes(&self) -> u64 {
         match self {
             Built::Whole(subtree) => subtree.nodes.len() as u64,
-            Built::Split(parts) => parts.nodes,
+            Built::Split(parts) | Built::Retracted(parts) => parts.nodes,
+            Built::Leaf(_) => 1,
         }
     }
 
@@ -59,33 +69,31 @@ impl Built {
     pub fn references(&self) -> u64 {
         match self {
             Built::Whole(subtree) => subtree.references.len() as u64,
-            Built::Split(parts) => parts.references,
+            Built::Split(parts) | Built::Retracted(parts) => parts.references,
+            Built::Leaf(references) => references.len() as u64,
+        }
+    }
+
+    /// Appends the references of all leaves.
+    fn collect(&self, workers: &[&Worker], out: &mut Vec<u32>) {
+        match self {
+            Built::Whole(subtree) => out.extend_from_slice(subtree.references_in(workers)),
+            Built::Split(parts) | Built::Retracted(parts) => {
+                parts.left.collect(workers, out);
+                parts.right.collect(workers, out);
+            }
+            Built::Leaf(references) => out.extend_from_slice(references),
         }
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         match self {
-            // The node of a leaf is not counted anywhere.
-            Built::Whole(subtree) if subtree.nodes.len() == 1 => {
-                (subtree.references.capacity() * size_of::<u32>()) as u64
+            Built::Whole(_) => 0,
+            Built::Split(parts) | Built::Retracted(parts) => {
+                parts.left.bytes() + parts.right.bytes()
             }
-            Built::Whole(subtree) => {
-                let nodes = subtree.nodes.capacity() * size_of::<KdNode>();
-                (nodes + subtree.references.capacity() * size_of::<u32>()) as u64
-            }
-            Built::Split(parts) => parts.left.bytes() + parts.right.bytes(),
-        }
-    }
-
-    /// Appends the references of all leaves.
-    pub fn collect(&self, out: &mut Vec<u32>) {
-        match self {
-            Built::Whole(subtree) => out.extend_from_slice(&subtree.references),
-            Built::Split(parts) => {
-                parts.left.collect(out);
-                parts.right.collect(out);
-            }
+            Built::Leaf(references) => (references.capacity() * size_of::<u32>()) as u64,
         }
     }
 
@@ -101,27 +109,36 @@ impl Built {
         Ok((nodes as usize, references as usize))
     }
 
-    /// Writes the subtree to arrays of its size, as the canonical tree has it.
-    pub fn emit(&self, look: &Lookout<'_>, nodes: &mut [KdNode], references: &mut [u32]) {
-        self.emit_at(look, nodes, references, 0, 0);
+    /// Writes the subtree to arrays of its size, as the canonical tree has it. `workers` are all that
+    /// took part, by number.
+    pub fn emit(
+        &self,
+        look: &Lookout<'_>,
+        workers: &[&Worker],
+        nodes: &mut [KdNode],
+        references: &mut [u32],
+    ) {
+        self.emit_at(look, workers, nodes, references, [0, 0]);
     }
 
-    /// Writes the subtree to arrays of its size, which begin at these indices of the tree.
+    /// Writes the subtree to arrays of its size, which begin at these indices of the tree: of nodes and
+    /// of references.
     fn emit_at(
         &self,
         look: &Lookout<'_>,
+        workers: &[&Worker],
         nodes: &mut [KdNode],
         references: &mut [u32],
-        first_node: u32,
-        first_reference: u32,
+        first: [u32; 2],
     ) {
         if look.is_over() {
             return;
         }
+        let [first_node, first_reference] = first;
         match self {
             Built::Whole(subtree) => {
-                references.copy_from_slice(&subtree.references);
-                for (out, node) in nodes.iter_mut().zip(&subtree.nodes) {
+                references.copy_from_slice(subtree.references_in(workers));
+                for (out, node) in nodes.iter_mut().zip(subtree.nodes_in(workers)) {
                     *out = match node.kind() {
                         NodeKind::Interior { axis, split, right } => {
                             KdNode::interior(axis, split, first_node + right)
@@ -142,12 +159,36 @@ impl Built {
                 *root = KdNode::interior(parts.axis, parts.position, right_node);
                 let (nodes, far_nodes) = nodes.split_at_mut(left_nodes as usize);
                 let (references, far) = references.split_at_mut(left_references as usize);
-                let right_reference = first_reference + left_references as u32;
+                let near_first = [first_node + 1, first_reference];
+                let far_first = [right_node, first_reference + left_references as u32];
                 rayon::join(
-                    || parts.left.emit_at(look, nodes, references, first_node + 1, first_reference),
-                    || parts.right.emit_at(look, far_nodes, far, right_node, right_reference),
+                    || parts.left.emit_at(look, workers, nodes, references, near_first),
+                    || parts.right.emit_at(look, workers, far_nodes, far, far_first),
                 );
             }
+            Built::Leaf(_) | Built::Retracted(_) => {
+                look.advance(1);
+                let mut all = Vec::new();
+                self.collect(workers, &mut all);
+                union(&mut all, 0);
+                // Every reference of the node is in some leaf below it.
+                for (out, triangle) in references.iter_mut().zip(&all) {
+                    *out = *triangle;
+                }
+                for node in nodes {
+                    *node = KdNode::leaf(first_reference, references.len() as u32);
+                }
+            }
         }
+    }
+}
+
+impl Subtree {
+    fn nodes_in<'w>(&self, workers: &[&'w Worker]) -> &'w [KdNode] {
+        &workers[self.worker].nodes[self.nodes.clone()]
+    }
+
+    fn references_in<'w>(&self, workers: &[&'w Worker]) -> &'w [u32] {
+        &workers[self.worker].references[self.references.clone()]
     }
 }

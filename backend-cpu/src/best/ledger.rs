@@ -45,11 +45,6 @@ impl Ledger {
         Ok(())
     }
 
-    /// Accounts for bytes that are held no longer.
-    pub fn give(&self, bytes: u64) {
-        self.held.fetch_sub(bytes, Relaxed);
-    }
-
     /// Makes room for `more` elements behind those of a vector; at least doubles what it has, so that
     /// room asked for piece by piece costs no more than the whole.
     ///

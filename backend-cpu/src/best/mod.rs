@@ -25,7 +25,12 @@
 //! least upper bound cannot hold the least candidate. The events of the others are sorted and swept. The
 //! plane is the one that a sweep over all events finds; the tests hold it against one that looks at every
 //! plane. Where bounds rule nothing out (all events in few bins) all events are
-//! sorted, at most twice a node.
+//! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead (`small.rs`).
+//!
+//! # Who works
+//! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; what
+//! one task does for such a node alone is bounding its bins. Smaller ones are built by one task each,
+//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds.
 //!
 //! # Order
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or
@@ -35,8 +40,13 @@ mod bins;
 pub mod clip;
 mod cost;
 mod emit;
+mod grid;
+mod lanes;
 mod ledger;
+mod matches;
 mod node;
+#[cfg(test)]
+mod oracle;
 mod partition;
 mod small;
 mod subtree;
@@ -44,6 +54,9 @@ mod sweep;
 mod top;
 mod wide;
 
+use core::sync::atomic::AtomicUsize;
+
+use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::Counter;
@@ -77,14 +90,16 @@ pub(crate) fn build(
 ) -> Result<(usize, usize), BuildError> {
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let ledger = Ledger::new(*memory);
+    let workers = AtomicUsize::new(buffers.best.begin());
     let built = {
         let builder = Builder {
-            costs: Costs::of(config),
+            costs: Costs::both(config),
             clip: config.clip,
             set,
             triangles: &buffers.triangles,
             ledger: &ledger,
             scratch: &buffers.best,
+            workers,
             look,
         };
         let count = references as u32;
@@ -92,11 +107,12 @@ pub(crate) fn build(
         // The shares of the leaves add up to the root's.
         look.begin(Stage::Offline, root.budget);
         let mut list = builder.list(references)?;
-        let pieces = list.chunks_mut(PIECE).zip(buffers.references[..references].chunks(PIECE));
-        for (list, references) in pieces {
-            list[..references.len()].copy_from_slice(references);
-            look.worked(references.len() as u64);
-        }
+        let from = buffers.references[..references].par_chunks(PIECE);
+        list[..references].par_chunks_mut(PIECE).zip(from).for_each(|(list, references)| {
+            if !look.worked(references.len() as u64) {
+                list.copy_from_slice(references);
+            }
+        });
         look.check()?;
         builder.build(list, references, &root)?.0
     };
@@ -107,7 +123,9 @@ pub(crate) fn build(
     look.begin(Stage::Output, nodes as u64);
     memory.grow_watched(&mut buffers.nodes, nodes, look)?;
     memory.grow_watched(&mut buffers.leaf_references, references, look)?;
-    built.emit(look, &mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    let workers = buffers.best.workers();
+    let out = (&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
+    built.emit(look, &workers, out.0, out.1);
     look.finish();
     look.check()?;
     // What has been emitted is dropped here.

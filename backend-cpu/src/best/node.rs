@@ -66,7 +66,7 @@ impl Node {
     #[inline]
     pub fn decide(
         &self,
-        costs: &Costs,
+        [costs, of_leaves]: &[Costs; 2],
         set: InstructionSet,
         cell: &Cell,
         references: &[Reference],
@@ -88,7 +88,7 @@ impl Node {
         }
         let search = |costs: &Costs, limit: f64, bins: &mut Bins| {
             if references.len() <= small::MOST {
-                Ok(small::best_split(set, costs, cell, references, limit))
+                Ok(small::best_split(set, costs, cell, references, limit, &mut bins.small))
             } else {
                 bins::best_split(set, costs, cell, references, limit, bins, ledger, look)
             }
@@ -104,7 +104,7 @@ impl Node {
         let few = costs.few(count);
         let mut found = search(costs, if few { limit } else { f64::INFINITY }, bins)?;
         if !few && !found.as_ref().is_some_and(pays) {
-            found = search(&costs.of_leaves(), limit, bins)?;
+            found = search(of_leaves, limit, bins)?;
         }
         let Some(split) = found else { return Ok(None) };
         let [left, right] = split.counts.map(u64::from);

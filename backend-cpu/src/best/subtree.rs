@@ -1,11 +1,14 @@
 //! The subtree of a node on one thread, depth first.
 
+use core::mem;
+
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::node::{Axis, KdNode};
 
 use super::bins::Bins;
 use super::cost::Cell;
+use super::emit::Subtree;
 use super::node::Node;
 use super::partition::partition;
 use super::top::Builder;
@@ -26,15 +29,24 @@ const WORK: usize = 2048;
 pub(super) struct Worker {
     pub stacks: [Stack; 2],
     pub bins: Bins,
-    /// Nodes of the subtrees built so far; children and references count from the start of it.
+    /// Which of a build's workers it is.
+    pub number: usize,
+    /// Nodes of the subtrees built so far; children and references count from the start of each.
     pub nodes: Vec<KdNode>,
     /// References of their leaves.
     pub references: Vec<u32>,
+    /// Where the subtree at hand starts in either.
+    start: [usize; 2],
     /// Work since the watch was asked last, in references looked at.
     work: usize,
 }
 
 impl Worker {
+    /// A worker of this number.
+    pub fn new(number: usize) -> Worker {
+        Worker { number, ..Worker::default() }
+    }
+
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         let [a, b] = self.stacks.each_ref().map(|stack| stack.references.capacity());
@@ -43,9 +55,29 @@ impl Worker {
         (references + out + size_of::<Worker>()) as u64 + self.bins.bytes()
     }
 
+    /// Builds a subtree from the first references of a list. Returns it with its cost.
+    pub fn task(
+        &mut self,
+        builder: &Builder<'_>,
+        list: &mut Vec<Reference>,
+        count: usize,
+        node: &Node,
+    ) -> Result<(Subtree, f64), BuildError> {
+        self.start = [self.nodes.len(), self.references.len()];
+        // The list is put under the worker while it works.
+        mem::swap(list, &mut self.stacks[0].references);
+        self.stacks[0].top = count;
+        self.stacks[1].top = 0;
+        let cost = self.build(builder, node, 0, 0);
+        mem::swap(list, &mut self.stacks[0].references);
+        let nodes = self.start[0]..self.nodes.len();
+        let references = self.start[1]..self.references.len();
+        Ok((Subtree { worker: self.number, nodes, references }, cost?))
+    }
+
     /// Builds the subtree of a node whose references are those from `first` to the top of a stack, and
     /// removes them. Returns its cost.
-    pub fn build(
+    fn build(
         &mut self,
         builder: &Builder<'_>,
         node: &Node,
@@ -55,15 +87,16 @@ impl Worker {
         let top = self.stacks[stack].top;
         let count = top - first;
         self.look_up(builder, count)?;
-        let cell = Cell::new(&builder.costs, &node.cell);
-        let leaf = builder.costs.leaf(cell.area, count as u32);
+        let cell = Cell::new(&builder.costs[0], &node.cell);
+        let leaf = builder.costs[0].leaf(cell.area, count as u32);
         let references = &self.stacks[stack].references[first..top];
         let decision = builder.decide(node, &cell, references, &mut self.bins)?;
         let index = self.nodes.len();
         let first_reference = self.references.len();
+        let leaf_at = (first_reference - self.start[1]) as u32;
         builder.ledger.reserve(&mut self.nodes, 1)?;
         let Some(decision) = decision else {
-            self.nodes.push(KdNode::leaf(first_reference as u32, count as u32));
+            self.nodes.push(KdNode::leaf(leaf_at, count as u32));
             builder.ledger.reserve(&mut self.references, count)?;
             self.references.extend(references.iter().map(|reference| reference.triangle));
             self.stacks[stack].top = first;
@@ -78,6 +111,7 @@ impl Worker {
         let start = other.top;
         builder.lengthen(&mut other.references, start + count)?;
         let counts = partition(
+            builder.set,
             builder.clip,
             builder.triangles,
             &node.cell,
@@ -89,7 +123,7 @@ impl Worker {
         own.top = first + counts[1];
         let [left, right] = node.children(&decision, counts);
         let mut cost = cell.step + self.build(builder, &left, 1 - stack, start)?;
-        let right_index = self.nodes.len();
+        let right_index = self.nodes.len() - self.start[0];
         cost += self.build(builder, &right, stack, first)?;
         if cost < leaf {
             self.nodes[index] = KdNode::interior(
@@ -102,7 +136,7 @@ impl Worker {
         // It does not pay: a leaf of all that its leaves have.
         self.nodes.truncate(index);
         let count = union(&mut self.references, first_reference);
-        self.nodes.push(KdNode::leaf(first_reference as u32, count));
+        self.nodes.push(KdNode::leaf(leaf_at, count));
         Ok(leaf)
     }
 }

@@ -1,7 +1,7 @@
 //! The nodes above the subtrees that one thread builds.
 
-use core::mem;
-use std::sync::Mutex;
+use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Zeroable;
 use rayon::prelude::*;
@@ -11,20 +11,18 @@ use splitplane_core::layout::Reference;
 use splitplane_core::node::Axis;
 use splitplane_core::triangle::Triangle;
 
-use super::bins::Bins;
+use super::bins::{Bins, CHUNK};
 use super::cost::{Cell, Costs, Split};
-use super::emit::{Built, Subtree};
+use super::emit::Built;
 use super::ledger::Ledger;
 use super::node::{Decision, Node};
 use super::partition::partition;
-use super::subtree::{Worker, union};
+use super::subtree::Worker;
 use crate::lookout::{self, Lookout};
 use crate::query::InstructionSet;
 
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
-/// References of one task where a node has many.
-const CHUNK: usize = 16_384;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
@@ -34,6 +32,25 @@ pub(crate) struct Scratch {
 }
 
 impl Scratch {
+    /// Makes ready for a build. Returns how many workers there are.
+    pub(super) fn begin(&mut self) -> usize {
+        // A poisoned lock means that another build panicked: what is left serves.
+        let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for (number, worker) in workers.iter_mut().enumerate() {
+            worker.number = number;
+            worker.nodes.clear();
+            worker.references.clear();
+        }
+        workers.len()
+    }
+
+    /// All workers by number, when none is at work.
+    pub(super) fn workers(&mut self) -> Vec<&Worker> {
+        let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        workers.sort_unstable_by_key(|worker| worker.number);
+        workers.iter().map(|worker| &**worker).collect()
+    }
+
     /// Bytes held.
     pub(crate) fn bytes(&self) -> u64 {
         let workers = self.workers.lock().map_or(0, |w| w.iter().map(|w| w.bytes()).sum());
@@ -45,7 +62,8 @@ impl Scratch {
 /// One build.
 #[derive(Debug)]
 pub(super) struct Builder<'a> {
-    pub costs: Costs,
+    /// What planes are compared by, and leaves for children.
+    pub costs: [Costs; 2],
     /// Whether references are clipped to cells.
     pub clip: bool,
     pub set: InstructionSet,
@@ -53,6 +71,8 @@ pub(super) struct Builder<'a> {
     pub triangles: &'a [Triangle],
     pub ledger: &'a Ledger,
     pub scratch: &'a Scratch,
+    /// How many workers there are.
+    pub workers: AtomicUsize,
     pub look: &'a Lookout<'a>,
 }
 
@@ -60,7 +80,13 @@ impl Builder<'_> {
     /// A list with room for so many references; what it holds is of no use.
     pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
         // A poisoned lock means that another thread panicked; a new list serves.
-        let spare = self.scratch.lists.lock().map_or(None, |mut lists| lists.pop());
+        let spare = self.scratch.lists.lock().map_or(None, |mut lists| {
+            // The shortest that is long enough, or else the longest.
+            let fit =
+                |list: &Vec<Reference>| (list.len() < references, list.len().abs_diff(references));
+            let at = (0..lists.len()).min_by_key(|&at| fit(&lists[at]))?;
+            Some(lists.swap_remove(at))
+        });
         let mut list = spare.unwrap_or_default();
         self.lengthen(&mut list, references)?;
         Ok(list)
@@ -103,7 +129,8 @@ impl Builder<'_> {
             Some(worker) => worker,
             None => {
                 self.ledger.take(size_of::<Worker>() as u64)?;
-                Box::default()
+                let number = self.workers.fetch_add(1, Relaxed);
+                Box::new(Worker::new(number))
             }
         };
         let out = work(&mut worker);
@@ -122,12 +149,12 @@ impl Builder<'_> {
         node: &Node,
     ) -> Result<(Built, f64), BuildError> {
         if count <= TASK {
-            let built = self.with_worker(|worker| self.task(worker, &mut list, count, node));
+            let built = self.with_worker(|worker| worker.task(self, &mut list, count, node));
             self.recycle(list);
-            return built;
+            return built.map(|(subtree, cost)| (Built::Whole(subtree), cost));
         }
-        let cell = Cell::new(&self.costs, &node.cell);
-        let leaf = self.costs.leaf(cell.area, count as u32);
+        let cell = Cell::new(&self.costs[0], &node.cell);
+        let leaf = self.costs[0].leaf(cell.area, count as u32);
         let decision =
             self.with_worker(|worker| self.decide(node, &cell, &list[..count], &mut worker.bins))?;
         self.look.check()?;
@@ -137,11 +164,10 @@ impl Builder<'_> {
             self.ledger.reserve(&mut all, count)?;
             all.extend(list[..count].iter().map(|reference| reference.triangle));
             self.recycle(list);
-            return Ok((Built::leaf(all), leaf));
+            return Ok((Built::Leaf(all), leaf));
         };
         let split = decision.split;
-        let mut left = self.list(count)?;
-        let counts = self.partition(&node.cell, &split, &mut list[..count], &mut left[..count]);
+        let ([left, list], counts) = self.partition(&node.cell, &split, list, count)?;
         self.look.check()?;
         let [below, above] = node.children(&decision, counts);
         let (left, right) = rayon::join(
@@ -154,71 +180,53 @@ impl Builder<'_> {
             let axis = Axis::from_index(split.axis as u32);
             return Ok((Built::split(axis, split.position, left, right), cost));
         }
-        let mut all = Vec::new();
-        self.ledger.reserve(&mut all, (left.references() + right.references()) as usize)?;
-        left.collect(&mut all);
-        right.collect(&mut all);
-        union(&mut all, 0);
-        // What is retracted is held no longer.
-        self.ledger.give(left.bytes() + right.bytes());
-        drop((left, right));
-        Ok((Built::leaf(all), leaf))
+        Ok((Built::retracted(left, right, count as u64), leaf))
     }
 
-    /// [`partition`], in chunks.
+    /// [`partition`]. Returns what goes left, what goes right, and how many either are.
     fn partition(
         &self,
         cell: &Aabb,
         split: &Split,
-        references: &mut [Reference],
-        left: &mut [Reference],
-    ) -> [usize; 2] {
-        let counts: Vec<[usize; 2]> = references
-            .par_chunks_mut(CHUNK)
-            .zip(left.par_chunks_mut(CHUNK))
-            .map(|(chunk, left)| {
-                // Clipping some of them takes as long as moving a few times as many.
-                if self.look.worked(2 * chunk.len() as u64) {
-                    return [0; 2];
-                }
-                partition(self.clip, self.triangles, cell, split, chunk, left)
-            })
-            .collect();
-        // Close the gaps between the chunks.
-        let mut ends = [0; 2];
-        for (chunk, counts) in counts.iter().enumerate() {
-            if self.look.worked(CHUNK as u64) {
-                break;
-            }
-            let first = chunk * CHUNK;
-            for (list, side) in [(&mut *left, 0), (&mut *references, 1)] {
-                list.copy_within(first..first + counts[side], ends[side]);
-                ends[side] += counts[side];
-            }
-        }
-        ends
-    }
-
-    /// The subtree of a node that is one task. The list is put under the worker while it works.
-    fn task(
-        &self,
-        worker: &mut Worker,
-        list: &mut Vec<Reference>,
+        mut list: Vec<Reference>,
         count: usize,
-        node: &Node,
-    ) -> Result<(Built, f64), BuildError> {
-        worker.nodes.clear();
-        worker.references.clear();
-        mem::swap(list, &mut worker.stacks[0].references);
-        worker.stacks[0].top = count;
-        worker.stacks[1].top = 0;
-        let cost = worker.build(self, node, 0, 0);
-        mem::swap(list, &mut worker.stacks[0].references);
-        let (mut nodes, mut references) = (Vec::new(), Vec::new());
-        self.ledger.reserve(&mut nodes, worker.nodes.len())?;
-        self.ledger.reserve(&mut references, worker.references.len())?;
-        nodes.extend_from_slice(&worker.nodes);
-        references.extend_from_slice(&worker.references);
-        Ok((Built::Whole(Subtree { nodes, references }), cost?))
+    ) -> Result<([Vec<Reference>; 2], [usize; 2]), BuildError> {
+        let move_some = |references: &mut [Reference], left: &mut [Reference]| {
+            // Clipping some of them takes as long as moving a few times as many.
+            if self.look.worked(2 * references.len() as u64) {
+                return [0; 2];
+            }
+            partition(self.set, self.clip, self.triangles, cell, split, references, left)
+        };
+        let mut left = self.list(count)?;
+        if count <= 4 * CHUNK {
+            let counts = move_some(&mut list[..count], &mut left[..count]);
+            return Ok(([left, list], counts));
+        }
+        // In parts, which are then put together; they differ in length.
+        let counts: Vec<[usize; 2]> = list[..count]
+            .par_chunks_mut(CHUNK)
+            .zip(left[..count].par_chunks_mut(CHUNK))
+            .map(|(references, left)| move_some(references, left))
+            .collect();
+        let sides = [0, 1].map(|side| counts.iter().map(|counts| counts[side]).sum::<usize>());
+        let together = |list: Vec<Reference>, side: usize| -> Result<_, BuildError> {
+            let mut out = self.list(sides[side])?;
+            let mut rest = &mut out[..];
+            let mut parts = Vec::with_capacity(counts.len());
+            for (from, counts) in list.chunks(CHUNK).zip(&counts) {
+                let to;
+                (to, rest) = rest.split_at_mut(counts[side]);
+                parts.push((&from[..counts[side]], to));
+            }
+            parts.into_par_iter().for_each(|(from, to)| {
+                if !self.look.worked(from.len() as u64) {
+                    to.copy_from_slice(from);
+                }
+            });
+            self.recycle(list);
+            Ok(out)
+        };
+        Ok(([together(left, 0)?, together(list, 1)?], sides))
     }
 }

@@ -5,11 +5,11 @@
 macro_rules! for_every_set {
     (
         $(#[$doc:meta])*
-        fn $name:ident($($argument:ident: $type:ty),* $(,)?) -> $out:ty $body:block
+        $visible:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) -> $out:ty $body:block
     ) => {
         $(#[$doc])*
         #[allow(clippy::too_many_arguments, reason = "one more than the body needs")]
-        fn $name(set: $crate::query::InstructionSet, $($argument: $type),*) -> $out {
+        $visible fn $name(set: $crate::query::InstructionSet, $($argument: $type),*) -> $out {
             #[inline(always)]
             #[allow(clippy::unused_unit, reason = "the type is always written")]
             fn plain($($argument: $type),*) -> $out $body

@@ -70,7 +70,7 @@ impl CpuAccelerator {
         look: &Lookout<'_>,
     ) -> CpuAccelerator {
         let scene = scene_scale(tree.bounds, source.triangles, look);
-        let blocks = Blocks::new(tree, source, set.lanes(), look);
+        let blocks = Blocks::new(tree, source, set, look);
         CpuAccelerator { summary, scene, blocks, set }
     }
 

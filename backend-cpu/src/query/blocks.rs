@@ -10,8 +10,14 @@ use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
+use super::instruction_set::InstructionSet;
 use super::leaves::Indexed;
 use super::record::{Packer, Record, TAIL, UNIT};
+#[cfg(target_arch = "aarch64")]
+use super::simd::Neon;
+#[cfg(target_arch = "x86_64")]
+use super::simd::{Avx2, Avx512};
+use super::simd::{Portable, Simd};
 use super::wide::{Content, WideNodes};
 use crate::lookout::{self, Lookout, UNWATCHED};
 
@@ -55,6 +61,8 @@ pub(crate) struct Source<'a> {
 /// Nodes and triangles of a tree, for queries.
 #[derive(Debug)]
 pub struct Blocks {
+    /// For which the layout is made.
+    set: InstructionSet,
     pub(crate) tree: KdTree,
     /// The tree's nodes, with leaves that name their blocks. Neither they nor blocks are there in the
     /// compact layout.
@@ -122,18 +130,19 @@ impl Blocks {
         (nodes + words * size_of::<u32>()) as u64 + wide
     }
 
-    /// Makes the layout of a tree, for vectors of so many lanes (8 or 16); of no use when the lookout
-    /// has ended it.
+    /// Makes the layout of a tree, for an instruction set that the processor has; of no use when the
+    /// lookout has ended it.
     pub(crate) fn new(
         tree: KdTree,
         source: Source<'_>,
-        lanes: usize,
+        set: InstructionSet,
         look: &Lookout<'_>,
     ) -> Blocks {
         let mut blocks = Blocks {
             tree,
             nodes: Vec::new(),
-            wide: WideNodes::new(lanes),
+            set,
+            wide: WideNodes::new(set.lanes()),
             words: Vec::new(),
             mesh: None,
             parts: Vec::new(),
@@ -163,7 +172,7 @@ impl Blocks {
 
     /// The compact layout: the mesh in place of blocks. What is of use while it is made is not kept.
     fn refill_mesh(&mut self, source: Source<'_>, look: &Lookout<'_>) {
-        let Blocks { tree, nodes, wide, words, mesh, parts } = self;
+        let Blocks { tree, nodes, wide, words, mesh, parts, .. } = self;
         (*nodes, *words, *parts) = (Vec::new(), Vec::new(), Vec::new());
         mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
         if look.is_over() {
@@ -176,7 +185,8 @@ impl Blocks {
     }
 
     fn refill_blocks(&mut self, triangles: &[Triangle], look: &Lookout<'_>) {
-        let Blocks { tree, nodes, wide, words, mesh, parts } = self;
+        let Blocks { set, tree, nodes, wide, words, mesh, parts } = self;
+        let set = *set;
         let tree = tree.view();
         *mesh = None;
         let lanes = wide.lanes();
@@ -187,28 +197,12 @@ impl Blocks {
         if look.is_over() {
             return;
         }
+        let pack = Pack { tree: &tree, triangles, look, lanes };
         // Leaves name their blocks within their piece first.
         let work = nodes.par_chunks_mut(PIECE).zip(tree.nodes.par_chunks(PIECE)).zip(&mut *parts);
         work.for_each(|((nodes, from), part)| {
-            part.clear();
-            let mut packer = Packer::new(lanes);
-            for (node, from) in nodes.iter_mut().zip(from) {
-                *node = match from.kind() {
-                    NodeKind::Interior { axis, split, right } => {
-                        let tagged = right << WalkNode::SHIFT | axis as u32;
-                        WalkNode { word: split.to_bits(), tagged }
-                    }
-                    NodeKind::Leaf { first, count } => {
-                        if look.worked(2 * u64::from(count)) {
-                            return;
-                        }
-                        let word = (part.len() / UNIT) as u32;
-                        let blocks = packer.leaf(tree.leaf(first, count), triangles, part);
-                        look.advance(u64::from(count));
-                        WalkNode { word, tagged: blocks << WalkNode::SHIFT | 3 }
-                    }
-                };
-            }
+            // SAFETY: the set was found on this processor.
+            unsafe { pack.pack(set, nodes, from, part) };
         });
         look.advance(tree.nodes.len() as u64);
         if look.is_over() {
@@ -296,4 +290,80 @@ pub(crate) fn leaf<'a>(words: &'a [u32], node: &WalkNode) -> impl Iterator<Item 
         unit += record.units();
         record
     })
+}
+
+/// What leaves are packed from.
+struct Pack<'a> {
+    tree: &'a KdTreeView<'a>,
+    triangles: &'a [Triangle],
+    look: &'a Lookout<'a>,
+    lanes: usize,
+}
+
+impl Pack<'_> {
+    /// Packs the leaves among some nodes.
+    ///
+    /// # Safety
+    /// The processor must have `set`.
+    unsafe fn pack(
+        &self,
+        set: InstructionSet,
+        nodes: &mut [WalkNode],
+        from: &[KdNode],
+        out: &mut Vec<u32>,
+    ) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            match set {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => self.pack_avx512(nodes, from, out),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => self.pack_avx2(nodes, from, out),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => self.pack_in::<Neon>(nodes, from, out),
+                _ => self.pack_in::<Portable>(nodes, from, out),
+            }
+        }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
+    unsafe fn pack_avx512(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
+        // SAFETY: as for `pack`.
+        unsafe { self.pack_in::<Avx512>(nodes, from, out) }
+    }
+
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
+    unsafe fn pack_avx2(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
+        // SAFETY: as for `pack`.
+        unsafe { self.pack_in::<Avx2>(nodes, from, out) }
+    }
+
+    /// # Safety
+    /// As for [`Pack::pack`].
+    #[inline(always)]
+    unsafe fn pack_in<S: Simd>(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
+        out.clear();
+        let mut packer = Packer::<S>::new(self.lanes);
+        for (node, from) in nodes.iter_mut().zip(from) {
+            *node = match from.kind() {
+                NodeKind::Interior { axis, split, right } => {
+                    let tagged = right << WalkNode::SHIFT | axis as u32;
+                    WalkNode { word: split.to_bits(), tagged }
+                }
+                NodeKind::Leaf { first, count } => {
+                    if self.look.worked(2 * u64::from(count)) {
+                        return;
+                    }
+                    let word = (out.len() / UNIT) as u32;
+                    let references = self.tree.leaf(first, count);
+                    // SAFETY: the caller's contract.
+                    let blocks = unsafe { packer.leaf(references, self.triangles, out) };
+                    self.look.advance(u64::from(count));
+                    WalkNode { word, tagged: blocks << WalkNode::SHIFT | 3 }
+                }
+            };
+        }
+    }
 }

@@ -5,6 +5,8 @@
 pub enum InstructionSet {
     /// Plain Rust, over 8 floats.
     Portable,
+    /// Vectors of 4 floats in pairs; every 64-bit Arm processor.
+    Neon,
     /// Vectors of 8 floats.
     Avx2,
     /// Vectors of 16 floats.
@@ -12,11 +14,12 @@ pub enum InstructionSet {
 }
 
 impl InstructionSet {
-    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `avx2`, `avx512`) lowers it, for
+    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `neon`, `avx2`, `avx512`) lowers it, for
     /// tests and measurements; it never raises it.
     pub fn detect() -> InstructionSet {
         let wanted = match std::env::var("SPLITPLANE_ISA").as_deref() {
             Ok("portable") => InstructionSet::Portable,
+            Ok("neon") => InstructionSet::Neon,
             Ok("avx2") => InstructionSet::Avx2,
             _ => InstructionSet::Avx512,
         };
@@ -30,6 +33,8 @@ impl InstructionSet {
     pub fn available() -> Vec<InstructionSet> {
         #[allow(unused_mut, reason = "no other set on other processors")]
         let mut sets = vec![InstructionSet::Portable];
+        #[cfg(all(target_arch = "aarch64", not(miri)))]
+        sets.push(InstructionSet::Neon);
         #[cfg(all(target_arch = "x86_64", not(miri)))]
         {
             let avx2 = is_x86_feature_detected!("avx2")
@@ -64,6 +69,7 @@ impl InstructionSet {
     pub const fn name(self) -> &'static str {
         match self {
             InstructionSet::Portable => "portable",
+            InstructionSet::Neon => "neon",
             InstructionSet::Avx2 => "avx2",
             InstructionSet::Avx512 => "avx512",
         }

@@ -43,7 +43,7 @@ pub(crate) trait Triangles {
     ///
     /// # Safety
     /// The processor must have the set.
-    unsafe fn of_corners<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> [S::Floats; 3];
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, places: [S::Places; 3]) -> [S::Floats; 3];
 }
 
 /// Corners are shared: the second vector is needed by some blocks only, but by which is not foreseen.
@@ -85,14 +85,11 @@ impl Triangles for Record<'_> {
 
     #[inline(always)]
     unsafe fn of_corners<S: Simd>(
-        [low, high, _]: Table<S>,
-        [a, b, c]: [S::Places; 3],
+        [low, high, _]: Vectors<S>,
+        places: [S::Places; 3],
     ) -> [S::Floats; 3] {
         // SAFETY: the caller's contract.
-        unsafe {
-            let table = [low, high];
-            [S::look_up(table, a), S::look_up(table, b), S::look_up(table, c)]
-        }
+        unsafe { of_corners::<S>([low, high], places) }
     }
 }
 
@@ -129,8 +126,8 @@ impl Triangles for Block<'_> {
     }
 
     #[inline(always)]
-    unsafe fn of_corners<S: Simd>(table: Table<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
-        table
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
+        vectors
     }
 }
 
@@ -298,8 +295,27 @@ fn test_sifted<T: Triangles>(
     better
 }
 
+/// A number of each corner. One vector is enough for some blocks, but which is not foreseen.
+pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
+
+/// What the triangles' corners have, of a number of each corner.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+pub(crate) unsafe fn of_corners<S: Simd>(
+    table: Table<S>,
+    places: [S::Places; 3],
+) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let [a, b, c] = places;
+        [S::look_up(table, a), S::look_up(table, b), S::look_up(table, c)]
+    }
+}
+
 /// A number of each corner, in as many vectors as [`Triangles::VECTORS`].
-type Table<S> = [<S as Simd>::Floats; 3];
+type Vectors<S> = [<S as Simd>::Floats; 3];
 
 /// Triangles whose edges enclose the ray and whose corners reach into its limits. Where there are some,
 /// the rest of the reference test follows, but for the triangles seen at too grazing an angle or from
@@ -325,7 +341,7 @@ unsafe fn sift<S: Simd, T: Triangles>(
             (S::splat(ray.origin[0]), S::splat(ray.origin[1]), S::splat(ray.origin[2]));
         let (sx, sy, sz) = (S::splat(ray.shear[0]), S::splat(ray.shear[1]), S::splat(ray.shear[2]));
         let zero = S::splat(0.0);
-        let mut x: Table<S> = [zero; 3];
+        let mut x: Vectors<S> = [zero; 3];
         let (mut y, mut z, mut flat_x, mut flat_y, mut depth) = (x, x, x, x, x);
         for half in 0..T::VECTORS {
             x[half] = S::sub(record.coordinates::<S>(kx, half), ox);
@@ -406,7 +422,7 @@ unsafe fn sift<S: Simd, T: Triangles>(
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
+pub(crate) unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
 }
@@ -435,7 +451,7 @@ unsafe fn fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 
         let mut o = [zero; 3];
         let (mut d, mut ab, mut ac, mut ao) = (o, o, o, o);
         for axis in 0..3 {
-            let mut table: Table<S> = [zero; 3];
+            let mut table: Vectors<S> = [zero; 3];
             for (vector, table) in table.iter_mut().enumerate().take(T::VECTORS) {
                 *table = record.coordinates::<S>(axis, vector);
             }
@@ -460,7 +476,7 @@ unsafe fn fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
+pub(crate) unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         [
@@ -474,7 +490,7 @@ unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3]
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
+pub(crate) unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::add(S::add(S::mul(p[0], q[0]), S::mul(p[1], q[1])), S::mul(p[2], q[2])) }
 }

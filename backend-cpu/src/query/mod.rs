@@ -12,6 +12,7 @@ mod indexed;
 mod instruction_set;
 mod leaf;
 mod leaves;
+mod packet;
 mod prepare;
 mod record;
 mod sieve;

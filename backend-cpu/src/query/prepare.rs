@@ -126,7 +126,7 @@ impl Way {
 
 /// Distances to planes are differences of products here: each errs by half a rounding of the
 /// product and of the difference; this is four times that.
-const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
+pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
 /// The part of a distance by which planes are widened, here of the greatest distance at which the ray is
 /// within the bounds: what is further off is out of reach, widened or not.
 const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
@@ -139,6 +139,7 @@ fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
 }
 
 /// 16 rays, made ready; see [`PreparedRay`] and [`Way`] for the fields.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
     // Row by row the words of a `Way`.
@@ -147,12 +148,12 @@ pub(crate) struct PreparedRays {
     pub far: [Lanes<f32>; 3],
     pub enter: Lanes<f32>,
     pub exit: Lanes<f32>,
-    octant: Lanes<u32>,
-    sheared_origin: [Lanes<f32>; 3],
+    pub octant: Lanes<u32>,
+    pub sheared_origin: [Lanes<f32>; 3],
     pub shear: [Lanes<f32>; 3],
     pub t_min: Lanes<f32>,
     pub t_max: Lanes<f32>,
-    axes: Lanes<u32>,
+    pub axes: Lanes<u32>,
     pub exponent: Lanes<i32>,
     pub limits: [Lanes<f32>; 2],
     pub direction: [Lanes<f32>; 3],
@@ -223,26 +224,27 @@ impl PreparedRays {
         }
     }
 
+    /// Writes the numbers of the ray of one lane to other lanes.
+    pub fn repeat(&mut self, one: usize, lanes: u32) {
+        let rows: &mut [Lanes<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
+        for row in rows {
+            for lane in (0..LANES).filter(|lane| lanes >> lane & 1 != 0) {
+                row[lane] = row[one];
+            }
+        }
+    }
+
     /// One of the rays, as the triangle tests take it.
     #[inline(always)]
     pub fn ray(&self, lane: usize) -> PreparedRay {
-        let z = self.largest[lane] as usize;
-        let axes = if self.direction[z][lane] < 0.0 {
-            [[2, 1, 0], [0, 2, 1], [1, 0, 2]][z]
-        } else {
-            [[1, 2, 0], [2, 0, 1], [0, 1, 2]][z]
-        };
+        let three = |rows: &[Lanes<f32>; 3]| rows.map(|row| row[lane]);
         PreparedRay {
-            origin: [self.origin[0][lane], self.origin[1][lane], self.origin[2][lane]],
-            direction: [self.direction[0][lane], self.direction[1][lane], self.direction[2][lane]],
-            reciprocal: [
-                self.reciprocal[0][lane],
-                self.reciprocal[1][lane],
-                self.reciprocal[2][lane],
-            ],
-            slack: [self.slack[0][lane], self.slack[1][lane], self.slack[2][lane]],
-            axes,
-            shear: [self.shear[0][lane], self.shear[1][lane], self.shear[2][lane]],
+            origin: three(&self.origin),
+            direction: three(&self.direction),
+            reciprocal: three(&self.reciprocal),
+            slack: three(&self.slack),
+            axes: AXES[self.axes[lane] as usize % 6],
+            shear: three(&self.shear),
             t_min: self.t_min[lane],
             t_max: self.t_max[lane],
             limits: [self.limits[0][lane], self.limits[1][lane]],
@@ -252,27 +254,44 @@ impl PreparedRays {
         }
     }
 
-    /// Makes rays ready, at most [`LANES`] of them; lanes without a ray are not alive. `first` is the place
-    /// of the first in its batch.
+    /// Makes the first [`LANES`] of some rays ready; lanes without a ray are not alive. `first` is the
+    /// place of the first in its batch.
+    ///
+    /// # Safety
+    /// The processor must have the set.
     #[inline(always)]
-    pub fn fill(&mut self, rays: &[Ray], scene: &SceneScale, first: usize, query: Query) {
+    pub unsafe fn fill<S: Simd>(
+        &mut self,
+        rays: &[Ray],
+        scene: &SceneScale,
+        first: usize,
+        query: Query,
+    ) {
         let count = rays.len().min(LANES);
+        // One more than counts, since whole vectors are read.
         let mut room;
-        let given = match rays.first_chunk::<LANES>() {
-            Some(given) => given,
-            None => {
-                room = [Ray::new([0.0; 3], [0.0; 3]); LANES];
-                room[..count].copy_from_slice(&rays[..count]);
-                &room
-            }
+        let rays = if rays.len() > LANES {
+            rays
+        } else {
+            room = [Ray::new([0.0; 3], [0.0; 3]); LANES + 1];
+            room[..count].copy_from_slice(&rays[..count]);
+            &room
         };
+        let mut given = [[0.0f32; LANES]; LANES];
+        for lane in (0..LANES).step_by(S::N) {
+            let to = given.as_flattened_mut()[lane..].as_mut_ptr();
+            // SAFETY: the caller's contract; 17 rays of 8 floats, and as many rows as there are lanes.
+            unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, LANES) };
+        }
+        let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;
+        let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);
         let mut alive = [1u32; LANES];
         let mut special = [u32::from(scene.wide); LANES];
         let mut largest = [0.0f32; LANES];
         self.shifted = [0; LANES];
         for axis in 0..3 {
             for i in 0..LANES {
-                let (o, d) = (given[i].origin[axis], given[i].direction[axis]);
+                let (o, d) = (origins[axis][i], directions[axis][i]);
                 alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
                 let o = snap(o);
                 let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
@@ -286,7 +305,7 @@ impl PreparedRays {
         }
         let mut to_unit = [0.0f32; LANES];
         for i in 0..LANES {
-            let (t_min, t_max) = (given[i].t_min, given[i].t_max);
+            let (t_min, t_max) = (given_t_min[i], given_t_max[i]);
             (self.limits[0][i], self.limits[1][i]) = (t_min, t_max);
             alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
             let biased = (largest[i].to_bits() >> 23) & 0xff;
@@ -413,9 +432,12 @@ impl PreparedRays {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::query::simd::Portable;
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::intersect::Limits;
+
+    use crate::query::simd::Portable;
 
     /// Every field that a hit depends on is that of the scalar code, bit for bit, for rays of all
     /// kinds.
@@ -447,7 +469,12 @@ mod tests {
         let mut lanes = PreparedRays::NONE;
         let (mut compared, mut dead) = (0, 0);
         for chunk in rays.chunks(LANES) {
-            lanes.fill(chunk, &scene, 0, Query::Closest);
+            let mut ways = [Way::none(); LANES];
+            // SAFETY: every processor has this set.
+            unsafe {
+                lanes.fill::<Portable>(chunk, &scene, 0, Query::Closest);
+                lanes.ways::<Portable>(&mut ways);
+            }
             for (lane, ray) in chunk.iter().enumerate() {
                 let expected = PreparedRay::new::<Strict>(ray, &scene);
                 if lanes.special[lane] != 0 {
@@ -459,7 +486,7 @@ mod tests {
                     continue;
                 };
                 assert_eq!(lanes.alive[lane], 1, "{ray:?}");
-                let found = lanes.ray(lane);
+                let found = ways[lane].ray();
                 assert_eq!(found, expected, "{ray:?}");
                 let interval = (lanes.enter[lane], lanes.exit[lane]);
                 let expected = expected.enter::<Strict>(&bounds);

@@ -17,14 +17,12 @@
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::Block;
-use super::simd::MOST_LANES;
+use super::simd::{MOST_LANES, Simd};
 
 /// Words at whose multiples blocks begin.
 pub(crate) const UNIT: usize = 4;
 /// Words behind the last block that vector loads may read.
 pub(crate) const TAIL: usize = 3 * MOST_LANES;
-/// Most different corners of a block: two vectors.
-pub(crate) const MOST_CORNERS: usize = 2 * MOST_LANES;
 
 /// A block.
 #[derive(Clone, Copy, Debug)]
@@ -80,6 +78,16 @@ impl<'a> Record<'a> {
         self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
     }
 
+    /// The places of a triangle's corners.
+    ///
+    /// # Safety
+    /// The triangle must be one of the block's.
+    #[inline(always)]
+    pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
+        // SAFETY: three times as many bytes as triangles follow the first word.
+        core::array::from_fn(|corner| unsafe { *self.places(corner).add(index) } as usize)
+    }
+
     /// Coordinates of the different corners on an axis.
     #[inline(always)]
     pub fn coordinates(&self, axis: usize) -> *const f32 {
@@ -124,95 +132,83 @@ impl<'a> Record<'a> {
 }
 
 /// Puts triangles together to blocks of at most so many.
-pub(crate) struct Packer {
+pub(crate) struct Packer<S: Simd> {
     lanes: usize,
-    corners: [[u32; MOST_CORNERS]; 3],
+    corners: S::Corners,
     corner_count: usize,
     places: [[u8; MOST_LANES]; 3],
     triangles: [u32; MOST_LANES],
     count: usize,
-    /// Places of corners by the hash of their bits, [`NOTHING`] where there is none.
-    table: [u8; TABLE],
 }
 
-/// Twice as many as there can be corners.
-const TABLE: usize = 2 * MOST_CORNERS;
-/// No corner.
-const NOTHING: u8 = u8::MAX;
-
-impl Packer {
+impl<S: Simd> Packer<S> {
     /// For vectors of so many lanes.
-    pub fn new(lanes: usize) -> Packer {
+    pub fn new(lanes: usize) -> Packer<S> {
         Packer {
             lanes,
-            corners: [[0; MOST_CORNERS]; 3],
+            corners: S::no_corners(),
             corner_count: 0,
             places: [[0; MOST_LANES]; 3],
             triangles: [0; MOST_LANES],
             count: 0,
-            table: [NOTHING; TABLE],
         }
     }
 
     /// Writes the blocks of a leaf behind what is there, and says how many.
-    pub fn leaf(&mut self, references: &[u32], triangles: &[Triangle], out: &mut Vec<u32>) -> u32 {
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    pub unsafe fn leaf(
+        &mut self,
+        references: &[u32],
+        triangles: &[Triangle],
+        out: &mut Vec<u32>,
+    ) -> u32 {
         let mut blocks = 0;
         for &triangle in references {
-            if !self.take(triangle, &triangles[triangle as usize]) {
-                self.write(out);
+            // Room for three corners is asked for even where some are known: it makes hardly a block more.
+            if self.count == self.lanes || self.corner_count + 3 > 2 * self.lanes {
+                // SAFETY: the caller's contract.
+                unsafe { self.write(out) };
                 blocks += 1;
-                self.take(triangle, &triangles[triangle as usize]);
             }
+            for (k, corner) in triangles[triangle as usize].iter().enumerate() {
+                // SAFETY: the caller's contract.
+                self.places[k][self.count] = unsafe { self.place_of(corner) };
+            }
+            self.triangles[self.count] = triangle;
+            self.count += 1;
         }
         if self.count > 0 {
-            self.write(out);
+            // SAFETY: the caller's contract.
+            unsafe { self.write(out) };
             blocks += 1;
         }
         blocks
     }
 
-    /// Takes a triangle into the block; false when there is no room.
-    #[inline]
-    fn take(&mut self, triangle: u32, corners: &Triangle) -> bool {
-        // Room for three corners is asked for even where some are known: it makes hardly a block more.
-        if self.count == self.lanes || self.corner_count + 3 > 2 * self.lanes {
-            return false;
-        }
-        for (k, corner) in corners.iter().enumerate() {
-            self.places[k][self.count] = self.place_of(corner);
-        }
-        self.triangles[self.count] = triangle;
-        self.count += 1;
-        true
-    }
-
-    /// Where a corner stands, which is put there if it is new. Corners are equal when all bits are.
-    #[inline]
-    fn place_of(&mut self, corner: &[f32; 3]) -> u8 {
-        let [x, y, z] = corner.map(f32::to_bits);
-        // Odd numbers without a pattern; the upper bits of the product depend on all bits.
-        let mixed = x.wrapping_mul(0x9e37_79b1) ^ y.wrapping_mul(0x85eb_ca77) ^ z;
-        let mut slot = (mixed.wrapping_mul(0xc2b2_ae3d) >> 26) as usize % TABLE;
-        loop {
-            let place = self.table[slot];
-            if place == NOTHING {
-                let new = self.corner_count;
-                (self.corners[0][new], self.corners[1][new]) = (x, y);
-                self.corners[2][new] = z;
-                self.corner_count += 1;
-                self.table[slot] = new as u8;
-                return new as u8;
-            }
-            let at = place as usize % MOST_CORNERS;
-            if self.corners[0][at] == x && self.corners[1][at] == y && self.corners[2][at] == z {
-                return place;
-            }
-            slot = (slot + 1) % TABLE;
-        }
+    /// Where a corner stands, which is put there if it is new: without a branch, since nobody could
+    /// foresee it. Corners are equal when all bits are.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn place_of(&mut self, corner: &[f32; 3]) -> u8 {
+        let words = corner.map(f32::to_bits);
+        let new = self.corner_count;
+        // SAFETY: the caller's contract; what columns behind have is of no account, being behind.
+        let place = unsafe { S::put_and_find(&mut self.corners, words, new) };
+        self.corner_count += usize::from(place == new);
+        place as u8
     }
 
     /// Writes the block and begins another.
-    fn write(&mut self, out: &mut Vec<u32>) {
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn write(&mut self, out: &mut Vec<u32>) {
         let (count, corners) = (self.count, self.corner_count);
         let before = 1 + (3 * count).div_ceil(4) + count;
         out.push(count as u32 | (corners as u32) << 8 | (before as u32) << 16);
@@ -223,13 +219,13 @@ impl Packer {
         let words = bytes.as_chunks::<4>().0.iter().map(|&word| u32::from_le_bytes(word));
         out.extend(words.take((3 * count).div_ceil(4)));
         out.extend_from_slice(&self.triangles[..count]);
-        for row in &self.corners {
+        // SAFETY: the caller's contract.
+        for row in unsafe { S::columns(&self.corners) } {
             out.extend_from_slice(&row[..corners]);
         }
         while !out.len().is_multiple_of(UNIT) {
             out.push(0);
         }
         (self.count, self.corner_count) = (0, 0);
-        self.table = [NOTHING; TABLE];
     }
 }

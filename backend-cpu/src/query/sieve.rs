@@ -107,15 +107,6 @@ impl ExactLane {
         Some(ExactLane { ray, reach: Reach::new(prepared, bounds), best: Best::default() })
     }
 
-    /// Whether the sieve serves this ray: one that was neither moved nor lost anything by being made
-    /// ready, in a scene that is not wide. Others are traced in `f64` all the way.
-    #[inline]
-    pub fn is_ordinary(&self, prepared: &PreparedRay) -> bool {
-        !prepared.wide && prepared.offset == 0.0 && prepared.origin == self.ray.origin
-    }
-}
-
-impl ExactLane {
     /// The answer.
     #[inline]
     pub fn hit(&self, query: Query) -> Hit {
@@ -139,9 +130,8 @@ impl ExactLane {
         let mut room = [0.0; 11 * MOST_LANES];
         let block = record.written_out(&mut room);
         let limit = self.reach.t_max.min(*stop);
-        let set = if S::N == 16 { InstructionSet::Avx512 } else { InstructionSet::Avx2 };
         // SAFETY: the caller's contract.
-        let mut bits = unsafe { sift(set, prepared, &self.reach, &block, limit) };
+        let mut bits = unsafe { sift(S::SET, prepared, &self.reach, &block, limit) };
         while bits != 0 {
             let index = bits.trailing_zeros() as usize;
             bits &= bits - 1;

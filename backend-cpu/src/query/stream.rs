@@ -19,8 +19,11 @@ use super::exact;
 use super::instruction_set::InstructionSet;
 use super::leaf::{self, Best};
 use super::leaves::{Indexed, Leaves, Packed, WrittenOut};
+use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, Way};
 use super::sieve::ExactLane;
+#[cfg(target_arch = "aarch64")]
+use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
 use super::simd::{Direction, Portable, Simd, prefetch};
@@ -35,13 +38,13 @@ const DONE: u32 = u32::MAX;
 /// What of a node rays of an octant read, in bytes from its start.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Octant {
+pub(crate) struct Octant {
     /// Rows of the planes that they meet first on x, y and z, and of those that they meet last.
-    near: [u32; 3],
-    far: [u32; 3],
+    pub near: [u32; 3],
+    pub far: [u32; 3],
     /// The order of the children.
-    order: u32,
-    direction: Direction,
+    pub order: u32,
+    pub direction: Direction,
 }
 
 /// Octants by [`Way::octant`], for nodes of so many children.
@@ -68,6 +71,12 @@ const fn octants(lanes: usize) -> [Octant; 16] {
 
 static OCTANTS_OF_8: [Octant; 16] = octants(8);
 static OCTANTS_OF_16: [Octant; 16] = octants(16);
+
+/// Octants for nodes of as many children as lanes.
+#[inline(always)]
+pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
+    if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 }
+}
 
 /// A ray under way.
 struct Lane {
@@ -117,8 +126,7 @@ unsafe fn step<S: Simd>(
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
     unsafe {
-        let octants = if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 };
-        let octant = octants.get_unchecked(way.octant as usize);
+        let octant = octants_of::<S>().get_unchecked(way.octant as usize);
         let node = lines.add(node as usize * (S::N / 2)).cast::<u8>();
         let plane = |row: u32| S::load(node.add(row as usize).cast());
         let [x, y, z] = way.reciprocal;
@@ -170,13 +178,15 @@ struct Flight {
     t: Vec<f32>,
     ready: PreparedRays,
     ways: [Way; LANES],
+    packet: Packet,
 }
 
 impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
         let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
-        Flight { lanes, children, t, ready: PreparedRays::NONE, ways: [Way::none(); LANES] }
+        let (ready, ways, packet) = (PreparedRays::NONE, [Way::none(); LANES], Packet::new());
+        Flight { lanes, children, t, ready, ways, packet }
     }
 }
 
@@ -210,6 +220,8 @@ pub(crate) unsafe fn trace(
             InstructionSet::Avx512 => avx512(batch, answer),
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => avx2(batch, answer),
+            #[cfg(target_arch = "aarch64")]
+            InstructionSet::Neon => run::<Neon>(batch, answer),
             _ => run::<Portable>(batch, answer),
         }
     }
@@ -303,7 +315,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let lines = blocks.wide.lines();
     let mut leaf_room = L::room();
     let room = blocks.wide.stack();
-    let Flight { lanes, children, t, ready, ways } = flight;
+    let Flight { lanes, children, t, ready, ways, packet } = flight;
     if lanes.is_empty() {
         let (way, best, exact) = (Way::none(), Best::NONE, ExactLane::idle());
         lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
@@ -313,7 +325,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
         t.resize(room * FLIGHT, 0.0);
     }
     let exactly = options.accuracy == Accuracy::Exact;
-    let mut source = Source { batch, next: 0, left: 0, ready, ways };
+    let mut source = Source { batch, next: 0, left: 0, ready, ways, packet };
     let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
         state.way.index = Way::NO_RAY;
@@ -321,9 +333,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
     let lanes = &mut lanes[..FLIGHT];
     let (children, t) = (&mut children[..room * FLIGHT], &mut t[..room * FLIGHT]);
-    // SAFETY: lanes are below FLIGHT.
     macro_rules! stack {
         ($lane:expr) => {
+            // SAFETY: lanes are below FLIGHT.
             unsafe {
                 Stack {
                     children: children.get_unchecked_mut($lane * room..($lane + 1) * room),
@@ -440,6 +452,7 @@ struct Source<'a> {
     ways: &'a mut [Way; LANES],
     /// Rays of `ready` not yet handed out.
     left: u32,
+    packet: &'a mut Packet,
 }
 
 impl Source<'_> {
@@ -457,7 +470,8 @@ impl Source<'_> {
             }
             let start = self.next;
             let chunk = &rays[start..(start + LANES).min(rays.len())];
-            self.ready.fill(chunk, scene, start, query);
+            // SAFETY: the caller's contract.
+            unsafe { self.ready.fill::<S>(&rays[start..], scene, start, query) };
             self.next += chunk.len();
             let ready = &*self.ready;
             let shifts = u32::from(options.accuracy == Accuracy::Exact);
@@ -476,6 +490,8 @@ impl Source<'_> {
                 let hit = if alone { self.trace_one(&chunk[lane]) } else { Hit::MISS };
                 answer(start + lane, hit);
             }
+            // SAFETY: the caller's contract.
+            unsafe { self.packets::<S>(start, answer) };
             if self.left != 0 {
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ways::<S>(self.ways) };
@@ -484,6 +500,34 @@ impl Source<'_> {
         let lane = self.left.trailing_zeros() as usize;
         self.left &= self.left - 1;
         Some(&self.ways[lane])
+    }
+
+    /// Answers the rays made ready that go the same way, as many together as a vector has lanes.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn packets<S: Simd>(&mut self, start: usize, answer: &mut impl FnMut(usize, Hit)) {
+        let Batch { blocks, scene, options, query, .. } = self.batch;
+        // Packets test blocks as they are stored.
+        if options.accuracy == Accuracy::Exact || blocks.indexed().is_some() {
+            return;
+        }
+        for first in (0..LANES).step_by(S::N) {
+            let rays = self.left >> first & ((1 << S::N) - 1);
+            // SAFETY: the caller's contract; rays left to the scalar code are not in `left`.
+            unsafe {
+                if !self.packet.take::<S>(self.ready, first, rays, scene, false) {
+                    continue;
+                }
+                let ready = (&*self.ready, &mut *self.ways);
+                self.packet.trace::<S>(blocks, ready, first, options, query);
+            }
+            for lane in (0..S::N).filter(|lane| rays >> lane & 1 != 0) {
+                answer(start + first + lane, self.packet.hit(lane));
+            }
+            self.left &= !(rays << first);
+        }
     }
 
     #[cold]
@@ -515,6 +559,8 @@ pub(crate) unsafe fn trace_one(
             InstructionSet::Avx512 => avx512_one(blocks, scene, ray, options, query),
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => avx2_one(blocks, scene, ray, options, query),
+            #[cfg(target_arch = "aarch64")]
+            InstructionSet::Neon => either::<Neon>(blocks, scene, ray, options, query),
             _ => either::<Portable>(blocks, scene, ray, options, query),
         }
     }

@@ -1,8 +1,11 @@
 //! 8 lanes: AVX2 and FMA.
 
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
 use core::arch::x86_64::*;
 
 use super::{Direction, Simd};
+use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -31,10 +34,46 @@ const fn lanes_of() -> [[u8; 8]; 256] {
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
+    const SET: InstructionSet = InstructionSet::Avx2;
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;
+    type Corners = [[__m256i; 4]; 3];
 
+    #[inline(always)]
+    fn no_corners() -> [[__m256i; 4]; 3] {
+        // SAFETY: vectors of words may be any words.
+        unsafe { core::mem::zeroed() }
+    }
+    #[inline(always)]
+    unsafe fn put_and_find(
+        corners: &mut [[__m256i; 4]; 3],
+        words: [u32; 3],
+        column: usize,
+    ) -> usize {
+        unsafe {
+            let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+            let mut bits = 0;
+            for part in 0..4 {
+                let column = _mm256_set1_epi32(column as i32 - 8 * part as i32);
+                let here = _mm256_cmpeq_epi32(lanes, column);
+                let mut found = _mm256_set1_epi32(-1);
+                for (row, word) in corners.iter_mut().zip(words) {
+                    let word = _mm256_set1_epi32(word as i32);
+                    row[part] = _mm256_blendv_epi8(row[part], word, here);
+                    found = _mm256_and_si256(found, _mm256_cmpeq_epi32(row[part], word));
+                }
+                let found = _mm256_movemask_ps(_mm256_castsi256_ps(found)) as u32;
+                bits |= found << (8 * part);
+            }
+            bits.trailing_zeros() as usize
+        }
+    }
+    #[inline(always)]
+    unsafe fn columns(corners: &[[__m256i; 4]; 3]) -> [[u32; 32]; 3] {
+        // SAFETY: as many words either way, which may be any.
+        unsafe { core::mem::transmute(*corners) }
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m256 {
         unsafe { _mm256_set1_ps(x) }
@@ -64,10 +103,6 @@ impl Simd for Avx2 {
         unsafe { _mm256_div_ps(a, b) }
     }
     #[inline(always)]
-    unsafe fn mul_add(a: __m256, b: __m256, c: __m256) -> __m256 {
-        unsafe { _mm256_fmadd_ps(a, b, c) }
-    }
-    #[inline(always)]
     unsafe fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256 {
         unsafe { _mm256_fmsub_ps(a, b, c) }
     }
@@ -94,6 +129,18 @@ impl Simd for Avx2 {
     #[inline(always)]
     unsafe fn keep(mask: __m256, a: __m256) -> __m256 {
         unsafe { _mm256_and_ps(mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn select(mask: __m256, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_blendv_ps(b, a, mask) }
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> __m256 {
+        unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let own = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(own, lanes))
+        }
     }
     #[inline(always)]
     unsafe fn bits(mask: __m256) -> u32 {

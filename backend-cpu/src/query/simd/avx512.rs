@@ -1,8 +1,11 @@
 //! 16 lanes: AVX-512 F, DQ, BW and VL.
 
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
 use core::arch::x86_64::*;
 
 use super::{Direction, Simd};
+use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -11,10 +14,42 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
+    const SET: InstructionSet = InstructionSet::Avx512;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;
+    type Corners = [[__m512i; 2]; 3];
 
+    #[inline(always)]
+    fn no_corners() -> [[__m512i; 2]; 3] {
+        // SAFETY: vectors of words may be any words.
+        unsafe { core::mem::zeroed() }
+    }
+    #[inline(always)]
+    unsafe fn put_and_find(
+        corners: &mut [[__m512i; 2]; 3],
+        words: [u32; 3],
+        column: usize,
+    ) -> usize {
+        unsafe {
+            let bit = 1u32 << column;
+            let (low, high) = (bit as __mmask16, (bit >> 16) as __mmask16);
+            let (mut found_low, mut found_high) = (u16::MAX, u16::MAX);
+            for (row, word) in corners.iter_mut().zip(words) {
+                let word = _mm512_set1_epi32(word as i32);
+                row[0] = _mm512_mask_mov_epi32(row[0], low, word);
+                row[1] = _mm512_mask_mov_epi32(row[1], high, word);
+                found_low = _mm512_mask_cmpeq_epi32_mask(found_low, row[0], word);
+                found_high = _mm512_mask_cmpeq_epi32_mask(found_high, row[1], word);
+            }
+            (u32::from(found_low) | u32::from(found_high) << 16).trailing_zeros() as usize
+        }
+    }
+    #[inline(always)]
+    unsafe fn columns(corners: &[[__m512i; 2]; 3]) -> [[u32; 32]; 3] {
+        // SAFETY: as many words either way, which may be any.
+        unsafe { core::mem::transmute(*corners) }
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m512 {
         unsafe { _mm512_set1_ps(x) }
@@ -44,10 +79,6 @@ impl Simd for Avx512 {
         unsafe { _mm512_div_ps(a, b) }
     }
     #[inline(always)]
-    unsafe fn mul_add(a: __m512, b: __m512, c: __m512) -> __m512 {
-        unsafe { _mm512_fmadd_ps(a, b, c) }
-    }
-    #[inline(always)]
     unsafe fn mul_sub(a: __m512, b: __m512, c: __m512) -> __m512 {
         unsafe { _mm512_fmsub_ps(a, b, c) }
     }
@@ -74,6 +105,14 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn keep(mask: __mmask16, a: __m512) -> __m512 {
         unsafe { _mm512_maskz_mov_ps(mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn select(mask: __mmask16, a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_mask_mov_ps(b, mask, a) }
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> __mmask16 {
+        bits as __mmask16
     }
     #[inline(always)]
     unsafe fn bits(mask: __mmask16) -> u32 {

@@ -2,20 +2,26 @@
 //!
 //! A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and in [`super::packet`]
 //! a group's rays are lanes. Sums, differences, products and quotients round each by itself, as
-//! scalar code does: only [`Simd::mul_add`] and [`Simd::mul_sub`] may be fused, and nothing that decides a
-//! hit is made with them. So every set gives the same hits.
+//! scalar code does: only [`Simd::mul_sub`] may be fused, and nothing that decides a
+//! hit is made with it. So every set gives the same hits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod portable;
 
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+#[cfg(target_arch = "aarch64")]
+pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
+
+use super::instruction_set::InstructionSet;
 
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
@@ -49,13 +55,19 @@ impl Direction {
 pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
+    /// Which it is.
+    const SET: InstructionSet;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
     type Places: Copy;
     /// `N` yes or no.
     type Mask: Copy;
+    /// Three rows of 32 words.
+    type Corners: Copy;
 
+    /// All words 0.
+    fn no_corners() -> Self::Corners;
     /// The same number in all lanes.
     unsafe fn splat(x: f32) -> Self::Floats;
     /// `N` floats from memory.
@@ -70,8 +82,6 @@ pub(crate) trait Simd: Copy {
     unsafe fn mul(a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// Quotients.
     unsafe fn div(a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// `a * b + c`, rounded once or twice.
-    unsafe fn mul_add(a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
     /// `a * b - c`, rounded once or twice.
     unsafe fn mul_sub(a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
     /// `a` where it is less than `b`, else `b`: so `b` where either is no number.
@@ -86,8 +96,12 @@ pub(crate) trait Simd: Copy {
     unsafe fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
     /// `a` where the mask says so, else 0.
     unsafe fn keep(mask: Self::Mask, a: Self::Floats) -> Self::Floats;
+    /// `a` where the mask says so, else `b`.
+    unsafe fn select(mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// A bit a lane, the first lane lowest.
     unsafe fn bits(mask: Self::Mask) -> u32;
+    /// The mask of such bits.
+    unsafe fn mask(bits: u32) -> Self::Mask;
     /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;
@@ -98,6 +112,10 @@ pub(crate) trait Simd: Copy {
     unsafe fn places(from: *const u8) -> Self::Places;
     /// Elements of a table of `2 N`.
     unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    /// Puts words into a column of 32, and gives the first column that has them all.
+    unsafe fn put_and_find(corners: &mut Self::Corners, words: [u32; 3], column: usize) -> usize;
+    /// The columns, row by row.
+    unsafe fn columns(corners: &Self::Corners) -> [[u32; 2 * MOST_LANES]; 3];
     /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);

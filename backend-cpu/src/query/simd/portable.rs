@@ -1,6 +1,9 @@
 //! 8 lanes in plain Rust, which compilers turn into what the target has.
 
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
 use super::{Direction, Simd};
+use crate::query::InstructionSet;
 
 /// [`Simd`] by loops over arrays.
 #[derive(Clone, Copy)]
@@ -17,10 +20,29 @@ fn each<T>(of: impl FnMut(usize) -> T) -> [T; N] {
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Portable {
     const N: usize = N;
+    const SET: InstructionSet = InstructionSet::Portable;
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];
+    type Corners = [[u32; 32]; 3];
 
+    #[inline(always)]
+    fn no_corners() -> [[u32; 32]; 3] {
+        [[0; 32]; 3]
+    }
+    #[inline(always)]
+    unsafe fn put_and_find(corners: &mut [[u32; 32]; 3], words: [u32; 3], column: usize) -> usize {
+        for (row, word) in corners.iter_mut().zip(words) {
+            row[column % 32] = word;
+        }
+        let [x, y, z] = corners;
+        let same = |i: &usize| x[*i] == words[0] && y[*i] == words[1] && z[*i] == words[2];
+        (0..32).find(same).unwrap_or(column)
+    }
+    #[inline(always)]
+    unsafe fn columns(corners: &[[u32; 32]; 3]) -> [[u32; 32]; 3] {
+        *corners
+    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> [f32; N] {
         [x; N]
@@ -50,10 +72,6 @@ impl Simd for Portable {
         each(|i| a[i] / b[i])
     }
     #[inline(always)]
-    unsafe fn mul_add(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
-        each(|i| a[i] * b[i] + c[i])
-    }
-    #[inline(always)]
     unsafe fn mul_sub(a: [f32; N], b: [f32; N], c: [f32; N]) -> [f32; N] {
         each(|i| a[i] * b[i] - c[i])
     }
@@ -80,6 +98,14 @@ impl Simd for Portable {
     #[inline(always)]
     unsafe fn keep(mask: [bool; N], a: [f32; N]) -> [f32; N] {
         each(|i| if mask[i] { a[i] } else { 0.0 })
+    }
+    #[inline(always)]
+    unsafe fn select(mask: [bool; N], a: [f32; N], b: [f32; N]) -> [f32; N] {
+        each(|i| if mask[i] { a[i] } else { b[i] })
+    }
+    #[inline(always)]
+    unsafe fn mask(bits: u32) -> [bool; N] {
+        each(|i| bits >> i & 1 != 0)
     }
     #[inline(always)]
     unsafe fn bits(mask: [bool; N]) -> u32 {

@@ -1,0 +1,131 @@
+//! Which faces lie in a range of bins, eight references at a time.
+
+use super::grid::Places;
+use crate::query::InstructionSet;
+
+/// References that are looked at together.
+pub(super) const AT_ONCE: usize = 8;
+
+/// A range of bins for each word of a reference.
+#[derive(Clone, Debug)]
+pub(super) struct Ranges {
+    /// First bins, for eight references.
+    first: [u8; 64],
+    /// Last bins less first ones.
+    span: [u8; 64],
+    /// A bit for each word that has a range.
+    there: u64,
+}
+
+impl Ranges {
+    /// From the first and last bin of each axis that has such; for lower and upper faces.
+    pub fn new(axes: [Option<[u8; 2]>; 3]) -> Ranges {
+        let mut ranges = Ranges { first: [0; 64], span: [0; 64], there: 0 };
+        for bit in 0..64 {
+            if let Some(Some([first, last])) = axes.get(bit % 4) {
+                (ranges.first[bit], ranges.span[bit]) = (*first, last - first);
+                ranges.there |= 1 << bit;
+            }
+        }
+        ranges
+    }
+
+    /// Calls `found` with every word that is in its range: its reference's number and its own.
+    #[inline(always)]
+    pub fn search(
+        &self,
+        set: InstructionSet,
+        places: &[Places],
+        mut found: impl FnMut(usize, usize),
+    ) {
+        for (block, chunk) in places.chunks(AT_ONCE).enumerate() {
+            let mut bits = match chunk.first_chunk() {
+                Some(chunk) => self.of(set, chunk),
+                None => {
+                    let mut whole = [[0; 8]; AT_ONCE];
+                    whole[..chunk.len()].copy_from_slice(chunk);
+                    self.of(set, &whole) & ((1 << (8 * chunk.len())) - 1)
+                }
+            };
+            while bits != 0 {
+                let bit = bits.trailing_zeros() as usize;
+                bits &= bits - 1;
+                found(block * AT_ONCE + bit / 8, bit % 8);
+            }
+        }
+    }
+
+    /// The words of eight references that are in their ranges, a bit each.
+    #[inline(always)]
+    fn of(&self, set: InstructionSet, places: &[Places; AT_ONCE]) -> u64 {
+        match set {
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: only sets that the processor has come here.
+            InstructionSet::Avx512 => unsafe { self.of_64(places) },
+            _ => self.of_loops(places),
+        }
+    }
+
+    /// By AVX-512BW.
+    ///
+    /// # Safety
+    /// The processor must have it.
+    #[cfg(target_arch = "x86_64")]
+    #[inline]
+    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
+    unsafe fn of_64(&self, places: &[Places; AT_ONCE]) -> u64 {
+        use core::arch::x86_64::*;
+        // SAFETY: loads of 64 bytes, as many as there are.
+        unsafe {
+            let places = _mm512_loadu_si512(places.as_ptr().cast());
+            let first = _mm512_loadu_si512(self.first.as_ptr().cast());
+            let span = _mm512_loadu_si512(self.span.as_ptr().cast());
+            _mm512_mask_cmple_epu8_mask(self.there, _mm512_sub_epi8(places, first), span)
+        }
+    }
+
+    #[inline(always)]
+    fn of_loops(&self, places: &[Places; AT_ONCE]) -> u64 {
+        let mut bits = 0;
+        for bit in 0..64 {
+            let inside = places[bit / 8][bit % 8].wrapping_sub(self.first[bit]) <= self.span[bit];
+            bits |= u64::from(inside) << bit;
+        }
+        bits & self.there
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use splitplane_test_support::random::Random;
+
+    #[test]
+    fn every_set_finds_what_is_in_range() {
+        let mut random = Random::new(5);
+        for round in 0..200 {
+            let places: Vec<Places> = (0..random.below(40))
+                .map(|_| [0; 8].map(|_: u8| random.below(256) as u8))
+                .collect();
+            let axes = [0, 1, 2].map(|axis| {
+                let (one, other) = (random.below(256) as u8, random.below(256) as u8);
+                (round >> axis & 1 == 0).then_some([one.min(other), one.max(other)])
+            });
+            let mut expected = Vec::new();
+            for (i, place) in places.iter().enumerate() {
+                for word in [0, 1, 2, 4, 5, 6] {
+                    if axes[word % 4]
+                        .is_some_and(|[first, last]| first <= place[word] && place[word] <= last)
+                    {
+                        expected.push((i, word));
+                    }
+                }
+            }
+            for set in InstructionSet::available() {
+                let mut found = Vec::new();
+                Ranges::new(axes).search(set, &places, |i, word| found.push((i, word)));
+                assert_eq!(found, expected);
+            }
+        }
+    }
+}
