@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
     // What shapes the tree is in the configuration; a limit of memory only ever ends in an error.
     let config = BuildConfig { max_depth: 32, ..BuildConfig::default() };
-    let options = BuildOptions { config, max_memory: Some(1 << 30) };
+    let options = BuildOptions { config, max_memory: Some(1 << 30), ..BuildOptions::default() };
     let accelerator = CpuBackend::new().build(&mesh, &options)?;
 
     let tree = accelerator.tree();

@@ -80,7 +80,7 @@ pub use splitplane_core::aabb::Aabb;
 pub use splitplane_core::all_hits::{AllHits, Crossing};
 pub use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
-    QueryReport,
+    QueryLayout, QueryReport,
 };
 pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
 pub use splitplane_core::digest::Digest;

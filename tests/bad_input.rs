@@ -213,7 +213,7 @@ fn options(random: &mut Random) -> BuildOptions {
     }
     let small = random.below(60_000) as u64;
     let limits = [None, None, None, None, Some(0), Some(1), Some(small), Some(u64::MAX)];
-    BuildOptions { config, max_memory: random.pick(&limits) }
+    BuildOptions { config, max_memory: random.pick(&limits), ..BuildOptions::default() }
 }
 
 /// Builds, or checks why not.
@@ -399,7 +399,8 @@ fn the_limit_of_memory_is_exact() {
         };
         let build = |max_memory| {
             // A new backend each time: kept memory counts.
-            CpuBackend::new().build(&mesh, &BuildOptions { config, max_memory })
+            CpuBackend::new()
+                .build(&mesh, &BuildOptions { config, max_memory, ..BuildOptions::default() })
         };
         let free = build(None).expect("no limit");
         let peak = free.summary().peak_bytes;

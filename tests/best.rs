@@ -507,7 +507,7 @@ fn memory_limits_end_in_an_error() {
     let mut refused = 0;
     for eighth in 0..=12 {
         let max_memory = Some(peak * eighth / 8);
-        let options = BuildOptions { max_memory, config: best() };
+        let options = BuildOptions { max_memory, ..BuildOptions::from(best()) };
         match CpuBackend::new().build_accelerator(&mesh, &options) {
             Ok(again) => {
                 assert_eq!(again.tree(), built.tree());

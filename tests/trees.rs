@@ -318,7 +318,7 @@ fn check_memory_limits(backend: &dyn Backend, config: BuildConfig) {
     let mut refused = 0;
     for eighth in 0..=9 {
         let max_memory = Some(summary.peak_bytes * eighth / 8);
-        let options = BuildOptions { config, max_memory };
+        let options = BuildOptions { config, max_memory, ..BuildOptions::default() };
         match backend.build(&scene.mesh(), &options) {
             Ok(built) => {
                 assert_eq!(*built.tree(), tree, "a limit that does not bind changes the tree");

@@ -18,7 +18,7 @@ use crate::best;
 use crate::buffers::{Buffers, Memory};
 use crate::executor::CpuExecutor;
 use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch};
+use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
 /// between builds.
@@ -113,10 +113,12 @@ impl CpuBackend {
     ) -> Result<CpuAccelerator, BuildError> {
         self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory, scratch| {
             begin_layout(look, &tree);
-            memory.take(old + CpuAccelerator::bytes_for(&tree, self.set)? + scratch.bytes())?;
+            let most = CpuAccelerator::bytes_for(&tree, mesh, options.layout, self.set)?;
+            memory.take(old + most + scratch.bytes())?;
             summary.peak_bytes = memory.peak;
             let tree = copied(&tree, look)?;
-            let built = CpuAccelerator::new(tree, summary, triangles, self.set, look, scratch);
+            let source = Source { mesh, triangles, layout: options.layout };
+            let built = CpuAccelerator::new(tree, summary, source, self.set, look, scratch);
             look.finish();
             look.check().map(|()| built)
         })
@@ -139,9 +141,11 @@ impl CpuBackend {
             options,
             &UNWATCHED,
             |tree, mut summary, triangles, mut memory, scratch| {
-                memory.take(CpuAccelerator::bytes_for(&tree, self.set)? + scratch.bytes())?;
+                let most = CpuAccelerator::bytes_for(&tree, mesh, options.layout, self.set)?;
+                memory.take(most + scratch.bytes())?;
                 summary.peak_bytes = memory.peak;
-                accelerator.replace(&tree, summary, triangles, scratch);
+                let source = Source { mesh, triangles, layout: options.layout };
+                accelerator.replace(&tree, summary, source, scratch);
                 Ok(())
             },
         )
@@ -160,7 +164,7 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<(), BuildError> {
-        let old = CpuAccelerator::bytes_for(&accelerator.tree().view(), self.set)?;
+        let old = accelerator.bytes();
         *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
         Ok(())
     }
@@ -309,7 +313,8 @@ impl CpuBackend {
         look.check()?;
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        memory.take(bytes as u64 + CpuAccelerator::bytes_for(&tree.view(), self.set)?)?;
+        let most = CpuAccelerator::bytes_for(&tree.view(), mesh, options.layout, self.set)?;
+        memory.take(bytes as u64 + most)?;
         let mut prepared = Vec::with_capacity(mesh.len());
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
@@ -339,7 +344,8 @@ impl CpuBackend {
         let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
         begin_layout(look, &tree.view());
         let mut scratch = LayoutScratch::default();
-        let loaded = CpuAccelerator::new(tree, summary, &triangles, self.set, look, &mut scratch);
+        let source = Source { mesh, triangles: &triangles, layout: options.layout };
+        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, &mut scratch);
         look.finish();
         look.check()?;
         Ok(Box::new(loaded))

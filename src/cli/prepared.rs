@@ -7,7 +7,7 @@ use super::{knobs, output, progress};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use splitplane::scene::Scene;
-use splitplane::{Accelerator, BackendInfo};
+use splitplane::{Accelerator, BackendInfo, QueryLayout};
 use std::time::Instant;
 
 /// A scene with its tree, built.
@@ -50,6 +50,9 @@ impl Prepared {
         let info = opened.backend.describe();
         if !common.quiet {
             output::note(&format!("backend: {} ({})", info.name, opened.reason));
+            if options.layout == QueryLayout::Compact && info.name != "cpu" {
+                output::note("--compact: a tree on a GPU has one layout, which is what it gets");
+            }
         }
         let mesh = scene.mesh()?;
         let watch = progress::watch(common.quiet);

@@ -36,7 +36,11 @@ pub struct Settings {
 impl Settings {
     /// How a preset builds.
     pub fn build(&self, preset: Preset) -> BuildOptions {
-        BuildOptions { config: BuildConfig::preset(preset), max_memory: self.max_memory }
+        BuildOptions {
+            config: BuildConfig::preset(preset),
+            max_memory: self.max_memory,
+            ..BuildOptions::default()
+        }
     }
 }
 

@@ -247,7 +247,11 @@ impl<'a> Bench<'a> {
         name: &str,
         config: &BuildConfig,
     ) -> Result<Box<dyn Accelerator>, TradeError> {
-        let options = BuildOptions { config: *config, max_memory: self.max_memory };
+        let options = BuildOptions {
+            config: *config,
+            max_memory: self.max_memory,
+            ..BuildOptions::default()
+        };
         let built = match (device, self.gpu) {
             (Device::Gpu, Some(backend)) => backend.build_watched(self.mesh, &options, self.watch),
             _ => self.cpu.build_watched(self.mesh, &options, self.watch),

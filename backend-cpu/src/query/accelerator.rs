@@ -6,16 +6,19 @@ use std::time::{Duration, Instant};
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes};
-use splitplane_core::backend::{Accelerator, BuildError, BuildSummary, QueryError, QueryReport};
+use splitplane_core::backend::{
+    Accelerator, BuildError, BuildSummary, QueryError, QueryLayout, QueryReport,
+};
 use splitplane_core::inside::{self, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::watch::{Stage, Watch};
 
-use super::blocks::{Blocks, LayoutScratch};
+use super::blocks::{Blocks, LayoutScratch, Source};
 use super::exact;
 use super::instruction_set::InstructionSet;
 use super::stream::{self, Batch};
@@ -34,7 +37,6 @@ const TOO_LONG: Duration = Duration::from_millis(2);
 /// A tree over a mesh on the CPU.
 #[derive(Debug)]
 pub struct CpuAccelerator {
-    tree: KdTree,
     summary: BuildSummary,
     scene: SceneScale,
     blocks: Blocks,
@@ -46,24 +48,36 @@ impl CpuAccelerator {
     ///
     /// # Errors
     /// [`BuildError::TooLarge`] for a tree beyond what the layout can name.
-    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, set: InstructionSet) -> Result<u64, BuildError> {
+    pub(crate) fn bytes_for(
+        tree: &KdTreeView<'_>,
+        mesh: &Mesh<'_>,
+        layout: QueryLayout,
+        set: InstructionSet,
+    ) -> Result<u64, BuildError> {
         let tree_bytes = size_of_val(tree.nodes) + size_of_val(tree.references);
-        Ok(tree_bytes as u64 + Blocks::bytes_for(tree, set.lanes())?)
+        let compact = (layout == QueryLayout::Compact).then_some(mesh);
+        Ok(tree_bytes as u64 + Blocks::bytes_for(tree, compact, set.lanes())?)
     }
 
-    /// Makes the query layout of a valid tree. `triangles` are the mesh's snapped corners; `set` must
-    /// be one that the processor has. Of no use when the lookout has ended it.
+    /// Bytes of tree and layout as they are, for a limit that this and another one must keep together.
+    pub(crate) fn bytes(&self) -> u64 {
+        let KdTree { nodes, references, .. } = &self.blocks.tree;
+        (size_of_val(&nodes[..]) + size_of_val(&references[..])) as u64 + self.blocks.bytes()
+    }
+
+    /// Makes the query layout of a valid tree; `set` must be one that the processor has. Of no use when
+    /// the lookout has ended it.
     pub(crate) fn new(
         tree: KdTree,
         summary: BuildSummary,
-        triangles: &[Triangle],
+        source: Source<'_>,
         set: InstructionSet,
         look: &Lookout<'_>,
         scratch: &mut LayoutScratch,
     ) -> CpuAccelerator {
-        let scene = scene_scale(tree.bounds, triangles, look);
-        let blocks = Blocks::new(&tree.view(), triangles, set, look, scratch);
-        CpuAccelerator { tree, summary, scene, blocks, set }
+        let scene = scene_scale(tree.bounds, source.triangles, look);
+        let blocks = Blocks::new(tree, source, set, look, scratch);
+        CpuAccelerator { summary, scene, blocks, set }
     }
 
     /// Becomes the accelerator of another valid tree, in the same memory.
@@ -71,19 +85,17 @@ impl CpuAccelerator {
         &mut self,
         tree: &KdTreeView<'_>,
         summary: BuildSummary,
-        triangles: &[Triangle],
+        source: Source<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        self.scene = scene_scale(tree.bounds, triangles, &UNWATCHED);
-        self.blocks.fill(tree, triangles, &UNWATCHED, scratch);
-        self.tree.nodes.clear();
-        self.tree.nodes.extend_from_slice(tree.nodes);
-        self.tree.references.clear();
-        self.tree.references.extend_from_slice(tree.references);
-        self.tree.bounds = tree.bounds;
-        self.tree.triangles = tree.triangles;
-        self.tree.config = tree.config;
+        self.scene = scene_scale(tree.bounds, source.triangles, &UNWATCHED);
+        self.blocks.fill(tree, source, scratch);
         self.summary = summary;
+    }
+
+    /// The layout that was asked for.
+    pub fn layout(&self) -> QueryLayout {
+        self.blocks.layout()
     }
 
     /// The instruction set of queries.
@@ -216,7 +228,7 @@ impl CpuAccelerator {
             let mut part = AllHits::none();
             part.starts.reserve_exact(rays.len());
             let mut collector = Collector::default();
-            let (blocks, bounds) = (&self.blocks, &self.tree.bounds);
+            let (blocks, bounds) = (&self.blocks, &self.blocks.tree.bounds);
             for ray in rays {
                 // What threads find is copied together in the end, so it counts twice.
                 let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
@@ -270,7 +282,7 @@ impl CpuAccelerator {
                 let mut ended = look.check_batch();
                 ended.clone()?;
                 let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
-                    exact::visit(&self.blocks, &self.tree.bounds, ray, &options, test);
+                    exact::visit(&self.blocks, &self.blocks.tree.bounds, ray, &options, test);
                 };
                 *winding = locator.winding(point, visit, &mut |bytes| {
                     look.worked(DUE / 8);
@@ -335,7 +347,7 @@ fn check(rays: usize, results: usize) -> Result<(), QueryError> {
 
 impl Accelerator for CpuAccelerator {
     fn tree(&self) -> &KdTree {
-        &self.tree
+        &self.blocks.tree
     }
 
     fn summary(&self) -> &BuildSummary {

@@ -1,21 +1,25 @@
 //! The layout that queries read, made from a tree: wide nodes ([`super::wide`]) and blocks of triangles
-//! ([`super::record`]), and for the rare rays that need more care the tree's own nodes.
+//! ([`super::record`]), and for the rare rays that need more care the tree's own nodes. In the compact
+//! layout the tree itself and a copy of the mesh ([`super::indexed`]) stand for blocks.
 
 use rayon::prelude::*;
-use splitplane_core::backend::BuildError;
+use splitplane_core::backend::{BuildError, QueryLayout};
+use splitplane_core::mesh::Mesh;
 use splitplane_core::node::{KdNode, NodeKind};
-use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
+use super::indexed::IndexedMesh;
 use super::instruction_set::InstructionSet;
+use super::leaves::Indexed;
 use super::record::{Packer, Record, TAIL, UNIT};
 #[cfg(target_arch = "aarch64")]
 use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
 use super::simd::{Portable, Simd};
-use super::wide::{WideNodes, WideScratch};
-use crate::lookout::{self, Lookout};
+use super::wide::{Content, WideNodes, WideScratch};
+use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::scatter::Scatter;
 
 /// Units that children can name, but for what ends a stack.
@@ -27,7 +31,7 @@ const PIECE: usize = 1 << 12;
 /// axis in bits 0 and 1 of the second word (3 for a leaf), above them the right child, or the number of
 /// blocks.
 #[repr(C)]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct WalkNode {
     /// Bits of the split position, or the leaf's first block in units of [`UNIT`] words.
     pub word: u32,
@@ -40,6 +44,21 @@ impl WalkNode {
     pub const SHIFT: u32 = 2;
     /// Most nodes of a tree.
     pub const MOST: u32 = 1 << 28;
+
+    /// The references of a leaf of the tree itself.
+    #[inline(always)]
+    pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
+        &all[self.word as usize..][..(self.tagged >> WalkNode::SHIFT) as usize]
+    }
+}
+
+/// What a layout is made of besides a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub mesh: &'a Mesh<'a>,
+    /// Its triangles' snapped corners.
+    pub triangles: &'a [Triangle],
+    pub layout: QueryLayout,
 }
 
 /// Nodes and triangles of a tree, for queries.
@@ -47,9 +66,14 @@ impl WalkNode {
 pub(crate) struct Blocks {
     /// For which the layout is made.
     set: InstructionSet,
+    pub(crate) tree: KdTree,
+    /// The tree's nodes, with leaves that name their blocks. Neither they nor blocks are there in the
+    /// compact layout.
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) wide: WideNodes,
     pub(crate) words: Vec<u32>,
+    /// In the compact layout only.
+    mesh: Option<IndexedMesh>,
 }
 
 /// What layouts are made with, kept for the next one.
@@ -100,11 +124,23 @@ impl Block<'_> {
 }
 
 impl Blocks {
-    /// Most bytes that the layout of a tree may take.
+    /// Most bytes that the layout of a tree may take; for the compact one over a mesh.
     ///
     /// # Errors
     /// [`BuildError::TooLarge`] when children could not name all blocks.
-    pub(crate) fn bytes_for(tree: &KdTreeView<'_>, lanes: usize) -> Result<u64, BuildError> {
+    pub(crate) fn bytes_for(
+        tree: &KdTreeView<'_>,
+        compact: Option<&Mesh<'_>>,
+        lanes: usize,
+    ) -> Result<u64, BuildError> {
+        let wide = WideNodes::most_bytes(tree, lanes) + WideNodes::scratch_bytes(tree);
+        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
+        if nodes > u64::from(WalkNode::MOST) {
+            return Err(BuildError::TooLarge { nodes, references });
+        }
+        if let Some(mesh) = compact {
+            return Ok(wide + IndexedMesh::bytes_for(mesh));
+        }
         let words = |nodes: &[KdNode]| {
             let words = |node: &KdNode| match node.kind() {
                 // Without a shared corner: 13 words and a part of the first a triangle.
@@ -114,26 +150,31 @@ impl Blocks {
             nodes.iter().map(words).sum::<usize>()
         };
         let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
-        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
-        if words / UNIT >= MOST_UNITS || nodes > u64::from(WalkNode::MOST) {
+        if words / UNIT >= MOST_UNITS {
             return Err(BuildError::TooLarge { nodes, references });
         }
-        let bytes = nodes * size_of::<WalkNode>() as u64 + (words * size_of::<u32>()) as u64;
-        Ok(bytes + WideNodes::most_bytes(tree, lanes))
+        // Once in pieces and once put together.
+        Ok(nodes * size_of::<WalkNode>() as u64 + 2 * (words * size_of::<u32>()) as u64 + wide)
     }
 
-    /// Makes the layout of a tree from the snapped corners of its triangles, for an instruction set that
-    /// the processor has. Of no use when the lookout has ended it.
+    /// Makes the layout of a tree, for an instruction set that the processor has; of no use when the
+    /// lookout has ended it.
     pub(crate) fn new(
-        tree: &KdTreeView<'_>,
-        triangles: &[Triangle],
+        tree: KdTree,
+        source: Source<'_>,
         set: InstructionSet,
         look: &Lookout<'_>,
         scratch: &mut LayoutScratch,
     ) -> Blocks {
-        let wide = WideNodes::new(set.lanes());
-        let mut blocks = Blocks { set, nodes: Vec::new(), wide, words: Vec::new() };
-        blocks.fill(tree, triangles, look, scratch);
+        let mut blocks = Blocks {
+            tree,
+            nodes: Vec::new(),
+            set,
+            wide: WideNodes::new(set.lanes()),
+            words: Vec::new(),
+            mesh: None,
+        };
+        blocks.refill(source, look, scratch);
         blocks
     }
 
@@ -141,13 +182,51 @@ impl Blocks {
     pub(crate) fn fill(
         &mut self,
         tree: &KdTreeView<'_>,
+        source: Source<'_>,
+        scratch: &mut LayoutScratch,
+    ) {
+        self.tree.nodes.clear();
+        self.tree.nodes.extend_from_slice(tree.nodes);
+        self.tree.references.clear();
+        self.tree.references.extend_from_slice(tree.references);
+        self.tree.bounds = tree.bounds;
+        self.tree.triangles = tree.triangles;
+        self.tree.config = tree.config;
+        self.refill(source, &UNWATCHED, scratch);
+    }
+
+    fn refill(&mut self, source: Source<'_>, look: &Lookout<'_>, scratch: &mut LayoutScratch) {
+        match source.layout {
+            QueryLayout::Fast => self.refill_blocks(source.triangles, look, scratch),
+            QueryLayout::Compact => self.refill_mesh(source, look, scratch),
+        }
+    }
+
+    /// The compact layout: the mesh in place of blocks.
+    fn refill_mesh(&mut self, source: Source<'_>, look: &Lookout<'_>, scratch: &mut LayoutScratch) {
+        let Blocks { tree, nodes, wide, words, mesh, .. } = self;
+        (*nodes, *words) = (Vec::new(), Vec::new());
+        mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
+        if look.is_over() {
+            return;
+        }
+        let content = Content::References(&tree.references, source.triangles);
+        let walk = bytemuck::cast_slice(&tree.nodes);
+        wide.fill(&tree.view(), walk, content, look, &mut scratch.wide);
+        look.advance(tree.nodes.len() as u64);
+    }
+
+    fn refill_blocks(
+        &mut self,
         triangles: &[Triangle],
         look: &Lookout<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        let Blocks { set, nodes, wide, words } = self;
+        let Blocks { set, tree, nodes, wide, words, mesh } = self;
         let LayoutScratch { parts, starts, wide: wide_scratch } = scratch;
         let set = *set;
+        let tree = tree.view();
+        *mesh = None;
         let lanes = wide.lanes();
         let pieces = tree.nodes.len().div_ceil(PIECE);
         parts.resize_with(pieces.max(parts.len()), Vec::new);
@@ -157,7 +236,7 @@ impl Blocks {
         if look.is_over() {
             return;
         }
-        let pack = Pack { tree, triangles, look, lanes };
+        let pack = Pack { tree: &tree, triangles, look, lanes };
         // Leaves name their blocks within their piece first.
         let work = nodes.par_chunks_mut(PIECE).zip(tree.nodes.par_chunks(PIECE)).zip(&mut *parts);
         work.for_each(|((nodes, from), part)| {
@@ -186,18 +265,56 @@ impl Blocks {
                 node.word += (start / UNIT) as u32;
             }
         });
-        wide.fill(tree, nodes, (words, (length / UNIT) as u32), look, wide_scratch);
+        let content = Content::Blocks(words, (length / UNIT) as u32);
+        wide.fill(&tree, nodes, content, look, wide_scratch);
     }
 
-    /// Bytes held for queries.
+    /// Bytes held for queries besides the tree.
     pub fn bytes(&self) -> u64 {
-        (size_of_val(&self.nodes[..]) + size_of_val(&self.words[..])) as u64 + self.wide.bytes()
+        let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
+        let blocks = size_of_val(&self.nodes[..]) + size_of_val(&self.words[..]);
+        blocks as u64 + self.wide.bytes() + mesh
     }
 
-    /// The blocks of a leaf of the tree's own nodes.
+    /// The layout that this is.
+    pub(crate) fn layout(&self) -> QueryLayout {
+        if self.mesh.is_some() { QueryLayout::Compact } else { QueryLayout::Fast }
+    }
+
+    /// The leaves of the compact layout.
+    #[inline(always)]
+    pub(crate) fn indexed(&self) -> Option<Indexed<'_>> {
+        let mesh = self.mesh.as_ref()?;
+        Some(Indexed { nodes: self.walk_nodes(), references: &self.tree.references, mesh })
+    }
+
+    /// The tree's nodes, root first; their leaves are for [`Blocks::any_triangle`].
     #[inline]
-    pub(crate) fn leaf(&self, node: &WalkNode) -> impl Iterator<Item = Record<'_>> {
-        leaf(&self.words, node)
+    pub(crate) fn walk_nodes(&self) -> &[WalkNode] {
+        match self.mesh {
+            // Of the same format but for what a leaf names.
+            Some(_) => bytemuck::cast_slice(&self.tree.nodes),
+            None => &self.nodes,
+        }
+    }
+
+    /// Hands the triangles of a leaf to `test` one by one until it says true; whether it did.
+    #[inline]
+    pub(crate) fn any_triangle(
+        &self,
+        node: &WalkNode,
+        mut test: impl FnMut(u32, &Triangle) -> bool,
+    ) -> bool {
+        match &self.mesh {
+            Some(mesh) => {
+                let mut references = node.references(&self.tree.references).iter();
+                references.any(|&triangle| test(triangle, &mesh.corners(triangle)))
+            }
+            None => leaf(&self.words, node).any(|record| {
+                (0..record.count())
+                    .any(|index| test(record.triangle(index), &record.corners(index)))
+            }),
+        }
     }
 }
 

@@ -59,8 +59,9 @@ pub(crate) fn visit(
     let mut stack = [(0u32, 0.0f64, 0.0f64); MAX_DEPTH as usize + 1];
     let mut top = 0;
     let mut node = 0u32;
+    let nodes = blocks.walk_nodes();
     loop {
-        let walk = &blocks.nodes[node as usize];
+        let walk = &nodes[node as usize];
         let WalkNode { word, tagged } = *walk;
         let axis = (tagged & 3) as usize;
         if axis < 3 {
@@ -78,14 +79,12 @@ pub(crate) fn visit(
             }
             continue;
         }
-        for record in blocks.leaf(walk) {
-            for index in 0..record.count() {
-                let triangle = record.triangle(index);
-                if options.ignore != Some(triangle) {
-                    stop = test(&ray, &record.corners(index), triangle);
-                }
+        blocks.any_triangle(walk, |triangle, corners| {
+            if options.ignore != Some(triangle) {
+                stop = test(&ray, corners, triangle);
             }
-        }
+            false
+        });
         loop {
             if top == 0 {
                 return;

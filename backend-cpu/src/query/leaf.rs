@@ -8,9 +8,128 @@ use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
+use super::blocks::Block;
 use super::prepare::Way;
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
+
+/// Triangles that are tested at once, as the test reads them.
+pub(crate) trait Triangles {
+    /// Vectors that the corners' coordinates on an axis take.
+    const VECTORS: usize;
+
+    /// How many, at most as many as there are lanes.
+    fn count(&self) -> usize;
+
+    /// The index of a triangle in the mesh.
+    fn triangle(&self, index: usize) -> u32;
+
+    /// The corners of a triangle.
+    fn corners(&self, index: usize) -> Triangle;
+
+    /// A vector of coordinates on an axis.
+    ///
+    /// # Safety
+    /// The processor must have the set, and a block of its width must follow what is there.
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats;
+
+    /// What finds the corners of the triangles in such vectors.
+    ///
+    /// # Safety
+    /// As for [`Triangles::coordinates`].
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3];
+
+    /// What the triangles' corners have, of a number of each corner.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, places: [S::Places; 3]) -> [S::Floats; 3];
+}
+
+/// Corners are shared: the second vector is needed by some blocks only, but by which is not foreseen.
+impl Triangles for Record<'_> {
+    const VECTORS: usize = 2;
+
+    #[inline(always)]
+    fn count(&self) -> usize {
+        Record::count(self)
+    }
+
+    #[inline(always)]
+    fn triangle(&self, index: usize) -> u32 {
+        Record::triangle(self, index)
+    }
+
+    #[inline(always)]
+    fn corners(&self, index: usize) -> Triangle {
+        Record::corners(self, index)
+    }
+
+    #[inline(always)]
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::load(Record::coordinates(self, axis).wrapping_add(vector * S::N)) }
+    }
+
+    #[inline(always)]
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
+        // SAFETY: the caller's contract.
+        unsafe {
+            [
+                S::places(Record::places(self, 0)),
+                S::places(Record::places(self, 1)),
+                S::places(Record::places(self, 2)),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn of_corners<S: Simd>(
+        [low, high, _]: Vectors<S>,
+        places: [S::Places; 3],
+    ) -> [S::Floats; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { of_corners::<S>([low, high], places) }
+    }
+}
+
+/// Corners are written out: one vector for the first ones, one for the second, one for the third.
+impl Triangles for Block<'_> {
+    const VECTORS: usize = 3;
+
+    #[inline(always)]
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    #[inline(always)]
+    fn triangle(&self, index: usize) -> u32 {
+        Block::triangle(self, index)
+    }
+
+    #[inline(always)]
+    fn corners(&self, index: usize) -> Triangle {
+        Block::corners(self, index)
+    }
+
+    #[inline(always)]
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+        let row = (3 * vector + axis) * self.stride;
+        // SAFETY: the caller's contract.
+        unsafe { S::load(self.words.as_ptr().wrapping_add(row)) }
+    }
+
+    #[inline(always)]
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
+        // SAFETY: the caller's contract. Nothing is looked up.
+        unsafe { [S::places([0; MOST_LANES].as_ptr()); 3] }
+    }
+
+    #[inline(always)]
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
+        vectors
+    }
+}
 
 /// The best hit so far and what follows from it.
 #[derive(Clone, Copy, Debug)]
@@ -52,26 +171,18 @@ pub(crate) fn decide(
     }
 }
 
-/// Tests a block triangle by triangle, for rays that vectors are not made for. True when the query is
-/// answered.
-pub(crate) fn test_one_by_one(
+/// Tests one triangle, for rays that vectors are not made for. True when the best hit changed.
+pub(crate) fn test_one(
     ray: &PreparedRay,
-    record: &Record<'_>,
+    corners: &Triangle,
+    triangle: u32,
     options: &QueryOptions,
-    query: Query,
     best: &mut Best,
 ) -> bool {
-    for index in 0..record.count() {
-        let triangle = record.triangle(index);
-        if options.ignore == Some(triangle) {
-            continue;
-        }
-        let Some(found) = decide(ray, &record.corners(index), options) else { continue };
-        if best.take(ray, &found, triangle) && query == Query::Any {
-            return true;
-        }
+    if options.ignore == Some(triangle) {
+        return false;
     }
-    false
+    decide(ray, corners, options).is_some_and(|found| best.take(ray, &found, triangle))
 }
 
 /// What the wide test says of the triangles of a block, as bits.
@@ -104,11 +215,11 @@ impl Sifted {
 /// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide.
 ///
 /// # Safety
-/// The processor must have the set, and a block of its width must follow the record's words.
+/// The processor must have the set, and a block of its width must follow the triangles' words.
 #[inline(always)]
-pub(crate) unsafe fn test<S: Simd>(
+pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     way: &Way,
-    record: &Record<'_>,
+    record: &T,
     options: &QueryOptions,
     query: Query,
     best: &mut Best,
@@ -120,10 +231,10 @@ pub(crate) unsafe fn test<S: Simd>(
     // SAFETY: the caller's contract.
     unsafe {
         match options.accuracy {
-            Accuracy::Fast => sifted.unclear = fast::<S>(way, record, limit),
+            Accuracy::Fast => sifted.unclear = fast::<S, T>(way, record, limit),
             _ => {
                 let any = query == Query::Any;
-                sift::<S>(way, record, limit, options.culling, any, &mut sifted);
+                sift::<S, T>(way, record, limit, options.culling, any, &mut sifted);
             }
         }
     }
@@ -151,9 +262,9 @@ pub(crate) unsafe fn test<S: Simd>(
 
 /// The rest of [`test`] where more than one triangle counts, or one that is to be looked at closely.
 #[inline(never)]
-fn test_sifted(
+fn test_sifted<T: Triangles>(
     way: &Way,
-    record: &Record<'_>,
+    record: &T,
     options: &QueryOptions,
     query: Query,
     sifted: &Sifted,
@@ -208,6 +319,9 @@ pub(crate) unsafe fn of_corners<S: Simd>(
     }
 }
 
+/// A number of each corner, in as many vectors as [`Triangles::VECTORS`].
+type Vectors<S> = [<S as Simd>::Floats; 3];
+
 /// Triangles whose edges enclose the ray and whose corners reach into its limits. Where there are some,
 /// the rest of the reference test follows, but for the triangles seen at too grazing an angle or from
 /// too near for interpolation. Of those many are let go as the reference does: the ones that rays
@@ -217,9 +331,9 @@ pub(crate) unsafe fn of_corners<S: Simd>(
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn sift<S: Simd>(
+unsafe fn sift<S: Simd, T: Triangles>(
     ray: &Way,
-    record: &Record<'_>,
+    record: &T,
     limit: f32,
     culling: Culling,
     any: bool,
@@ -232,22 +346,20 @@ unsafe fn sift<S: Simd>(
             (S::splat(ray.origin[0]), S::splat(ray.origin[1]), S::splat(ray.origin[2]));
         let (sx, sy, sz) = (S::splat(ray.shear[0]), S::splat(ray.shear[1]), S::splat(ray.shear[2]));
         let zero = S::splat(0.0);
-        let mut x: Table<S> = [zero; 2];
+        let mut x: Vectors<S> = [zero; 3];
         let (mut y, mut z, mut flat_x, mut flat_y, mut depth) = (x, x, x, x, x);
-        for half in 0..2 {
-            let row = |axis: usize| record.coordinates(axis).wrapping_add(half * S::N);
-            x[half] = S::sub(S::load(row(kx)), ox);
-            y[half] = S::sub(S::load(row(ky)), oy);
-            z[half] = S::sub(S::load(row(kz)), oz);
+        for half in 0..T::VECTORS {
+            x[half] = S::sub(record.coordinates::<S>(kx, half), ox);
+            y[half] = S::sub(record.coordinates::<S>(ky, half), oy);
+            z[half] = S::sub(record.coordinates::<S>(kz, half), oz);
             flat_x[half] = S::sub(x[half], S::mul(sx, z[half]));
             flat_y[half] = S::sub(y[half], S::mul(sy, z[half]));
             depth[half] = S::mul(sz, z[half]);
         }
-        let places =
-            [S::places(record.places(0)), S::places(record.places(1)), S::places(record.places(2))];
-        let [ax, bx, cx] = of_corners::<S>(flat_x, places);
-        let [ay, by, cy] = of_corners::<S>(flat_y, places);
-        let [da, db, dc] = of_corners::<S>(depth, places);
+        let places = record.places::<S>();
+        let [ax, bx, cx] = T::of_corners::<S>(flat_x, places);
+        let [ay, by, cy] = T::of_corners::<S>(flat_y, places);
+        let [da, db, dc] = T::of_corners::<S>(depth, places);
         let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
         let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
         let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
@@ -279,13 +391,13 @@ unsafe fn sift<S: Simd>(
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
         let interpolated = S::div(sum, det);
         let (mut reach, mut width) = (x, x);
-        for half in 0..2 {
+        for half in 0..T::VECTORS {
             reach[half] = S::magnitude(S::magnitude(x[half], y[half]), z[half]);
             width[half] = S::magnitude(flat_x[half], flat_y[half]);
         }
-        let [a, b, c] = of_corners::<S>(reach, places);
+        let [a, b, c] = T::of_corners::<S>(reach, places);
         let reach = S::max(a, S::max(b, c));
-        let [a, b, c] = of_corners::<S>(width, places);
+        let [a, b, c] = T::of_corners::<S>(width, places);
         let width = S::max(a, S::max(b, c));
         let disorder = S::mul(S::mul(reach, width), S::sub(farthest, nearest));
         let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
@@ -338,19 +450,20 @@ pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn fast<S: Simd>(way: &Way, record: &Record<'_>, limit: f32) -> u32 {
+unsafe fn fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
-        let places =
-            [S::places(record.places(0)), S::places(record.places(1)), S::places(record.places(2))];
+        let places = record.places::<S>();
         let ray = way.ray();
         let zero = S::splat(0.0);
         let mut o = [zero; 3];
         let (mut d, mut ab, mut ac, mut ao) = (o, o, o, o);
         for axis in 0..3 {
-            let row = record.coordinates(axis);
-            let table = [S::load(row), S::load(row.wrapping_add(S::N))];
-            let [a, b, c] = of_corners::<S>(table, places);
+            let mut table: Vectors<S> = [zero; 3];
+            for (vector, table) in table.iter_mut().enumerate().take(T::VECTORS) {
+                *table = record.coordinates::<S>(axis, vector);
+            }
+            let [a, b, c] = T::of_corners::<S>(table, places);
             (o[axis], d[axis]) = (S::splat(ray.origin[axis]), S::splat(ray.direction[axis]));
             (ab[axis], ac[axis], ao[axis]) = (S::sub(b, a), S::sub(c, a), S::sub(o[axis], a));
         }

@@ -8,8 +8,10 @@
 mod accelerator;
 mod blocks;
 mod exact;
+mod indexed;
 mod instruction_set;
 mod leaf;
+mod leaves;
 mod packet;
 mod prepare;
 mod record;
@@ -20,6 +22,5 @@ mod stream;
 mod wide;
 
 pub use accelerator::CpuAccelerator;
-pub(crate) use blocks::LayoutScratch;
-pub(crate) use blocks::WalkNode;
+pub(crate) use blocks::{LayoutScratch, Source, WalkNode};
 pub use instruction_set::InstructionSet;

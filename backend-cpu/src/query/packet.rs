@@ -572,7 +572,7 @@ impl Packet {
         let mut best = Best { hit: self.hit(lane), stop: self.beyond.0[lane] };
         // SAFETY: the caller's contract.
         let better = unsafe {
-            leaf::test::<S>(self.way::<S>(rays, lane), record, options, query, &mut best)
+            leaf::test::<S, _>(self.way::<S>(rays, lane), record, options, query, &mut best)
         };
         if better {
             self.set(lane, &best);
@@ -865,7 +865,7 @@ impl Packet {
 
 #[cfg(test)]
 mod tests {
-    use splitplane_core::backend::{Accelerator, BuildOptions};
+    use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
     use splitplane_core::mesh::Mesh;
     use splitplane_core::ray::Ray;
     use splitplane_core::traverse;
@@ -873,6 +873,8 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
+    use crate::lookout::UNWATCHED;
+    use crate::query::blocks::{LayoutScratch, Source};
     use crate::query::instruction_set::InstructionSet;
     use crate::query::simd::Portable;
     #[cfg(target_arch = "x86_64")]
@@ -967,13 +969,10 @@ mod tests {
             let backend = CpuBackend::with_instruction_set(set);
             let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
             let (tree, scene) = (built.tree().view(), built.scene_scale());
-            let blocks = Blocks::new(
-                &tree,
-                &triangles,
-                S::SET,
-                &crate::lookout::UNWATCHED,
-                &mut Default::default(),
-            );
+            let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
+            let mut scratch = LayoutScratch::default();
+            let blocks =
+                Blocks::new(built.tree().clone(), source, S::SET, &UNWATCHED, &mut scratch);
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut numbers);
                 let (accuracy, culling, ignore) = match round % 6 {

@@ -33,7 +33,7 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::Block;
 use super::instruction_set::InstructionSet;
-use super::record::Record;
+use super::leaves::WrittenOut;
 use super::simd::{MOST_LANES, Simd};
 
 /// The error of an edge function, in R P.
@@ -122,7 +122,7 @@ impl ExactLane {
     pub unsafe fn test_record<S: Simd>(
         &mut self,
         prepared: &PreparedRay,
-        record: &Record<'_>,
+        record: &impl WrittenOut,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,

@@ -8,7 +8,7 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::{Blocks, WalkNode};
-use super::leaf::{Best, test_one_by_one};
+use super::leaf::{Best, test_one};
 
 /// Traces one ray from the root.
 #[cold]
@@ -25,8 +25,9 @@ pub(crate) fn trace(
     let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
     let mut top = 0;
     let mut node = 0u32;
+    let nodes = blocks.walk_nodes();
     loop {
-        let walk = &blocks.nodes[node as usize];
+        let walk = &nodes[node as usize];
         let WalkNode { word, tagged } = *walk;
         let axis = (tagged & 3) as usize;
         if axis < 3 {
@@ -45,10 +46,11 @@ pub(crate) fn trace(
             }
             continue;
         }
-        for record in blocks.leaf(walk) {
-            if test_one_by_one(&ray, &record, options, query, &mut best) {
-                return best.hit;
-            }
+        let answered = blocks.any_triangle(walk, |triangle, corners| {
+            test_one(&ray, corners, triangle, options, &mut best) && query == Query::Any
+        });
+        if answered {
+            return best.hit;
         }
         loop {
             if top == 0 {

@@ -18,9 +18,9 @@ use super::blocks::Blocks;
 use super::exact;
 use super::instruction_set::InstructionSet;
 use super::leaf::{self, Best};
+use super::leaves::{Indexed, Leaves, Packed, WrittenOut};
 use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, Way};
-use super::record::{Record, UNIT};
 use super::sieve::ExactLane;
 #[cfg(target_arch = "aarch64")]
 use super::simd::Neon;
@@ -160,9 +160,9 @@ unsafe fn step<S: Simd>(
 
 /// Asks for the memory of a child.
 #[inline(always)]
-fn ask_for<S: Simd>(lines: *const Line, words: *const u32, child: u32) {
+fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
     let node = lines.wrapping_add(child as usize * (S::N / 2)) as usize;
-    let block = words.wrapping_add((child & !BLOCK) as usize * UNIT) as usize;
+    let block = leaves.address(child & !BLOCK) as usize;
     // Without a branch, since nobody could foresee it.
     let is_block = 0usize.wrapping_sub((child >> 31) as usize);
     let at = (node ^ ((node ^ block) & is_block)) as *const u8;
@@ -248,7 +248,12 @@ unsafe fn run<S: Simd>(batch: Batch<'_>, answer: &mut impl FnMut(usize, Hit)) {
     // Taken out, so that `answer` may trace rays of its own.
     let mut flight = IN_FLIGHT.take().unwrap_or_else(|| Box::new(Flight::new()));
     // SAFETY: the caller's contract.
-    unsafe { fly::<S>(batch, &mut flight, answer) };
+    unsafe {
+        match batch.blocks.indexed() {
+            None => fly::<S, _>(batch, Packed::new(batch.blocks), &mut flight, answer),
+            Some(leaves) => fly::<S, Indexed<'_>>(batch, leaves, &mut flight, answer),
+        }
+    }
     IN_FLIGHT.set(Some(flight));
 }
 
@@ -300,9 +305,15 @@ impl Iterator for Lanes {
 /// # Safety
 /// As for [`trace`].
 #[inline(always)]
-unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl FnMut(usize, Hit)) {
+unsafe fn fly<S: Simd, L: Leaves>(
+    batch: Batch<'_>,
+    leaves: L,
+    flight: &mut Flight,
+    answer: &mut impl FnMut(usize, Hit),
+) {
     let Batch { blocks, scene, rays, options, query } = batch;
-    let (lines, words) = (blocks.wide.lines(), &blocks.words[..]);
+    let lines = blocks.wide.lines();
+    let mut leaf_room = L::room();
     let room = blocks.wide.stack();
     let Flight { lanes, children, t, ready, ways, packet } = flight;
     if lanes.is_empty() {
@@ -333,7 +344,7 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
             }
         };
     }
-    let (lines, words_start) = (lines.as_ptr(), words.as_ptr());
+    let lines = lines.as_ptr();
     loop {
         for lane in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
@@ -369,23 +380,31 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
             let (child, top) =
                 unsafe { step::<S>(&state.way, lines, state.child, &mut stack, state.top) };
             (state.child, state.top) = (child, top);
-            ask_for::<S>(lines, words_start, child);
+            ask_for::<S, L>(lines, leaves, child);
             queues.put(lane, child);
         }
         for lane in queues.take(Turn::Block) {
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
-            // SAFETY: children name nodes or blocks.
-            let record = unsafe { Record::at_unchecked(words, state.child & !BLOCK) };
-            // SAFETY: the caller's contract; wide rays get no lane.
-            let better = unsafe {
-                if exactly {
-                    exact_test::<S>(state, &record, options, query)
-                } else {
-                    leaf::test::<S>(&state.way, &record, options, query, &mut state.best)
+            let (mut from, mut better) = (0, false);
+            loop {
+                // SAFETY: children name nodes or leaves.
+                let (record, next) =
+                    unsafe { leaves.block::<S>(state.child & !BLOCK, from, &mut leaf_room) };
+                // SAFETY: the caller's contract; wide rays get no lane.
+                better |= unsafe {
+                    if exactly {
+                        exact_test::<S>(state, &record, options, query)
+                    } else {
+                        leaf::test::<S, _>(&state.way, &record, options, query, &mut state.best)
+                    }
+                };
+                if L::ONE || next == 0 || (better && query == Query::Any) {
+                    break;
                 }
-            };
+                from = next;
+            }
             if better {
                 if query == Query::Any {
                     queues.put(lane, DONE);
@@ -399,7 +418,7 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
             // SAFETY: entries that were written.
             let child = unsafe { *stack.children.get_unchecked(state.top) };
             (state.child, state.top) = (child, state.top.wrapping_sub(1));
-            ask_for::<S>(lines, words_start, child);
+            ask_for::<S, L>(lines, leaves, child);
             queues.put(lane, child);
         }
     }
@@ -412,7 +431,7 @@ unsafe fn fly<S: Simd>(batch: Batch<'_>, flight: &mut Flight, answer: &mut impl 
 #[inline(never)]
 unsafe fn exact_test<S: Simd>(
     state: &mut Lane,
-    record: &Record<'_>,
+    record: &impl WrittenOut,
     options: &QueryOptions,
     query: Query,
 ) -> bool {
@@ -490,7 +509,8 @@ impl Source<'_> {
     #[inline(always)]
     unsafe fn packets<S: Simd>(&mut self, start: usize, answer: &mut impl FnMut(usize, Hit)) {
         let Batch { blocks, scene, options, query, .. } = self.batch;
-        if options.accuracy == Accuracy::Exact {
+        // Packets test blocks as they are stored.
+        if options.accuracy == Accuracy::Exact || blocks.indexed().is_some() {
             return;
         }
         for first in (0..LANES).step_by(S::N) {
@@ -540,8 +560,8 @@ pub(crate) unsafe fn trace_one(
             #[cfg(target_arch = "x86_64")]
             InstructionSet::Avx2 => avx2_one(blocks, scene, ray, options, query),
             #[cfg(target_arch = "aarch64")]
-            InstructionSet::Neon => one::<Neon>(blocks, scene, ray, options, query),
-            _ => one::<Portable>(blocks, scene, ray, options, query),
+            InstructionSet::Neon => either::<Neon>(blocks, scene, ray, options, query),
+            _ => either::<Portable>(blocks, scene, ray, options, query),
         }
     }
 }
@@ -556,7 +576,7 @@ unsafe fn avx512_one(
     query: Query,
 ) -> Hit {
     // SAFETY: as for `trace_one`.
-    unsafe { one::<Avx512>(blocks, scene, ray, options, query) }
+    unsafe { either::<Avx512>(blocks, scene, ray, options, query) }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -569,17 +589,39 @@ unsafe fn avx2_one(
     query: Query,
 ) -> Hit {
     // SAFETY: as for `trace_one`.
-    unsafe { one::<Avx2>(blocks, scene, ray, options, query) }
+    unsafe { either::<Avx2>(blocks, scene, ray, options, query) }
 }
 
 /// Entries of a stack that needs no allocation: far more than common trees need.
 const COMMON: usize = 512;
 
+/// Over blocks, or over the tree's own leaves.
+///
 /// # Safety
 /// As for [`trace_one`].
 #[inline(always)]
-unsafe fn one<S: Simd>(
+unsafe fn either<S: Simd>(
     blocks: &Blocks,
+    scene: &SceneScale,
+    ray: &Ray,
+    options: &QueryOptions,
+    query: Query,
+) -> Hit {
+    // SAFETY: the caller's contract.
+    unsafe {
+        match blocks.indexed() {
+            None => one::<S, _>(blocks, Packed::new(blocks), scene, ray, options, query),
+            Some(leaves) => one::<S, Indexed<'_>>(blocks, leaves, scene, ray, options, query),
+        }
+    }
+}
+
+/// # Safety
+/// As for [`trace_one`].
+#[inline(always)]
+unsafe fn one<S: Simd, L: Leaves>(
+    blocks: &Blocks,
+    leaves: L,
     scene: &SceneScale,
     given: &Ray,
     options: &QueryOptions,
@@ -592,7 +634,8 @@ unsafe fn one<S: Simd>(
     let Some(interval) = ray.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
     let mut way = Way::new(&ray, interval, query);
     let mut best = Best::NONE;
-    let (lines, words) = (blocks.wide.lines(), &blocks.words[..]);
+    let lines = blocks.wide.lines();
+    let mut leaf_room = L::room();
     let room = blocks.wide.stack();
     let (mut children, mut t) = ([DONE; COMMON], [0.0; COMMON]);
     let (mut more_children, mut more_t) = (Vec::new(), Vec::new());
@@ -615,17 +658,24 @@ unsafe fn one<S: Simd>(
         if child == DONE {
             return best.hit;
         }
-        {
-            let record = Record::at(words, child & !BLOCK);
+        let (mut from, mut better) = (0, false);
+        loop {
+            // SAFETY: children name nodes or leaves.
+            let (record, next) = unsafe { leaves.block::<S>(child & !BLOCK, from, &mut leaf_room) };
             // SAFETY: the caller's contract; the ray is not wide.
-            if unsafe { leaf::test::<S>(&way, &record, options, query, &mut best) } {
-                if query == Query::Any {
-                    return best.hit;
-                }
-                way.stop = best.stop.min(way.stop);
-                // SAFETY: the caller's contract; the stack has the room.
-                top = unsafe { stack.cull::<S>(top, way.stop) };
+            better |= unsafe { leaf::test::<S, _>(&way, &record, options, query, &mut best) };
+            if L::ONE || next == 0 || (better && query == Query::Any) {
+                break;
             }
+            from = next;
+        }
+        if better {
+            if query == Query::Any {
+                return best.hit;
+            }
+            way.stop = best.stop.min(way.stop);
+            // SAFETY: the caller's contract; the stack has the room.
+            top = unsafe { stack.cull::<S>(top, way.stop) };
         }
         child = stack.children[top];
         top = top.wrapping_sub(1);

@@ -16,6 +16,7 @@ use std::collections::VecDeque;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::triangle::Triangle;
 
 use super::blocks::{self, WalkNode};
 use super::record::Record;
@@ -23,7 +24,8 @@ use super::simd::MOST_LANES;
 use crate::lookout::{self, Lookout};
 use crate::scatter::Scatter;
 
-/// Set in a child that is a block: the other bits are its first unit. Otherwise they are a node.
+/// Set in a child that is a block: the other bits are its first unit, or in the compact layout the leaf's
+/// place among the tree's nodes. Otherwise they are a node.
 pub(crate) const BLOCK: u32 = 1 << 31;
 /// Subtrees of more nodes are looked at by several tasks.
 const LARGE: usize = 1 << 12;
@@ -107,7 +109,8 @@ struct Item {
 enum Kind {
     /// An interior node of the tree.
     Subtree(u32),
-    /// Blocks of a leaf that follow each other: the first one's unit and how many.
+    /// Blocks of a leaf that follow each other: the first one's unit and how many. Or a leaf of the tree, as
+    /// one: its place among the nodes.
     Blocks(u32, u32),
 }
 
@@ -119,13 +122,22 @@ enum Shape {
     Split(u8, u8, u8),
 }
 
+/// What the leaves of the nodes given have.
+#[derive(Clone, Copy)]
+pub(crate) enum Content<'a> {
+    /// Blocks, in these words, and the unit of one without triangles.
+    Blocks(&'a [u32], u32),
+    /// References, and the corners of all triangles: the tree's own leaves, which are children as they
+    /// are, however many triangles they have.
+    References(&'a [u32], &'a [Triangle]),
+}
+
 /// What emission reads.
 #[derive(Clone, Copy)]
 struct Source<'a> {
     lanes: usize,
     nodes: &'a [WalkNode],
-    words: &'a [u32],
-    nothing: u32,
+    content: Content<'a>,
     boxes: &'a [Aabb],
     plans: &'a [Plan],
 }
@@ -163,6 +175,11 @@ fn box_of<'a>(records: impl Iterator<Item = Record<'a>>, cell: &Aabb) -> Aabb {
             bounds.hi[axis] = bounds.hi[axis].max(hi);
         }
     }
+    within(cell, &bounds, any)
+}
+
+/// The part of some triangles' bounds in their cell.
+fn within(cell: &Aabb, bounds: &Aabb, any: bool) -> Aabb {
     let bounds = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = any && (0..3).any(|axis| bounds.lo[axis] > bounds.hi[axis]);
@@ -202,13 +219,18 @@ impl WideNodes {
         (tree.nodes.len() / 2 + 1) as u64 * 32 * lanes as u64
     }
 
-    /// Makes the nodes of a tree whose leaves name their blocks; `nothing` is the unit of a block
-    /// without triangles. Of no use when the lookout has ended it.
+    /// Bytes of what nodes are made with.
+    pub fn scratch_bytes(tree: &KdTreeView<'_>) -> u64 {
+        (tree.nodes.len() * (size_of::<Aabb>() + size_of::<Plan>())) as u64
+    }
+
+    /// Makes the nodes of a tree from its nodes and what their leaves have. Of no use when the lookout
+    /// has ended it.
     pub fn fill(
         &mut self,
         tree: &KdTreeView<'_>,
         nodes: &[WalkNode],
-        (words, nothing): (&[u32], u32),
+        content: Content<'_>,
         look: &Lookout<'_>,
         scratch: &mut WideScratch,
     ) {
@@ -222,12 +244,12 @@ impl WideNodes {
         }
         boxes.resize(nodes.len(), Aabb::EMPTY);
         plans.resize(nodes.len(), [NODE; MOST_LANES]);
-        let planner = Planner { lanes, nodes, words, look };
+        let planner = Planner { lanes, nodes, content, look };
         planner.plan(0, &tree.bounds, boxes, plans);
         if look.is_over() {
             return;
         }
-        let source = Source { lanes, nodes, words, nothing, boxes, plans };
+        let source = Source { lanes, nodes, content, boxes, plans };
         // A tree without triangles has a root without children: rays within its bounds read it.
         let bounds = Aabb::EMPTY;
         let none = Item { kind: Kind::Blocks(0, 0), cell: tree.bounds, bounds };
@@ -301,19 +323,39 @@ fn words_of(lines: &mut [Line]) -> &mut [u32] {
 struct Planner<'a> {
     lanes: usize,
     nodes: &'a [WalkNode],
-    words: &'a [u32],
+    content: Content<'a>,
     look: &'a Lookout<'a>,
 }
 
 impl Planner<'_> {
+    /// The box of a leaf.
+    fn leaf_box(&self, leaf: &WalkNode, cell: &Aabb) -> Aabb {
+        let (references, triangles) = match self.content {
+            Content::Blocks(words, _) => return box_of(blocks::leaf(words, leaf), cell),
+            Content::References(references, triangles) => (references, triangles),
+        };
+        let references = leaf.references(references);
+        let count = references.len() as u64;
+        if self.look.worked(2 * count) {
+            return Aabb::EMPTY;
+        }
+        let corners = |&triangle: &u32| Aabb::of_points(&triangles[triangle as usize]);
+        let bounds = references.iter().map(corners).fold(Aabb::EMPTY, |all, one| all.union(&one));
+        self.look.advance(count);
+        within(cell, &bounds, count > 0)
+    }
+
     /// Boxes and plans of a subtree, whose nodes follow each other from `node` on; its costs.
     fn plan(&self, node: u32, cell: &Aabb, boxes: &mut [Aabb], plans: &mut [Plan]) -> Costs {
         let mut costs = [0.0; MOST_LANES];
         let walk = &self.nodes[node as usize];
         let Some((axis, split, right)) = interior(walk) else {
-            boxes[0] = box_of(blocks::leaf(self.words, walk), cell);
+            boxes[0] = self.leaf_box(walk, cell);
             // Where there are too few places for a leaf's blocks they get a node of their own.
-            let count = (walk.tagged >> WalkNode::SHIFT) as usize;
+            let count = match self.content {
+                Content::Blocks(..) => (walk.tagged >> WalkNode::SHIFT) as usize,
+                Content::References(..) => 1,
+            };
             let area = area(&boxes[0]);
             for cost in costs.iter_mut().take(count.saturating_sub(1)) {
                 *cost = area;
@@ -372,6 +414,23 @@ struct Made {
 }
 
 impl Source<'_> {
+    /// The words of the blocks.
+    fn words(&self) -> &[u32] {
+        match self.content {
+            Content::Blocks(words, _) => words,
+            Content::References(..) => &[],
+        }
+    }
+
+    /// A child that nobody goes to; who did would lose nothing by it.
+    fn nothing(&self) -> u32 {
+        match self.content {
+            Content::Blocks(_, unit) => BLOCK | unit,
+            // In preorder the last node is a leaf.
+            Content::References(..) => BLOCK | (self.nodes.len() - 1) as u32,
+        }
+    }
+
     /// Lines of a node.
     fn node_lines(&self) -> usize {
         self.lanes / 2
@@ -387,7 +446,10 @@ impl Source<'_> {
             }
             let walk = &self.nodes[node as usize];
             let Some((axis, split, right)) = interior(walk) else {
-                let kind = Kind::Blocks(walk.word, walk.tagged >> WalkNode::SHIFT);
+                let kind = match self.content {
+                    Content::Blocks(..) => Kind::Blocks(walk.word, walk.tagged >> WalkNode::SHIFT),
+                    Content::References(..) => Kind::Blocks(node, 1),
+                };
                 return Some(Item { kind, cell, bounds });
             };
             let (left_cell, right_cell) = halves(&cell, axis, split);
@@ -402,7 +464,7 @@ impl Source<'_> {
     /// A run of blocks with its box.
     fn run(&self, unit: u32, count: u32, cell: &Aabb) -> Item {
         let node = WalkNode { word: unit, tagged: count << WalkNode::SHIFT };
-        let bounds = box_of(blocks::leaf(self.words, &node), cell);
+        let bounds = box_of(blocks::leaf(self.words(), &node), cell);
         Item { kind: Kind::Blocks(unit, count), cell: *cell, bounds }
     }
 
@@ -423,7 +485,7 @@ impl Source<'_> {
             Kind::Blocks(unit, count) => {
                 let half = count / 2;
                 let node = WalkNode { word: unit, tagged: half << WalkNode::SHIFT };
-                let units = blocks::leaf(self.words, &node).map(|record| record.units());
+                let units = blocks::leaf(self.words(), &node).map(|record| record.units());
                 let middle = unit + units.sum::<u32>();
                 let left = self.run(unit, half, &item.cell);
                 let right = self.run(middle, count - half, &item.cell);
@@ -484,8 +546,7 @@ impl Source<'_> {
         let words = words_of(&mut out[start..]);
         words[..3 * n].fill(f32::INFINITY.to_bits());
         words[3 * n..6 * n].fill(f32::NEG_INFINITY.to_bits());
-        // Nobody goes to such a child; who did would find nothing there.
-        words[6 * n..7 * n].fill(BLOCK | self.nothing);
+        words[6 * n..7 * n].fill(self.nothing());
         for (place, item) in made.items.iter().enumerate() {
             let Some(item) = item else { continue };
             for axis in 0..3 {
@@ -493,7 +554,7 @@ impl Source<'_> {
                 words[(3 + axis) * n + place] = item.bounds.hi[axis].to_bits();
             }
             if let Kind::Blocks(_, 0) = item.kind {
-                words[6 * n + place] = BLOCK | self.nothing;
+                words[6 * n + place] = self.nothing();
             } else if let Kind::Blocks(unit, 1) = item.kind {
                 words[6 * n + place] = BLOCK | unit;
             }

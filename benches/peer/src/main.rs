@@ -5,7 +5,7 @@
 //! t_min, t_max); writes `PREFIX.SET.hits` (`f32` t, infinity for a miss, and `u32` triangle) and
 //! `PREFIX.SET.any` (a byte a ray); prints one JSON object. NAME is `splitplane-PRESET` or
 //! `splitplane-wgpu-PRESET` (the GPU that `WGPU_ADAPTER_NAME` names, or the best one; `splitplane-wgpu`
-//! alone is preset `fast`), then any of `-watertight|-leaky|-exact` (accuracy), `-single|-batch` (path) and the
+//! alone is preset `fast`), then any of `-watertight|-leaky|-exact` (accuracy), `-single|-batch` (path), `-compact` (layout on the CPU) and the
 //! knobs of the build: `-K_T:K_I:W` (costs), `-bN` (bins), `-tN` (T), `-eN` (C_e in percent), `-noclip`,
 //! `-nN` (empty bonus in percent), `-rN` (bad splits). So `splitplane-fast`, `splitplane-fast-single`,
 //! `splitplane-wgpu-fast-leaky`, `splitplane-balanced-1:4:16-b64-t32-e10-noclip`. Percentages become
@@ -19,7 +19,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
-use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
+use splitplane_core::backend::{Accelerator, BuildError, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -35,6 +35,7 @@ struct Plan {
     gpu: bool,
     config: BuildConfig,
     options: QueryOptions,
+    layout: QueryLayout,
     single: bool,
 }
 
@@ -57,6 +58,7 @@ impl Plan {
             gpu,
             config: BuildConfig::preset(preset),
             options: QueryOptions::default(),
+            layout: QueryLayout::Fast,
             single: false,
         };
         for word in words {
@@ -66,6 +68,7 @@ impl Plan {
                 "exact" => plan.options.accuracy = Accuracy::Exact,
                 "single" => plan.single = true,
                 "batch" => plan.single = false,
+                "compact" => plan.layout = QueryLayout::Compact,
                 // K_T:K_I:W, for tuning.
                 word if word.contains(':') => {
                     let numbers: Vec<u32> =
@@ -87,6 +90,9 @@ impl Plan {
         // Words hold only what counts for the preset.
         if BuildConfig::from_words(config.words()) != Some(*config) {
             return Err(format!("{name}: a knob that preset {} does not have", preset.name()));
+        }
+        if plan.gpu && plan.layout == QueryLayout::Compact {
+            return Err(format!("{name}: a GPU has one layout"));
         }
         if plan.gpu && plan.single {
             return Err(format!("{name}: single rays are answered on the CPU"));
@@ -188,7 +194,7 @@ fn measure(
         .build()
         .map_err(|error| error.to_string())?;
     let backend = Side::open(&plan)?;
-    let options = BuildOptions::from(plan.config);
+    let options = BuildOptions { layout: plan.layout, ..BuildOptions::from(plan.config) };
     let build = || pool.install(|| backend.build(&mesh, &options));
 
     // The first build warms up and is not counted.
@@ -298,6 +304,9 @@ mod tests {
         assert!(single.single && single.config.small_node_limit == 48);
         let exact = Plan::parse("splitplane-balanced-exact").unwrap();
         assert_eq!(exact.options.accuracy, Accuracy::Exact);
+        assert_eq!(exact.layout, QueryLayout::Fast);
+        let compact = Plan::parse("splitplane-fast-compact-single").unwrap();
+        assert!(compact.single && compact.layout == QueryLayout::Compact);
     }
 
     #[test]
@@ -311,6 +320,7 @@ mod tests {
             ("splitplane-fast-x3", "does not know x3"),
             ("splitplane-fast-b", "does not know b"),
             ("splitplane-fast-1:2", "costs are"),
+            ("splitplane-wgpu-fast-compact", "a GPU has one layout"),
             ("splitplane-slow", "no preset slow"),
         ] {
             let error = Plan::parse(name).err().unwrap_or_default();

@@ -98,7 +98,7 @@ fn options(source: &mut Source<'_>) -> BuildOptions {
         15 => Some(source.pick(&[0, 1, u64::MAX])),
         _ => None,
     };
-    BuildOptions { config, max_memory }
+    BuildOptions { config, max_memory, ..BuildOptions::default() }
 }
 
 /// Positions from a small palette of numbers, so that many are equal, and indices.
