@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let ray = Ray::new([1.0, 2.0, 5.0], [0.0, 0.0, -1.0]);
     println!("one ray: {:?}", tree.closest_hit(&ray, &options));
 
-    // Batches are faster: the backend spreads them over cores and vector lanes.
+    // Batches are faster: the backend spreads them over cores and has many under way.
     let rays: Vec<Ray> =
         (0..8u8).map(|x| Ray::new([f32::from(x), 3.5, 5.0], [0.0, 0.0, -1.0])).collect();
     let mut hits = vec![Hit::MISS; rays.len()];

@@ -287,7 +287,7 @@ fn batches_end_at_any_call() {
     for threads in [1, 2, 4] {
         in_pool(threads, || {
             let built = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
-            // Every thread makes what it keeps for its lanes.
+            // Every thread makes what it keeps for its rays.
             rayon::broadcast(|_| drop(closest(&*built, few)));
             ends_anywhere(&format!("closest hits, {threads} threads"), |watch| {
                 let mut hits = vec![Hit::MISS; rays.len()];

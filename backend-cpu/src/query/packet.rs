@@ -1034,6 +1034,8 @@ mod tests {
                     InstructionSet::Avx512 => compare::<Avx512>(set),
                     #[cfg(target_arch = "x86_64")]
                     InstructionSet::Avx2 => compare::<Avx2>(set),
+                    #[cfg(target_arch = "aarch64")]
+                    InstructionSet::Neon => compare::<crate::query::simd::Neon>(set),
                     _ => compare::<Portable>(set),
                 }
             };

@@ -18,7 +18,7 @@ thread_local! {
     static BACKEND: CpuBackend = CpuBackend::new();
 }
 
-/// Rays of a batch: enough for the lanes.
+/// Rays of a batch: more than are under way at a time.
 const BATCH: usize = 40;
 
 /// Bytes as a mesh, a configuration and rays, for the CPU backend.

@@ -152,3 +152,208 @@ pub(crate) fn prefetch(at: *const u8) {
     #[cfg(not(target_arch = "x86_64"))]
     let _ = at;
 }
+
+#[cfg(test)]
+mod tests {
+    //! Each operation of each set against what its description says, lane by lane.
+
+    use super::*;
+
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn word(&mut self) -> u32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            self.0 >> 7
+        }
+
+        /// Few different ones, so that some are equal, and those that are no numbers among them.
+        fn float(&mut self) -> f32 {
+            match self.word() % 16 {
+                0 => f32::NAN,
+                1 => f32::INFINITY,
+                2 => -0.0,
+                3 => 0.0,
+                k => k as f32 - 9.5,
+            }
+        }
+
+        fn row(&mut self) -> [f32; MOST_LANES] {
+            [(); MOST_LANES].map(|()| self.float())
+        }
+    }
+
+    fn bits(row: &[f32]) -> Vec<u32> {
+        row.iter().map(|x| if x.is_nan() { u32::MAX } else { x.to_bits() }).collect()
+    }
+
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn check<S: Simd>() {
+        let mut numbers = Numbers(S::N as u32);
+        for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
+            let (x, y) = (numbers.row(), numbers.row());
+            // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
+            unsafe {
+                let (a, b) = (S::load(x.as_ptr()), S::load(y.as_ptr()));
+                let told = |floats: S::Floats| {
+                    let mut row = [0.0; MOST_LANES];
+                    S::store(row.as_mut_ptr(), floats);
+                    bits(&row[..S::N])
+                };
+                let each = |of: fn(f32, f32) -> f32| {
+                    bits(&(0..S::N).map(|i| of(x[i], y[i])).collect::<Vec<_>>())
+                };
+                assert_eq!(told(S::add(a, b)), each(|x, y| x + y));
+                assert_eq!(told(S::sub(a, b)), each(|x, y| x - y));
+                assert_eq!(told(S::mul(a, b)), each(|x, y| x * y));
+                assert_eq!(told(S::div(a, b)), each(|x, y| x / y));
+                assert_eq!(told(S::min(a, b)), each(|x, y| if x < y { x } else { y }));
+                assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
+                assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
+                let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
+                let mask = S::le(a, b);
+                assert_eq!(S::bits(mask), le);
+                let some = numbers.word() & ((1 << S::N) - 1);
+                assert_eq!(S::bits(S::mask(some)), some);
+                assert_eq!(S::bits(S::and(mask, S::mask(some))), le & some);
+                let chosen: Vec<f32> =
+                    (0..S::N).map(|i| if le >> i & 1 != 0 { x[i] } else { y[i] }).collect();
+                assert_eq!(told(S::select(mask, a, b)), bits(&chosen));
+                let kept: Vec<f32> =
+                    (0..S::N).map(|i| if le >> i & 1 != 0 { x[i] } else { 0.0 }).collect();
+                assert_eq!(told(S::keep(mask, a)), bits(&kept));
+
+                // The least of those that are numbers.
+                let of = (0..S::N).fold(0, |bits, i| bits | u32::from(!x[i].is_nan()) << i) & some;
+                let least = (0..S::N).filter(|i| of >> i & 1 != 0).map(|i| x[i]);
+                let least = least.fold(f32::INFINITY, f32::min);
+                let expected = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] == least) << i);
+                assert_eq!(S::least(of, a) & of, expected & of);
+
+                let places: [u8; MOST_LANES] =
+                    core::array::from_fn(|_| (numbers.word() % (2 * S::N as u32)) as u8);
+                let table = [&x[..S::N], &y[..S::N]].concat();
+                let found: Vec<f32> = (0..S::N).map(|i| table[places[i] as usize]).collect();
+                assert_eq!(told(S::look_up([a, b], S::places(places.as_ptr()))), bits(&found));
+            }
+        }
+    }
+
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn check_stacks<S: Simd>() {
+        let mut numbers = Numbers(S::N as u32 + 99);
+        for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
+            let children: [u32; MOST_LANES] = core::array::from_fn(|_| numbers.word());
+            let t = numbers.row().map(|x| if x.is_nan() { 4.0 } else { x.min(99.0) });
+            let mut order: [u8; MOST_LANES] = core::array::from_fn(|i| i as u8);
+            for i in (1..S::N).rev() {
+                order.swap(i, numbers.word() as usize % (i + 1));
+            }
+            let backwards = numbers.word() % 2 == 0;
+            let direction = Direction::new(S::N, backwards);
+            // Full and empty masks too.
+            let mask = match numbers.word() % 8 {
+                0 => 0,
+                1 => (1 << S::N) - 1,
+                _ => numbers.word() & ((1 << S::N) - 1),
+            };
+            let mut places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
+            if backwards {
+                places.reverse();
+            }
+            places.retain(|i| mask >> i & 1 != 0);
+            let (mut to, mut to_t) = ([7; 64], [7.0; 64]);
+            // SAFETY: the caller's contract; rows are long enough.
+            unsafe {
+                let floats = S::load(t.as_ptr());
+                let last = S::push(
+                    children.as_ptr(),
+                    floats,
+                    S::mask(mask),
+                    order.as_ptr(),
+                    &direction,
+                    to.as_mut_ptr().add(3),
+                    to_t.as_mut_ptr().add(3),
+                );
+                assert_eq!((to[..3].to_vec(), to[3 + S::N]), (vec![7; 3], 7));
+                for (k, &place) in places.iter().enumerate() {
+                    assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
+                }
+                if let Some(&place) = places.last() {
+                    assert_eq!(last, children[place]);
+                }
+
+                let count = numbers.word() as usize % 41;
+                let mut t: [f32; 64] = core::array::from_fn(|_| numbers.float());
+                let mut names: [u32; 64] = core::array::from_fn(|i| i as u32);
+                let stop = numbers.word() as f32 % 7.0 - 3.0;
+                let kept: Vec<u32> = (0..count as u32).filter(|&i| t[i as usize] <= stop).collect();
+                let end = S::cull(names.as_mut_ptr(), t.as_mut_ptr(), count, stop);
+                assert_eq!(names[..end], kept);
+                assert!(t[..end].iter().all(|&t| t <= stop));
+
+                let mut corners = S::no_corners();
+                let mut known: Vec<[u32; 3]> = Vec::new();
+                while known.len() < 32 {
+                    let words = [(); 3].map(|()| numbers.word() % 3);
+                    let place = S::put_and_find(&mut corners, words, known.len());
+                    let expected = known.iter().position(|known| *known == words);
+                    assert_eq!(place, expected.unwrap_or(known.len()));
+                    if expected.is_none() || numbers.word() % 4 == 0 {
+                        known.push(words);
+                        if expected.is_some() {
+                            break;
+                        }
+                    }
+                    if known.len() >= 27 {
+                        break;
+                    }
+                }
+                let columns = S::columns(&corners);
+                for (i, words) in known.iter().enumerate() {
+                    assert_eq!(columns.map(|row| row[i]), *words);
+                }
+
+                let from: Vec<f32> = (0..S::N * 20).map(|i| i as f32).collect();
+                let mut to = vec![0.0; S::N * 18];
+                S::transpose(from.as_ptr(), 20, to.as_mut_ptr(), 18);
+                for (i, k) in (0..S::N).flat_map(|i| (0..S::N).map(move |k| (i, k))) {
+                    assert_eq!(to[k * 18 + i], from[i * 20 + k]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sets_do_what_is_said() {
+        // SAFETY: every processor has the portable one; others are asked for.
+        unsafe {
+            check::<Portable>();
+            check_stacks::<Portable>();
+            for set in InstructionSet::available() {
+                match set {
+                    #[cfg(target_arch = "x86_64")]
+                    InstructionSet::Avx512 => {
+                        check::<Avx512>();
+                        check_stacks::<Avx512>();
+                    }
+                    #[cfg(target_arch = "x86_64")]
+                    InstructionSet::Avx2 => {
+                        check::<Avx2>();
+                        check_stacks::<Avx2>();
+                    }
+                    #[cfg(target_arch = "aarch64")]
+                    InstructionSet::Neon => {
+                        check::<Neon>();
+                        check_stacks::<Neon>();
+                    }
+                    _ => {}
+                }
+            }
+        }
+    }
+}
