@@ -11,8 +11,8 @@ use splitplane_core::node::KdNode;
 use splitplane_core::triangle::Triangle;
 
 use crate::best::Scratch;
-use crate::kernels::build_cached::{Totals, Workers};
-use crate::kernels::small_root::Subtrees;
+use crate::cached::build_cached::{Totals, Workers};
+use crate::cached::small_root::Subtrees;
 use crate::lookout::{Lookout, UNWATCHED, resize};
 
 /// One vector for each of [`splitplane_core::kernel::Buffer`]. Vectors only grow; the live length is

@@ -13,9 +13,9 @@ use splitplane_core::schedule::Executor;
 use splitplane_core::watch::Stage;
 
 use crate::buffers::{Buffers, Memory};
-use crate::kernels::build_cached::{self, Caps, Totals};
+use crate::cached::build_cached::{self, Caps, Totals};
+use crate::cached::small_root::Subtrees;
 use crate::kernels::build_small::BATCH;
-use crate::kernels::small_root::Subtrees;
 use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
 use crate::lookout::{Lookout, UNWATCHED};
 use crate::query::{InstructionSet, WalkNode};
@@ -29,7 +29,7 @@ pub struct CpuExecutor<'a, A = Strict> {
     buffers: Buffers,
     memory: Memory,
     lookout: &'a Lookout<'a>,
-    /// T as the levels have it, where tasks build what has fewer references ([`kernels::build_cached`]).
+    /// T as the levels have it, where tasks build what has fewer references ([`cached::build_cached`]).
     cached: Option<u32>,
     /// Whether the tree is void since a cap might have bound.
     void: bool,

@@ -3,6 +3,7 @@
 pub mod backend;
 pub mod best;
 pub mod buffers;
+pub(crate) mod cached;
 pub mod executor;
 pub(crate) mod kernels;
 mod lookout;

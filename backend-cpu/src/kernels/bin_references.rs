@@ -11,7 +11,7 @@ use splitplane_core::config::{CHUNK, MAX_BINS};
 use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 
 use super::GRAIN;
-use super::count_bins::count_axis;
+use crate::cached::count_bins::count_axis;
 use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 

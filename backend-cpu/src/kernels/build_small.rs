@@ -10,9 +10,9 @@ use splitplane_core::layout::{Extent, Reference, SmallRoot};
 use splitplane_core::node::KdNode;
 
 #[cfg(target_arch = "x86_64")]
-use super::lanes::Avx512;
-use super::lanes::{Lanes, Plain};
-use super::small_root::{Costs, Root, Subtrees};
+use crate::cached::lanes::Avx512;
+use crate::cached::lanes::{Lanes, Plain};
+use crate::cached::small_root::{Costs, Root, Subtrees};
 use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 

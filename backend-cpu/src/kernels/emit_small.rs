@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use splitplane_core::layout::{Extent, SmallRoot};
 use splitplane_core::node::{KdNode, NodeKind};
 
-use super::small_root::Subtrees;
+use crate::cached::small_root::Subtrees;
 use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 

@@ -50,7 +50,7 @@ fn decide<A: Arithmetic>(
 
 /// The decision about a node after its cuts of empty space, which have left this cell.
 #[inline(always)]
-pub(super) fn split<A: Arithmetic>(
+pub(crate) fn split<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,
     cell: &Aabb,

@@ -33,7 +33,7 @@ pub fn run<A: Arithmetic>(
 }
 
 /// The decision about one node. Its references matter only where a plane did not separate it.
-pub(super) fn decide<A: Arithmetic>(
+pub(crate) fn decide<A: Arithmetic>(
     look: &Lookout<'_>,
     config: &BuildConfig,
     node: &LargeNode,
@@ -58,7 +58,7 @@ pub(super) fn decide<A: Arithmetic>(
 
 /// The node's cuts of empty space, and the cell that is left to split; `None` when the node is
 /// transferred after them, because it is small or at the greatest depth.
-pub(super) fn cut_empty_space<A: Arithmetic>(
+pub(crate) fn cut_empty_space<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,
     tight: &Aabb,

@@ -17,7 +17,7 @@ use super::record::{Packer, Record, TAIL, UNIT};
 use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
-use super::simd::{Portable, Simd};
+use super::simd::{MOST_LANES, Portable, Simd, prefetch};
 use super::wide::{Content, WideNodes, WideScratch};
 use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::scatter::Scatter;
@@ -395,6 +395,13 @@ impl Pack<'_> {
                     }
                     let word = (out.len() / UNIT) as u32;
                     let references = self.tree.leaf(first, count);
+                    // The next leaf's triangles, which are all over the mesh.
+                    let next = (first + count) as usize;
+                    for &triangle in self.tree.references.iter().skip(next).take(MOST_LANES) {
+                        let corners = self.triangles.as_ptr().wrapping_add(triangle as usize);
+                        prefetch(corners.cast());
+                        prefetch(corners.cast::<u8>().wrapping_add(size_of::<Triangle>() - 1));
+                    }
                     // SAFETY: the caller's contract.
                     let blocks = unsafe { packer.leaf(references, self.triangles, out) };
                     self.look.advance(u64::from(count));

@@ -90,12 +90,24 @@ struct Lane {
 }
 
 /// What a ray comes back to: children and where it enters them.
-struct Stack<'a> {
-    children: &'a mut [u32],
-    t: &'a mut [f32],
+///
+/// Pointers without bounds: every step reads and writes here.
+struct Stack {
+    children: *mut u32,
+    t: *mut f32,
 }
 
-impl Stack<'_> {
+impl Stack {
+    /// Puts what ends it at the bottom.
+    ///
+    /// # Safety
+    /// There must be room for an entry.
+    #[inline(always)]
+    unsafe fn begin(&mut self) {
+        // SAFETY: the caller's contract.
+        unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
+    }
+
     /// Lets go what lies beyond `stop`; the new last entry.
     ///
     /// # Safety
@@ -103,10 +115,7 @@ impl Stack<'_> {
     #[inline(always)]
     unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
         // SAFETY: the caller's contract; the lowest entry stays.
-        unsafe {
-            let (children, t) = (self.children.as_mut_ptr().add(1), self.t.as_mut_ptr().add(1));
-            S::cull(children, t, top, stop)
-        }
+        unsafe { S::cull(self.children.add(1), self.t.add(1), top, stop) }
     }
 }
 
@@ -121,7 +130,7 @@ unsafe fn step<S: Simd>(
     way: &Way,
     lines: *const Line,
     node: u32,
-    stack: &mut Stack<'_>,
+    stack: &mut Stack,
     top: usize,
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
@@ -142,15 +151,15 @@ unsafe fn step<S: Simd>(
         let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(way.stop)));
         let met = S::le(enter, exit);
         let to = top + 1;
-        let below = *stack.children.get_unchecked(top);
+        let below = *stack.children.add(top);
         let nearest = S::push(
             node.add(24 * S::N).cast(),
             enter,
             met,
             node.add(octant.order as usize),
             &octant.direction,
-            stack.children.as_mut_ptr().add(to),
-            stack.t.as_mut_ptr().add(to),
+            stack.children.add(to),
+            stack.t.add(to),
         );
         let count = S::bits(met).count_ones() as usize;
         let child = core::hint::select_unpredictable(count == 0, below, nearest);
@@ -332,16 +341,11 @@ unsafe fn fly<S: Simd, L: Leaves>(
         queues.put(lane, DONE);
     }
     let lanes = &mut lanes[..FLIGHT];
-    let (children, t) = (&mut children[..room * FLIGHT], &mut t[..room * FLIGHT]);
+    let (children, t) = (children.as_mut_ptr(), t.as_mut_ptr());
     macro_rules! stack {
         ($lane:expr) => {
             // SAFETY: lanes are below FLIGHT.
-            unsafe {
-                Stack {
-                    children: children.get_unchecked_mut($lane * room..($lane + 1) * room),
-                    t: t.get_unchecked_mut($lane * room..($lane + 1) * room),
-                }
-            }
+            unsafe { Stack { children: children.add($lane * room), t: t.add($lane * room) } }
         };
     }
     let lines = lines.as_ptr();
@@ -365,8 +369,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 state.exact = exact.unwrap_or(ExactLane::idle());
             }
             (state.child, state.top) = (0, 0);
-            let stack = stack!(lane);
-            (stack.children[0], stack.t[0]) = (DONE, f32::NEG_INFINITY);
+            let mut stack = stack!(lane);
+            // SAFETY: stacks have the room.
+            unsafe { stack.begin() };
             queues.put(lane, 0);
         }
         if queues.0 == 0 {
@@ -416,7 +421,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 state.top = unsafe { stack.cull::<S>(state.top, stop) };
             }
             // SAFETY: entries that were written.
-            let child = unsafe { *stack.children.get_unchecked(state.top) };
+            let child = unsafe { *stack.children.add(state.top) };
             (state.child, state.top) = (child, state.top.wrapping_sub(1));
             ask_for::<S, L>(lines, leaves, child);
             queues.put(lane, child);
@@ -592,8 +597,10 @@ unsafe fn avx2_one(
     unsafe { either::<Avx2>(blocks, scene, ray, options, query) }
 }
 
-/// Entries of a stack that needs no allocation: far more than common trees need.
-const COMMON: usize = 512;
+thread_local! {
+    /// The stack of a ray traced alone: children and `t`.
+    static ONE: RefCell<(Vec<u32>, Vec<f32>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+}
 
 /// Over blocks, or over the tree's own leaves.
 ///
@@ -637,26 +644,26 @@ unsafe fn one<S: Simd, L: Leaves>(
     let lines = blocks.wide.lines();
     let mut leaf_room = L::room();
     let room = blocks.wide.stack();
-    let (mut children, mut t) = ([DONE; COMMON], [0.0; COMMON]);
-    let (mut more_children, mut more_t) = (Vec::new(), Vec::new());
-    let mut stack = if room <= COMMON {
-        Stack { children: &mut children, t: &mut t }
-    } else {
-        more_children.resize(room, DONE);
-        more_t.resize(room, 0.0);
-        Stack { children: &mut more_children, t: &mut more_t }
-    };
-    (stack.children[0], stack.t[0]) = (DONE, f32::NEG_INFINITY);
+    let (mut children, mut t) = ONE.take();
+    if children.len() < room {
+        children.resize(room, DONE);
+        t.resize(room, 0.0);
+    }
+    let mut stack = Stack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
+    // SAFETY: the stack has the room.
+    unsafe { stack.begin() };
     let (mut child, mut top) = (0, 0);
     loop {
         if child & BLOCK == 0 {
             // SAFETY: the caller's contract; the child is a node; the stack has the room.
             let next = unsafe { step::<S>(&way, lines.as_ptr(), child, &mut stack, top) };
             (child, top) = next;
+            // A block's header says where its corners are: they need not wait for it.
+            ask_for::<S, L>(lines.as_ptr(), leaves, child);
             continue;
         }
         if child == DONE {
-            return best.hit;
+            break;
         }
         let (mut from, mut better) = (0, false);
         loop {
@@ -671,13 +678,16 @@ unsafe fn one<S: Simd, L: Leaves>(
         }
         if better {
             if query == Query::Any {
-                return best.hit;
+                break;
             }
             way.stop = best.stop.min(way.stop);
             // SAFETY: the caller's contract; the stack has the room.
             top = unsafe { stack.cull::<S>(top, way.stop) };
         }
-        child = stack.children[top];
+        // SAFETY: entries that were written.
+        child = unsafe { *stack.children.add(top) };
         top = top.wrapping_sub(1);
     }
+    ONE.set((children, t));
+    best.hit
 }

@@ -441,7 +441,7 @@ impl Lanes for Avx512 {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
-    use crate::kernels::columns::Row;
+    use crate::cached::columns::Row;
     use crate::query::InstructionSet;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::triangle::Triangle;

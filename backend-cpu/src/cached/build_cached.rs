@@ -28,7 +28,7 @@ use super::cut::{Cut, TILE};
 use super::lanes::Avx512;
 use super::lanes::{Lanes, Plain, WIDTH};
 use super::small_root::{Costs, Root, Subtrees};
-use super::{split_binned, split_large};
+use crate::kernels::{split_binned, split_large};
 use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 
