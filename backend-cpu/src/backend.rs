@@ -24,7 +24,7 @@ use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
 /// between builds.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<(Buffers, LayoutScratch)>>,
+    scratch: Mutex<Option<Box<(Buffers, LayoutScratch)>>>,
     set: InstructionSet,
 }
 
@@ -186,7 +186,8 @@ impl CpuBackend {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let kept = self.scratch.lock().map_or(None, |mut kept| kept.take());
-        let (scratch, mut layout) = kept.unwrap_or_default();
+        let mut kept = kept.unwrap_or_default();
+        let scratch = core::mem::take(&mut kept.0);
         let mut executor: CpuExecutor<'_> =
             CpuExecutor::on(*mesh, options.config, self.set, scratch, options.max_memory)?;
         executor = executor.watched(look);
@@ -236,9 +237,10 @@ impl CpuBackend {
             small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
-        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory, &mut layout);
-        if let Ok(mut kept) = self.scratch.lock() {
-            *kept = Some((buffers, layout));
+        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory, &mut kept.1);
+        kept.0 = buffers;
+        if let Ok(mut scratch) = self.scratch.lock() {
+            *scratch = Some(kept);
         }
         out
     }

@@ -30,8 +30,11 @@ pub(crate) struct IndexedMesh {
     indices: Vec<[u32; 3]>,
 }
 
+/// Vertices and indices.
+type Arrays<'a> = (&'a [[f32; 3]], &'a [[u32; 3]]);
+
 /// The caller's arrays, where they are what is copied.
-fn shared<'a>(mesh: &Mesh<'a>) -> Option<(&'a [[f32; 3]], &'a [[u32; 3]])> {
+fn shared<'a>(mesh: &Mesh<'a>) -> Option<Arrays<'a>> {
     let (positions, indices) = mesh.arrays();
     indices.filter(|indices| positions.len() < 2 * indices.len()).map(|i| (positions, i))
 }

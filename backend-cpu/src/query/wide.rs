@@ -53,6 +53,9 @@ pub(crate) struct WideNodes {
     depth: usize,
 }
 
+/// What is to become a node, the node and place that it is a child at, and its level.
+type Open = (Item, Option<(usize, usize)>, usize);
+
 /// What nodes are made with, kept for the next tree.
 #[derive(Debug, Default)]
 pub(crate) struct WideScratch {
@@ -61,7 +64,7 @@ pub(crate) struct WideScratch {
     plans: Vec<Plan>,
     /// The nodes next to the root, what is left to tasks, what those make, and where it goes.
     top: Vec<Line>,
-    open: VecDeque<(Item, Option<(usize, usize)>, usize)>,
+    open: VecDeque<Open>,
     parts: Vec<Part>,
     starts: Vec<usize>,
 }

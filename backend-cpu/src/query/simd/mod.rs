@@ -253,7 +253,7 @@ mod tests {
             for i in (1..S::N).rev() {
                 order.swap(i, numbers.word() as usize % (i + 1));
             }
-            let backwards = numbers.word() % 2 == 0;
+            let backwards = numbers.word().is_multiple_of(2);
             let direction = Direction::new(S::N, backwards);
             // Full and empty masks too.
             let mask = match numbers.word() % 8 {
@@ -303,7 +303,7 @@ mod tests {
                     let place = S::put_and_find(&mut corners, words, known.len());
                     let expected = known.iter().position(|known| *known == words);
                     assert_eq!(place, expected.unwrap_or(known.len()));
-                    if expected.is_none() || numbers.word() % 4 == 0 {
+                    if expected.is_none() || numbers.word().is_multiple_of(4) {
                         known.push(words);
                         if expected.is_some() {
                             break;
