@@ -4,7 +4,7 @@
 use super::blocks::{Block, Blocks, WalkNode};
 use super::indexed::{IndexedMesh, Room};
 use super::leaf::Triangles;
-use super::record::{Record, UNIT};
+use super::record::{Record, UNIT_WORDS};
 use super::simd::{MOST_LANES, Simd};
 
 /// Where traversals find the triangles of a child. Children are numbers here, without their mark.
@@ -86,7 +86,7 @@ impl Leaves for Packed<'_> {
 
     #[inline(always)]
     fn address(self, child: u32) -> *const u8 {
-        self.words.as_ptr().wrapping_add(child as usize * UNIT).cast()
+        self.words.as_ptr().wrapping_add(child as usize * UNIT_WORDS).cast()
     }
 
     #[inline(always)]

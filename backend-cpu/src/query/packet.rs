@@ -21,7 +21,7 @@ use super::prepare::{LANES, Lanes, ORIGIN_SLACK, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
 use super::stream::{Octant, octants_of};
-use super::wide::{BLOCK, Line};
+use super::wide::{LEAF_MARK, Line};
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
 const FEWEST: u32 = 2;
@@ -379,11 +379,11 @@ impl Packet {
                         continue;
                     }
                     let child = *parent.add(24 * S::N + 4 * place).cast::<u32>();
-                    if child & BLOCK == 0 {
+                    if child & LEAF_MARK == 0 {
                         node = child;
                         break;
                     }
-                    let record = Record::at_unchecked(words, child & !BLOCK);
+                    let record = Record::at_unchecked(words, child & !LEAF_MARK);
                     if self.block::<S>(&record, &mut rays, active, options, query) {
                         self.bounds.stop = greatest::<S>(&self.stop);
                         if self.bounds.stop == f32::NEG_INFINITY {

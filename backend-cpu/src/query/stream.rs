@@ -28,7 +28,7 @@ use super::simd::Neon;
 use super::simd::{Avx2, Avx512};
 use super::simd::{Direction, Portable, Simd, prefetch};
 use super::single;
-use super::wide::{BLOCK, Line};
+use super::wide::{LEAF_MARK, Line};
 
 /// Rays under way, at most 16.
 const FLIGHT: usize = 16;
@@ -171,7 +171,7 @@ unsafe fn step<S: Simd>(
 #[inline(always)]
 fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
     let node = lines.wrapping_add(child as usize * (S::N / 2)) as usize;
-    let block = leaves.address(child & !BLOCK) as usize;
+    let block = leaves.address(child & !LEAF_MARK) as usize;
     // Without a branch, since nobody could foresee it.
     let is_block = 0usize.wrapping_sub((child >> 31) as usize);
     let at = (node ^ ((node ^ block) & is_block)) as *const u8;
@@ -396,7 +396,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             loop {
                 // SAFETY: children name nodes or leaves.
                 let (record, next) =
-                    unsafe { leaves.block::<S>(state.child & !BLOCK, from, &mut leaf_room) };
+                    unsafe { leaves.block::<S>(state.child & !LEAF_MARK, from, &mut leaf_room) };
                 // SAFETY: the caller's contract; wide rays get no lane.
                 better |= unsafe {
                     if exactly {
@@ -654,7 +654,7 @@ unsafe fn one<S: Simd, L: Leaves>(
     unsafe { stack.begin() };
     let (mut child, mut top) = (0, 0);
     loop {
-        if child & BLOCK == 0 {
+        if child & LEAF_MARK == 0 {
             // SAFETY: the caller's contract; the child is a node; the stack has the room.
             let next = unsafe { step::<S>(&way, lines.as_ptr(), child, &mut stack, top) };
             (child, top) = next;
@@ -668,7 +668,8 @@ unsafe fn one<S: Simd, L: Leaves>(
         let (mut from, mut better) = (0, false);
         loop {
             // SAFETY: children name nodes or leaves.
-            let (record, next) = unsafe { leaves.block::<S>(child & !BLOCK, from, &mut leaf_room) };
+            let (record, next) =
+                unsafe { leaves.block::<S>(child & !LEAF_MARK, from, &mut leaf_room) };
             // SAFETY: the caller's contract; the ray is not wide.
             better |= unsafe { leaf::test::<S, _>(&way, &record, options, query, &mut best) };
             if L::ONE || next == 0 || (better && query == Query::Any) {
