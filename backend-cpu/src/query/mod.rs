@@ -14,10 +14,13 @@ mod leaf;
 mod leaves;
 mod packet;
 mod prepare;
+mod prepare_one;
 mod record;
+mod reference;
 mod sieve;
 mod simd;
 mod single;
+mod step;
 mod stream;
 mod wide;
 

@@ -4,8 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd};
-use crate::query::InstructionSet;
+use super::{Direction, Simd, Task};
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -14,7 +13,6 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
-    const SET: InstructionSet = InstructionSet::Avx512;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;
@@ -216,6 +214,46 @@ impl Simd for Avx512 {
     unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
     }
+    #[inline(always)]
+    unsafe fn call<T: Task>(task: T) -> T::Output {
+        unsafe { compiled(task) }
+    }
+    #[inline(always)]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: __m512,
+        exit: __m512,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        unsafe {
+            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let places = _mm512_cvtepu8_epi32(places);
+            // In order first, then compared: what comes next waits for nothing but the comparison.
+            let t = _mm512_permutexvar_ps(places, enter);
+            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
+            let bits = u32::from(met);
+            // The last place in order, or the last but so many where the order is read backwards.
+            let last = (bits | 1).leading_zeros() ^ 31 ^ u32::from(direction.places[0]);
+            let last = *children.add(*order.add(last as usize) as usize);
+            let in_order = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
+            // To a register and then to memory: compressing to memory is slow on some processors.
+            _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(met, t));
+            _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(met, in_order));
+            (last, bits.count_ones() as usize)
+        }
+    }
+}
+
+/// A function compiled for the set.
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn compiled<T: Task>(task: T) -> T::Output {
+    // SAFETY: the caller's contract.
+    unsafe { task.run::<Avx512>() }
 }
 
 /// Four rows as columns of four: the k-th vector has, in each quarter, a column.
