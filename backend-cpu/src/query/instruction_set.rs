@@ -2,9 +2,9 @@
 
 #[cfg(target_arch = "aarch64")]
 use super::simd::Neon;
-use super::simd::{Portable, Simd, Task};
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
+use super::simd::{Portable, Simd, Task};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -971,8 +971,7 @@ mod tests {
             let (tree, scene) = (built.tree().view(), built.scene_scale());
             let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
             let mut scratch = LayoutScratch::default();
-            let blocks =
-                Blocks::new(built.tree().clone(), source, set, &UNWATCHED, &mut scratch);
+            let blocks = Blocks::new(built.tree().clone(), source, set, &UNWATCHED, &mut scratch);
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut numbers);
                 let (accuracy, culling, ignore) = match round % 6 {

@@ -52,7 +52,8 @@ pub(crate) struct Way {
 pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
 
 /// The axes that shearing calls x, y and z.
-pub(crate) static AXES: [[usize; 3]; 6] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+pub(crate) static AXES: [[usize; 3]; 6] =
+    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
 impl Way {
     /// Not a place in a batch.

@@ -190,7 +190,8 @@ unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit
     // SAFETY: the caller's contract.
     unsafe {
         let [kx, ky, kz] = way.axes();
-        let [ox, oy, oz] = [S::splat(way.origin[0]), S::splat(way.origin[1]), S::splat(way.origin[2])];
+        let [ox, oy, oz] =
+            [S::splat(way.origin[0]), S::splat(way.origin[1]), S::splat(way.origin[2])];
         let [sx, sy, sz] = [S::splat(way.shear[0]), S::splat(way.shear[1]), S::splat(way.shear[2])];
         let zero = S::splat(0.0);
         // Of each corner: sheared coordinates and depth, and the greatest magnitudes before and after.
@@ -253,8 +254,8 @@ mod tests {
 
     use crate::query::InstructionSet;
     use crate::query::blocks::Block;
-    use crate::query::simd::Task;
     use crate::query::prepare_one::Readiness;
+    use crate::query::simd::Task;
     use splitplane_core::exact::meet;
     use splitplane_core::intersect::{Limits, SceneScale};
     use splitplane_core::ray::Culling;

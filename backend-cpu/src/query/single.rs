@@ -12,7 +12,7 @@ use super::leaves::{Indexed, Leaves, Packed};
 use super::prepare::Way;
 use super::prepare_one::Readiness;
 use super::simd::{Simd, Task};
-use super::step::{DONE, Stack, Test, TestChild, ask_for_block, step};
+use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
 use super::stream::{Answers, Batch, Stream};
 use super::wide::BLOCK;
 
@@ -102,32 +102,31 @@ impl Single<'_> {
         let Single { blocks, options, query, .. } = *self;
         let lines = blocks.wide.lines().as_ptr();
         let test = &Test { leaves, options, query };
-        let mut room = L::room();
-        let mut best = Best::NONE;
+        let (mut room, mut best) = (L::room(), Best::NONE);
+        let (room, best) = (&mut room, &mut best);
+        let tested = &mut Tested { test, room, way, best, exact: None };
         // SAFETY: the stack has the room.
         unsafe { stack.begin() };
         let (mut child, mut top) = (0, 0);
         loop {
             while child & BLOCK == 0 {
                 // SAFETY: the caller's contract; the child is a node; the stack has the room.
-                (child, top) = unsafe { step::<S>(way, lines, child, &mut stack, top) };
+                (child, top) = unsafe { step::<S>(tested.way, lines, child, &mut stack, top) };
             }
             if child == DONE {
-                return best.hit;
+                return tested.best.hit;
             }
             // A block's header says where its corners are: they need not wait for it.
             ask_for_block::<S, L>(leaves, child);
-            let (room, best) = (&mut room, &mut best);
             // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
-            let better =
-                unsafe { S::call(TestChild { test, room, child, way, best, exact: None }) };
-            if better {
+            if unsafe { S::call(TestChild(child, tested)) } {
                 if query == Query::Any {
-                    return best.hit;
+                    return tested.best.hit;
                 }
-                way.stop = best.stop.min(way.stop);
+                let stop = tested.best.stop.min(tested.way.stop);
+                tested.way.stop = stop;
                 // SAFETY: the caller's contract; the stack has the room.
-                top = unsafe { stack.cull::<S>(top, way.stop) };
+                top = unsafe { stack.cull::<S>(top, stop) };
             }
             // SAFETY: entries that were written.
             child = unsafe { *stack.children.add(top) };

@@ -164,32 +164,34 @@ pub(crate) struct Test<'a, L> {
     pub query: Query,
 }
 
-/// The test of the triangles of a child that is no node; exactly, where the ray's lane is given. True when the
-/// best hit changed, which for any hit is the end. The child must be one that a node names; the ray must
-/// not be wide.
-pub(crate) struct TestChild<'a, L: Leaves> {
+/// What tests of a ray's triangles read and write: its way, which must not be wide, its best hit, room for blocks,
+/// and for tests that are exact its lane.
+pub(crate) struct Tested<'a, L: Leaves> {
     pub test: &'a Test<'a, L>,
     pub room: &'a mut L::Room,
-    pub child: u32,
-    pub way: &'a Way,
+    pub way: &'a mut Way,
     pub best: &'a mut Best,
     pub exact: Option<&'a mut ExactLane>,
 }
 
-impl<L: Leaves> Task for TestChild<'_, L> {
+/// The test of the triangles of a child that is no node but one that a node names. True when the best hit
+/// changed, which for any hit is the end. Of two words, so that they come in registers.
+pub(crate) struct TestChild<'a, 'b, L: Leaves>(pub u32, pub &'a mut Tested<'b, L>);
+
+impl<L: Leaves> Task for TestChild<'_, '_, L> {
     type Output = bool;
 
     #[inline(always)]
     unsafe fn run<S: Simd>(self) -> bool {
-        let TestChild { test, room, child, way, best, mut exact } = self;
-        let Test { leaves, options, query } = *test;
+        let TestChild(child, Tested { test, room, way, best, exact }) = self;
+        let Test { leaves, options, query } = **test;
         let (mut from, mut better) = (0, false);
         loop {
             // SAFETY: the caller's contract.
             better |= unsafe {
                 let (block, next) = leaves.block::<S>(child & !BLOCK, from, room);
                 from = next;
-                match &mut exact {
+                match exact {
                     Some(exact) => exact.test::<S, _>(way, &block, options, query, &mut best.stop),
                     None => leaf::test::<S, _>(way, &block, options, query, best),
                 }

@@ -22,7 +22,7 @@ use super::prepare::{LANES, PreparedRays, Way};
 use super::reference;
 use super::sieve::ExactLane;
 use super::simd::{Simd, Task};
-use super::step::{DONE, Stack, Test, TestChild, ask_for, step};
+use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
 
 /// Rays under way, at most 16.
 const FLIGHT: usize = 16;
@@ -240,10 +240,10 @@ unsafe fn fly<S: Simd, L: Leaves>(
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
             let Lane { way, best, child, .. } = state;
-            let exact = exactly.then_some(&mut state.exact);
-            let (room, child) = (&mut leaf_room, *child);
+            let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
+            let tested = &mut Tested { test, room, way, best, exact };
             // SAFETY: the caller's contract; children name nodes or leaves; wide rays get no lane.
-            let better = unsafe { S::call(TestChild { test, room, child, way, best, exact }) };
+            let better = unsafe { S::call(TestChild(*child, tested)) };
             if better {
                 if query == Query::Any {
                     queues.put(lane, DONE);

@@ -236,10 +236,19 @@ impl Simd for Avx512 {
             let t = _mm512_permutexvar_ps(places, enter);
             let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
             let bits = u32::from(met);
-            // The last place in order, or the last but so many where the order is read backwards.
-            let last = (bits | 1).leading_zeros() ^ 31 ^ u32::from(direction.places[0]);
-            let last = *children.add(*order.add(last as usize) as usize);
-            let in_order = _mm512_permutexvar_epi32(places, _mm512_loadu_si512(children.cast()));
+            // The same from the other end, so that the last one comes first: without a look-up in memory.
+            let read = _mm_load_si128(direction.reversed.as_ptr().cast());
+            let reversed = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let reversed = _mm512_cvtepu8_epi32(reversed);
+            let met_there = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(
+                _mm512_permutexvar_ps(reversed, enter),
+                _mm512_permutexvar_ps(reversed, exit),
+            );
+            let all = _mm512_loadu_si512(children.cast());
+            let from_there = _mm512_permutexvar_epi32(reversed, all);
+            let last = _mm512_maskz_compress_epi32(met_there, from_there);
+            let last = _mm512_cvtsi512_si32(last) as u32;
+            let in_order = _mm512_permutexvar_epi32(places, all);
             // To a register and then to memory: compressing to memory is slow on some processors.
             _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(met, t));
             _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(met, in_order));

@@ -1,14 +1,20 @@
 //! Four floats: the three axes of one ray, side by side, and one number more. SSE2, which every x86-64
 //! processor has, or plain Rust. Each operation rounds by itself, as scalar code does.
 
-#![allow(clippy::undocumented_unsafe_blocks, reason = "SSE2 is part of x86-64, and rows have four floats")]
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "SSE2 is part of x86-64, and rows have four floats"
+)]
 
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
 /// Four floats.
 #[derive(Clone, Copy)]
-pub(crate) struct Four(#[cfg(target_arch = "x86_64")] __m128, #[cfg(not(target_arch = "x86_64"))] [f32; 4]);
+pub(crate) struct Four(
+    #[cfg(target_arch = "x86_64")] __m128,
+    #[cfg(not(target_arch = "x86_64"))] [f32; 4],
+);
 
 /// Defines operations lane by lane: for SSE2, and in plain Rust.
 macro_rules! lane_by_lane {
