@@ -99,6 +99,12 @@ impl CpuAccelerator {
         self.blocks.layout()
     }
 
+    /// What rays are traced through.
+    #[cfg(test)]
+    pub(super) fn parts(&self) -> (&Blocks, &SceneScale) {
+        (&self.blocks, &self.scene)
+    }
+
     /// The instruction set of queries.
     pub fn instruction_set(&self) -> InstructionSet {
         self.set

@@ -79,7 +79,6 @@ impl Way {
         let far = far.plus(widened(far)).least_of_three().row()[0];
         let enter = if near > enter { near } else { enter };
         let exit = if far < exit { far } else { exit };
-        // None of them is no number.
         if enter > exit {
             return Readiness::Misses;
         }
@@ -113,5 +112,85 @@ impl Way {
         self.direction = [x, y, z];
         self.slack = slack.three();
         Readiness::Ready
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::aabb::Aabb;
+    use splitplane_core::arithmetic::power_of_two;
+    use splitplane_core::intersect::Limits;
+    use splitplane_test_support::random::Random;
+
+    use super::*;
+    use crate::query::prepare::{LANES, PreparedRays};
+    use crate::query::simd::Portable;
+
+    /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
+    fn number(random: &mut Random, spread: f64) -> f32 {
+        let odd = [0.0, -0.0, 1.0, -1.0, 1e-40, 1e-30, -1e-13, 1e30, f32::NAN, f32::INFINITY];
+        if random.below(24) == 0 {
+            return random.pick(&odd);
+        }
+        (random.between(-spread, spread)) as f32
+    }
+
+    /// A ray made ready alone is the one made ready among others, bit for bit.
+    #[test]
+    fn one_is_made_ready_like_many() {
+        let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };
+        let limits = Limits { greatest: 4.0, least: 0.25, longest: 1.0, shortest: 0.1 };
+        let scene = SceneScale::new(bounds, &limits);
+        let mut random = Random::new(5);
+        let mut lanes = PreparedRays::NONE;
+        let [mut ready, mut missed, mut special, mut any] = [0; 4];
+        for round in 0..4000 {
+            let query = if round % 2 == 0 { Query::Closest } else { Query::Any };
+            let rays: [Ray; LANES] = core::array::from_fn(|_| {
+                let mut three = |spread| [(); 3].map(|()| number(&mut random, spread));
+                let (origin, direction) = (three(5.0), three(1.0));
+                let power = random.below(if round % 8 == 0 { 160 } else { 20 }) as i32;
+                let scale = power_of_two(power - if round % 8 == 0 { 80 } else { 10 });
+                let ray = Ray::new(origin, direction.map(|x| x * scale));
+                let limits = [number(&mut random, 1.0), number(&mut random, 9.0).abs()];
+                match random.below(3) {
+                    0 => ray.with_limits(limits[0], limits[1]),
+                    1 => ray.with_limits(limits[0], limits[1] / scale),
+                    _ => ray,
+                }
+            });
+            let mut ways = [Way::none(); LANES];
+            // SAFETY: every processor has this set.
+            unsafe {
+                lanes.fill::<Portable>(&rays, &scene, 0, query);
+                lanes.ways::<Portable>(&mut ways);
+            }
+            for (lane, ray) in rays.iter().enumerate() {
+                let mut way = Way::none();
+                let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
+                let within = lanes.enter[lane] <= lanes.exit[lane];
+                let biased = (lanes.exponent[lane] + 127) as u32;
+                match way.prepare(ray, &scene, query) {
+                    Readiness::Ready => {
+                        assert!(ordinary && within, "{ray:?}");
+                        way.index = ways[lane].index;
+                        let (found, expected) = (bytemuck::bytes_of(&way), &ways[lane]);
+                        assert_eq!(found, bytemuck::bytes_of(expected), "{ray:?} {expected:?}");
+                        ready += 1;
+                        any += way.octant >> 3;
+                    }
+                    Readiness::Misses => {
+                        assert!(ordinary && !within, "{ray:?}");
+                        missed += 1;
+                    }
+                    Readiness::Special => {
+                        let usual = (LEAST_POWER..=MOST_POWER).contains(&biased);
+                        assert!(!ordinary || !usual, "{ray:?}");
+                        special += 1;
+                    }
+                }
+            }
+        }
+        assert!(ready > 9_000 && missed > 9_000 && special > 9_000 && any > 900);
     }
 }

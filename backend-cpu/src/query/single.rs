@@ -48,10 +48,10 @@ impl Task for Single<'_> {
                 (Readiness::Misses, _) => Hit::MISS,
                 (Readiness::Special, _) => S::call(WithCare(self)),
                 (Readiness::Ready, None) => {
-                    self.through::<S, _>(Packed::new(self.blocks), &mut way)
+                    self.through::<S, _, ENTRIES>(Packed::new(self.blocks), &mut way)
                 }
                 (Readiness::Ready, Some(leaves)) => {
-                    self.through::<S, Indexed<'_>>(leaves, &mut way)
+                    self.through::<S, Indexed<'_>, ENTRIES>(leaves, &mut way)
                 }
             }
         }
@@ -80,7 +80,11 @@ impl Single<'_> {
     /// # Safety
     /// As for [`Task::run`].
     #[inline(always)]
-    unsafe fn through<S: Simd, L: Leaves>(&self, leaves: L, way: &mut Way) -> Hit {
+    unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
+        &self,
+        leaves: L,
+        way: &mut Way,
+    ) -> Hit {
         let room = self.blocks.wide.stack();
         if room > ENTRIES {
             let (mut children, mut t) = (vec![0; room], vec![0.0; room]);
@@ -131,6 +135,72 @@ impl Single<'_> {
             // SAFETY: entries that were written.
             child = unsafe { *stack.children.add(top) };
             top = top.wrapping_sub(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::backend::{Accelerator, BuildOptions};
+    use splitplane_core::mesh::Mesh;
+    use splitplane_test_support::random::Random;
+
+    use super::*;
+    use crate::CpuBackend;
+    use crate::query::InstructionSet;
+
+    /// Of a stack that is too short, and one that is long enough.
+    struct Both<'a>(Single<'a>);
+
+    impl Task for Both<'_> {
+        type Output = [Hit; 2];
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) -> [Hit; 2] {
+            let Single { blocks, scene, ray, query, .. } = self.0;
+            let (mut way, mut again) = (Way::none(), Way::none());
+            let Readiness::Ready = way.prepare(ray, scene, query) else { return [Hit::MISS; 2] };
+            again.prepare(ray, scene, query);
+            let leaves = Packed::new(blocks);
+            // SAFETY: the caller's contract.
+            unsafe {
+                [
+                    self.0.through::<S, _, 1>(leaves, &mut way),
+                    self.0.through::<S, _, ENTRIES>(leaves, &mut again),
+                ]
+            }
+        }
+    }
+
+    /// Trees may be deeper than there is room for on the machine's stack.
+    #[test]
+    fn stacks_of_any_length_give_the_same_hits() {
+        let mut random = Random::new(3);
+        let mut point = |spread: f64| [(); 3].map(|()| random.between(-spread, spread) as f32);
+        let triangles: Vec<_> = (0..3000)
+            .map(|_| {
+                let (at, a, b) = (point(1.0), point(0.1), point(0.1));
+                [at, [0, 1, 2].map(|k| at[k] + a[k]), [0, 1, 2].map(|k| at[k] + b[k])]
+            })
+            .collect();
+        let rays: Vec<Ray> = (0..500).map(|_| Ray::new(point(2.0), point(1.0))).collect();
+        let mesh = Mesh::soup(&triangles).expect("a mesh");
+        for set in InstructionSet::available() {
+            let built = CpuBackend::with_instruction_set(set)
+                .build_accelerator(&mesh, &BuildOptions::default())
+                .expect("a tree");
+            let (blocks, scene) = built.parts();
+            let options = &QueryOptions::default();
+            let mut found = 0;
+            for ray in &rays {
+                let single = Single { blocks, scene, ray, options, query: Query::Closest };
+                // SAFETY: a set of this processor, and its layout.
+                let [long, short] = unsafe { set.run(Both(single)) };
+                let expected = built.closest_hit(ray, options).unwrap_or(Hit::MISS);
+                assert_eq!([long, short], [expected; 2], "{set:?} {ray:?}");
+                found += usize::from(expected.is_hit());
+            }
+            assert!(found > 100, "{found}");
         }
     }
 }
