@@ -4,7 +4,7 @@
 use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
 use super::simd::{Avx2, Avx512};
-use super::simd::{Portable, Simd, Task};
+use super::simd::{Compiled, Portable, Simd};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,7 +89,7 @@ impl InstructionSet {
     /// # Safety
     /// The processor must have the set.
     #[inline]
-    pub(crate) unsafe fn run<T: Task>(self, task: T) -> T::Output {
+    pub(crate) unsafe fn run<T: Compiled>(self, task: T) -> T::Output {
         // SAFETY: the caller's contract.
         unsafe {
             match self {

@@ -32,3 +32,4 @@ mod wide;
 pub use accelerator::CpuAccelerator;
 pub(crate) use blocks::{LayoutScratch, Source, WalkNode};
 pub use instruction_set::InstructionSet;
+pub(crate) use simd::{Compiled, Simd};

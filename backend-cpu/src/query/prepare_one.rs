@@ -191,6 +191,10 @@ mod tests {
                 }
             }
         }
-        assert!(ready > 9_000 && missed > 9_000 && special > 9_000 && any > 900);
+        let counts = [ready, missed, special, any];
+        assert!(
+            counts.into_iter().zip([5_000, 5_000, 3_000, 300]).all(|(a, b)| a > b),
+            "{counts:?}"
+        );
     }
 }

@@ -255,7 +255,7 @@ mod tests {
     use crate::query::InstructionSet;
     use crate::query::blocks::Block;
     use crate::query::prepare_one::Readiness;
-    use crate::query::simd::Task;
+    use crate::query::simd::Compiled;
     use splitplane_core::exact::meet;
     use splitplane_core::intersect::{Limits, SceneScale};
     use splitplane_core::ray::Culling;
@@ -335,7 +335,7 @@ mod tests {
         limit: f32,
     }
 
-    impl Task for Sift<'_> {
+    impl Compiled for Sift<'_> {
         type Output = u32;
 
         #[inline(always)]

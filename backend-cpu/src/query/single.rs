@@ -11,7 +11,7 @@ use super::leaf::Best;
 use super::leaves::{Indexed, Leaves, Packed};
 use super::prepare::Way;
 use super::prepare_one::Readiness;
-use super::simd::{Simd, Task};
+use super::simd::{Compiled, Simd};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
 use super::stream::{Answers, Batch, Stream};
 use super::wide::BLOCK;
@@ -29,7 +29,7 @@ pub(crate) struct Single<'a> {
     pub query: Query,
 }
 
-impl Task for Single<'_> {
+impl Compiled for Single<'_> {
     type Output = Hit;
 
     #[inline(always)]
@@ -61,7 +61,7 @@ impl Task for Single<'_> {
 /// One ray, as a batch of one.
 struct WithCare<'a>(Single<'a>);
 
-impl Task for WithCare<'_> {
+impl Compiled for WithCare<'_> {
     type Output = Hit;
 
     #[inline(always)]
@@ -78,7 +78,7 @@ impl Task for WithCare<'_> {
 
 impl Single<'_> {
     /// # Safety
-    /// As for [`Task::run`].
+    /// As for [`Compiled::run`].
     #[inline(always)]
     unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
         &self,
@@ -100,7 +100,7 @@ impl Single<'_> {
     }
 
     /// # Safety
-    /// As for [`Task::run`]; the stack must have as many entries as the nodes ask for.
+    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
     #[inline(always)]
     unsafe fn walk<S: Simd, L: Leaves>(&self, leaves: L, way: &mut Way, mut stack: Stack) -> Hit {
         let Single { blocks, options, query, .. } = *self;
@@ -152,7 +152,7 @@ mod tests {
     /// Of a stack that is too short, and one that is long enough.
     struct Both<'a>(Single<'a>);
 
-    impl Task for Both<'_> {
+    impl Compiled for Both<'_> {
         type Output = [Hit; 2];
 
         #[inline(always)]
@@ -183,7 +183,12 @@ mod tests {
                 [at, [0, 1, 2].map(|k| at[k] + a[k]), [0, 1, 2].map(|k| at[k] + b[k])]
             })
             .collect();
-        let rays: Vec<Ray> = (0..500).map(|_| Ray::new(point(2.0), point(1.0))).collect();
+        let rays: Vec<Ray> = (0..500)
+            .map(|_| {
+                let (from, to) = (point(3.0), point(1.0));
+                Ray::new(from, [0, 1, 2].map(|k| to[k] - from[k]))
+            })
+            .collect();
         let mesh = Mesh::soup(&triangles).expect("a mesh");
         for set in InstructionSet::available() {
             let built = CpuBackend::with_instruction_set(set)

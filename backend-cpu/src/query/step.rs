@@ -7,7 +7,7 @@ use super::leaf::{self, Best};
 use super::leaves::Leaves;
 use super::prepare::Way;
 use super::sieve::ExactLane;
-use super::simd::{Direction, Simd, Task, prefetch};
+use super::simd::{Compiled, Direction, Simd, prefetch};
 use super::wide::{BLOCK, Line};
 
 /// What stands at the bottom of a stack: the ray is answered.
@@ -178,7 +178,7 @@ pub(crate) struct Tested<'a, L: Leaves> {
 /// changed, which for any hit is the end. Of two words, so that they come in registers.
 pub(crate) struct TestChild<'a, 'b, L: Leaves>(pub u32, pub &'a mut Tested<'b, L>);
 
-impl<L: Leaves> Task for TestChild<'_, '_, L> {
+impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
     type Output = bool;
 
     #[inline(always)]

@@ -21,7 +21,7 @@ use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, Way};
 use super::reference;
 use super::sieve::ExactLane;
-use super::simd::{Simd, Task};
+use super::simd::{Compiled, Simd};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
 
 /// Rays under way, at most 16.
@@ -94,7 +94,7 @@ pub(crate) struct Stream<'a> {
     pub answers: Answers<'a>,
 }
 
-impl Task for Stream<'_> {
+impl Compiled for Stream<'_> {
     type Output = ();
 
     #[inline(always)]

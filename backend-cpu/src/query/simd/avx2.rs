@@ -4,7 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd, Task};
+use super::{Compiled, Direction, Simd};
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -231,15 +231,15 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
-    unsafe fn call<T: Task>(task: T) -> T::Output {
-        unsafe { compiled(task) }
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        unsafe { in_its_own_function(task) }
     }
 }
 
 /// A function compiled for the set.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn compiled<T: Task>(task: T) -> T::Output {
+unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
     // SAFETY: the caller's contract.
     unsafe { task.run::<Avx2>() }
 }

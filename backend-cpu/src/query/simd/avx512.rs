@@ -4,7 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd, Task};
+use super::{Compiled, Direction, Simd};
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -215,8 +215,8 @@ impl Simd for Avx512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
     }
     #[inline(always)]
-    unsafe fn call<T: Task>(task: T) -> T::Output {
-        unsafe { compiled(task) }
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        unsafe { in_its_own_function(task) }
     }
     #[inline(always)]
     unsafe fn push_met(
@@ -260,7 +260,7 @@ impl Simd for Avx512 {
 /// A function compiled for the set.
 #[inline(never)]
 #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn compiled<T: Task>(task: T) -> T::Output {
+unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
     // SAFETY: the caller's contract.
     unsafe { task.run::<Avx512>() }
 }

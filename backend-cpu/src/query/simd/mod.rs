@@ -136,7 +136,7 @@ pub(crate) trait Simd: Copy {
 
     /// Does a task in a function of its own, compiled for the set.
     #[inline(never)]
-    unsafe fn call<T: Task>(task: T) -> T::Output {
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
         // SAFETY: the caller's contract.
         unsafe { task.run::<Self>() }
     }
@@ -170,7 +170,7 @@ pub(crate) trait Simd: Copy {
 }
 
 /// What is compiled once for each instruction set.
-pub(crate) trait Task {
+pub(crate) trait Compiled {
     /// What comes of it.
     type Output;
 
