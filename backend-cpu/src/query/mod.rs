@@ -1,9 +1,13 @@
 //! Answering rays: the layouts that queries read, and the traversals over them.
 //!
-//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the wide tests only sort
-//! out triangles, by the same operations in the same order, and what they let through is decided by
-//! the reference test. In accuracy `exact` they sort out what certainly is no hit (`sieve.rs`), and the
-//! hits are those of [`splitplane_core::exact`].
+//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: tests of many triangles at once
+//! do the reference test's operations, in its order, and what they cannot decide goes to the reference
+//! test itself. In accuracy `exact` they sort out what certainly is no hit (`sieve.rs`), and the hits are
+//! those of [`splitplane_core::exact`].
+//!
+//! *Traversals*: `stream.rs` has batches of rays, `single.rs` one ray a call, both by the steps of `step.rs`;
+//! `packet.rs` has rays that go the same way. Rays that need more care go through the tree's own nodes
+//! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
 mod accelerator;
 mod blocks;
@@ -14,13 +18,18 @@ mod leaf;
 mod leaves;
 mod packet;
 mod prepare;
+mod prepare_one;
 mod record;
+mod reference;
 mod sieve;
 mod simd;
 mod single;
+mod step;
 mod stream;
+mod walk;
 mod wide;
 
 pub use accelerator::CpuAccelerator;
 pub(crate) use blocks::{LayoutScratch, Source, WalkNode};
 pub use instruction_set::InstructionSet;
+pub(crate) use simd::{Compiled, Simd};

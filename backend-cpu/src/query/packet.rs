@@ -20,7 +20,7 @@ use super::leaf::{self, Best, Table, counts, cross, decide, dot, of_corners, sna
 use super::prepare::{LANES, Lanes, ORIGIN_SLACK, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
-use super::stream::{Octant, octants_of};
+use super::step::{Octant, octants_of};
 use super::wide::{LEAF_MARK, Line};
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
@@ -971,8 +971,7 @@ mod tests {
             let (tree, scene) = (built.tree().view(), built.scene_scale());
             let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
             let mut scratch = LayoutScratch::default();
-            let blocks =
-                Blocks::new(built.tree().clone(), source, S::SET, &UNWATCHED, &mut scratch);
+            let blocks = Blocks::new(built.tree().clone(), source, set, &UNWATCHED, &mut scratch);
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut numbers);
                 let (accuracy, culling, ignore) = match round % 6 {

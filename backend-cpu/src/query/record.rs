@@ -16,7 +16,6 @@
 
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Block;
 use super::simd::{MOST_LANES, Simd};
 
 /// Words at whose multiples blocks begin.
@@ -117,17 +116,6 @@ impl<'a> Record<'a> {
         let row = &self.words[start + axis * count..][..count];
         let bounds = (f32::INFINITY, f32::NEG_INFINITY);
         row.iter().map(|&x| f32::from_bits(x)).fold(bounds, |(lo, hi), x| (lo.min(x), hi.max(x)))
-    }
-
-    /// The same block with all corners written out.
-    pub fn written_out<'b>(&self, room: &'b mut [f32; 10 * MOST_LANES + MOST_LANES]) -> Block<'b> {
-        for index in 0..self.count() {
-            for (row, &x) in self.corners(index).as_flattened().iter().enumerate() {
-                room[row * MOST_LANES + index] = x;
-            }
-            room[9 * MOST_LANES + index] = f32::from_bits(self.triangle(index));
-        }
-        Block { words: room, stride: MOST_LANES, count: self.count() }
     }
 }
 

@@ -9,6 +9,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod four;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod portable;
@@ -17,11 +18,10 @@ mod portable;
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+pub(crate) use four::Four;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
-
-use super::instruction_set::InstructionSet;
 
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
@@ -32,18 +32,21 @@ pub(crate) const MOST_LANES: usize = 16;
 pub(crate) struct Direction {
     /// Where each place of the order is.
     pub places: [u8; MOST_LANES],
+    /// The same from the other end.
+    pub reversed: [u8; MOST_LANES],
 }
 
 impl Direction {
     /// For orders of so many.
     pub const fn new(lanes: usize, backwards: bool) -> Direction {
-        let mut places = [0; MOST_LANES];
+        let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
         let mut i = 0;
         while i < lanes {
-            places[i] = if backwards { lanes - 1 - i } else { i } as u8;
+            let (first, last) = (i as u8, (lanes - 1 - i) as u8);
+            (places[i], reversed[i]) = if backwards { (last, first) } else { (first, last) };
             i += 1;
         }
-        Direction { places }
+        Direction { places, reversed }
     }
 }
 
@@ -55,8 +58,6 @@ impl Direction {
 pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
-    /// Which it is.
-    const SET: InstructionSet;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
@@ -133,12 +134,52 @@ pub(crate) trait Simd: Copy {
         to_t: *mut f32,
     ) -> u32;
 
+    /// Does a task in a function of its own, compiled for the set.
+    #[inline(never)]
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        // SAFETY: the caller's contract.
+        unsafe { task.run::<Self>() }
+    }
+
+    /// [`Simd::push`] for the children that are left no sooner than they are entered. The last one as
+    /// there, and how many there are.
+    #[inline(always)]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: Self::Floats,
+        exit: Self::Floats,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let met = Self::le(enter, exit);
+            let last = Self::push(children, enter, met, order, direction, to_children, to_t);
+            (last, Self::bits(met).count_ones() as usize)
+        }
+    }
+
     /// The greater of two magnitudes.
     #[inline(always)]
     unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
         // SAFETY: the caller's contract.
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
     }
+}
+
+/// What is compiled once for each instruction set.
+pub(crate) trait Compiled {
+    /// What comes of it.
+    type Output;
+
+    /// Does it. This, and all that it calls with the set, must be inlined always: a function of its own is
+    /// compiled for no set, and each of its operations would be a call.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn run<S: Simd>(self) -> Self::Output;
 }
 
 /// Asks for the cache line at an address that need not be readable.
@@ -158,6 +199,7 @@ mod tests {
     //! Each operation of each set against what its description says, lane by lane.
 
     use super::*;
+    use crate::query::InstructionSet;
 
     struct Numbers(u32);
 

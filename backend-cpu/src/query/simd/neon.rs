@@ -5,7 +5,6 @@
 use core::arch::aarch64::*;
 
 use super::{Direction, Portable, Simd};
-use crate::query::InstructionSet;
 
 /// [`Simd`] by NEON.
 #[derive(Clone, Copy)]
@@ -23,7 +22,6 @@ macro_rules! each {
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Neon {
     const N: usize = 8;
-    const SET: InstructionSet = InstructionSet::Neon;
     type Floats = Floats;
     /// The bytes of each lane's element in a table of 64.
     type Places = [uint8x16_t; 2];

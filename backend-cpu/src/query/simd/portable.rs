@@ -3,7 +3,6 @@
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
 use super::{Direction, Simd};
-use crate::query::InstructionSet;
 
 /// [`Simd`] by loops over arrays.
 #[derive(Clone, Copy)]
@@ -20,7 +19,6 @@ fn each<T>(of: impl FnMut(usize) -> T) -> [T; N] {
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Portable {
     const N: usize = N;
-    const SET: InstructionSet = InstructionSet::Portable;
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];
