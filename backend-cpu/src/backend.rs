@@ -111,14 +111,13 @@ impl CpuBackend {
         look: &Lookout<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, look, |tree, mut summary, triangles, mut memory, scratch| {
+        self.with_built(mesh, options, look, |tree, summary, triangles, mut memory, scratch| {
             begin_layout(look, &tree);
-            let most = CpuAccelerator::bytes_for(&tree, mesh, options.layout, self.set)?;
-            memory.take(old + most + scratch.bytes())?;
-            summary.peak_bytes = memory.peak;
+            memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
             let tree = copied(&tree, look)?;
             let source = Source { mesh, triangles, layout: options.layout };
-            let built = CpuAccelerator::new(tree, summary, source, self.set, look, scratch);
+            let with = (&mut memory, scratch);
+            let built = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
             look.finish();
             look.check().map(|()| built)
         })
@@ -140,13 +139,10 @@ impl CpuBackend {
             mesh,
             options,
             &UNWATCHED,
-            |tree, mut summary, triangles, mut memory, scratch| {
-                let most = CpuAccelerator::bytes_for(&tree, mesh, options.layout, self.set)?;
-                memory.take(most + scratch.bytes())?;
-                summary.peak_bytes = memory.peak;
+            |tree, summary, triangles, mut memory, scratch| {
+                memory.take(scratch.bytes())?;
                 let source = Source { mesh, triangles, layout: options.layout };
-                accelerator.replace(&tree, summary, source, scratch);
-                Ok(())
+                accelerator.replace(&tree, summary, source, (&mut memory, scratch))
             },
         )
     }
@@ -315,8 +311,7 @@ impl CpuBackend {
         look.check()?;
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        let most = CpuAccelerator::bytes_for(&tree.view(), mesh, options.layout, self.set)?;
-        memory.take(bytes as u64 + most)?;
+        memory.take(bytes as u64 + tree_bytes(&tree.view()))?;
         let mut prepared = Vec::with_capacity(mesh.len());
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
@@ -347,7 +342,8 @@ impl CpuBackend {
         begin_layout(look, &tree.view());
         let mut scratch = LayoutScratch::default();
         let source = Source { mesh, triangles: &triangles, layout: options.layout };
-        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, &mut scratch);
+        let with = (&mut memory, &mut scratch);
+        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
         look.finish();
         look.check()?;
         Ok(Box::new(loaded))
@@ -356,6 +352,11 @@ impl CpuBackend {
 
 /// Triangles that are made ready between two looks at the watch.
 const PIECE: usize = 4096;
+
+/// Bytes of nodes and references.
+fn tree_bytes(tree: &KdTreeView<'_>) -> u64 {
+    (size_of_val(tree.nodes) + size_of_val(tree.references)) as u64
+}
 
 /// The layout reads each node and each reference once.
 fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {

@@ -4,6 +4,7 @@ pub mod backend;
 pub mod best;
 pub mod buffers;
 pub(crate) mod cached;
+pub(crate) mod every_set;
 pub mod executor;
 pub(crate) mod kernels;
 mod lookout;

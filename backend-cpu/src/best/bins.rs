@@ -16,7 +16,7 @@ use super::ledger::Ledger;
 use super::matches::Ranges;
 use super::small::Small;
 use super::sweep::{Event, Face, event, sweep};
-use super::wide::for_every_set;
+use crate::every_set::for_every_set;
 use crate::lookout::Lookout;
 use crate::query::InstructionSet;
 

@@ -3,7 +3,7 @@
 use splitplane_core::layout::Reference;
 
 use super::cost::Cell;
-use super::wide::for_every_set;
+use crate::every_set::for_every_set;
 
 /// Most bins of an axis; a power of two.
 pub(super) const MOST: usize = 256;

@@ -52,7 +52,6 @@ mod small;
 mod subtree;
 mod sweep;
 mod top;
-mod wide;
 
 use core::sync::atomic::AtomicUsize;
 

@@ -6,7 +6,7 @@ use splitplane_core::triangle::Triangle;
 
 use super::clip::{Clipper, Polygons, points};
 use super::cost::Split;
-use super::wide::for_every_set;
+use crate::every_set::for_every_set;
 
 /// References that are moved before those of them that straddle are clipped.
 const BLOCK: usize = 64;

@@ -11,18 +11,20 @@ use splitplane_core::backend::{
 };
 use splitplane_core::inside::{self, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
-use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::{KdTree, KdTreeView};
-use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::{Stage, Watch};
 
-use super::blocks::{Blocks, LayoutScratch, Source};
+use super::blocks::Blocks;
 use super::exact;
 use super::instruction_set::InstructionSet;
+use super::layout::{LayoutScratch, Source};
+use super::limits;
 use super::single::Single;
 use super::stream::{Answers, Batch, Stream};
+use crate::buffers::Memory;
 use crate::lookout::{DUE, Lookout, UNWATCHED};
 
 /// Rays of one task: what one thread takes at a time.
@@ -45,21 +47,6 @@ pub struct CpuAccelerator {
 }
 
 impl CpuAccelerator {
-    /// Most bytes of tree and query layout, for a limit to be checked before they are made.
-    ///
-    /// # Errors
-    /// [`BuildError::TooLarge`] for a tree beyond what the layout can name.
-    pub(crate) fn bytes_for(
-        tree: &KdTreeView<'_>,
-        mesh: &Mesh<'_>,
-        layout: QueryLayout,
-        set: InstructionSet,
-    ) -> Result<u64, BuildError> {
-        let tree_bytes = size_of_val(tree.nodes) + size_of_val(tree.references);
-        let compact = (layout == QueryLayout::Compact).then_some(mesh);
-        Ok(tree_bytes as u64 + Blocks::bytes_for(tree, compact, set.lanes())?)
-    }
-
     /// Bytes of tree and layout as they are, for a limit that this and another one must keep together.
     pub(crate) fn bytes(&self) -> u64 {
         let KdTree { nodes, references, .. } = &self.blocks.tree;
@@ -67,31 +54,40 @@ impl CpuAccelerator {
     }
 
     /// Makes the query layout of a valid tree; `set` must be one that the processor has. Of no use when
-    /// the lookout has ended it.
+    /// the lookout has ended it. `memory` accounts for the layout, and for what the scratch grows by.
+    ///
+    /// # Errors
+    /// As for [`Blocks::new`].
     pub(crate) fn new(
         tree: KdTree,
-        summary: BuildSummary,
+        mut summary: BuildSummary,
         source: Source<'_>,
         set: InstructionSet,
         look: &Lookout<'_>,
-        scratch: &mut LayoutScratch,
-    ) -> CpuAccelerator {
-        let scene = scene_scale(tree.bounds, source.triangles, look);
-        let blocks = Blocks::new(tree, source, set, look, scratch);
-        CpuAccelerator { summary, scene, blocks, set }
+        (memory, scratch): (&mut Memory, &mut LayoutScratch),
+    ) -> Result<CpuAccelerator, BuildError> {
+        let scene = scene_scale(tree.bounds, set, source.triangles, look);
+        let blocks = Blocks::new(tree, source, set, look, memory, scratch)?;
+        summary.peak_bytes = memory.peak;
+        Ok(CpuAccelerator { summary, scene, blocks, set })
     }
 
-    /// Becomes the accelerator of another valid tree, in the same memory.
+    /// Becomes the accelerator of another valid tree, in the same memory. After an error it is what it was.
+    ///
+    /// # Errors
+    /// As for [`Blocks::replace`].
     pub(crate) fn replace(
         &mut self,
         tree: &KdTreeView<'_>,
-        summary: BuildSummary,
+        mut summary: BuildSummary,
         source: Source<'_>,
-        scratch: &mut LayoutScratch,
-    ) {
-        self.scene = scene_scale(tree.bounds, source.triangles, &UNWATCHED);
-        self.blocks.fill(tree, source, scratch);
+        (memory, scratch): (&mut Memory, &mut LayoutScratch),
+    ) -> Result<(), BuildError> {
+        self.blocks.replace(tree, source, memory, scratch)?;
+        self.scene = scene_scale(tree.bounds, self.set, source.triangles, &UNWATCHED);
+        summary.peak_bytes = memory.peak;
         self.summary = summary;
+        Ok(())
     }
 
     /// The layout that was asked for.
@@ -338,20 +334,16 @@ impl Share<'_> {
 }
 
 /// What queries need to know of all triangles. Dropped ones have no say.
-fn scene_scale(bounds: Aabb, triangles: &[Triangle], look: &Lookout<'_>) -> SceneScale {
-    let limits = triangles
-        .par_chunks(4096)
-        .map(|chunk| {
-            if look.worked(chunk.len() as u64) {
-                return Limits::NONE;
-            }
-            chunk
-                .iter()
-                .filter(|triangle| prepare(triangle).kept)
-                .fold(Limits::NONE, |limits, t| limits.union(Limits::of(t)))
-        })
-        .reduce(|| Limits::NONE, Limits::union);
-    SceneScale::new(bounds, &limits)
+fn scene_scale(
+    bounds: Aabb,
+    set: InstructionSet,
+    triangles: &[Triangle],
+    look: &Lookout<'_>,
+) -> SceneScale {
+    let limits = triangles.par_chunks(4096).map(|chunk| {
+        if look.worked(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
+    });
+    SceneScale::new(bounds, &limits.reduce(|| Limits::NONE, Limits::union))
 }
 
 fn check(rays: usize, results: usize) -> Result<(), QueryError> {

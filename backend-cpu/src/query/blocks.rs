@@ -2,30 +2,21 @@
 //! ([`super::record`]), and for the rare rays that need more care the tree's own nodes. In the compact
 //! layout the tree itself and a copy of the mesh ([`super::indexed`]) stand for blocks.
 
-use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{BuildError, QueryLayout};
-use splitplane_core::mesh::Mesh;
-use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::config::BuildConfig;
+use splitplane_core::node::KdNode;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
 use super::instruction_set::InstructionSet;
+use super::layout::{LayoutScratch, Size, Source, fit};
 use super::leaves::Indexed;
-use super::record::{Packer, Record, TAIL, UNIT_WORDS};
-#[cfg(target_arch = "aarch64")]
-use super::simd::Neon;
-#[cfg(target_arch = "x86_64")]
-use super::simd::{Avx2, Avx512};
-use super::simd::{MOST_LANES, Portable, Simd, prefetch};
-use super::wide::{Content, WideNodes, WideScratch};
+use super::record::{Record, TAIL, UNIT_WORDS};
+use super::wide::{self, Line, WideNodes};
+use crate::buffers::Memory;
 use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::scatter::Scatter;
-
-/// Units that children can name, but for what ends a stack.
-const MOST_UNITS: usize = (1 << 31) - 1;
-/// Nodes looked through at a time.
-const PIECE: usize = 1 << 12;
 
 /// A node of the tree as its leaves name their blocks, 8 bytes in preorder like the canonical ones: the
 /// axis in bits 0 and 1 of the second word (3 for a leaf), above them the right child, or the number of
@@ -45,20 +36,16 @@ impl WalkNode {
     /// Most nodes of a tree.
     pub const MOST: u32 = 1 << 28;
 
+    /// A leaf of so many blocks, the first of which begins at a unit.
+    pub fn leaf(unit: u32, blocks: u32) -> WalkNode {
+        WalkNode { word: unit, tagged: blocks << WalkNode::SHIFT | 3 }
+    }
+
     /// The references of a leaf of the tree itself.
     #[inline(always)]
     pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
         &all[self.word as usize..][..(self.tagged >> WalkNode::SHIFT) as usize]
     }
-}
-
-/// What a layout is made of besides a tree.
-#[derive(Clone, Copy)]
-pub(crate) struct Source<'a> {
-    pub mesh: &'a Mesh<'a>,
-    /// Its triangles' snapped corners.
-    pub triangles: &'a [Triangle],
-    pub layout: QueryLayout,
 }
 
 /// Nodes and triangles of a tree, for queries.
@@ -74,23 +61,6 @@ pub(crate) struct Blocks {
     pub(crate) words: Vec<u32>,
     /// In the compact layout only.
     mesh: Option<IndexedMesh>,
-}
-
-/// What layouts are made with, kept for the next one.
-#[derive(Debug, Default)]
-pub(crate) struct LayoutScratch {
-    /// The blocks of pieces of the tree, and where they go.
-    parts: Vec<Vec<u32>>,
-    starts: Vec<usize>,
-    wide: WideScratch,
-}
-
-impl LayoutScratch {
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        let words = self.parts.iter().map(Vec::capacity).sum::<usize>();
-        (words * size_of::<u32>()) as u64 + self.wide.bytes()
-    }
 }
 
 /// A block with all corners written out: nine rows of coordinates (corner after corner) and one of
@@ -124,149 +94,131 @@ impl Block<'_> {
 }
 
 impl Blocks {
-    /// Most bytes that the layout of a tree may take; for the compact one over a mesh.
-    ///
-    /// # Errors
-    /// [`BuildError::TooLarge`] when children could not name all blocks.
-    pub(crate) fn bytes_for(
-        tree: &KdTreeView<'_>,
-        compact: Option<&Mesh<'_>>,
-        lanes: usize,
-    ) -> Result<u64, BuildError> {
-        let wide = WideNodes::most_bytes(tree, lanes) + WideNodes::scratch_bytes(tree);
-        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
-        if nodes > u64::from(WalkNode::MOST) {
-            return Err(BuildError::TooLarge { nodes, references });
+    /// No layout yet; for an instruction set that the processor has.
+    pub(crate) fn none(set: InstructionSet) -> Blocks {
+        let config = BuildConfig::default();
+        let (nodes, references, bounds) = (Vec::new(), Vec::new(), Aabb::EMPTY);
+        Blocks {
+            set,
+            tree: KdTree { nodes, references, bounds, triangles: 0, config },
+            nodes: Vec::new(),
+            wide: WideNodes::new(set.lanes()),
+            words: Vec::new(),
+            mesh: None,
         }
-        if let Some(mesh) = compact {
-            return Ok(wide + IndexedMesh::bytes_for(mesh));
-        }
-        let words = |nodes: &[KdNode]| {
-            let words = |node: &KdNode| match node.kind() {
-                // Without a shared corner: 13 words and a part of the first a triangle.
-                NodeKind::Leaf { count, .. } => 14 * count as usize + 2 * UNIT_WORDS,
-                NodeKind::Interior { .. } => 0,
-            };
-            nodes.iter().map(words).sum::<usize>()
-        };
-        let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
-        if words / UNIT_WORDS >= MOST_UNITS {
-            return Err(BuildError::TooLarge { nodes, references });
-        }
-        // Once in pieces and once put together.
-        Ok(nodes * size_of::<WalkNode>() as u64 + 2 * (words * size_of::<u32>()) as u64 + wide)
     }
 
-    /// Makes the layout of a tree, for an instruction set that the processor has; of no use when the
-    /// lookout has ended it.
+    /// Makes the layout of a tree; of no use when the lookout has ended it.
+    ///
+    /// # Errors
+    /// As for [`Blocks::plan`].
     pub(crate) fn new(
         tree: KdTree,
         source: Source<'_>,
         set: InstructionSet,
         look: &Lookout<'_>,
+        memory: &mut Memory,
         scratch: &mut LayoutScratch,
-    ) -> Blocks {
-        let mut blocks = Blocks {
-            tree,
-            nodes: Vec::new(),
-            set,
-            wide: WideNodes::new(set.lanes()),
-            words: Vec::new(),
-            mesh: None,
-        };
-        blocks.refill(source, look, scratch);
-        blocks
+    ) -> Result<Blocks, BuildError> {
+        let mut blocks = Blocks::none(set);
+        let size = blocks.plan(&tree.view(), source, look, memory, scratch)?;
+        blocks.tree = tree;
+        blocks.fill(source, &size, look, scratch);
+        Ok(blocks)
     }
 
-    /// Makes the layout of another tree in the same memory.
-    pub(crate) fn fill(
+    /// Makes the layout of another tree in the same memory. After an error everything is as it was.
+    ///
+    /// # Errors
+    /// As for [`Blocks::plan`].
+    pub(crate) fn replace(
         &mut self,
         tree: &KdTreeView<'_>,
         source: Source<'_>,
+        memory: &mut Memory,
         scratch: &mut LayoutScratch,
-    ) {
-        self.tree.nodes.clear();
-        self.tree.nodes.extend_from_slice(tree.nodes);
-        self.tree.references.clear();
-        self.tree.references.extend_from_slice(tree.references);
-        self.tree.bounds = tree.bounds;
-        self.tree.triangles = tree.triangles;
-        self.tree.config = tree.config;
-        self.refill(source, &UNWATCHED, scratch);
+    ) -> Result<(), BuildError> {
+        let held = &self.tree;
+        let nodes = tree.nodes.len().max(held.nodes.capacity()) * size_of::<KdNode>();
+        let references = tree.references.len().max(held.references.capacity()) * size_of::<u32>();
+        memory.take((nodes + references) as u64)?;
+        let size = self.plan(tree, source, &UNWATCHED, memory, scratch)?;
+        let KdTree { nodes, references, bounds, triangles, config } = &mut self.tree;
+        nodes.clear();
+        references.clear();
+        fit(nodes, tree.nodes.len());
+        lookout::extend(&UNWATCHED, nodes, tree.nodes);
+        fit(references, tree.references.len());
+        lookout::extend(&UNWATCHED, references, tree.references);
+        (*bounds, *triangles, *config) = (tree.bounds, tree.triangles, tree.config);
+        self.fill(source, &size, &UNWATCHED, scratch);
+        Ok(())
     }
 
-    fn refill(&mut self, source: Source<'_>, look: &Lookout<'_>, scratch: &mut LayoutScratch) {
+    /// Packs and plans, and accounts for the layout and for what the scratch has grown by.
+    ///
+    /// # Errors
+    /// As for [`LayoutScratch::plan`], and more memory than the limit allows.
+    fn plan(
+        &self,
+        tree: &KdTreeView<'_>,
+        source: Source<'_>,
+        look: &Lookout<'_>,
+        memory: &mut Memory,
+        scratch: &mut LayoutScratch,
+    ) -> Result<Size, BuildError> {
+        let size = scratch.plan(tree, source, self.set, look, memory)?;
+        let of = |length: usize, capacity: usize, each: usize| (length.max(capacity) * each) as u64;
+        let lines = size.wide * self.wide.node_lines();
+        let mut bytes = of(lines, self.wide.capacity(), size_of::<Line>());
         match source.layout {
-            QueryLayout::Fast => self.refill_blocks(source.triangles, look, scratch),
-            QueryLayout::Compact => self.refill_mesh(source, look, scratch),
+            QueryLayout::Compact => {
+                let held = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
+                bytes += IndexedMesh::bytes_for(source.mesh).max(held);
+            }
+            QueryLayout::Fast => {
+                let words = size.words + TAIL;
+                bytes += of(tree.nodes.len(), self.nodes.capacity(), size_of::<WalkNode>());
+                bytes += of(words, self.words.capacity(), size_of::<u32>());
+            }
         }
+        memory.take(size.scratch + bytes)?;
+        Ok(size)
     }
 
-    /// The compact layout: the mesh in place of blocks.
-    fn refill_mesh(&mut self, source: Source<'_>, look: &Lookout<'_>, scratch: &mut LayoutScratch) {
-        let Blocks { tree, nodes, wide, words, mesh, .. } = self;
-        (*nodes, *words) = (Vec::new(), Vec::new());
-        mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
-        if look.is_over() {
-            return;
-        }
-        let content = Content::References(&tree.references, source.triangles);
-        let walk = bytemuck::cast_slice(&tree.nodes);
-        wide.fill(&tree.view(), walk, content, look, &mut scratch.wide);
-        look.advance(tree.nodes.len() as u64);
-    }
-
-    fn refill_blocks(
+    /// Writes the layout of the tree that is here, which the scratch has planned.
+    fn fill(
         &mut self,
-        triangles: &[Triangle],
+        source: Source<'_>,
+        size: &Size,
         look: &Lookout<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        let Blocks { set, tree, nodes, wide, words, mesh } = self;
-        let LayoutScratch { parts, starts, wide: wide_scratch } = scratch;
-        let set = *set;
-        let tree = tree.view();
-        *mesh = None;
-        let lanes = wide.lanes();
-        let pieces = tree.nodes.len().div_ceil(PIECE);
-        parts.resize_with(pieces.max(parts.len()), Vec::new);
-        let parts = &mut parts[..pieces];
-        let nothing = WalkNode { word: 0, tagged: 0 };
-        lookout::resize(look, nodes, tree.nodes.len(), &nothing);
-        if look.is_over() {
-            return;
-        }
-        let pack = Pack { tree: &tree, triangles, look, lanes };
-        // Leaves name their blocks within their piece first.
-        let work = nodes.par_chunks_mut(PIECE).zip(tree.nodes.par_chunks(PIECE)).zip(&mut *parts);
-        work.for_each(|((nodes, from), part)| {
-            // SAFETY: the set was found on this processor.
-            unsafe { pack.pack(set, nodes, from, part) };
-        });
-        look.advance(tree.nodes.len() as u64);
-        starts.clear();
-        let mut length = 0;
-        for part in &*parts {
-            starts.push(length);
-            length += part.len();
-        }
-        lookout::resize(look, words, length + TAIL, &0);
-        if look.is_over() {
-            return;
-        }
-        // A block without triangles, and what vector loads may read behind the last one.
-        words[length..].fill(0);
-        let out = Scatter::new(words);
-        let work = nodes.par_chunks_mut(PIECE).zip(&*parts).zip(&*starts);
-        work.for_each(|((nodes, part), &start)| {
-            // SAFETY: parts follow each other without overlap.
-            unsafe { out.part(start, part.len()) }.copy_from_slice(part);
-            for node in nodes.iter_mut().filter(|node| node.tagged & 3 == 3) {
-                node.word += (start / UNIT_WORDS) as u32;
+        let Blocks { tree, nodes, wide, words, mesh, .. } = self;
+        let leaves = match source.layout {
+            QueryLayout::Compact => {
+                (*nodes, *words) = (Vec::new(), Vec::new());
+                mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
+                wide::Leaves::Nodes
             }
-        });
-        let content = Content::Blocks(words, (length / UNIT_WORDS) as u32);
-        wide.fill(&tree, nodes, content, look, wide_scratch);
+            QueryLayout::Fast => {
+                *mesh = None;
+                fit(nodes, tree.nodes.len());
+                lookout::resize(look, nodes, tree.nodes.len(), &WalkNode::leaf(0, 0));
+                fit(words, size.words + TAIL);
+                lookout::resize(look, words, size.words + TAIL, &0);
+                if look.is_over() {
+                    return;
+                }
+                // A block without triangles, and what vector loads may read behind the last one.
+                words[size.words..].fill(0);
+                scratch.write(&tree.view(), nodes, &mut words[..size.words]);
+                wide::Leaves::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
+            }
+        };
+        if !look.is_over() {
+            wide.fill(leaves, &scratch.branches, size, tree.nodes.len(), look);
+        }
     }
 
     /// Bytes held for queries besides the tree.
@@ -327,87 +279,4 @@ pub(crate) fn leaf<'a>(words: &'a [u32], node: &WalkNode) -> impl Iterator<Item 
         unit += record.units();
         record
     })
-}
-
-/// What leaves are packed from.
-struct Pack<'a> {
-    tree: &'a KdTreeView<'a>,
-    triangles: &'a [Triangle],
-    look: &'a Lookout<'a>,
-    lanes: usize,
-}
-
-impl Pack<'_> {
-    /// Packs the leaves among some nodes.
-    ///
-    /// # Safety
-    /// The processor must have `set`.
-    unsafe fn pack(
-        &self,
-        set: InstructionSet,
-        nodes: &mut [WalkNode],
-        from: &[KdNode],
-        out: &mut Vec<u32>,
-    ) {
-        // SAFETY: the caller's contract.
-        unsafe {
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => self.pack_avx512(nodes, from, out),
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => self.pack_avx2(nodes, from, out),
-                #[cfg(target_arch = "aarch64")]
-                InstructionSet::Neon => self.pack_in::<Neon>(nodes, from, out),
-                _ => self.pack_in::<Portable>(nodes, from, out),
-            }
-        }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
-    unsafe fn pack_avx512(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
-        // SAFETY: as for `pack`.
-        unsafe { self.pack_in::<Avx512>(nodes, from, out) }
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-    unsafe fn pack_avx2(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
-        // SAFETY: as for `pack`.
-        unsafe { self.pack_in::<Avx2>(nodes, from, out) }
-    }
-
-    /// # Safety
-    /// As for [`Pack::pack`].
-    #[inline(always)]
-    unsafe fn pack_in<S: Simd>(&self, nodes: &mut [WalkNode], from: &[KdNode], out: &mut Vec<u32>) {
-        out.clear();
-        let mut packer = Packer::<S>::new(self.lanes);
-        for (node, from) in nodes.iter_mut().zip(from) {
-            *node = match from.kind() {
-                NodeKind::Interior { axis, split, right } => {
-                    let tagged = right << WalkNode::SHIFT | axis as u32;
-                    WalkNode { word: split.to_bits(), tagged }
-                }
-                NodeKind::Leaf { first, count } => {
-                    if self.look.worked(2 * u64::from(count)) {
-                        return;
-                    }
-                    let word = (out.len() / UNIT_WORDS) as u32;
-                    let references = self.tree.leaf(first, count);
-                    // The next leaf's triangles, which are all over the mesh.
-                    let next = (first + count) as usize;
-                    for &triangle in self.tree.references.iter().skip(next).take(MOST_LANES) {
-                        let corners = self.triangles.as_ptr().wrapping_add(triangle as usize);
-                        prefetch(corners.cast());
-                        prefetch(corners.cast::<u8>().wrapping_add(size_of::<Triangle>() - 1));
-                    }
-                    // SAFETY: the caller's contract.
-                    let blocks = unsafe { packer.leaf(references, self.triangles, out) };
-                    self.look.advance(u64::from(count));
-                    WalkNode { word, tagged: blocks << WalkNode::SHIFT | 3 }
-                }
-            };
-        }
-    }
 }

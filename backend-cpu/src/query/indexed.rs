@@ -7,6 +7,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::Block;
+use super::layout::fit;
 use super::simd::MOST_LANES;
 use crate::lookout::{self, Lookout};
 
@@ -61,11 +62,14 @@ impl IndexedMesh {
         let Some((positions, given)) = shared(mesh) else {
             // Nothing is left of another mesh, which may have been larger.
             vertices.shrink_to(3 * triangles.len());
+            fit(vertices, 3 * triangles.len());
             lookout::extend(look, vertices, triangles.as_flattened());
             return;
         };
         vertices.shrink_to(positions.len());
         indices.shrink_to(given.len());
+        fit(vertices, positions.len());
+        fit(indices, given.len());
         lookout::extend(look, indices, given);
         lookout::resize(look, vertices, positions.len(), &[0.0; 3]);
         if look.is_over() {

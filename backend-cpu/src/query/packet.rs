@@ -873,12 +873,13 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
+    use crate::buffers::Memory;
     use crate::lookout::UNWATCHED;
-    use crate::query::blocks::{LayoutScratch, Source};
     use crate::query::instruction_set::InstructionSet;
     use crate::query::simd::Portable;
     #[cfg(target_arch = "x86_64")]
     use crate::query::simd::{Avx2, Avx512};
+    use crate::query::{LayoutScratch, Source};
 
     /// Numbers in `[-1, 1)`.
     struct Numbers(u32);
@@ -971,7 +972,9 @@ mod tests {
             let (tree, scene) = (built.tree().view(), built.scene_scale());
             let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
             let mut scratch = LayoutScratch::default();
-            let blocks = Blocks::new(built.tree().clone(), source, set, &UNWATCHED, &mut scratch);
+            let (copy, mut memory) = (built.tree().clone(), Memory::default());
+            let blocks =
+                Blocks::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut numbers);
                 let (accuracy, culling, ignore) = match round % 6 {

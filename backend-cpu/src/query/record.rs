@@ -14,9 +14,10 @@
 //! three. So a block is half as long as one of corner copies, and what a ray must do with
 //! each corner (move it, shear it) is done once.
 
+use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
 
-use super::simd::{MOST_LANES, Simd};
+use super::simd::MOST_LANES;
 
 /// Words at whose multiples blocks begin.
 pub(crate) const UNIT_WORDS: usize = 4;
@@ -28,6 +29,18 @@ pub(crate) const TAIL: usize = 3 * MOST_LANES;
 pub(crate) struct Record<'a> {
     /// The block's words and all that follow.
     words: &'a [u32],
+}
+
+impl Record<'_> {
+    /// Words before the coordinates of a block of so many triangles.
+    pub const fn before_coordinates(count: usize) -> usize {
+        1 + (3 * count).div_ceil(4) + count
+    }
+
+    /// Words of a block of so many triangles and different corners.
+    pub const fn words(count: usize, corners: usize) -> usize {
+        (Record::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
+    }
 }
 
 impl<'a> Record<'a> {
@@ -110,110 +123,17 @@ impl<'a> Record<'a> {
         })
     }
 
-    /// The least and greatest coordinates of all corners on an axis.
-    pub fn extent(&self, axis: usize) -> (f32, f32) {
+    /// Bounds of all corners.
+    pub fn bounds(&self) -> Aabb {
         let (start, count) = (self.before(), self.corner_count());
-        let row = &self.words[start + axis * count..][..count];
-        let bounds = (f32::INFINITY, f32::NEG_INFINITY);
-        row.iter().map(|&x| f32::from_bits(x)).fold(bounds, |(lo, hi), x| (lo.min(x), hi.max(x)))
-    }
-}
-
-/// Puts triangles together to blocks of at most so many.
-pub(crate) struct Packer<S: Simd> {
-    lanes: usize,
-    corners: S::Corners,
-    corner_count: usize,
-    places: [[u8; MOST_LANES]; 3],
-    triangles: [u32; MOST_LANES],
-    count: usize,
-}
-
-impl<S: Simd> Packer<S> {
-    /// For vectors of so many lanes.
-    pub fn new(lanes: usize) -> Packer<S> {
-        Packer {
-            lanes,
-            corners: S::no_corners(),
-            corner_count: 0,
-            places: [[0; MOST_LANES]; 3],
-            triangles: [0; MOST_LANES],
-            count: 0,
-        }
-    }
-
-    /// Writes the blocks of a leaf behind what is there, and says how many.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[inline(always)]
-    pub unsafe fn leaf(
-        &mut self,
-        references: &[u32],
-        triangles: &[Triangle],
-        out: &mut Vec<u32>,
-    ) -> u32 {
-        let mut blocks = 0;
-        for &triangle in references {
-            // Room for three corners is asked for even where some are known: it makes hardly a block more.
-            if self.count == self.lanes || self.corner_count + 3 > 2 * self.lanes {
-                // SAFETY: the caller's contract.
-                unsafe { self.write(out) };
-                blocks += 1;
+        let mut bounds = Aabb::EMPTY;
+        for axis in 0..3 {
+            let row = &self.words[start + axis * count..][..count];
+            for x in row.iter().map(|&word| f32::from_bits(word)) {
+                bounds.lo[axis] = min(x, bounds.lo[axis]);
+                bounds.hi[axis] = max(x, bounds.hi[axis]);
             }
-            for (k, corner) in triangles[triangle as usize].iter().enumerate() {
-                // SAFETY: the caller's contract.
-                self.places[k][self.count] = unsafe { self.place_of(corner) };
-            }
-            self.triangles[self.count] = triangle;
-            self.count += 1;
         }
-        if self.count > 0 {
-            // SAFETY: the caller's contract.
-            unsafe { self.write(out) };
-            blocks += 1;
-        }
-        blocks
-    }
-
-    /// Where a corner stands, which is put there if it is new: without a branch, since nobody could
-    /// foresee it. Corners are equal when all bits are.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[inline(always)]
-    unsafe fn place_of(&mut self, corner: &[f32; 3]) -> u8 {
-        let words = corner.map(f32::to_bits);
-        let new = self.corner_count;
-        // SAFETY: the caller's contract; what columns behind have is of no account, being behind.
-        let place = unsafe { S::put_and_find(&mut self.corners, words, new) };
-        self.corner_count += usize::from(place == new);
-        place as u8
-    }
-
-    /// Writes the block and begins another.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[inline(always)]
-    unsafe fn write(&mut self, out: &mut Vec<u32>) {
-        let (count, corners) = (self.count, self.corner_count);
-        let before = 1 + (3 * count).div_ceil(4) + count;
-        out.push(count as u32 | (corners as u32) << 8 | (before as u32) << 16);
-        let mut bytes = [0u8; 3 * MOST_LANES];
-        for (k, places) in self.places.iter().enumerate() {
-            bytes[k * count..(k + 1) * count].copy_from_slice(&places[..count]);
-        }
-        let words = bytes.as_chunks::<4>().0.iter().map(|&word| u32::from_ne_bytes(word));
-        out.extend(words.take((3 * count).div_ceil(4)));
-        out.extend_from_slice(&self.triangles[..count]);
-        // SAFETY: the caller's contract.
-        for row in unsafe { S::columns(&self.corners) } {
-            out.extend_from_slice(&row[..corners]);
-        }
-        while !out.len().is_multiple_of(UNIT_WORDS) {
-            out.push(0);
-        }
-        (self.count, self.corner_count) = (0, 0);
+        bounds
     }
 }

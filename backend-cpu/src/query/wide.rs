@@ -7,37 +7,29 @@
 //! octant when the node is made, and nothing is sorted while a ray is under way. Empty leaves and the
 //! planes beside them vanish in the boxes.
 //!
-//! Which levels go together is chosen as for wide bounding volume hierarchies (Ylitie, Karras and
-//! Laine 2017, section 3.1): bottom up, the least sum of the nodes' surface areas for every number
-//! of children that a subtree may stand for.
-
-use std::collections::VecDeque;
+//! Which levels go together has been planned ([`super::plan`]), and how many nodes a subtree becomes: so all
+//! are written where they stay, by many tasks. A node's subtrees follow it one after the other.
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::tree::KdTreeView;
-use splitplane_core::triangle::Triangle;
 
 use super::blocks::{self, WalkNode};
-use super::record::Record;
-use super::simd::MOST_LANES;
+use super::layout::{Size, fit};
+use super::order::Order;
+use super::plan::{Branch, run_nodes};
+use super::simd::{MOST_LANES, prefetch};
 use crate::lookout::{self, Lookout};
-use crate::scatter::Scatter;
 
-/// Set in a child that is a block: the other bits are its first unit, or in the compact layout the leaf's
-/// place among the tree's nodes. Otherwise they are a node.
+/// Set in a child that is no node: the other bits are its block's first unit, or in the compact layout the
+/// leaf's place among the tree's nodes. Otherwise they are a node.
 pub(crate) const LEAF_MARK: u32 = 1 << 31;
-/// Subtrees of more nodes are looked at by several tasks.
-const LARGE: usize = 1 << 12;
-/// Subtrees that are emitted by tasks of their own.
-const TASKS: usize = 64;
+/// Subtrees of more nodes are written by several tasks.
+const TASK: usize = 1 << 8;
 
 /// 64 bytes.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct Line(pub [u32; 16]);
-
-const EMPTY_LINE: Line = Line([0; 16]);
 
 /// The nodes of a tree, the root first.
 ///
@@ -53,140 +45,50 @@ pub(crate) struct WideNodes {
     depth: usize,
 }
 
-/// What is to become a node, the node and place that it is a child at, and its level.
-type Open = (Item, Option<(usize, usize)>, usize);
-
-/// What nodes are made with, kept for the next tree.
-#[derive(Debug, Default)]
-pub(crate) struct WideScratch {
-    /// Boxes of the tree's nodes, and how their subtrees are laid out.
-    boxes: Vec<Aabb>,
-    plans: Vec<Plan>,
-    /// The nodes next to the root, what is left to tasks, what those make, and where it goes.
-    top: Vec<Line>,
-    open: VecDeque<Open>,
-    parts: Vec<Part>,
-    starts: Vec<usize>,
+/// What stands for the leaves of a tree.
+#[derive(Clone, Copy)]
+pub(crate) enum Leaves<'a> {
+    /// Blocks: the tree's nodes that name them, the words, and the unit of a block without triangles.
+    Blocks { nodes: &'a [WalkNode], words: &'a [u32], none: u32 },
+    /// The tree's own leaves, which are children as they are, however many triangles they have.
+    Nodes,
 }
 
-impl WideScratch {
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        let parts = self.parts.iter().map(|part| part.lines.capacity()).sum::<usize>();
-        let lines = (parts + self.top.capacity()) * size_of::<Line>();
-        let boxes = self.boxes.capacity() * size_of::<Aabb>();
-        (lines + boxes + self.plans.capacity() * size_of::<Plan>()) as u64
-    }
+/// What nodes are written from.
+#[derive(Clone, Copy)]
+struct Writer<'a> {
+    lanes: usize,
+    leaves: Leaves<'a>,
+    branches: &'a [Branch],
+    /// A child that nobody goes to; who did would lose nothing by it.
+    nothing: u32,
+    look: &'a Lookout<'a>,
+    /// Progress that a node is.
+    share: u64,
 }
 
-/// For each number of places that a subtree may take, one less than it: how many of them its left child
-/// takes.
-type Plan = [u8; MOST_LANES];
-/// One place: the subtree is a node.
-const NODE: u8 = 0;
-/// One place fewer is no worse.
-const FEWER: u8 = 0xff;
-/// The left child is empty, the right one takes all places; and the other way round.
-const RIGHT: u8 = 0xfe;
-const LEFT: u8 = 0xfd;
-
-/// Least costs of a subtree for each number of places.
-type Costs = [f32; MOST_LANES];
-
-/// What one task emits.
-#[derive(Debug, Default)]
-struct Part {
-    lines: Vec<Line>,
-    depth: usize,
-}
-
-/// A subtree or a run of a leaf's blocks, its cell and its box.
-#[derive(Clone, Copy, Debug)]
-struct Item {
+/// A child of a node, and its box.
+#[derive(Clone, Copy)]
+struct Child {
     kind: Kind,
-    cell: Aabb,
     bounds: Aabb,
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 enum Kind {
-    /// An interior node of the tree.
-    Subtree(u32),
-    /// Blocks of a leaf that follow each other: the first one's unit and how many. Or a leaf of the tree, as
-    /// one: its place among the nodes.
-    Blocks(u32, u32),
+    /// Of two subtrees at least.
+    Branch(u32),
+    /// Two or more blocks of a leaf that follow each other: the first one's unit and how many.
+    Run(u32, u32),
+    /// A block, or a leaf of the tree.
+    Leaf(u32),
 }
 
-/// The planes between the children of a node being made.
-#[derive(Clone, Copy)]
-enum Shape {
-    Place(u8),
-    /// Axis (3: no plane, any order), left and right.
-    Split(u8, u8, u8),
-}
-
-/// What the leaves of the nodes given have.
-#[derive(Clone, Copy)]
-pub(crate) enum Content<'a> {
-    /// Blocks, in these words, and the unit of one without triangles.
-    Blocks(&'a [u32], u32),
-    /// References, and the corners of all triangles: the tree's own leaves, which are children as they
-    /// are, however many triangles they have.
-    References(&'a [u32], &'a [Triangle]),
-}
-
-/// What emission reads.
-#[derive(Clone, Copy)]
-struct Source<'a> {
-    lanes: usize,
-    nodes: &'a [WalkNode],
-    content: Content<'a>,
-    boxes: &'a [Aabb],
-    plans: &'a [Plan],
-}
-
-fn is_empty(bounds: &Aabb) -> bool {
-    bounds.lo[0] > bounds.hi[0]
-}
-
-/// Half the surface area, in whatever unit; 0 for an empty box.
-fn area(bounds: &Aabb) -> f32 {
-    let [x, y, z] = [0, 1, 2].map(|k| (bounds.hi[k] - bounds.lo[k]).max(0.0));
-    x * y + y * z + z * x
-}
-
-fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
-    let (mut left, mut right) = (*cell, *cell);
-    (left.hi[axis], right.lo[axis]) = (split, split);
-    (left, right)
-}
-
-/// Axis, plane and right child; `None` for a leaf.
-fn interior(node: &WalkNode) -> Option<(usize, f32, u32)> {
-    let axis = (node.tagged & 3) as usize;
-    (axis < 3).then(|| (axis, f32::from_bits(node.word), node.tagged >> WalkNode::SHIFT))
-}
-
-fn box_of<'a>(records: impl Iterator<Item = Record<'a>>, cell: &Aabb) -> Aabb {
-    let mut bounds = Aabb::EMPTY;
-    let mut any = false;
-    for record in records {
-        any = true;
-        for axis in 0..3 {
-            let (lo, hi) = record.extent(axis);
-            bounds.lo[axis] = bounds.lo[axis].min(lo);
-            bounds.hi[axis] = bounds.hi[axis].max(hi);
-        }
-    }
-    within(cell, &bounds, any)
-}
-
-/// The part of some triangles' bounds in their cell.
-fn within(cell: &Aabb, bounds: &Aabb, any: bool) -> Aabb {
-    let bounds = bounds.intersection(cell);
-    // Whatever rounding did to a box: what the leaf has is not to be lost.
-    let lost = any && (0..3).any(|axis| bounds.lo[axis] > bounds.hi[axis]);
-    if lost { *cell } else { bounds }
+/// The children of a node, from left to right.
+struct Made {
+    children: [Child; MOST_LANES],
+    count: usize,
+    order: Order,
 }
 
 impl WideNodes {
@@ -195,15 +97,20 @@ impl WideNodes {
         WideNodes { lanes, lines: Vec::new(), depth: 0 }
     }
 
-    /// Children of a node.
-    pub fn lanes(&self) -> usize {
-        self.lanes
+    /// Lines of a node.
+    pub fn node_lines(&self) -> usize {
+        self.lanes / 2
     }
 
     /// The nodes, one after the other.
     #[inline(always)]
     pub fn lines(&self) -> &[Line] {
         &self.lines
+    }
+
+    /// Lines that there is room for.
+    pub fn capacity(&self) -> usize {
+        self.lines.capacity()
     }
 
     /// Entries that a stack needs: of every node on the way down all children but one, and as many
@@ -217,396 +124,312 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Most bytes that the nodes of a tree may take: nodes with two children.
-    pub fn most_bytes(tree: &KdTreeView<'_>, lanes: usize) -> u64 {
-        (tree.nodes.len() / 2 + 1) as u64 * 32 * lanes as u64
-    }
-
-    /// Bytes of what nodes are made with.
-    pub fn scratch_bytes(tree: &KdTreeView<'_>) -> u64 {
-        (tree.nodes.len() * (size_of::<Aabb>() + size_of::<Plan>())) as u64
-    }
-
-    /// Makes the nodes of a tree from its nodes and what their leaves have. Of no use when the lookout
-    /// has ended it.
+    /// Makes the planned nodes of a tree of so many. Of no use when the lookout has ended it.
     pub fn fill(
         &mut self,
-        tree: &KdTreeView<'_>,
-        nodes: &[WalkNode],
-        content: Content<'_>,
+        leaves: Leaves<'_>,
+        branches: &[Branch],
+        size: &Size,
+        nodes: usize,
         look: &Lookout<'_>,
-        scratch: &mut WideScratch,
     ) {
-        let WideNodes { lanes, lines, depth } = self;
-        let WideScratch { boxes, plans, top, open, parts, starts } = scratch;
-        let lanes = *lanes;
-        lines.clear();
-        *depth = 0;
-        if tree.bounds.is_empty() {
+        let lines = size.wide * self.node_lines();
+        fit(&mut self.lines, lines);
+        lookout::resize(look, &mut self.lines, lines, &Line([0; 16]));
+        self.depth = 0;
+        if look.is_over() || lines == 0 {
             return;
         }
-        boxes.resize(nodes.len(), Aabb::EMPTY);
-        plans.resize(nodes.len(), [NODE; MOST_LANES]);
-        let planner = Planner { lanes, nodes, content, look };
-        planner.plan(0, &tree.bounds, boxes, plans);
-        if look.is_over() {
-            return;
-        }
-        let source = Source { lanes, nodes, content, boxes, plans };
-        // A tree without triangles has a root without children: rays within its bounds read it.
-        let bounds = Aabb::EMPTY;
-        let none = Item { kind: Kind::Blocks(0, 0), cell: tree.bounds, bounds };
-        let root = source.item(0, &tree.bounds).unwrap_or(none);
-
-        // The top: as many nodes as give work to all tasks.
-        let size = source.node_lines();
-        top.clear();
-        open.clear();
-        open.push_back((root, None, 1));
-        while let Some((item, from, level)) = open.pop_front() {
-            if from.is_some() && open.len() + 1 >= TASKS {
-                open.push_front((item, from, level));
-                break;
-            }
-            source.link(top, from);
-            let node = top.len() / size;
-            for (place, item) in source.node(&item, top) {
-                open.push_back((item, Some((node, place)), level + 1));
-            }
-            *depth = level;
-        }
-        parts.resize_with(open.len().max(parts.len()), Part::default);
-        let tasks = open.make_contiguous().par_iter().zip(&mut parts[..]);
-        tasks.for_each(|((item, _, level), part)| {
-            part.lines.clear();
-            part.depth = 0;
-            source.emit(item, *level, part, look);
-        });
-        if look.is_over() {
-            return;
-        }
-        let parts = &parts[..open.len()];
-        starts.clear();
-        let mut end = top.len();
-        for ((_, from, _), part) in open.iter().zip(parts) {
-            if let Some((node, place)) = from {
-                words_of(top)[node * size * 16 + 6 * lanes + place] = (end / size) as u32;
-            }
-            *depth = part.depth.max(*depth);
-            starts.push(end);
-            end += part.lines.len();
-        }
-        lookout::resize(look, lines, end, &EMPTY_LINE);
-        if look.is_over() {
-            return;
-        }
-        lines[..top.len()].copy_from_slice(top);
-        let out = Scatter::new(lines);
-        starts.par_iter().zip(parts).for_each(|(&start, part)| {
-            // SAFETY: parts follow each other without overlap.
-            let to = unsafe { out.part(start, part.lines.len()) };
-            to.copy_from_slice(&part.lines);
-            let first = (start / size) as u32;
-            for node in words_of(to).chunks_exact_mut(size * 16) {
-                for child in &mut node[6 * lanes..7 * lanes] {
-                    // Nodes count from the part's first so far.
-                    *child += if *child & LEAF_MARK == 0 { first } else { 0 };
-                }
-            }
-        });
-    }
-}
-
-/// The words of some lines.
-fn words_of(lines: &mut [Line]) -> &mut [u32] {
-    bytemuck::cast_slice_mut(lines)
-}
-
-/// What planning reads.
-struct Planner<'a> {
-    lanes: usize,
-    nodes: &'a [WalkNode],
-    content: Content<'a>,
-    look: &'a Lookout<'a>,
-}
-
-impl Planner<'_> {
-    /// The box of a leaf.
-    fn leaf_box(&self, leaf: &WalkNode, cell: &Aabb) -> Aabb {
-        let (references, triangles) = match self.content {
-            Content::Blocks(words, _) => return box_of(blocks::leaf(words, leaf), cell),
-            Content::References(references, triangles) => (references, triangles),
-        };
-        let references = leaf.references(references);
-        let count = references.len() as u64;
-        if self.look.worked(2 * count) {
-            return Aabb::EMPTY;
-        }
-        let corners = |&triangle: &u32| Aabb::of_points(&triangles[triangle as usize]);
-        let bounds = references.iter().map(corners).fold(Aabb::EMPTY, |all, one| all.union(&one));
-        self.look.advance(count);
-        within(cell, &bounds, count > 0)
-    }
-
-    /// Boxes and plans of a subtree, whose nodes follow each other from `node` on; its costs.
-    fn plan(&self, node: u32, cell: &Aabb, boxes: &mut [Aabb], plans: &mut [Plan]) -> Costs {
-        let mut costs = [0.0; MOST_LANES];
-        let walk = &self.nodes[node as usize];
-        let Some((axis, split, right)) = interior(walk) else {
-            boxes[0] = self.leaf_box(walk, cell);
-            // Where there are too few places for a leaf's blocks they get a node of their own.
-            let count = match self.content {
-                Content::Blocks(..) => (walk.tagged >> WalkNode::SHIFT) as usize,
-                Content::References(..) => 1,
-            };
-            let area = area(&boxes[0]);
-            for cost in costs.iter_mut().take(count.saturating_sub(1)) {
-                *cost = area;
-            }
-            return costs;
-        };
-        let (left_cell, right_cell) = halves(cell, axis, split);
-        let middle = (right - node) as usize;
-        let (first_box, rest) = boxes.split_at_mut(1);
-        let (left_boxes, right_boxes) = rest.split_at_mut(middle - 1);
-        let (first_plan, rest) = plans.split_at_mut(1);
-        let (left_plans, right_plans) = rest.split_at_mut(middle - 1);
-        let nodes = right_boxes.len().min(left_boxes.len());
-        let mut one = || self.plan(node + 1, &left_cell, left_boxes, left_plans);
-        let mut other = || self.plan(right, &right_cell, right_boxes, right_plans);
-        let (left, right) = if nodes > LARGE { rayon::join(one, other) } else { (one(), other()) };
-        if self.look.worked(8) {
-            return costs;
-        }
-        let (bounds, plan) = (&mut first_box[0], &mut first_plan[0]);
-        if is_empty(&left_boxes[0]) {
-            (*bounds, *plan) = (right_boxes[0], [RIGHT; MOST_LANES]);
-            return right;
-        }
-        if is_empty(&right_boxes[0]) {
-            (*bounds, *plan) = (left_boxes[0], [LEFT; MOST_LANES]);
-            return left;
-        }
-        *bounds = left_boxes[0].union(&right_boxes[0]);
-        for places in 2..=self.lanes {
-            let (mut least, mut best) = (f32::INFINITY, 1);
-            for to_left in 1..places {
-                let cost = left[to_left - 1] + right[places - to_left - 1];
-                if cost < least {
-                    (least, best) = (cost, to_left as u8);
-                }
-            }
-            (costs[places - 1], plan[places - 1]) = (least, best);
-        }
-        (costs[0], plan[0]) = (area(bounds) + costs[self.lanes - 1], NODE);
-        for places in 2..=self.lanes {
-            if costs[places - 2] <= costs[places - 1] {
-                (costs[places - 1], plan[places - 1]) = (costs[places - 2], FEWER);
-            }
-        }
-        costs
-    }
-}
-
-/// A node being made.
-struct Made {
-    items: [Option<Item>; MOST_LANES],
-    count: usize,
-    shapes: [Shape; 2 * MOST_LANES],
-    shape_count: usize,
-}
-
-impl Source<'_> {
-    /// The words of the blocks.
-    fn words(&self) -> &[u32] {
-        match self.content {
-            Content::Blocks(words, _) => words,
-            Content::References(..) => &[],
-        }
-    }
-
-    /// A child that nobody goes to; who did would lose nothing by it.
-    fn nothing(&self) -> u32 {
-        match self.content {
-            Content::Blocks(_, unit) => LEAF_MARK | unit,
+        let nothing = match leaves {
+            Leaves::Blocks { none, .. } => none,
             // In preorder the last node is a leaf.
-            Content::References(..) => LEAF_MARK | (self.nodes.len() - 1) as u32,
+            Leaves::Nodes => nodes as u32 - 1,
+        };
+        let share = (nodes / 2 / size.wide) as u64;
+        let nothing = LEAF_MARK | nothing;
+        let writer = Writer { lanes: self.lanes, leaves, branches, nothing, look, share };
+        let root = size.root.map(|root| writer.child(root));
+        self.depth = writer.write(root, 0, &mut self.lines);
+    }
+}
+
+impl Writer<'_> {
+    /// A branch as a child.
+    fn child(&self, branch: u32) -> Child {
+        let Branch { bounds, .. } = self.branches[branch as usize];
+        let kind = match self.leaves {
+            _ if self.branches[branch as usize].axis().is_some() => Kind::Branch(branch),
+            Leaves::Nodes => Kind::Leaf(branch),
+            Leaves::Blocks { nodes, .. } => {
+                let leaf = &nodes[branch as usize];
+                Writer::run(leaf.word, leaf.tagged >> WalkNode::SHIFT)
+            }
+        };
+        Child { kind, bounds }
+    }
+
+    /// One block or more.
+    fn run(unit: u32, blocks: u32) -> Kind {
+        if blocks > 1 { Kind::Run(unit, blocks) } else { Kind::Leaf(unit) }
+    }
+
+    /// Nodes that a child is made of.
+    fn nodes(&self, child: &Child) -> usize {
+        match child.kind {
+            Kind::Branch(branch) => self.branches[branch as usize].nodes as usize,
+            Kind::Run(_, blocks) => run_nodes(blocks, self.lanes as u32) as usize,
+            Kind::Leaf(_) => 0,
         }
     }
 
-    /// Lines of a node.
-    fn node_lines(&self) -> usize {
-        self.lanes / 2
-    }
-
-    /// A subtree with its box; `None` for an empty one.
-    fn item(&self, mut node: u32, cell: &Aabb) -> Option<Item> {
-        let mut cell = *cell;
-        loop {
-            let bounds = self.boxes[node as usize];
-            if is_empty(&bounds) {
-                return None;
-            }
-            let walk = &self.nodes[node as usize];
-            let Some((axis, split, right)) = interior(walk) else {
-                let kind = match self.content {
-                    Content::Blocks(..) => Kind::Blocks(walk.word, walk.tagged >> WalkNode::SHIFT),
-                    Content::References(..) => Kind::Blocks(node, 1),
-                };
-                return Some(Item { kind, cell, bounds });
-            };
-            let (left_cell, right_cell) = halves(&cell, axis, split);
-            match self.plans[node as usize][0] {
-                RIGHT => (node, cell) = (right, right_cell),
-                LEFT => (node, cell) = (node + 1, left_cell),
-                _ => return Some(Item { kind: Kind::Subtree(node), cell, bounds }),
-            }
+    /// Writes the nodes of a subtree, or one without children, and says how many levels they have. `first`
+    /// is the number of the first, and `lines` are theirs.
+    fn write(&self, root: Option<Child>, first: usize, lines: &mut [Line]) -> usize {
+        let lines_each = self.lanes / 2;
+        let nodes = lines.len() / lines_each;
+        let (own, below) = lines.split_at_mut(lines_each);
+        let mut made = Made::none();
+        if let Some(child) = root {
+            self.spread(child, self.lanes, true, &mut made);
         }
-    }
-
-    /// A run of blocks with its box.
-    fn run(&self, unit: u32, count: u32, cell: &Aabb) -> Item {
-        let node = WalkNode { word: unit, tagged: count << WalkNode::SHIFT };
-        let bounds = box_of(blocks::leaf(self.words(), &node), cell);
-        Item { kind: Kind::Blocks(unit, count), cell: *cell, bounds }
-    }
-
-    /// Names the next node as the child of one before it.
-    fn link(&self, lines: &mut [Line], from: Option<(usize, usize)>) {
-        let next = (lines.len() / self.node_lines()) as u32;
-        if let Some((node, place)) = from {
-            let at = node * self.node_lines() * 16 + 6 * self.lanes + place;
-            words_of(lines)[at] = next;
+        self.look.advance(self.share);
+        if self.look.worked(8) {
+            return 0;
         }
+        let children = &made.children[..made.count];
+        let mut next = first + 1;
+        let numbers = children.iter().map(|child| match child.kind {
+            Kind::Leaf(leaf) => LEAF_MARK | leaf,
+            _ => {
+                let number = next;
+                next += self.nodes(child);
+                number as u32
+            }
+        });
+        let mut named = [self.nothing; MOST_LANES];
+        named.iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
+        self.put(&made, &named, own);
+
+        let below = children.iter().zip(&named).scan(below, |rest, (child, &number)| {
+            let lines = self.nodes(child) * lines_each;
+            let (lines, behind) = core::mem::take(rest).split_at_mut(lines);
+            *rest = behind;
+            Some((*child, number as usize, lines))
+        });
+        let below = below.filter(|(_, _, lines)| !lines.is_empty());
+        let write = |(child, number, lines)| self.write(Some(child), number, lines);
+        let deepest = if nodes > TASK {
+            let mut tasks = [const { None }; MOST_LANES];
+            tasks.iter_mut().zip(below).for_each(|(task, part)| *task = Some(part));
+            tasks.par_iter_mut().filter_map(Option::take).map(write).max()
+        } else {
+            below.map(write).max()
+        };
+        1 + deepest.unwrap_or(0)
     }
 
-    /// Distributes a subtree over some places of a node.
-    fn spread(&self, item: Item, mut places: usize, shape: usize, whole: bool, made: &mut Made) {
-        let split = match item.kind {
-            _ if places == 1 && !whole => None,
-            Kind::Blocks(_, 0 | 1) => None,
-            Kind::Blocks(unit, count) => {
-                let half = count / 2;
-                let node = WalkNode { word: unit, tagged: half << WalkNode::SHIFT };
-                let units = blocks::leaf(self.words(), &node).map(|record| record.units());
-                let middle = unit + units.sum::<u32>();
-                let left = self.run(unit, half, &item.cell);
-                let right = self.run(middle, count - half, &item.cell);
-                Some((3, left, right, places / 2))
-            }
-            Kind::Subtree(node) => {
-                let plan = &self.plans[node as usize];
-                while plan[places - 1] == FEWER && places > if whole { 2 } else { 1 } {
-                    places -= 1;
+    /// Distributes a child over some places of a node; over all of a node of its own, where it is `whole`.
+    fn spread(&self, child: Child, places: usize, whole: bool, made: &mut Made) {
+        match child.kind {
+            Kind::Branch(branch) if places > 1 => {
+                let branch = &self.branches[branch as usize];
+                if let (Some(axis), Some(left)) = (branch.axis(), branch.left_places(places)) {
+                    let [one, other] = branch.children;
+                    let start = made.count;
+                    self.spread(self.child(one), left, false, made);
+                    let middle = made.count;
+                    self.spread(self.child(other), places - left, false, made);
+                    return made.order.separate(axis.into(), start, middle, made.count);
                 }
-                match plan[places - 1] {
-                    NODE => None,
-                    to_left => {
-                        let to_left = if to_left == FEWER { 1 } else { to_left as usize };
-                        self.children(node, &item.cell)
-                            .map(|(axis, left, right)| (axis, left, right, to_left))
-                    }
+                // It will be looked at soon.
+                for &child in &branch.children {
+                    prefetch(self.branches.as_ptr().wrapping_add(child as usize).cast());
                 }
+                made.push(child);
             }
-        };
-        let Some((axis, left, right, to_left)) = split else {
-            made.shapes[shape] = Shape::Place(made.count as u8);
-            made.items[made.count] = Some(item);
-            made.count += 1;
-            return;
-        };
-        let next = made.shape_count;
-        made.shape_count += 2;
-        made.shapes[shape] = Shape::Split(axis, next as u8, next as u8 + 1);
-        self.spread(left, to_left, next, false, made);
-        self.spread(right, places - to_left, next + 1, false, made);
+            Kind::Run(unit, blocks) if whole || blocks as usize <= places => {
+                self.share(unit, blocks, places, &child.bounds, made);
+            }
+            _ => made.push(child),
+        }
     }
 
-    /// Axis and children of a subtree of which neither is empty.
-    fn children(&self, node: u32, cell: &Aabb) -> Option<(u8, Item, Item)> {
-        let (axis, split, right) = interior(&self.nodes[node as usize])?;
-        let (left_cell, right_cell) = halves(cell, axis, split);
-        let left = self.item(node + 1, &left_cell)?;
-        Some((axis as u8, left, self.item(right, &right_cell)?))
+    /// Divides a leaf's blocks among as many places as there are, or as they need.
+    fn share(&self, unit: u32, blocks: u32, places: usize, bounds: &Aabb, made: &mut Made) {
+        let Leaves::Blocks { words, .. } = self.leaves else { return };
+        let start = made.count;
+        let places = blocks.min(places as u32);
+        let (mut unit, more) = (unit, blocks % places);
+        for place in 0..places {
+            let blocks = blocks / places + u32::from(place < more);
+            let leaf = WalkNode::leaf(unit, blocks);
+            let kind = Writer::run(unit, blocks);
+            let mut all = Aabb::EMPTY;
+            for record in blocks::leaf(words, &leaf) {
+                all = all.union(&record.bounds());
+                unit += record.units();
+            }
+            let part = all.intersection(bounds);
+            // Whatever rounding did to a box: what the leaf has is not to be lost.
+            let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
+            made.push(Child { kind, bounds: if lost { *bounds } else { part } });
+        }
+        made.order.in_a_row(start, made.count);
     }
 
-    /// Writes the node of an item behind what is there. Gives the places and items of the children that
-    /// need nodes.
-    fn node(
-        &self,
-        item: &Item,
-        out: &mut Vec<Line>,
-    ) -> impl Iterator<Item = (usize, Item)> + use<> {
-        let mut made = Made {
-            items: [None; MOST_LANES],
-            count: 0,
-            shapes: [Shape::Place(0); 2 * MOST_LANES],
-            shape_count: 1,
-        };
-        self.spread(*item, self.lanes, 0, true, &mut made);
-        let (start, n) = (out.len(), self.lanes);
-        out.resize(start + self.node_lines(), EMPTY_LINE);
-        let words = words_of(&mut out[start..]);
-        words[..3 * n].fill(f32::INFINITY.to_bits());
-        words[3 * n..6 * n].fill(f32::NEG_INFINITY.to_bits());
-        words[6 * n..7 * n].fill(self.nothing());
-        for (place, item) in made.items.iter().enumerate() {
-            let Some(item) = item else { continue };
+    /// Writes a node.
+    fn put(&self, made: &Made, numbers: &[u32; MOST_LANES], lines: &mut [Line]) {
+        let n = self.lanes;
+        let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
+        let (bounds, rest) = words.split_at_mut(6 * n);
+        let (lower, upper) = bounds.split_at_mut(3 * n);
+        lower.fill(f32::INFINITY.to_bits());
+        upper.fill(f32::NEG_INFINITY.to_bits());
+        for (place, child) in made.children[..made.count].iter().enumerate() {
             for axis in 0..3 {
-                words[axis * n + place] = item.bounds.lo[axis].to_bits();
-                words[(3 + axis) * n + place] = item.bounds.hi[axis].to_bits();
-            }
-            if let Kind::Blocks(_, 0) = item.kind {
-                words[6 * n + place] = self.nothing();
-            } else if let Kind::Blocks(unit, 1) = item.kind {
-                words[6 * n + place] = LEAF_MARK | unit;
+                lower[axis * n + place] = child.bounds.lo[axis].to_bits();
+                upper[axis * n + place] = child.bounds.hi[axis].to_bits();
             }
         }
-        let orders: &mut [u8] = bytemuck::cast_slice_mut(&mut words[7 * n..]);
+        let (children, orders) = rest.split_at_mut(n);
+        children.copy_from_slice(&numbers[..n]);
+        let orders: &mut [u8] = bytemuck::cast_slice_mut(orders);
         for (octant, order) in orders.chunks_exact_mut(n).enumerate() {
-            order_children(&made, octant, order);
-        }
-        let needs = |item: &Item| !matches!(item.kind, Kind::Blocks(_, 0 | 1));
-        made.items.into_iter().enumerate().filter_map(move |(place, item)| {
-            item.filter(|item| needs(item)).map(|item| (place, item))
-        })
-    }
-
-    /// Writes the nodes of a subtree, `level` levels below the root.
-    fn emit(&self, item: &Item, level: usize, part: &mut Part, look: &Lookout<'_>) {
-        part.depth = part.depth.max(level);
-        let node = part.lines.len() / self.node_lines();
-        if look.worked(8) {
-            return;
-        }
-        for (place, item) in self.node(item, &mut part.lines) {
-            self.link(&mut part.lines, Some((node, place)));
-            self.emit(&item, level + 1, part, look);
+            made.order.write(octant, made.count, order);
         }
     }
 }
 
-/// The places of the children from far to near, for an octant whose direction is positive on z; then
-/// the places without a child.
-fn order_children(made: &Made, octant: usize, order: &mut [u8]) {
-    let mut open = [0u8; 2 * MOST_LANES];
-    let (mut top, mut end) = (1, 0);
-    while top > 0 {
-        top -= 1;
-        match made.shapes[open[top] as usize] {
-            Shape::Place(place) => {
-                order[end] = place;
-                end += 1;
+impl Made {
+    fn none() -> Made {
+        let none = Child { kind: Kind::Leaf(0), bounds: Aabb::EMPTY };
+        Made { children: [none; MOST_LANES], count: 0, order: Order::default() }
+    }
+
+    fn push(&mut self, child: Child) {
+        self.children[self.count] = child;
+        self.count += 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
+    use splitplane_core::config::{BuildConfig, Preset};
+    use splitplane_core::mesh::Mesh;
+    use splitplane_core::node::{KdNode, NodeKind};
+    use splitplane_core::triangle::Triangle;
+
+    use super::*;
+    use crate::CpuBackend;
+    use crate::buffers::Memory;
+    use crate::lookout::UNWATCHED;
+    use crate::query::blocks::Blocks;
+    use crate::query::record::{Record, UNIT_WORDS};
+    use crate::query::{InstructionSet, LayoutScratch, Source};
+
+    /// Triangles of all sizes, the first many times.
+    fn triangles(count: usize, same: usize) -> Vec<Triangle> {
+        let mut state = 5u32;
+        let mut next = move || {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        let mut triangles: Vec<Triangle> = (0..count)
+            .map(|i| {
+                let (centre, size) =
+                    ([(); 3].map(|()| next()), if i % 40 == 0 { 0.4 } else { 0.02 });
+                [(); 3].map(|()| centre.map(|x| x + size * next()))
+            })
+            .collect();
+        triangles.extend(vec![triangles[0]; same]);
+        triangles
+    }
+
+    /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
+    /// unused places are empty. Gives the levels, and what the leaves are.
+    fn walk(
+        blocks: &Blocks,
+        node: usize,
+        next: &mut usize,
+        leaves: &mut Vec<u32>,
+    ) -> (usize, Aabb) {
+        let n = blocks.wide.lanes;
+        assert_eq!(node, *next, "nodes follow their parents");
+        *next += 1;
+        let words: &[u32] = bytemuck::cast_slice(blocks.wide.lines());
+        let words = &words[node * 8 * n..][..8 * n];
+        let mut used = 0;
+        let (mut levels, mut all) = (0, Aabb::EMPTY);
+        for place in 0..n {
+            let side =
+                |side: usize| [0, 1, 2].map(|k| f32::from_bits(words[(side + k) * n + place]));
+            let bounds = Aabb { lo: side(0), hi: side(3) };
+            if bounds.lo[0] > bounds.hi[0] {
+                assert!(bounds.lo == [f32::INFINITY; 3] && bounds.hi == [f32::NEG_INFINITY; 3]);
+                continue;
             }
-            Shape::Split(axis, left, right) => {
-                let backwards = axis < 2 && octant >> axis & 1 != 0;
-                // The far one comes off first.
-                (open[top], open[top + 1]) = if backwards { (right, left) } else { (left, right) };
-                top += 2;
+            assert_eq!(place, used, "children stand in front");
+            used += 1;
+            all = all.union(&bounds);
+            let child = words[6 * n + place];
+            if child & LEAF_MARK != 0 {
+                leaves.push(child & !LEAF_MARK);
+                continue;
+            }
+            let (below, inner) = walk(blocks, child as usize, next, leaves);
+            levels = levels.max(below);
+            assert_eq!(inner, bounds);
+        }
+        let orders: &[u8] = bytemuck::cast_slice(&words[7 * n..]);
+        for order in orders.chunks_exact(n) {
+            let mut places = order.to_vec();
+            places[..used].sort_unstable();
+            assert!(places.iter().enumerate().all(|(i, &place)| i == place as usize));
+        }
+        (levels + 1, all)
+    }
+
+    #[test]
+    fn nodes_name_every_leaf_once() {
+        for (count, same) in [(1, 0), (30, 0), (3, 5_000), (20_000, 700)] {
+            let triangles = triangles(count, same);
+            let mesh = Mesh::soup(&triangles).unwrap();
+            let options = BuildOptions::from(BuildConfig::preset(Preset::Fast));
+            let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
+            for set in InstructionSet::available() {
+                for layout in [QueryLayout::Fast, QueryLayout::Compact] {
+                    let source = Source { mesh: &mesh, triangles: &triangles, layout };
+                    let (mut memory, mut scratch) = (Memory::default(), LayoutScratch::default());
+                    let tree = built.tree().clone();
+                    let with = (&mut memory, &mut scratch);
+                    let blocks =
+                        Blocks::new(tree, source, set, &UNWATCHED, with.0, with.1).unwrap();
+                    let (mut next, mut leaves) = (0, Vec::new());
+                    let (levels, _) = walk(&blocks, 0, &mut next, &mut leaves);
+                    let lines = blocks.wide.lines().len();
+                    assert_eq!(next * blocks.wide.node_lines(), lines, "no node is left out");
+                    assert_eq!(levels, blocks.wide.depth);
+                    leaves.sort_unstable();
+                    let expected: Vec<u32> = if layout == QueryLayout::Compact {
+                        let nodes = built.tree().nodes.iter().zip(0..);
+                        let full = |node: &KdNode| {
+                            matches!(node.kind(), NodeKind::Leaf { count: 1.., .. })
+                        };
+                        nodes.filter(|(node, _)| full(node)).map(|(_, i)| i).collect()
+                    } else {
+                        let mut units = vec![0];
+                        let end = (blocks.words.len() - crate::query::record::TAIL) / UNIT_WORDS;
+                        while *units.last().unwrap() < end as u32 {
+                            let unit = units.last().unwrap();
+                            units.push(unit + Record::at(&blocks.words, *unit).units());
+                        }
+                        units.pop();
+                        units
+                    };
+                    assert_eq!(leaves, expected, "{count} {same} {layout:?}");
+                }
             }
         }
-    }
-    for (place, to) in order.iter_mut().enumerate().skip(end) {
-        *to = place as u8;
     }
 }

@@ -36,42 +36,7 @@ impl Simd for Avx2 {
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;
-    type Corners = [[__m256i; 4]; 3];
 
-    #[inline(always)]
-    fn no_corners() -> [[__m256i; 4]; 3] {
-        // SAFETY: vectors of words may be any words.
-        unsafe { core::mem::zeroed() }
-    }
-    #[inline(always)]
-    unsafe fn put_and_find(
-        corners: &mut [[__m256i; 4]; 3],
-        words: [u32; 3],
-        column: usize,
-    ) -> usize {
-        unsafe {
-            let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
-            let mut bits = 0;
-            for part in 0..4 {
-                let column = _mm256_set1_epi32(column as i32 - 8 * part as i32);
-                let here = _mm256_cmpeq_epi32(lanes, column);
-                let mut found = _mm256_set1_epi32(-1);
-                for (row, word) in corners.iter_mut().zip(words) {
-                    let word = _mm256_set1_epi32(word as i32);
-                    row[part] = _mm256_blendv_epi8(row[part], word, here);
-                    found = _mm256_and_si256(found, _mm256_cmpeq_epi32(row[part], word));
-                }
-                let found = _mm256_movemask_ps(_mm256_castsi256_ps(found)) as u32;
-                bits |= found << (8 * part);
-            }
-            bits.trailing_zeros() as usize
-        }
-    }
-    #[inline(always)]
-    unsafe fn columns(corners: &[[__m256i; 4]; 3]) -> [[u32; 32]; 3] {
-        // SAFETY: as many words either way, which may be any.
-        unsafe { core::mem::transmute(*corners) }
-    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m256 {
         unsafe { _mm256_set1_ps(x) }

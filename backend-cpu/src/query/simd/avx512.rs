@@ -16,38 +16,7 @@ impl Simd for Avx512 {
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;
-    type Corners = [[__m512i; 2]; 3];
 
-    #[inline(always)]
-    fn no_corners() -> [[__m512i; 2]; 3] {
-        // SAFETY: vectors of words may be any words.
-        unsafe { core::mem::zeroed() }
-    }
-    #[inline(always)]
-    unsafe fn put_and_find(
-        corners: &mut [[__m512i; 2]; 3],
-        words: [u32; 3],
-        column: usize,
-    ) -> usize {
-        unsafe {
-            let bit = 1u32 << column;
-            let (low, high) = (bit as __mmask16, (bit >> 16) as __mmask16);
-            let (mut found_low, mut found_high) = (u16::MAX, u16::MAX);
-            for (row, word) in corners.iter_mut().zip(words) {
-                let word = _mm512_set1_epi32(word as i32);
-                row[0] = _mm512_mask_mov_epi32(row[0], low, word);
-                row[1] = _mm512_mask_mov_epi32(row[1], high, word);
-                found_low = _mm512_mask_cmpeq_epi32_mask(found_low, row[0], word);
-                found_high = _mm512_mask_cmpeq_epi32_mask(found_high, row[1], word);
-            }
-            (u32::from(found_low) | u32::from(found_high) << 16).trailing_zeros() as usize
-        }
-    }
-    #[inline(always)]
-    unsafe fn columns(corners: &[[__m512i; 2]; 3]) -> [[u32; 32]; 3] {
-        // SAFETY: as many words either way, which may be any.
-        unsafe { core::mem::transmute(*corners) }
-    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> __m512 {
         unsafe { _mm512_set1_ps(x) }

@@ -64,11 +64,7 @@ pub(crate) trait Simd: Copy {
     type Places: Copy;
     /// `N` yes or no.
     type Mask: Copy;
-    /// Three rows of 32 words.
-    type Corners: Copy;
 
-    /// All words 0.
-    fn no_corners() -> Self::Corners;
     /// The same number in all lanes.
     unsafe fn splat(x: f32) -> Self::Floats;
     /// `N` floats from memory.
@@ -113,10 +109,6 @@ pub(crate) trait Simd: Copy {
     unsafe fn places(from: *const u8) -> Self::Places;
     /// Elements of a table of `2 N`.
     unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
-    /// Puts words into a column of 32, and gives the first column that has them all.
-    unsafe fn put_and_find(corners: &mut Self::Corners, words: [u32; 3], column: usize) -> usize;
-    /// The columns, row by row.
-    unsafe fn columns(corners: &Self::Corners) -> [[u32; 2 * MOST_LANES]; 3];
     /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
@@ -337,28 +329,6 @@ mod tests {
                 let end = S::cull(names.as_mut_ptr(), t.as_mut_ptr(), count, stop);
                 assert_eq!(names[..end], kept);
                 assert!(t[..end].iter().all(|&t| t <= stop));
-
-                let mut corners = S::no_corners();
-                let mut known: Vec<[u32; 3]> = Vec::new();
-                while known.len() < 32 {
-                    let words = [(); 3].map(|()| numbers.word() % 3);
-                    let place = S::put_and_find(&mut corners, words, known.len());
-                    let expected = known.iter().position(|known| *known == words);
-                    assert_eq!(place, expected.unwrap_or(known.len()));
-                    if expected.is_none() || numbers.word().is_multiple_of(4) {
-                        known.push(words);
-                        if expected.is_some() {
-                            break;
-                        }
-                    }
-                    if known.len() >= 27 {
-                        break;
-                    }
-                }
-                let columns = S::columns(&corners);
-                for (i, words) in known.iter().enumerate() {
-                    assert_eq!(columns.map(|row| row[i]), *words);
-                }
 
                 let from: Vec<f32> = (0..S::N * 20).map(|i| i as f32).collect();
                 let mut to = vec![0.0; S::N * 18];

@@ -26,12 +26,7 @@ impl Simd for Neon {
     /// The bytes of each lane's element in a table of 64.
     type Places = [uint8x16_t; 2];
     type Mask = Mask;
-    type Corners = [[u32; 32]; 3];
 
-    #[inline(always)]
-    fn no_corners() -> [[u32; 32]; 3] {
-        [[0; 32]; 3]
-    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> Floats {
         unsafe { [vdupq_n_f32(x); 2] }
@@ -150,14 +145,6 @@ impl Simd for Neon {
             );
             each!(|i: usize| vreinterpretq_f32_u8(vqtbl4q_u8(table, at[i])))
         }
-    }
-    #[inline(always)]
-    unsafe fn put_and_find(corners: &mut [[u32; 32]; 3], words: [u32; 3], column: usize) -> usize {
-        unsafe { Portable::put_and_find(corners, words, column) }
-    }
-    #[inline(always)]
-    unsafe fn columns(corners: &[[u32; 32]; 3]) -> [[u32; 32]; 3] {
-        *corners
     }
     #[inline(always)]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {

@@ -22,25 +22,7 @@ impl Simd for Portable {
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];
-    type Corners = [[u32; 32]; 3];
 
-    #[inline(always)]
-    fn no_corners() -> [[u32; 32]; 3] {
-        [[0; 32]; 3]
-    }
-    #[inline(always)]
-    unsafe fn put_and_find(corners: &mut [[u32; 32]; 3], words: [u32; 3], column: usize) -> usize {
-        for (row, word) in corners.iter_mut().zip(words) {
-            row[column % 32] = word;
-        }
-        let [x, y, z] = corners;
-        let same = |i: &usize| x[*i] == words[0] && y[*i] == words[1] && z[*i] == words[2];
-        (0..32).find(same).unwrap_or(column)
-    }
-    #[inline(always)]
-    unsafe fn columns(corners: &[[u32; 32]; 3]) -> [[u32; 32]; 3] {
-        *corners
-    }
     #[inline(always)]
     unsafe fn splat(x: f32) -> [f32; N] {
         [x; N]

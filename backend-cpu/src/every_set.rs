@@ -36,4 +36,4 @@ macro_rules! for_every_set {
     };
 }
 
-pub(super) use for_every_set;
+pub(crate) use for_every_set;

@@ -1,0 +1,372 @@
+//! Making the layout that queries read from a tree.
+//!
+//! In two steps. *Planning* touches nothing but scratch: tasks pack the leaves of a subtree each and plan
+//! its wide nodes, then the few nodes above the tasks are planned. Now it is known how large everything
+//! is, to the byte, and a limit is held against it. *Filling* makes the memory and writes to it.
+
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::{BuildError, QueryLayout};
+use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::tree::KdTreeView;
+use splitplane_core::triangle::Triangle;
+
+use super::InstructionSet;
+use super::blocks::WalkNode;
+use super::pack::{MOST_WORDS, Packer};
+use super::plan::{Branch, Branches, Costs, Planner};
+use super::record::UNIT_WORDS;
+use crate::buffers::Memory;
+use crate::lookout::Lookout;
+use crate::scatter::Scatter;
+
+/// Units that children can name, but for what ends a stack.
+const MOST_UNITS: usize = (1 << 31) - 1;
+/// Subtrees of more nodes are divided among tasks.
+const TASK: u32 = 1 << 11;
+/// Words that a triangle takes at first guess.
+const GUESS: usize = 6;
+
+/// What a layout is made of besides a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub mesh: &'a Mesh<'a>,
+    /// Its triangles' snapped corners.
+    pub triangles: &'a [Triangle],
+    pub layout: QueryLayout,
+}
+
+/// What layouts are made with, kept for the next one.
+#[derive(Debug, Default)]
+pub(crate) struct LayoutScratch {
+    /// By the number of their node; those of nodes that are no branch are of no account.
+    pub branches: Vec<Branch>,
+    /// The nodes above all tasks, and the tasks, in preorder.
+    pub top: Vec<u32>,
+    pub tasks: Vec<Task>,
+    /// What the tasks have packed.
+    pub parts: Vec<Part>,
+}
+
+/// A subtree that one task packs and plans.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Task {
+    /// Its nodes.
+    pub first: u32,
+    pub end: u32,
+    cell: Aabb,
+    costs: Costs,
+    /// The first of its words in the layout.
+    pub start: usize,
+}
+
+/// The blocks of a task's leaves.
+#[derive(Debug, Default)]
+pub(crate) struct Part {
+    words: Vec<u32>,
+    used: usize,
+    room: usize,
+    /// Whether a limit on memory was met: then the words are not kept, and `used` and `room` tell what there
+    /// would be.
+    lost: bool,
+}
+
+/// How large a planned layout is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Size {
+    /// Words of blocks, without what vector loads may read behind them.
+    pub words: usize,
+    /// Wide nodes.
+    pub wide: usize,
+    /// The root's branch, if the tree has triangles.
+    pub root: Option<u32>,
+    /// Bytes that the scratch has grown by.
+    pub scratch: u64,
+}
+
+/// Memory that tasks take at the same time.
+struct Budget {
+    /// Bytes held.
+    held: AtomicU64,
+    limit: u64,
+}
+
+impl Budget {
+    /// Accounts for so many bytes more; whether there are.
+    fn take(&self, bytes: u64) -> bool {
+        self.held.fetch_add(bytes, Relaxed) + bytes <= self.limit
+    }
+}
+
+impl Part {
+    /// Gets ready for another task.
+    fn begin(&mut self) {
+        (self.used, self.room, self.lost) = (0, self.words.len(), false);
+    }
+
+    /// Room for a block more. Where there is less than one, it is made for so many triangles.
+    fn next(&mut self, triangles: usize, budget: &Budget) -> &mut [u32] {
+        if self.used + MOST_WORDS > self.room {
+            let needed = self.used + MOST_WORDS + GUESS * triangles;
+            let more = needed.max(self.room + self.room / 2) - self.room;
+            self.lost |= !budget.take((more * size_of::<u32>()) as u64);
+            self.room += more;
+            // Where there is no memory for the blocks, all go to the room of one.
+            let room = if self.lost { self.words.len().max(MOST_WORDS) } else { self.room };
+            self.words.reserve_exact(room - self.words.len());
+            self.words.resize(room, 0);
+        }
+        let at = if self.lost { 0 } else { self.used };
+        &mut self.words[at..]
+    }
+
+    /// Its words.
+    pub fn words(&self) -> &[u32] {
+        &self.words[..self.used]
+    }
+}
+
+impl LayoutScratch {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let words = self.parts.iter().map(|part| part.words.capacity()).sum::<usize>();
+        let branches = self.branches.capacity() * size_of::<Branch>();
+        (words * size_of::<u32>() + branches) as u64
+    }
+
+    /// Packs and plans. Where the limit of `memory` is met, the size is still right, but it cannot be filled:
+    /// whoever accounts for it meets the limit too.
+    ///
+    /// # Errors
+    /// [`BuildError::Cancelled`] by the lookout; [`BuildError::TooLarge`] when children could not name all
+    /// blocks; no memory for branches within the limit.
+    pub fn plan(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        source: Source<'_>,
+        set: InstructionSet,
+        look: &Lookout<'_>,
+        memory: &mut Memory,
+    ) -> Result<Size, BuildError> {
+        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
+        let too_large = BuildError::TooLarge { nodes, references };
+        if nodes > u64::from(WalkNode::MOST) {
+            return Err(too_large);
+        }
+        let LayoutScratch { branches, top, tasks, parts } = self;
+        memory.grow_watched(branches, tree.nodes.len(), look)?;
+        top.clear();
+        tasks.clear();
+        divide(tree.nodes, 0, tree.nodes.len() as u32, &tree.bounds, top, tasks);
+        parts.resize_with(tasks.len().max(parts.len()), Part::default);
+        let budget =
+            Budget { held: AtomicU64::new(memory.held), limit: memory.limit.unwrap_or(u64::MAX) };
+        let planner = Planner::new(set.lanes(), &tree.bounds);
+        let maker = Maker { tree, source, set, look, planner, budget: &budget };
+        let out = Scatter::new(&mut branches[..tree.nodes.len()]);
+        tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
+            let count = (task.end - task.first) as usize;
+            // SAFETY: tasks have nodes of their own.
+            let branches = unsafe { out.part(task.first as usize, count) };
+            maker.make(task, part, branches);
+        });
+        look.check()?;
+        let mut branches = Branches(0, branches);
+        let root = maker.join(0, &mut tasks.iter(), &mut branches);
+        let mut words = 0;
+        for (task, part) in tasks.iter_mut().zip(&*parts) {
+            task.start = words;
+            words += part.used;
+        }
+        if words / UNIT_WORDS >= MOST_UNITS {
+            return Err(too_large);
+        }
+        // A tree without triangles has a root without children: rays within its bounds read it.
+        let wide = if tree.bounds.is_empty() { 0 } else { root.whole() as usize };
+        let scratch = budget.held.into_inner() - memory.held;
+        Ok(Size { words, wide, root: root.branch(), scratch })
+    }
+
+    /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the
+    /// planned size.
+    pub fn write(&self, tree: &KdTreeView<'_>, nodes: &mut [WalkNode], words: &mut [u32]) {
+        let interior = |node: &KdNode| -> WalkNode { bytemuck::cast(*node) };
+        for &node in &self.top {
+            nodes[node as usize] = interior(&tree.nodes[node as usize]);
+        }
+        let (nodes, words) = (Scatter::new(nodes), Scatter::new(words));
+        self.tasks.par_iter().zip(&self.parts).for_each(|(task, part)| {
+            let (first, end) = (task.first as usize, task.end as usize);
+            // SAFETY: tasks have nodes of their own, and parts follow each other.
+            let (nodes, words) =
+                unsafe { (nodes.part(first, end - first), words.part(task.start, part.used)) };
+            words.copy_from_slice(part.words());
+            let unit = (task.start / UNIT_WORDS) as u32;
+            let from = tree.nodes[first..end].iter().zip(&self.branches[first..end]);
+            for (to, (node, branch)) in nodes.iter_mut().zip(from) {
+                *to = match node.kind() {
+                    NodeKind::Interior { .. } => interior(node),
+                    NodeKind::Leaf { count: 0, .. } => WalkNode::leaf(0, 0),
+                    NodeKind::Leaf { .. } => {
+                        WalkNode::leaf(unit + branch.children[0], branch.children[1])
+                    }
+                };
+            }
+        });
+    }
+}
+
+/// Divides the tree below a node, of which `end` is the first node behind, into tasks.
+fn divide(
+    nodes: &[KdNode],
+    node: u32,
+    end: u32,
+    cell: &Aabb,
+    top: &mut Vec<u32>,
+    tasks: &mut Vec<Task>,
+) {
+    match nodes[node as usize].kind() {
+        NodeKind::Interior { axis, split, right } if end - node > TASK => {
+            top.push(node);
+            let (left_cell, right_cell) = halves(cell, axis as usize, split);
+            divide(nodes, node + 1, right, &left_cell, top, tasks);
+            divide(nodes, right, end, &right_cell, top, tasks);
+        }
+        _ => {
+            let costs = Costs::NOTHING;
+            tasks.push(Task { first: node, end, cell: *cell, costs, start: 0 });
+        }
+    }
+}
+
+/// Makes a vector's room at least so large, and no larger where it is made: then what was there is lost.
+pub(crate) fn fit<T>(vector: &mut Vec<T>, length: usize) {
+    if vector.capacity() < length {
+        // The old memory goes before the new comes.
+        *vector = Vec::new();
+        vector.reserve_exact(length);
+    }
+}
+
+fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
+    let (mut left, mut right) = (*cell, *cell);
+    (left.hi[axis], right.lo[axis]) = (split, split);
+    (left, right)
+}
+
+/// The part of some triangles' bounds in their cell.
+fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
+    let part = bounds.intersection(cell);
+    // Whatever rounding did to a box: what the leaf has is not to be lost.
+    let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
+    if lost { *cell } else { part }
+}
+
+/// What tasks read.
+struct Maker<'a> {
+    tree: &'a KdTreeView<'a>,
+    source: Source<'a>,
+    set: InstructionSet,
+    look: &'a Lookout<'a>,
+    planner: Planner,
+    budget: &'a Budget,
+}
+
+impl Maker<'_> {
+    /// Packs the leaves of a task's subtree and plans it; of no use when the lookout has ended it.
+    fn make(&self, task: &mut Task, part: &mut Part, branches: &mut [Branch]) {
+        let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
+        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        part.begin();
+        // The references of the leaves follow each other.
+        let last = match nodes.last().map(KdNode::kind) {
+            Some(NodeKind::Leaf { first, count }) => first + count,
+            _ => 0,
+        };
+        // The cells of right children that are to come.
+        let mut cells = [Aabb::EMPTY; MAX_DEPTH as usize + 1];
+        let (mut open, mut cell) = (0, task.cell);
+        for (node, branch) in nodes.iter().zip(&mut *branches) {
+            match node.kind() {
+                NodeKind::Interior { axis, split, .. } => {
+                    (cell, cells[open]) = halves(&cell, axis as usize, split);
+                    open += 1;
+                }
+                NodeKind::Leaf { first, count } => {
+                    if self.look.worked(2 * u64::from(count)) {
+                        return;
+                    }
+                    if count > 0 {
+                        *branch = self.leaf([first, count, last], &cell, &mut packer, part);
+                        self.look.advance(u64::from(count));
+                    }
+                    open = open.wrapping_sub(1);
+                    if let Some(next) = cells.get(open) {
+                        cell = *next;
+                    }
+                }
+            }
+        }
+        task.costs = self.planner.subtree(self.set, task.first, nodes, branches);
+        // The other half is that of the nodes that are made.
+        self.look.advance(nodes.len() as u64 / 2);
+        self.look.worked(8 * nodes.len() as u64);
+    }
+
+    /// A leaf that is not empty: its first reference and how many, and the end of the task's.
+    fn leaf(
+        &self,
+        [first, count, last]: [u32; 3],
+        cell: &Aabb,
+        packer: &mut Packer<'_>,
+        part: &mut Part,
+    ) -> Branch {
+        let references = &self.tree.references[first as usize..];
+        let to_come = last.saturating_sub(first + count) as usize;
+        let mut bounds = Aabb::EMPTY;
+        if self.source.layout == QueryLayout::Compact {
+            for &triangle in &references[..count as usize] {
+                let corners = &self.source.triangles[triangle as usize];
+                bounds = bounds.union(&Aabb::of_points(corners));
+            }
+            return Branch::leaf(within(cell, &bounds), 0, 1);
+        }
+        let (unit, mut blocks) = ((part.used / UNIT_WORDS) as u32, 0);
+        let mut left = count as usize;
+        while left > 0 {
+            let to = part.next(left + to_come, self.budget);
+            let packed = packer.block(&references[count as usize - left..], left, to);
+            part.used += packed.words;
+            bounds = bounds.union(&packed.bounds);
+            left -= packed.count;
+            blocks += 1;
+        }
+        Branch::leaf(within(cell, &bounds), unit, blocks)
+    }
+
+    /// Plans the nodes above the tasks.
+    fn join(
+        &self,
+        node: u32,
+        tasks: &mut std::slice::Iter<'_, Task>,
+        branches: &mut Branches<'_>,
+    ) -> Costs {
+        if let Some(task) = tasks.as_slice().first()
+            && task.first == node
+        {
+            tasks.next();
+            return task.costs;
+        }
+        let NodeKind::Interior { axis, right, .. } = self.tree.nodes[node as usize].kind() else {
+            return Costs::NOTHING;
+        };
+        let one = self.join(node + 1, tasks, branches);
+        let mut other = self.join(right, tasks, branches);
+        self.planner.join(node, axis as u8, &one, &mut other, branches);
+        other
+    }
+}

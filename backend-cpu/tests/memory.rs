@@ -1,0 +1,136 @@
+//! A limit on memory is held to the byte, and what counts against it is what is really allocated.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard};
+
+use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryLayout};
+use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_cpu::{CpuBackend, InstructionSet};
+use splitplane_test_support::scenes::{self, Scene};
+
+/// Counts bytes that are allocated now, and the most that were.
+struct Counting;
+
+static HELD: AtomicI64 = AtomicI64::new(0);
+static PEAK: AtomicI64 = AtomicI64::new(0);
+
+fn change(bytes: i64) {
+    let held = HELD.fetch_add(bytes, Relaxed) + bytes;
+    PEAK.fetch_max(held, Relaxed);
+}
+
+// SAFETY: hands everything on to the system's allocator.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        change(layout.size() as i64);
+        // SAFETY: the caller's contract.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        change(-(layout.size() as i64));
+        // SAFETY: the caller's contract.
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        change(size as i64 - layout.size() as i64);
+        // SAFETY: the caller's contract.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// Tests take turns, since all threads' memory is counted.
+fn alone() -> MutexGuard<'static, ()> {
+    static TURN: Mutex<()> = Mutex::new(());
+    TURN.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// What work allocates at most beyond what is there.
+fn peak_of<T>(work: impl FnOnce() -> T) -> (T, i64) {
+    let before = HELD.load(Relaxed);
+    PEAK.store(before, Relaxed);
+    let out = work();
+    (out, PEAK.load(Relaxed) - before)
+}
+
+/// A mesh that shares corners, one that does not, and one that is a single leaf.
+fn scenes() -> [Scene; 3] {
+    [scenes::sphere(120, [0.0; 3], 1.0), scenes::soup(9_000, 0.05, 3), scenes::identical(100_000)]
+}
+
+fn options(preset: Preset, layout: QueryLayout) -> BuildOptions {
+    BuildOptions { config: BuildConfig::preset(preset), layout, max_memory: None }
+}
+
+/// Everything that is built, with what it took.
+fn each(mut check: impl FnMut(&str, &Scene, InstructionSet, BuildOptions)) {
+    for scene in scenes() {
+        for set in InstructionSet::available() {
+            for layout in [QueryLayout::Fast, QueryLayout::Compact] {
+                let preset =
+                    if layout == QueryLayout::Fast { Preset::Fast } else { Preset::Balanced };
+                let what = format!("{}, {}, {layout:?}", scene.name, set.name());
+                check(&what, &scene, set, options(preset, layout));
+            }
+        }
+    }
+}
+
+#[test]
+fn limits_are_held_to_the_byte() {
+    let _alone = alone();
+    each(|what, scene, set, options| {
+        let mesh = scene.mesh();
+        // A new backend each time: memory that is kept counts.
+        let build = |max_memory| {
+            let options = BuildOptions { max_memory, ..options };
+            CpuBackend::with_instruction_set(set).build(&mesh, &options)
+        };
+        let free = build(None).expect("no limit");
+        let peak = free.summary().peak_bytes;
+        let enough = build(Some(peak)).expect("just enough");
+        assert!(enough.summary().peak_bytes == peak && enough.tree() == free.tree(), "{what}");
+        for limit in [peak - 1, peak - peak / 50] {
+            let error = build(Some(limit)).err().expect("not enough");
+            assert_eq!(error, BuildError::OutOfMemory { needed: peak, limit }, "{what}");
+        }
+
+        // The same for rebuilds, which keep what they had when there is not enough.
+        let backend = CpuBackend::with_instruction_set(set);
+        let mut kept = backend.build_accelerator(&mesh, &options).expect("no limit");
+        backend.rebuild(&mut kept, &mesh, &options).expect("no limit");
+        let peak = kept.summary().peak_bytes;
+        for (limit, enough) in [(peak, true), (peak - 1, false), (peak, true)] {
+            let options = BuildOptions { max_memory: Some(limit), ..options };
+            match backend.rebuild(&mut kept, &mesh, &options) {
+                Ok(()) => assert!(enough, "{what}"),
+                Err(error) => {
+                    assert!(!enough, "{what}: {error}");
+                    assert_eq!(error, BuildError::OutOfMemory { needed: peak, limit }, "{what}");
+                }
+            }
+            assert!(kept.tree() == free.tree() && kept.summary().peak_bytes == peak, "{what}");
+        }
+    });
+}
+
+#[test]
+fn what_counts_is_what_is_allocated() {
+    let _alone = alone();
+    each(|what, scene, set, options| {
+        let mesh = scene.mesh();
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(2).build().expect("threads");
+        let (built, taken) = pool.install(|| {
+            peak_of(|| CpuBackend::with_instruction_set(set).build_accelerator(&mesh, &options))
+        });
+        let counted = built.expect("no limit").summary().peak_bytes as i64;
+        eprintln!("{what}: {taken} {counted} {:.3}", counted as f64 / taken as f64);
+        assert!(taken <= counted + counted / 20 + 100_000, "{what}: {taken} taken, {counted} told");
+        assert!(counted <= taken + taken / 4, "{what}: {taken} taken, {counted} told");
+    });
+}
