@@ -8,17 +8,20 @@
 mod accelerator;
 mod blocks;
 mod exact;
+mod fast;
 mod indexed;
 mod instruction_set;
 mod leaf;
 mod leaves;
 mod packet;
+mod plane;
 mod prepare;
 mod record;
 mod sieve;
 mod simd;
 mod single;
 mod stream;
+mod watertight;
 mod wide;
 
 pub use accelerator::CpuAccelerator;

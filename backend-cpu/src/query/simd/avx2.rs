@@ -4,7 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd};
+use super::{Direction, Simd, Task};
 use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX2.
@@ -231,6 +231,19 @@ impl Simd for Avx2 {
             let last = *direction.places.get_unchecked(last) as usize;
             *children.add(*order.add(last) as usize)
         }
+    }
+    #[inline(always)]
+    unsafe fn product_error(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
+    }
+    #[inline(always)]
+    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
+        #[inline(never)]
+        unsafe fn run<T: Task<Avx2>>(task: &T) -> T::Output {
+            unsafe { task.run() }
+        }
+        unsafe { run(task) }
     }
 }
 

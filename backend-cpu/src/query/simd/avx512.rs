@@ -4,7 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd};
+use super::{Direction, Simd, Task};
 use crate::query::InstructionSet;
 
 /// [`Simd`] by AVX-512.
@@ -215,6 +215,19 @@ impl Simd for Avx512 {
     #[inline(always)]
     unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn product_error(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_fmsub_ps(a, b, _mm512_mul_ps(a, b)) }
+    }
+    #[inline(always)]
+    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+        #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
+        #[inline(never)]
+        unsafe fn run<T: Task<Avx512>>(task: &T) -> T::Output {
+            unsafe { task.run() }
+        }
+        unsafe { run(task) }
     }
 }
 

@@ -139,6 +139,23 @@ pub(crate) trait Simd: Copy {
         // SAFETY: the caller's contract.
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
     }
+
+    /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
+    unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Runs a task in a function of its own, with the set at its disposal.
+    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output;
+}
+
+/// What is seldom to be done, and so kept out of the functions that ask for it.
+pub(crate) trait Task<S: Simd> {
+    /// What it gives.
+    type Output;
+
+    /// Does it.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn run(&self) -> Self::Output;
 }
 
 /// Asks for the cache line at an address that need not be readable.
@@ -156,6 +173,8 @@ pub(crate) fn prefetch(at: *const u8) {
 #[cfg(test)]
 mod tests {
     //! Each operation of each set against what its description says, lane by lane.
+
+    use splitplane_core::arithmetic::{Arithmetic, Strict};
 
     use super::*;
 
@@ -180,6 +199,24 @@ mod tests {
 
         fn row(&mut self) -> [f32; MOST_LANES] {
             [(); MOST_LANES].map(|()| self.float())
+        }
+
+        /// Numbers of all bits, subnormal and infinite ones among them.
+        fn wide_row(&mut self) -> [f32; MOST_LANES] {
+            [(); MOST_LANES].map(|()| f32::from_bits(self.word() << 16 ^ self.word()))
+        }
+    }
+
+    /// Adds numbers to themselves.
+    struct Doubled<S: Simd>(S::Floats);
+
+    impl<S: Simd> Task<S> for Doubled<S> {
+        type Output = S::Floats;
+
+        #[inline(always)]
+        unsafe fn run(&self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe { S::add(self.0, self.0) }
         }
     }
 
@@ -212,6 +249,13 @@ mod tests {
                 assert_eq!(told(S::min(a, b)), each(|x, y| if x < y { x } else { y }));
                 assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
                 assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
+                assert_eq!(told(S::product_error(a, b)), each(|x, y| Strict::two_product(x, y).1));
+                let (x, y) = (numbers.wide_row(), numbers.wide_row());
+                let error = S::product_error(S::load(x.as_ptr()), S::load(y.as_ptr()));
+                let expected: Vec<f32> =
+                    (0..S::N).map(|i| Strict::two_product(x[i], y[i]).1).collect();
+                assert_eq!(told(error), bits(&expected), "{x:?} {y:?}");
+                assert_eq!(told(S::apart(&Doubled::<S>(a))), each(|x, _| x + x));
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);

@@ -4,7 +4,7 @@
 
 use core::arch::aarch64::*;
 
-use super::{Direction, Portable, Simd};
+use super::{Direction, Portable, Simd, Task};
 use crate::query::InstructionSet;
 
 /// [`Simd`] by NEON.
@@ -181,6 +181,14 @@ impl Simd for Neon {
             let mask = Portable::mask(Self::bits(mask));
             Portable::push(children, numbers, mask, order, direction, to_children, to_t)
         }
+    }
+    #[inline(always)]
+    unsafe fn product_error(a: Floats, b: Floats) -> Floats {
+        unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(vmulq_f32(a[i], b[i])), a[i], b[i])) }
+    }
+    #[inline(never)]
+    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+        unsafe { task.run() }
     }
 }
 

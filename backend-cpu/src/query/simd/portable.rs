@@ -2,7 +2,7 @@
 
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
-use super::{Direction, Simd};
+use super::{Direction, Simd, Task};
 use crate::query::InstructionSet;
 
 /// [`Simd`] by loops over arrays.
@@ -169,5 +169,14 @@ impl Simd for Portable {
             }
         }
         last
+    }
+    #[inline(always)]
+    unsafe fn product_error(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        // 24 + 24 bits fit the 53 of an f64.
+        each(|i| (f64::from(a[i]) * f64::from(b[i]) - f64::from(a[i] * b[i])) as f32)
+    }
+    #[inline(never)]
+    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+        unsafe { task.run() }
     }
 }
