@@ -1,5 +1,7 @@
 //! The wide triangle test: which triangles of a block hold a hit, and where.
 
+use core::marker::PhantomData;
+
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{Candidate, PreparedRay, moeller_trumbore, watertight};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
@@ -11,12 +13,12 @@ use super::fast;
 use super::plane::Plane;
 use super::prepare::Way;
 use super::record::Record;
-use super::simd::{MOST_LANES, Simd};
-use super::watertight::{Corner, Span, View, meet};
+use super::simd::{MOST_LANES, Simd, Task};
+use super::watertight::{Corner, Meeting, Span, View, meet};
 
 /// Triangles that are tested at once, as the test reads them.
 pub(crate) trait Triangles {
-    /// Vectors that the corners' coordinates on an axis take.
+    /// Vectors that the corners' coordinates on an axis take: 2 or 3.
     const VECTORS: usize;
 
     /// How many, at most as many as there are lanes.
@@ -189,21 +191,78 @@ pub(crate) fn test_one(
 /// What the wide test says of the triangles of a block, as bits.
 #[repr(C, align(64))]
 struct Sifted {
-    /// Those that the reference test accepts; the numbers below are what it gives.
-    met: u32,
-    /// Those that it may accept: for the reference to decide.
-    unclear: u32,
-    /// Those of `met` with the least inner `t`.
-    nearest: u32,
     /// Inner `t`.
     t: [f32; MOST_LANES],
     /// Edge functions opposite the second and the third corner, and the sum of all three.
     v: [f32; MOST_LANES],
     w: [f32; MOST_LANES],
     det: [f32; MOST_LANES],
+    /// Inner `t` of the nearest and the farthest corner.
+    depths: [[f32; MOST_LANES]; 2],
+    /// Those that the reference test accepts; the numbers above are what it gives.
+    met: u32,
+    /// Those that it may accept: for the reference to decide.
+    unclear: u32,
+    /// Those of `met` with the least inner `t`.
+    nearest: u32,
 }
 
 impl Sifted {
+    /// Nothing.
+    #[inline(always)]
+    fn none() -> Sifted {
+        let row = [0.0; MOST_LANES];
+        Sifted {
+            met: 0,
+            unclear: 0,
+            nearest: 0,
+            t: row,
+            v: row,
+            w: row,
+            det: row,
+            depths: [row; 2],
+        }
+    }
+
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn put<S: Simd>(&mut self, meeting: &Meeting<S>, any: bool) {
+        // SAFETY: the caller's contract; no set has more lanes than rows.
+        unsafe {
+            let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
+            (self.met, self.unclear) = (met, unclear);
+            self.nearest = if any { met } else { met & S::least(met, t) };
+            S::store(self.t.as_mut_ptr(), t);
+            S::store(self.v.as_mut_ptr(), v);
+            S::store(self.w.as_mut_ptr(), w);
+            S::store(self.det.as_mut_ptr(), det);
+            S::store(self.depths[0].as_mut_ptr(), nearest);
+            S::store(self.depths[1].as_mut_ptr(), farthest);
+        }
+    }
+
+    /// What was put.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
+        // SAFETY: as above.
+        unsafe {
+            let [nearest, farthest] = &self.depths;
+            Meeting {
+                met: self.met,
+                unclear: self.unclear,
+                t: S::load(self.t.as_ptr()),
+                v: S::load(self.v.as_ptr()),
+                w: S::load(self.w.as_ptr()),
+                det: S::load(self.det.as_ptr()),
+                depths: [S::load(nearest.as_ptr()), S::load(farthest.as_ptr())],
+            }
+        }
+    }
+
     /// Where the ray meets a triangle of `met`.
     #[inline(always)]
     fn candidate(&self, index: usize) -> Candidate {
@@ -226,15 +285,25 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     best: &mut Best,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
-    let row = [0.0; MOST_LANES];
-    let mut sifted = Sifted { met: 0, unclear: 0, nearest: 0, t: row, v: row, w: row, det: row };
+    let mut sifted = Sifted::none();
     // SAFETY: the caller's contract.
     unsafe {
-        match options.accuracy {
-            Accuracy::Fast => sifted.unclear = sift_fast::<S, T>(way, record, limit),
-            _ => {
-                let any = query == Query::Any;
-                sift::<S, T>(way, record, limit, options.culling, any, &mut sifted);
+        if options.accuracy == Accuracy::Fast {
+            sifted.unclear = sift_fast::<S, T>(way, record, limit);
+        } else {
+            let any = query == Query::Any;
+            let seen = Seen::<S, T>::new(way, record);
+            // Of what follows the last triangle nothing counts.
+            let there = (1u32 << record.count()) - 1;
+            let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
+            let Some(meeting) = meeting else { return false };
+            if meeting.met | meeting.unclear == 0 {
+                return false;
+            }
+            sifted.put(&meeting, any);
+            // For any hit those that are met come first.
+            if meeting.unclear != 0 && !(any && meeting.met != 0) {
+                S::apart(CloserLook { way, record, limit, any, sifted: &mut sifted });
             }
         }
     }
@@ -321,28 +390,32 @@ type Vectors<S> = [<S as Simd>::Floats; 3];
 
 /// The triangles of a block as a ray sees them. What is done with a corner is done once for all
 /// triangles that share it.
-struct Seen<'a, S: Simd, T> {
-    way: &'a Way,
-    record: &'a T,
+struct Seen<S: Simd, T> {
     places: [S::Places; 3],
     /// In as many vectors as [`Triangles::VECTORS`].
     corners: [Corner<S>; 3],
+    of: PhantomData<T>,
 }
 
-impl<'a, S: Simd, T: Triangles> Seen<'a, S, T> {
+impl<S: Simd, T: Triangles> Seen<S, T> {
     /// # Safety
     /// As for [`test`].
     #[inline(always)]
-    unsafe fn new(way: &'a Way, record: &'a T) -> Seen<'a, S, T> {
+    unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
             let axes = way.axes();
             let (origin, shear) = (each::<S>(way.origin), each::<S>(way.shear));
-            let mut corners = [Corner::new(coordinates::<S, T>(record, axes, 0), origin, shear); 3];
-            for (vector, corner) in corners.iter_mut().enumerate().take(T::VECTORS).skip(1) {
-                *corner = Corner::new(coordinates::<S, T>(record, axes, vector), origin, shear);
-            }
-            Seen { way, record, places: record.places::<S>(), corners }
+            // Written out: they are to stay in registers, which loops do not grant.
+            let first = Corner::new(coordinates::<S, T>(record, axes, 0), origin, shear);
+            let second = Corner::new(coordinates::<S, T>(record, axes, 1), origin, shear);
+            let third = if T::VECTORS > 2 {
+                Corner::new(coordinates::<S, T>(record, axes, 2), origin, shear)
+            } else {
+                second
+            };
+            let corners = [first, second, third];
+            Seen { places: record.places::<S>(), corners, of: PhantomData }
         }
     }
 
@@ -399,10 +472,9 @@ unsafe fn all_corners<S: Simd, T: Triangles>(
     unsafe {
         let mut corners = [[S::splat(0.0); 3]; 3];
         for axis in 0..3 {
-            let mut vectors = [record.coordinates::<S>(axis, 0); 3];
-            for (vector, to) in vectors.iter_mut().enumerate().take(T::VECTORS).skip(1) {
-                *to = record.coordinates::<S>(axis, vector);
-            }
+            let second = record.coordinates::<S>(axis, 1);
+            let third = if T::VECTORS > 2 { record.coordinates::<S>(axis, 2) } else { second };
+            let vectors = [record.coordinates::<S>(axis, 0), second, third];
             let [a, b, c] = T::of_corners::<S>(vectors, places);
             (corners[0][axis], corners[1][axis], corners[2][axis]) = (a, b, c);
         }
@@ -410,7 +482,7 @@ unsafe fn all_corners<S: Simd, T: Triangles>(
     }
 }
 
-impl<S: Simd, T: Triangles> View<S> for Seen<'_, S, T> {
+impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
     #[inline(always)]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
@@ -443,53 +515,43 @@ impl<S: Simd, T: Triangles> View<S> for Seen<'_, S, T> {
         // SAFETY: the caller's contract.
         unsafe { self.greatest([a.width(), b.width(), c.width()]) }
     }
+}
+
+/// A look at the planes of the triangles that are unclear, seldom needed.
+struct CloserLook<'a, T> {
+    way: &'a Way,
+    record: &'a T,
+    limit: f32,
+    any: bool,
+    sifted: &'a mut Sifted,
+}
+
+impl<S: Simd, T: Triangles> Task<S> for CloserLook<'_, T> {
+    type Output = ();
 
     #[inline(always)]
-    unsafe fn plane(&self) -> Plane<S> {
-        let ray = self.way.ray();
-        // SAFETY: the caller's contract.
+    unsafe fn run(self) {
+        let CloserLook { way, record, limit, any, sifted } = self;
+        let ray = way.ray();
+        // SAFETY: the caller's contract, and that of [`test`].
         unsafe {
-            Plane {
-                origin: each::<S>(ray.origin),
-                direction: each::<S>(ray.direction),
-                corners: all_corners::<S, T>(self.record, self.places),
-            }
+            let corners = all_corners::<S, T>(record, record.places::<S>());
+            let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+            let mut meeting = sifted.meeting::<S>();
+            let plane = Plane { origin, direction, corners };
+            meeting.look_closely(plane, &span::<S>(way, limit));
+            sifted.put(&meeting, any);
         }
     }
 }
 
-/// Where the ray meets triangles, by the watertight test. For any hit what is unclear stays so where there
-/// are hits.
-///
 /// # Safety
-/// As for [`test`].
+/// The processor must have the set.
 #[inline(always)]
-unsafe fn sift<S: Simd, T: Triangles>(
-    way: &Way,
-    record: &T,
-    limit: f32,
-    culling: Culling,
-    any: bool,
-    out: &mut Sifted,
-) {
+unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
-    unsafe {
-        let seen = Seen::<S, T>::new(way, record);
-        let [t_min, t_max, stop] = each::<S>([way.t_min, way.t_max, limit]);
-        let span = Span { t_min, t_max, stop };
-        // Of what follows the last triangle nothing counts.
-        let there = (1u32 << record.count()) - 1;
-        let Some(mut meeting) = meet(&seen, there, &span, culling) else { return };
-        if meeting.unclear != 0 && !(any && meeting.met != 0) {
-            meeting.look_closely(&seen, &span);
-        }
-        (out.met, out.unclear) = (meeting.met, meeting.unclear);
-        out.nearest = if any { out.met } else { out.met & S::least(out.met, meeting.t) };
-        S::store(out.t.as_mut_ptr(), meeting.t);
-        S::store(out.v.as_mut_ptr(), meeting.v);
-        S::store(out.w.as_mut_ptr(), meeting.w);
-        S::store(out.det.as_mut_ptr(), meeting.det);
-    }
+    let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
+    Span { t_min, t_max, stop }
 }
 
 /// Triangles that the fast test accepts, whichever way they face.

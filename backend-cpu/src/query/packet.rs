@@ -19,7 +19,7 @@ use super::leaf::{self, Best, Table, decide, of_corners};
 use super::plane::Plane;
 use super::prepare::{LANES, Lanes, ORIGIN_SLACK, PreparedRays, Way};
 use super::record::Record;
-use super::simd::{MOST_LANES, Simd};
+use super::simd::{MOST_LANES, Simd, Task};
 use super::stream::{Octant, octants_of};
 use super::watertight::{Corner, Meeting, Span, View, enclosed, meet};
 use super::wide::{BLOCK, Line};
@@ -696,7 +696,7 @@ impl Packet {
             let span = Span { t_min, t_max, stop: S::min(load::<S>(&self.beyond), t_max) };
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
             if meeting.unclear != 0 {
-                meeting.look_closely(&seen, &span);
+                meeting = S::apart(CloserLook { rays, record, index, span, meeting });
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
             // The caller's t: packets hold no moved rays.
@@ -784,23 +784,15 @@ unsafe fn corners<S: Simd>(
 }
 
 /// One triangle as the rays see it.
-struct Seen<'a, S: Simd> {
-    rays: &'a Rays<'a>,
-    record: &'a Record<'a>,
-    index: usize,
+struct Seen<S: Simd> {
     corners: [Corner<S>; 3],
 }
 
-impl<'a, S: Simd> Seen<'a, S> {
+impl<S: Simd> Seen<S> {
     /// # Safety
     /// As for [`Packet::trace`]; the triangle must be one of the block's.
     #[inline(always)]
-    unsafe fn new(
-        rays: &'a Rays<'a>,
-        axes: [usize; 3],
-        record: &'a Record<'a>,
-        index: usize,
-    ) -> Seen<'a, S> {
+    unsafe fn new(rays: &Rays<'_>, axes: [usize; 3], record: &Record<'_>, index: usize) -> Seen<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.sheared_origin);
@@ -811,12 +803,12 @@ impl<'a, S: Simd> Seen<'a, S> {
                 Corner::new(b, origin, shear),
                 Corner::new(c, origin, shear),
             ];
-            Seen { rays, record, index, corners }
+            Seen { corners }
         }
     }
 }
 
-impl<S: Simd> View<S> for Seen<'_, S> {
+impl<S: Simd> View<S> for Seen<S> {
     #[inline(always)]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
@@ -842,17 +834,32 @@ impl<S: Simd> View<S> for Seen<'_, S> {
         // SAFETY: the caller's contract.
         unsafe { S::max(a.width(), S::max(b.width(), c.width())) }
     }
+}
+
+/// A look at a triangle's plane for the rays that are unclear.
+struct CloserLook<'a, S: Simd> {
+    rays: &'a Rays<'a>,
+    record: &'a Record<'a>,
+    index: usize,
+    span: Span<S>,
+    meeting: Meeting<S>,
+}
+
+impl<S: Simd> Task<S> for CloserLook<'_, S> {
+    type Output = Meeting<S>;
 
     #[inline(always)]
-    unsafe fn plane(&self) -> Plane<S> {
+    unsafe fn run(mut self) -> Meeting<S> {
         let ready = self.rays.ready;
         // SAFETY: the caller's contract; the triangle is one of the block's.
         unsafe {
-            Plane {
+            let plane = Plane {
                 origin: self.rays.rows::<S>(&ready.origin),
                 direction: self.rays.rows::<S>(&ready.direction),
                 corners: corners::<S>(self.record, self.index, [0, 1, 2]),
-            }
+            };
+            self.meeting.look_closely(plane, &self.span);
+            self.meeting
         }
     }
 }

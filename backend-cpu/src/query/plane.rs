@@ -25,7 +25,7 @@ impl<S: Simd> Task<S> for Plane<S> {
     type Output = (S::Floats, u32);
 
     #[inline(always)]
-    unsafe fn run(&self) -> (S::Floats, u32) {
+    unsafe fn run(self) -> (S::Floats, u32) {
         // SAFETY: the caller's contract.
         unsafe {
             let [a, b, c] = self.corners;
@@ -149,5 +149,154 @@ impl<S: Simd> Double<S> {
             let sum = S::add(high, low);
             Double { high: sum, low: S::sub(low, S::sub(sum, high)) }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::arithmetic::{Strict, power_of_two};
+    use splitplane_core::intersect::distance_to_plane;
+    use splitplane_core::triangle::Triangle;
+
+    use super::super::simd::{Check, MOST_LANES, on_every_set};
+    use super::*;
+
+    /// Numbers in `[-1, 1)`, and others.
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn word(&mut self) -> u32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            self.0 >> 8
+        }
+
+        fn next(&mut self) -> f32 {
+            self.word() as f32 / 8_388_608.0 - 1.0
+        }
+
+        fn point(&mut self) -> [f32; 3] {
+            [self.next(), self.next(), self.next()]
+        }
+
+        /// Exponents from one to another.
+        fn power(&mut self, from: i32, to: i32) -> f32 {
+            power_of_two(from + (self.word() % (to - from + 1) as u32) as i32)
+        }
+    }
+
+    fn along(from: [f32; 3], way: [f32; 3], far: f32) -> [f32; 3] {
+        [0, 1, 2].map(|k| from[k] + way[k] * far)
+    }
+
+    /// An origin, a direction and a triangle, as bad as tests that are in range may meet.
+    fn case(kind: u32, numbers: &mut Numbers) -> ([f32; 3], [f32; 3], Triangle) {
+        let mut triangle = [numbers.point(), numbers.point(), numbers.point()];
+        let (mut origin, mut direction) = (numbers.point(), numbers.point());
+        let inside = |numbers: &mut Numbers, [a, b, c]: Triangle| {
+            let (u, v) = (numbers.next().abs(), numbers.next().abs());
+            [0, 1, 2].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
+        };
+        match kind % 8 {
+            // Grazing, more and less.
+            0 | 1 => {
+                let (from, to) = (inside(numbers, triangle), inside(numbers, triangle));
+                let off = if kind % 8 == 0 { 0.0 } else { numbers.power(-24, -4) };
+                direction = along([0, 1, 2].map(|k| to[k] - from[k]), numbers.point(), off);
+                origin = along(from, direction, 3.0 * numbers.next());
+            }
+            // A sliver.
+            2 => {
+                let [a, b, _] = triangle;
+                let edge = [0, 1, 2].map(|k| b[k] - a[k]);
+                triangle[2] = along(a, edge, numbers.next());
+                if kind % 16 < 8 {
+                    let off = numbers.power(-30, -10);
+                    triangle[2] = along(triangle[2], numbers.point(), off);
+                }
+            }
+            // Started on the triangle, or next to it.
+            3 => origin = inside(numbers, triangle),
+            4 => origin = along(inside(numbers, triangle), numbers.point(), numbers.power(-24, -8)),
+            // Flat on an axis, with corners that are one, or starting at a corner.
+            5 => {
+                let axis = kind as usize / 8 % 3;
+                triangle.iter_mut().for_each(|corner| corner[axis] = 0.25);
+                direction[(axis + 1) % 3] = 0.0;
+                if kind % 16 < 8 {
+                    triangle[1] = triangle[2];
+                }
+                origin = triangle[0];
+            }
+            // Coordinates of all sizes.
+            6 => {
+                let all = triangle.iter_mut().chain([&mut origin, &mut direction]);
+                all.flatten().for_each(|x| *x *= numbers.power(-40, 0));
+            }
+            _ => {}
+        }
+        // To the ends of what is in range.
+        let scale = match kind / 8 % 4 {
+            0 => numbers.power(-61, -30),
+            1 => numbers.power(20, 37),
+            _ => 1.0,
+        };
+        let scaled = |p: [f32; 3]| p.map(|x| x * scale);
+        (scaled(origin), direction, triangle.map(scaled))
+    }
+
+    /// How many planes there were, and how many triangles without.
+    #[derive(Default)]
+    struct Planes {
+        there: usize,
+        without: usize,
+    }
+
+    impl Check for Planes {
+        unsafe fn check<S: Simd>(&mut self) {
+            let mut numbers = Numbers(31);
+            for round in 0..if cfg!(miri) { 40 } else { 20_000 } {
+                let cases: [_; MOST_LANES] =
+                    core::array::from_fn(|i| case((round * MOST_LANES + i) as u32, &mut numbers));
+                // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
+                let (t, there) = unsafe {
+                    let row = |of: &dyn Fn(usize) -> f32| {
+                        S::load(core::array::from_fn::<_, MOST_LANES, _>(of).as_ptr())
+                    };
+                    let plane = Plane::<S> {
+                        origin: [0, 1, 2].map(|k| row(&|i| cases[i].0[k])),
+                        direction: [0, 1, 2].map(|k| row(&|i| cases[i].1[k])),
+                        corners: [0, 1, 2].map(|c| [0, 1, 2].map(|k| row(&|i| cases[i].2[c][k]))),
+                    };
+                    let (t, there) = S::apart(plane);
+                    let mut row = [0.0; MOST_LANES];
+                    S::store(row.as_mut_ptr(), t);
+                    (row, there)
+                };
+                for (i, (origin, direction, triangle)) in cases.iter().enumerate().take(S::N) {
+                    let found = (there >> i & 1 != 0).then_some(t[i] + 0.0);
+                    let expected = distance_to_plane::<Strict>(origin, direction, triangle);
+                    // One zero is as good as the other.
+                    let expected = expected.map(|t| t + 0.0);
+                    assert_eq!(
+                        found.map(f32::to_bits),
+                        expected.map(f32::to_bits),
+                        "{:?} {found:?} {expected:?} {:?}",
+                        S::SET,
+                        cases[i]
+                    );
+                    self.there += usize::from(found.is_some());
+                    self.without += usize::from(found.is_none());
+                }
+            }
+        }
+    }
+
+    /// Of triangles of all kinds, seen from anywhere.
+    #[test]
+    fn planes_are_those_of_the_reference() {
+        let mut planes = Planes::default();
+        on_every_set(&mut planes);
+        assert!(planes.without > 1_000 || cfg!(miri), "{}", planes.without);
+        assert!(planes.there > 4 * planes.without, "{} {}", planes.there, planes.without);
     }
 }

@@ -8,7 +8,7 @@ use splitplane_core::intersect::{EDGE_LEAST, INTERPOLATION_ERROR};
 use splitplane_core::ray::Culling;
 
 use super::plane::Plane;
-use super::simd::Simd;
+use super::simd::{Simd, Task};
 
 /// A corner of triangles as rays see it.
 #[derive(Clone, Copy)]
@@ -70,8 +70,6 @@ pub(crate) trait View<S: Simd> {
     unsafe fn reach(&self) -> S::Floats;
     /// The greatest [`Corner::width`].
     unsafe fn width(&self) -> S::Floats;
-    /// What a closer look needs.
-    unsafe fn plane(&self) -> Plane<S>;
 }
 
 /// Inner `t` that count.
@@ -97,7 +95,7 @@ pub(crate) struct Meeting<S: Simd> {
     pub w: S::Floats,
     pub det: S::Floats,
     /// Inner `t` of the nearest and the farthest corner.
-    depths: [S::Floats; 2],
+    pub depths: [S::Floats; 2],
 }
 
 /// Edge functions opposite the first, second and third corner: twice the signed areas of triangles of
@@ -198,10 +196,10 @@ impl<S: Simd> Meeting<S> {
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    pub unsafe fn look_closely<V: View<S>>(&mut self, view: &V, span: &Span<S>) {
+    pub unsafe fn look_closely(&mut self, plane: Plane<S>, span: &Span<S>) {
         // SAFETY: the caller's contract.
         unsafe {
-            let (t, there) = S::apart(&view.plane());
+            let (t, there) = plane.run();
             let (t, kept) = held::<S>(t, self.depths, span);
             self.met |= self.unclear & there & kept;
             self.t = S::select(S::mask(self.unclear & there), t, self.t);
@@ -268,4 +266,193 @@ unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
 unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::aabb::Aabb;
+    use splitplane_core::arithmetic::{Strict, snap};
+    use splitplane_core::intersect::{Candidate, Limits, PreparedRay, SceneScale, watertight};
+    use splitplane_core::ray::Ray;
+    use splitplane_core::triangle::Triangle;
+
+    use super::super::simd::{Check, MOST_LANES, on_every_set};
+    use super::*;
+
+    /// Numbers in `[-1, 1)`.
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
+        }
+
+        fn point(&mut self, reach: f32) -> [f32; 3] {
+            [self.next() * reach, self.next() * reach, self.next() * reach]
+        }
+    }
+
+    /// A ray towards a point of a large triangle, from nearby, at any angle.
+    fn pair(round: usize, scene: &SceneScale, numbers: &mut Numbers) -> (PreparedRay, Triangle) {
+        loop {
+            let triangle = [numbers.point(9.0), numbers.point(9.0), numbers.point(9.0)];
+            let [a, b, c] = triangle;
+            let mut inside = || {
+                let (u, v) = (0.5 * numbers.next().abs(), 0.6 * numbers.next().abs());
+                [0, 1, 2].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
+            };
+            let (from, to) = (inside(), inside());
+            let off = numbers.point([1.0, 1e-2, 1e-4, 1e-6][round % 4]);
+            let origin = match round / 4 % 3 {
+                0 => [0, 1, 2].map(|k| from[k] + off[k]),
+                1 => from,
+                _ => numbers.point(9.0),
+            };
+            let direction = [0, 1, 2].map(|k| to[k] - origin[k]);
+            let ray = Ray::new(origin, direction);
+            let ray = if round.is_multiple_of(5) { ray.with_limits(-1.0, 1.0) } else { ray };
+            if let Some(ray) = PreparedRay::new::<Strict>(&ray, scene) {
+                return (ray, triangle);
+            }
+        }
+    }
+
+    /// A ray and a triangle a lane.
+    struct Pairs([(PreparedRay, Triangle); MOST_LANES]);
+
+    impl Pairs {
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn row<S: Simd>(&self, of: impl Fn(&PreparedRay, &Triangle) -> f32) -> S::Floats {
+            let row = self.0.map(|(ray, triangle)| of(&ray, &triangle));
+            // SAFETY: the caller's contract; no set has more lanes.
+            unsafe { S::load(row.as_ptr()) }
+        }
+
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn corners<S: Simd>(&self) -> [Corner<S>; 3] {
+            // SAFETY: the caller's contract.
+            unsafe {
+                [0, 1, 2].map(|c| {
+                    Corner::new(
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, corners| corners[c][ray.axes[k]])),
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[ray.axes[k]])),
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.shear[k])),
+                    )
+                })
+            }
+        }
+    }
+
+    impl Pairs {
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn plane<S: Simd>(&self) -> Plane<S> {
+            // SAFETY: the caller's contract.
+            unsafe {
+                Plane {
+                    origin: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[k])),
+                    direction: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.direction[k])),
+                    corners: [0, 1, 2]
+                        .map(|c| [0, 1, 2].map(|k| self.row::<S>(|_, corners| corners[c][k]))),
+                }
+            }
+        }
+    }
+
+    impl<S: Simd> View<S> for Pairs {
+        unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+            // SAFETY: the caller's contract.
+            let corners = unsafe { self.corners::<S>() };
+            [0, 1].map(|k| corners.map(|corner| corner.flat[k]))
+        }
+
+        unsafe fn depths(&self) -> [S::Floats; 3] {
+            // SAFETY: the caller's contract.
+            unsafe { self.corners::<S>() }.map(|corner| corner.depth)
+        }
+
+        unsafe fn reach(&self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe {
+                let [a, b, c] = self.corners::<S>().map(|corner| corner.reach());
+                S::max(a, S::max(b, c))
+            }
+        }
+
+        unsafe fn width(&self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe {
+                let [a, b, c] = self.corners::<S>().map(|corner| corner.width());
+                S::max(a, S::max(b, c))
+            }
+        }
+    }
+
+    /// How many hits there were by interpolation, how many by a closer look, and how many lanes were left.
+    #[derive(Default)]
+    struct Meetings([usize; 3]);
+
+    impl Check for Meetings {
+        unsafe fn check<S: Simd>(&mut self) {
+            let mut numbers = Numbers(5);
+            let bounds = Aabb { lo: [-9.0; 3], hi: [9.0; 3] };
+            let scene = SceneScale::new(
+                bounds,
+                &Limits { greatest: 9.0, least: 1e-9, longest: 18.0, shortest: 1e-3 },
+            );
+            for round in 0..if cfg!(miri) { 30 } else { 4_000 } {
+                let culling = [Culling::None, Culling::Back, Culling::Front][round % 3];
+                let pairs = Pairs(core::array::from_fn(|_| pair(round, &scene, &mut numbers)));
+                let mut rows = [[0.0; MOST_LANES]; 4];
+                // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
+                let (plain, met, unclear) = unsafe {
+                    let t_max = pairs.row::<S>(|ray, _| ray.t_max);
+                    let t_min = pairs.row::<S>(|ray, _| ray.t_min);
+                    let span = Span { t_min, t_max, stop: t_max };
+                    let all = (1u32 << S::N) - 1;
+                    let met = meet::<S, _>(&pairs, all, &span, culling);
+                    let around = enclosed::<S, _>(&pairs);
+                    let Some(mut meeting) = met else { continue };
+                    let plain = meeting.met;
+                    meeting.look_closely(pairs.plane(), &span);
+                    let Meeting { t, v, w, det, .. } = meeting;
+                    for (row, floats) in rows.iter_mut().zip([t, v, w, det]) {
+                        S::store(row.as_mut_ptr(), floats);
+                    }
+                    assert_eq!((meeting.met | meeting.unclear) & !around, 0);
+                    (plain, meeting.met, meeting.unclear)
+                };
+                for (i, (ray, triangle)) in pairs.0.iter().enumerate().take(S::N) {
+                    let expected = watertight::<Strict>(ray, triangle, culling);
+                    if unclear >> i & 1 != 0 {
+                        self.0[2] += 1;
+                        continue;
+                    }
+                    let [t, v, w, det] = rows.map(|row| row[i]);
+                    let found = Candidate { t, u: snap(v / det), v: snap(w / det) };
+                    let found = (met >> i & 1 != 0).then_some(found);
+                    // One zero is as good as the other.
+                    let bits = |hit: Option<Candidate>| {
+                        hit.map(|hit| [hit.t + 0.0, hit.u, hit.v].map(f32::to_bits))
+                    };
+                    assert_eq!(bits(found), bits(expected), "{:?} {:?}", S::SET, pairs.0[i]);
+                    self.0[0] += (plain >> i & 1) as usize;
+                    self.0[1] += ((met & !plain) >> i & 1) as usize;
+                }
+            }
+        }
+    }
+
+    /// By interpolation and by a look at the plane, which is enough for nearly all.
+    #[test]
+    fn meetings_are_those_of_the_reference() {
+        let mut meetings = Meetings::default();
+        on_every_set(&mut meetings);
+        let [plain, close, left] = meetings.0;
+        assert!(plain > 1_000 && close > 1_000 || cfg!(miri), "{plain} {close}");
+        assert!(100 * left < plain + close, "{left} left");
+    }
 }

@@ -237,10 +237,11 @@ impl Simd for Avx2 {
         unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
     }
     #[inline(always)]
-    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
         #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
+        #[cold]
         #[inline(never)]
-        unsafe fn run<T: Task<Avx2>>(task: &T) -> T::Output {
+        unsafe fn run<T: Task<Avx2>>(task: T) -> T::Output {
             unsafe { task.run() }
         }
         unsafe { run(task) }

@@ -221,10 +221,11 @@ impl Simd for Avx512 {
         unsafe { _mm512_fmsub_ps(a, b, _mm512_mul_ps(a, b)) }
     }
     #[inline(always)]
-    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
         #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
+        #[cold]
         #[inline(never)]
-        unsafe fn run<T: Task<Avx512>>(task: &T) -> T::Output {
+        unsafe fn run<T: Task<Avx512>>(task: T) -> T::Output {
             unsafe { task.run() }
         }
         unsafe { run(task) }

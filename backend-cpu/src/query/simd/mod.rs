@@ -143,7 +143,7 @@ pub(crate) trait Simd: Copy {
     /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
     unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// Runs a task in a function of its own, with the set at its disposal.
-    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output;
+    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output;
 }
 
 /// What is seldom to be done, and so kept out of the functions that ask for it.
@@ -155,7 +155,7 @@ pub(crate) trait Task<S: Simd> {
     ///
     /// # Safety
     /// The processor must have the set.
-    unsafe fn run(&self) -> Self::Output;
+    unsafe fn run(self) -> Self::Output;
 }
 
 /// Asks for the cache line at an address that need not be readable.
@@ -168,6 +168,35 @@ pub(crate) fn prefetch(at: *const u8) {
     }
     #[cfg(not(target_arch = "x86_64"))]
     let _ = at;
+}
+
+/// What is to hold on every instruction set.
+#[cfg(test)]
+pub(crate) trait Check {
+    /// Panics where it does not hold.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn check<S: Simd>(&mut self);
+}
+
+/// Runs a check with each set that the processor has.
+#[cfg(test)]
+pub(crate) fn on_every_set(check: &mut impl Check) {
+    for set in InstructionSet::available() {
+        // SAFETY: the processor has it.
+        unsafe {
+            match set {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => check.check::<Avx512>(),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => check.check::<Avx2>(),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => check.check::<Neon>(),
+                _ => check.check::<Portable>(),
+            }
+        }
+    }
 }
 
 #[cfg(test)]
@@ -214,7 +243,7 @@ mod tests {
         type Output = S::Floats;
 
         #[inline(always)]
-        unsafe fn run(&self) -> S::Floats {
+        unsafe fn run(self) -> S::Floats {
             // SAFETY: the caller's contract.
             unsafe { S::add(self.0, self.0) }
         }
@@ -250,12 +279,11 @@ mod tests {
                 assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
                 assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
                 assert_eq!(told(S::product_error(a, b)), each(|x, y| Strict::two_product(x, y).1));
-                let (x, y) = (numbers.wide_row(), numbers.wide_row());
-                let error = S::product_error(S::load(x.as_ptr()), S::load(y.as_ptr()));
-                let expected: Vec<f32> =
-                    (0..S::N).map(|i| Strict::two_product(x[i], y[i]).1).collect();
-                assert_eq!(told(error), bits(&expected), "{x:?} {y:?}");
-                assert_eq!(told(S::apart(&Doubled::<S>(a))), each(|x, _| x + x));
+                let (p, q) = (numbers.wide_row(), numbers.wide_row());
+                let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
+                let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
+                assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
+                assert_eq!(told(S::apart(Doubled::<S>(a))), each(|x, _| x + x));
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);
@@ -372,32 +400,20 @@ mod tests {
         }
     }
 
-    #[test]
-    fn sets_do_what_is_said() {
-        // SAFETY: every processor has the portable one; others are asked for.
-        unsafe {
-            check::<Portable>();
-            check_stacks::<Portable>();
-            for set in InstructionSet::available() {
-                match set {
-                    #[cfg(target_arch = "x86_64")]
-                    InstructionSet::Avx512 => {
-                        check::<Avx512>();
-                        check_stacks::<Avx512>();
-                    }
-                    #[cfg(target_arch = "x86_64")]
-                    InstructionSet::Avx2 => {
-                        check::<Avx2>();
-                        check_stacks::<Avx2>();
-                    }
-                    #[cfg(target_arch = "aarch64")]
-                    InstructionSet::Neon => {
-                        check::<Neon>();
-                        check_stacks::<Neon>();
-                    }
-                    _ => {}
-                }
+    struct Operations;
+
+    impl Check for Operations {
+        unsafe fn check<S: Simd>(&mut self) {
+            // SAFETY: the caller's contract.
+            unsafe {
+                check::<S>();
+                check_stacks::<S>();
             }
         }
+    }
+
+    #[test]
+    fn sets_do_what_is_said() {
+        on_every_set(&mut Operations);
     }
 }

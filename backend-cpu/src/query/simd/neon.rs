@@ -186,8 +186,9 @@ impl Simd for Neon {
     unsafe fn product_error(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(vmulq_f32(a[i], b[i])), a[i], b[i])) }
     }
+    #[cold]
     #[inline(never)]
-    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
         unsafe { task.run() }
     }
 }

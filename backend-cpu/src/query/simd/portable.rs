@@ -175,8 +175,9 @@ impl Simd for Portable {
         // 24 + 24 bits fit the 53 of an f64.
         each(|i| (f64::from(a[i]) * f64::from(b[i]) - f64::from(a[i] * b[i])) as f32)
     }
+    #[cold]
     #[inline(never)]
-    unsafe fn apart<T: Task<Self>>(task: &T) -> T::Output {
+    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
         unsafe { task.run() }
     }
 }
