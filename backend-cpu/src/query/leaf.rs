@@ -232,7 +232,9 @@ impl Sifted {
         unsafe {
             let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
             (self.met, self.unclear) = (met, unclear);
-            self.nearest = if any { met } else { met & S::least(met, t) };
+            // Most often there is one.
+            let alone = any || met & met.wrapping_sub(1) == 0;
+            self.nearest = if alone { met } else { met & S::least(met, t) };
             S::store(self.t.as_mut_ptr(), t);
             S::store(self.v.as_mut_ptr(), v);
             S::store(self.w.as_mut_ptr(), w);
@@ -285,10 +287,11 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     best: &mut Best,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
-    let mut sifted = Sifted::none();
+    let mut sifted;
     // SAFETY: the caller's contract.
     unsafe {
         if options.accuracy == Accuracy::Fast {
+            sifted = Sifted::none();
             sifted.unclear = sift_fast::<S, T>(way, record, limit);
         } else {
             let any = query == Query::Any;
@@ -300,6 +303,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
             if meeting.met | meeting.unclear == 0 {
                 return false;
             }
+            sifted = Sifted::none();
             sifted.put(&meeting, any);
             // For any hit those that are met come first.
             if meeting.unclear != 0 && !(any && meeting.met != 0) {

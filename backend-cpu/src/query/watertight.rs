@@ -175,17 +175,16 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let depths = [nearest, farthest];
         let (t, kept) = held::<S>(interpolated, depths, span);
         let mut meeting = Meeting { met: bits & fine & kept, unclear: 0, t, v, w, det, depths };
-        if bits & !fine != 0 {
-            // Of those many are let go as the reference does: the ones that rays start on.
-            let part = S::div(disorder, S::abs(det));
-            let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
-            let early = S::sub(interpolated, error);
-            let after = S::le(span.t_min, S::add(interpolated, error));
-            let before = S::le(early, span.t_max);
-            // Nothing is further off than the farthest corner, whatever the error.
-            let soon = S::le(S::min(farthest, early), span.stop);
-            meeting.unclear = bits & !fine & S::bits(S::and(S::and(after, before), soon));
-        }
+        // Of the others many are let go as the reference does: the ones that rays start on. Without a
+        // branch, which nobody could foresee.
+        let part = S::div(disorder, S::abs(det));
+        let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
+        let early = S::sub(interpolated, error);
+        let after = S::le(span.t_min, S::add(interpolated, error));
+        let before = S::le(early, span.t_max);
+        // Nothing is further off than the farthest corner, whatever the error.
+        let soon = S::le(S::min(farthest, early), span.stop);
+        meeting.unclear = bits & !fine & S::bits(S::and(S::and(after, before), soon));
         Some(meeting)
     }
 }
