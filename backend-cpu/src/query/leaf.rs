@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{Candidate, PreparedRay, moeller_trumbore, watertight};
-use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 

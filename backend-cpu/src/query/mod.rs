@@ -1,9 +1,9 @@
 //! Answering rays: the layouts that queries read, and the traversals over them.
 //!
-//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the wide tests only sort
-//! out triangles, by the same operations in the same order, and what they let through is decided by
-//! the reference test. In accuracy `exact` they sort out what certainly is no hit (`sieve.rs`), and the
-//! hits are those of [`splitplane_core::exact`].
+//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
+//! (`watertight.rs`) does the operations of the reference in the same order, and the fast test
+//! (`fast.rs`) only sorts out triangles and leaves the others to the reference. In accuracy `exact` what
+//! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
 
 mod accelerator;
 mod blocks;

@@ -200,7 +200,7 @@ mod tests {
             // Grazing, more and less.
             0 | 1 => {
                 let (from, to) = (inside(numbers, triangle), inside(numbers, triangle));
-                let off = if kind % 8 == 0 { 0.0 } else { numbers.power(-24, -4) };
+                let off = if kind.is_multiple_of(8) { 0.0 } else { numbers.power(-24, -4) };
                 direction = along([0, 1, 2].map(|k| to[k] - from[k]), numbers.point(), off);
                 origin = along(from, direction, 3.0 * numbers.next());
             }
