@@ -561,8 +561,9 @@ fn disorder<A: Arithmetic>(from: &[[f32; 3]; 3], flat: &[[f32; 2]; 3], spread: f
 }
 
 /// `t` of the triangle's plane, from differences without error and products of about 46 bits; `None`
-/// for a triangle without a plane or a ray within it.
-fn distance_to_plane<A: Arithmetic>(
+/// for a triangle without a plane or a ray within it. The watertight test uses it where interpolation
+/// from the corners errs too much.
+pub fn distance_to_plane<A: Arithmetic>(
     origin: &[f32; 3],
     direction: &[f32; 3],
     triangle: &Triangle,
@@ -597,7 +598,7 @@ fn distance_to_plane<A: Arithmetic>(
 
 /// Products of doubles err by less than this part of their factors, with room for six of them and a
 /// direction of length up to 4.
-pub(crate) const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
+pub const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
 
 /// `t` for a triangle too thin to have a plane: where its longest edge, as the ray sees it, passes
 /// the ray.

@@ -1,21 +1,24 @@
 //! The wide triangle test: which triangles of a block hold a hit, and where.
 
+use core::marker::PhantomData;
+
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
-use splitplane_core::intersect::{
-    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, PreparedRay, moeller_trumbore, watertight,
-};
-use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
+use splitplane_core::intersect::{Candidate, PreparedRay, moeller_trumbore, watertight};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::Block;
+use super::fast;
+use super::plane::Plane;
 use super::prepare::Way;
 use super::record::Record;
-use super::simd::{MOST_LANES, Simd};
+use super::simd::{Compiled, MOST_LANES, Simd};
+use super::watertight::{Corner, Meeting, Span, View, meet};
 
 /// Triangles that are tested at once, as the test reads them.
 pub(crate) trait Triangles {
-    /// Vectors that the corners' coordinates on an axis take.
+    /// Vectors that the corners' coordinates on an axis take: 2 or 3.
     const VECTORS: usize;
 
     /// How many, at most as many as there are lanes.
@@ -188,21 +191,80 @@ pub(crate) fn test_one(
 /// What the wide test says of the triangles of a block, as bits.
 #[repr(C, align(64))]
 struct Sifted {
-    /// Those that the reference test accepts; the numbers below are what it gives.
-    met: u32,
-    /// Those that it may accept: for it to decide.
-    unclear: u32,
-    /// Those of `met` with the least inner `t`.
-    nearest: u32,
-    /// Inner `t`; of `unclear` the least that it may be.
+    /// Inner `t`.
     t: [f32; MOST_LANES],
     /// Edge functions opposite the second and the third corner, and the sum of all three.
     v: [f32; MOST_LANES],
     w: [f32; MOST_LANES],
     det: [f32; MOST_LANES],
+    /// Inner `t` of the nearest and the farthest corner.
+    depths: [[f32; MOST_LANES]; 2],
+    /// Those that the reference test accepts; the numbers above are what it gives.
+    met: u32,
+    /// Those that it may accept: for the reference to decide.
+    unclear: u32,
+    /// Those of `met` with the least inner `t`.
+    nearest: u32,
 }
 
 impl Sifted {
+    /// Nothing.
+    #[inline(always)]
+    fn none() -> Sifted {
+        let row = [0.0; MOST_LANES];
+        Sifted {
+            met: 0,
+            unclear: 0,
+            nearest: 0,
+            t: row,
+            v: row,
+            w: row,
+            det: row,
+            depths: [row; 2],
+        }
+    }
+
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn put<S: Simd>(&mut self, meeting: &Meeting<S>, any: bool) {
+        // SAFETY: the caller's contract; no set has more lanes than rows.
+        unsafe {
+            let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
+            (self.met, self.unclear) = (met, unclear);
+            // Most often there is one.
+            let alone = any || met & met.wrapping_sub(1) == 0;
+            self.nearest = if alone { met } else { met & S::least(met, t) };
+            S::store(self.t.as_mut_ptr(), t);
+            S::store(self.v.as_mut_ptr(), v);
+            S::store(self.w.as_mut_ptr(), w);
+            S::store(self.det.as_mut_ptr(), det);
+            S::store(self.depths[0].as_mut_ptr(), nearest);
+            S::store(self.depths[1].as_mut_ptr(), farthest);
+        }
+    }
+
+    /// What was put.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
+        // SAFETY: as above.
+        unsafe {
+            let [nearest, farthest] = &self.depths;
+            Meeting {
+                met: self.met,
+                unclear: self.unclear,
+                t: S::load(self.t.as_ptr()),
+                v: S::load(self.v.as_ptr()),
+                w: S::load(self.w.as_ptr()),
+                det: S::load(self.det.as_ptr()),
+                depths: [S::load(nearest.as_ptr()), S::load(farthest.as_ptr())],
+            }
+        }
+    }
+
     /// Where the ray meets a triangle of `met`.
     #[inline(always)]
     fn candidate(&self, index: usize) -> Candidate {
@@ -225,16 +287,27 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     best: &mut Best,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
-    let row = [0.0; MOST_LANES];
-    let t = [f32::NEG_INFINITY; MOST_LANES];
-    let mut sifted = Sifted { met: 0, unclear: 0, nearest: 0, t, v: row, w: row, det: row };
+    let mut sifted;
     // SAFETY: the caller's contract.
     unsafe {
-        match options.accuracy {
-            Accuracy::Fast => sifted.unclear = fast::<S, T>(way, record, limit),
-            _ => {
-                let any = query == Query::Any;
-                sift::<S, T>(way, record, limit, options.culling, any, &mut sifted);
+        if options.accuracy == Accuracy::Fast {
+            sifted = Sifted::none();
+            sifted.unclear = sift_fast::<S, T>(way, record, limit);
+        } else {
+            let any = query == Query::Any;
+            let seen = Seen::<S, T>::new(way, record);
+            // Of what follows the last triangle nothing counts.
+            let there = (1u32 << record.count()) - 1;
+            let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
+            let Some(meeting) = meeting else { return false };
+            if meeting.met | meeting.unclear == 0 {
+                return false;
+            }
+            sifted = Sifted::none();
+            sifted.put(&meeting, any);
+            // For any hit those that are met come first.
+            if meeting.unclear != 0 && !(any && meeting.met != 0) {
+                S::call(CloserLook { way, record, limit, any, sifted: &mut sifted });
             }
         }
     }
@@ -283,9 +356,6 @@ fn test_sifted<T: Triangles>(
         }
         let found = if sifted.met >> index & 1 != 0 {
             sifted.candidate(index)
-        } else if sifted.t[index] > best.stop {
-            // Decided or not, it cannot come before what has been found meanwhile.
-            continue;
         } else {
             let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
             found
@@ -322,127 +392,170 @@ pub(crate) unsafe fn of_corners<S: Simd>(
 /// A number of each corner, in as many vectors as [`Triangles::VECTORS`].
 type Vectors<S> = [<S as Simd>::Floats; 3];
 
-/// Triangles whose edges enclose the ray and whose corners reach into its limits. Where there are some,
-/// the rest of the reference test follows, but for the triangles seen at too grazing an angle or from
-/// too near for interpolation. Of those many are let go as the reference does: the ones that rays
-/// start on. The operations are the reference's, in its order; those of a corner are done once for
-/// all triangles that share it.
+/// The triangles of a block as a ray sees them. What is done with a corner is done once for all
+/// triangles that share it.
+struct Seen<S: Simd, T> {
+    places: [S::Places; 3],
+    /// In as many vectors as [`Triangles::VECTORS`].
+    corners: [Corner<S>; 3],
+    of: PhantomData<T>,
+}
+
+impl<S: Simd, T: Triangles> Seen<S, T> {
+    /// # Safety
+    /// As for [`test`].
+    #[inline(always)]
+    unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let axes = way.axes();
+            let (origin, shear) = (each::<S>(way.origin), each::<S>(way.shear));
+            // Written out: they are to stay in registers, which loops do not grant.
+            let first = Corner::new(coordinates::<S, T>(record, axes, 0), origin, shear);
+            let second = Corner::new(coordinates::<S, T>(record, axes, 1), origin, shear);
+            let third = if T::VECTORS > 2 {
+                Corner::new(coordinates::<S, T>(record, axes, 2), origin, shear)
+            } else {
+                second
+            };
+            let corners = [first, second, third];
+            Seen { places: record.places::<S>(), corners, of: PhantomData }
+        }
+    }
+
+    /// The greatest number of each triangle's corners.
+    ///
+    /// # Safety
+    /// As for [`test`].
+    #[inline(always)]
+    unsafe fn greatest(&self, vectors: Vectors<S>) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let [a, b, c] = T::of_corners::<S>(vectors, self.places);
+            S::max(a, S::max(b, c))
+        }
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe { [S::splat(x), S::splat(y), S::splat(z)] }
+}
+
+/// # Safety
+/// As for [`test`].
+#[inline(always)]
+unsafe fn coordinates<S: Simd, T: Triangles>(
+    record: &T,
+    [x, y, z]: [usize; 3],
+    vector: usize,
+) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        [
+            record.coordinates::<S>(x, vector),
+            record.coordinates::<S>(y, vector),
+            record.coordinates::<S>(z, vector),
+        ]
+    }
+}
+
+/// The corners of all triangles, each on three axes.
 ///
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn sift<S: Simd, T: Triangles>(
-    ray: &Way,
+unsafe fn all_corners<S: Simd, T: Triangles>(
     record: &T,
-    limit: f32,
-    culling: Culling,
-    any: bool,
-    out: &mut Sifted,
-) {
+    places: [S::Places; 3],
+) -> [[S::Floats; 3]; 3] {
     // SAFETY: the caller's contract.
     unsafe {
-        let [kx, ky, kz] = ray.axes();
-        let (ox, oy, oz) =
-            (S::splat(ray.origin[0]), S::splat(ray.origin[1]), S::splat(ray.origin[2]));
-        let (sx, sy, sz) = (S::splat(ray.shear[0]), S::splat(ray.shear[1]), S::splat(ray.shear[2]));
-        let zero = S::splat(0.0);
-        let mut x: Vectors<S> = [zero; 3];
-        let (mut y, mut z, mut flat_x, mut flat_y, mut depth) = (x, x, x, x, x);
-        for half in 0..T::VECTORS {
-            x[half] = S::sub(record.coordinates::<S>(kx, half), ox);
-            y[half] = S::sub(record.coordinates::<S>(ky, half), oy);
-            z[half] = S::sub(record.coordinates::<S>(kz, half), oz);
-            flat_x[half] = S::sub(x[half], S::mul(sx, z[half]));
-            flat_y[half] = S::sub(y[half], S::mul(sy, z[half]));
-            depth[half] = S::mul(sz, z[half]);
+        let mut corners = [[S::splat(0.0); 3]; 3];
+        for axis in 0..3 {
+            let second = record.coordinates::<S>(axis, 1);
+            let third = if T::VECTORS > 2 { record.coordinates::<S>(axis, 2) } else { second };
+            let vectors = [record.coordinates::<S>(axis, 0), second, third];
+            let [a, b, c] = T::of_corners::<S>(vectors, places);
+            (corners[0][axis], corners[1][axis], corners[2][axis]) = (a, b, c);
         }
-        let places = record.places::<S>();
-        let [ax, bx, cx] = T::of_corners::<S>(flat_x, places);
-        let [ay, by, cy] = T::of_corners::<S>(flat_y, places);
-        let [da, db, dc] = T::of_corners::<S>(depth, places);
-        let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
-        let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
-        let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
-        let least = S::min(u, S::min(v, w));
-        let most = S::max(u, S::max(v, w));
-        let nearest = S::min(da, S::min(db, dc));
-        let farthest = S::max(da, S::max(db, dc));
-        let below = S::le(least, S::splat(-EDGE_LEAST));
-        let above = S::le(S::splat(EDGE_LEAST), most);
-        let reached = S::and(S::le(S::splat(ray.t_min), farthest), S::le(nearest, S::splat(limit)));
-        let mut bits = S::bits(reached) & !S::bits(S::and(below, above));
-        // Of what follows the last triangle nothing counts.
-        bits &= (1u32 << record.count()) - 1;
-        if bits == 0 {
-            return;
-        }
-        let (u, v, w) = (counts::<S>(u), counts::<S>(v), counts::<S>(w));
-        let det = S::add(S::add(u, v), w);
-        // Within the bounds of the sheared corners.
-        let least = S::max(S::min(ax, S::min(bx, cx)), S::min(ay, S::min(by, cy)));
-        let most = S::min(S::max(ax, S::max(bx, cx)), S::max(ay, S::max(by, cy)));
-        bits &= S::bits(S::and(S::le(least, zero), S::le(zero, most)));
-        let (not_front, not_back) = (S::bits(S::le(det, zero)), S::bits(S::le(zero, det)));
-        bits &= match culling {
-            Culling::None => !(not_front & not_back),
-            Culling::Back => !not_front,
-            Culling::Front => !not_back,
-        };
-        let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
-        let interpolated = S::div(sum, det);
-        let (mut reach, mut width) = (x, x);
-        for half in 0..T::VECTORS {
-            reach[half] = S::magnitude(S::magnitude(x[half], y[half]), z[half]);
-            width[half] = S::magnitude(flat_x[half], flat_y[half]);
-        }
-        let [a, b, c] = T::of_corners::<S>(reach, places);
-        let reach = S::max(a, S::max(b, c));
-        let [a, b, c] = T::of_corners::<S>(width, places);
-        let width = S::max(a, S::max(b, c));
-        let disorder = S::mul(S::mul(reach, width), S::sub(farthest, nearest));
-        let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
-        let mut t = S::min(S::max(interpolated, nearest), farthest);
-        let kept = S::and(S::le(S::splat(ray.t_min), t), S::le(t, S::splat(limit)));
-        out.met = bits & fine & S::bits(kept);
-        if bits & !fine != 0 {
-            let part = S::div(disorder, S::abs(det));
-            let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
-            // Less than, and greater than; what is no number stays.
-            let (low, high) = (ray.t_min.next_down(), ray.t_max.next_up());
-            let early = S::sub(interpolated, error);
-            let before = S::bits(S::le(S::add(interpolated, error), S::splat(low)));
-            let behind = S::bits(S::le(S::splat(high), early));
-            // Nothing is further off than the farthest corner, whatever the error.
-            t = S::select(S::mask(fine), t, S::min(farthest, early));
-            let late = S::bits(S::le(S::splat(limit.next_up()), t));
-            out.unclear = bits & !(fine | before | behind | late);
-        }
-        out.nearest = if any { out.met } else { out.met & S::least(out.met, t) };
-        S::store(out.t.as_mut_ptr(), t);
-        S::store(out.v.as_mut_ptr(), v);
-        S::store(out.w.as_mut_ptr(), w);
-        S::store(out.det.as_mut_ptr(), det);
+        corners
     }
 }
 
-/// 0 for an edge function that counts as 0.
-///
-/// # Safety
-/// The processor must have the set.
-#[inline(always)]
-pub(crate) unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
-    // SAFETY: the caller's contract.
-    unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
+impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
+    #[inline(always)]
+    unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe {
+            [
+                T::of_corners::<S>([a.flat[0], b.flat[0], c.flat[0]], self.places),
+                T::of_corners::<S>([a.flat[1], b.flat[1], c.flat[1]], self.places),
+            ]
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn depths(&self) -> [S::Floats; 3] {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { T::of_corners::<S>([a.depth, b.depth, c.depth], self.places) }
+    }
+
+    #[inline(always)]
+    unsafe fn reach(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { self.greatest([a.reach(), b.reach(), c.reach()]) }
+    }
+
+    #[inline(always)]
+    unsafe fn width(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { self.greatest([a.width(), b.width(), c.width()]) }
+    }
 }
 
-/// 0 for what is below the normal range.
-///
+/// A look at the planes of the triangles that are unclear, seldom needed.
+struct CloserLook<'a, T> {
+    way: &'a Way,
+    record: &'a T,
+    limit: f32,
+    any: bool,
+    sifted: &'a mut Sifted,
+}
+
+impl<T: Triangles> Compiled for CloserLook<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let CloserLook { way, record, limit, any, sifted } = self;
+        let ray = way.ray();
+        // SAFETY: the caller's contract, and that of [`test`].
+        unsafe {
+            let corners = all_corners::<S, T>(record, record.places::<S>());
+            let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+            let mut meeting = sifted.meeting::<S>();
+            let plane = Plane { origin, direction, corners };
+            meeting.look_closely(plane, &span::<S>(way, limit));
+            sifted.put(&meeting, any);
+        }
+    }
+}
+
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
+unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
-    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
+    let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
+    Span { t_min, t_max, stop }
 }
 
 /// Triangles that the fast test accepts, whichever way they face.
@@ -450,55 +563,13 @@ pub(crate) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
 /// # Safety
 /// As for [`test`].
 #[inline(always)]
-unsafe fn fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
+unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
-        let places = record.places::<S>();
         let ray = way.ray();
-        let zero = S::splat(0.0);
-        let mut o = [zero; 3];
-        let (mut d, mut ab, mut ac, mut ao) = (o, o, o, o);
-        for axis in 0..3 {
-            let mut table: Vectors<S> = [zero; 3];
-            for (vector, table) in table.iter_mut().enumerate().take(T::VECTORS) {
-                *table = record.coordinates::<S>(axis, vector);
-            }
-            let [a, b, c] = T::of_corners::<S>(table, places);
-            (o[axis], d[axis]) = (S::splat(ray.origin[axis]), S::splat(ray.direction[axis]));
-            (ab[axis], ac[axis], ao[axis]) = (S::sub(b, a), S::sub(c, a), S::sub(o[axis], a));
-        }
-        let p = cross::<S>(d, ac);
-        // A zero determinant gives infinities and NaN, which compare false, or passes and is sorted out
-        // by the reference test.
-        let inverse = S::div(S::splat(1.0), dot::<S>(ab, p));
-        let u = S::mul(dot::<S>(ao, p), inverse);
-        let q = cross::<S>(ao, ab);
-        let v = S::mul(dot::<S>(d, q), inverse);
-        let t = S::mul(dot::<S>(ac, q), inverse);
-        let inside = S::and(S::le(zero, S::min(u, v)), S::le(S::add(u, v), S::splat(1.0)));
-        let reached = S::and(S::le(S::splat(ray.t_min), t), S::le(t, S::splat(limit)));
-        S::bits(S::and(inside, reached)) & ((1u32 << record.count()) - 1)
+        let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+        let corners = all_corners::<S, T>(record, record.places::<S>());
+        let span = [S::splat(ray.t_min), S::splat(limit)];
+        fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << record.count()) - 1)
     }
-}
-
-/// # Safety
-/// The processor must have the set.
-#[inline(always)]
-pub(crate) unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
-    // SAFETY: the caller's contract.
-    unsafe {
-        [
-            S::sub(S::mul(p[1], q[2]), S::mul(p[2], q[1])),
-            S::sub(S::mul(p[2], q[0]), S::mul(p[0], q[2])),
-            S::sub(S::mul(p[0], q[1]), S::mul(p[1], q[0])),
-        ]
-    }
-}
-
-/// # Safety
-/// The processor must have the set.
-#[inline(always)]
-pub(crate) unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
-    // SAFETY: the caller's contract.
-    unsafe { S::add(S::add(S::mul(p[0], q[0]), S::mul(p[1], q[1])), S::mul(p[2], q[2])) }
 }

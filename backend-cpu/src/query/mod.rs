@@ -1,9 +1,9 @@
 //! Answering rays: the layouts that queries read, and the traversals over them.
 //!
-//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: tests of many triangles at once
-//! do the reference test's operations, in its order, and what they cannot decide goes to the reference
-//! test itself. In accuracy `exact` they sort out what certainly is no hit (`sieve.rs`), and the hits are
-//! those of [`splitplane_core::exact`].
+//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
+//! (`watertight.rs`, `plane.rs`) does the operations of the reference in its order, and the fast test
+//! (`fast.rs`) only sorts out triangles and leaves the others to the reference. In accuracy `exact` what
+//! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
 //!
 //! *Traversals*: `stream.rs` has batches of rays, `single.rs` one ray a call, both by the steps of `step.rs`;
 //! `packet.rs` has rays that go the same way. Rays that need more care go through the tree's own nodes
@@ -12,6 +12,7 @@
 mod accelerator;
 mod blocks;
 mod exact;
+mod fast;
 mod indexed;
 mod instruction_set;
 mod layout;
@@ -22,6 +23,7 @@ mod order;
 mod pack;
 mod packet;
 mod plan;
+mod plane;
 mod prepare;
 mod prepare_one;
 mod record;
@@ -32,6 +34,7 @@ mod single;
 mod step;
 mod stream;
 mod walk;
+mod watertight;
 mod wide;
 
 pub use accelerator::CpuAccelerator;

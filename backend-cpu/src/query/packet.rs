@@ -9,18 +9,19 @@
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
 
-use splitplane_core::intersect::{
-    EDGE_LEAST, INTERPOLATION_ERROR, PLANE_SLACK, STOP_SLACK, SceneScale,
-};
+use splitplane_core::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
-use super::leaf::{self, Best, Table, counts, cross, decide, dot, of_corners, snapped};
+use super::fast;
+use super::leaf::{self, Best, Table, decide, of_corners};
+use super::plane::Plane;
 use super::prepare::{LANES, Lanes, ORIGIN_SLACK, PreparedRays, Way};
 use super::record::Record;
-use super::simd::{MOST_LANES, Simd};
+use super::simd::{Compiled, MOST_LANES, Simd};
 use super::step::{Octant, octants_of};
+use super::watertight::{Corner, Meeting, Span, View, enclosed, meet};
 use super::wide::{LEAF_MARK, Line};
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
@@ -136,16 +137,6 @@ unsafe fn most<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> S::Floats {
     }
 }
 
-/// The greatest magnitude of three.
-///
-/// # Safety
-/// As for [`load`].
-#[inline(always)]
-unsafe fn magnitude<S: Simd>([x, y, z]: [S::Floats; 3]) -> S::Floats {
-    // SAFETY: as above.
-    unsafe { S::magnitude(S::magnitude(x, y), z) }
-}
-
 /// What holds for all rays of a packet.
 #[derive(Clone, Copy, Default)]
 struct Bounds {
@@ -202,6 +193,16 @@ impl Rays<'_> {
     unsafe fn row<S: Simd>(&self, row: &Lanes<f32>) -> S::Floats {
         // SAFETY: the caller has the set; there are as many lanes from `first` on.
         unsafe { S::load(row.as_ptr().add(self.first)) }
+    }
+
+    /// The packet's part of three rows.
+    ///
+    /// # Safety
+    /// As for [`Rays::row`].
+    #[inline(always)]
+    unsafe fn rows<S: Simd>(&self, [x, y, z]: &[Lanes<f32>; 3]) -> [S::Floats; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { [self.row::<S>(x), self.row::<S>(y), self.row::<S>(z)] }
     }
 }
 
@@ -670,39 +671,11 @@ impl Packet {
     #[inline(always)]
     unsafe fn within<S: Simd>(&self, record: &Record<'_>, rays: &Rays<'_>, index: usize) -> u32 {
         // SAFETY: the caller's contract.
-        unsafe {
-            let [kx, ky, kz] = self.axes;
-            let corners = record.places_of(index);
-            let zero = S::splat(0.0);
-            let sx = rays.row::<S>(&rays.ready.shear[0]);
-            let sy = rays.row::<S>(&rays.ready.shear[1]);
-            let ox = rays.row::<S>(&rays.ready.sheared_origin[0]);
-            let oy = rays.row::<S>(&rays.ready.sheared_origin[1]);
-            let oz = rays.row::<S>(&rays.ready.sheared_origin[2]);
-            let (mut flat_x, mut flat_y) = ([zero; 3], [zero; 3]);
-            for k in 0..3 {
-                let x = S::sub(S::splat(*record.coordinates(kx).add(corners[k])), ox);
-                let y = S::sub(S::splat(*record.coordinates(ky).add(corners[k])), oy);
-                let z = S::sub(S::splat(*record.coordinates(kz).add(corners[k])), oz);
-                flat_x[k] = S::sub(x, S::mul(sx, z));
-                flat_y[k] = S::sub(y, S::mul(sy, z));
-            }
-            let ([ax, bx, cx], [ay, by, cy]) = (flat_x, flat_y);
-            let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
-            let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
-            let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
-            let least = S::min(u, S::min(v, w));
-            let most = S::max(u, S::max(v, w));
-            let below = S::le(least, S::splat(-EDGE_LEAST));
-            let above = S::le(S::splat(EDGE_LEAST), most);
-            !S::bits(S::and(below, above))
-        }
+        unsafe { enclosed(&Seen::<S>::new(rays, self.axes, record, index)) }
     }
 
     /// The watertight test of one triangle against some rays; keeps what precedes. The rays whose best
-    /// hit changed, and those for which the triangle is seen at too grazing an angle or from too near
-    /// for interpolation, for the reference to decide. As `sift` of [`super::leaf`], with rays as
-    /// lanes.
+    /// hit changed, and those for which the reference must decide.
     ///
     /// # Safety
     /// As for [`Packet::trace`].
@@ -717,82 +690,22 @@ impl Packet {
     ) -> (u32, u32) {
         // SAFETY: the caller's contract.
         unsafe {
-            let [kx, ky, kz] = self.axes;
-            let corners = record.places_of(index);
-            let zero = S::splat(0.0);
-            let sx = rays.row::<S>(&rays.ready.shear[0]);
-            let sy = rays.row::<S>(&rays.ready.shear[1]);
-            let sz = rays.row::<S>(&rays.ready.shear[2]);
-            let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
-            let (mut flat_x, mut flat_y) = ([zero; 3], [zero; 3]);
-            let ox = rays.row::<S>(&rays.ready.sheared_origin[0]);
-            let oy = rays.row::<S>(&rays.ready.sheared_origin[1]);
-            let oz = rays.row::<S>(&rays.ready.sheared_origin[2]);
-            for k in 0..3 {
-                x[k] = S::sub(S::splat(*record.coordinates(kx).add(corners[k])), ox);
-                y[k] = S::sub(S::splat(*record.coordinates(ky).add(corners[k])), oy);
-                z[k] = S::sub(S::splat(*record.coordinates(kz).add(corners[k])), oz);
-                flat_x[k] = S::sub(x[k], S::mul(sx, z[k]));
-                flat_y[k] = S::sub(y[k], S::mul(sy, z[k]));
-            }
-            let ([ax, bx, cx], [ay, by, cy]) = (flat_x, flat_y);
-            let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
-            let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
-            let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
-            let least = S::min(u, S::min(v, w));
-            let most = S::max(u, S::max(v, w));
-            let below = S::le(least, S::splat(-EDGE_LEAST));
-            let above = S::le(S::splat(EDGE_LEAST), most);
-            let mut bits = active & !S::bits(S::and(below, above));
-            if bits == 0 {
-                return (0, 0);
-            }
-            let [da, db, dc] = [S::mul(sz, z[0]), S::mul(sz, z[1]), S::mul(sz, z[2])];
-            let nearest = S::min(da, S::min(db, dc));
-            let farthest = S::max(da, S::max(db, dc));
+            let seen = Seen::<S>::new(rays, self.axes, record, index);
             let (t_min, t_max) =
                 (rays.row::<S>(&rays.ready.t_min), rays.row::<S>(&rays.ready.t_max));
-            let limit = S::min(load::<S>(&self.beyond), t_max);
-            bits &= S::bits(S::and(S::le(t_min, farthest), S::le(nearest, limit)));
-            let (u, v, w) = (counts::<S>(u), counts::<S>(v), counts::<S>(w));
-            let det = S::add(S::add(u, v), w);
-            // Within the bounds of the sheared corners.
-            let least = S::max(S::min(ax, S::min(bx, cx)), S::min(ay, S::min(by, cy)));
-            let most = S::min(S::max(ax, S::max(bx, cx)), S::max(ay, S::max(by, cy)));
-            bits &= S::bits(S::and(S::le(least, zero), S::le(zero, most)));
-            let (not_front, not_back) = (S::bits(S::le(det, zero)), S::bits(S::le(zero, det)));
-            bits &= match culling {
-                Culling::None => !(not_front & not_back),
-                Culling::Back => !not_front,
-                Culling::Front => !not_back,
-            };
-            if bits == 0 {
-                return (0, 0);
+            let span = Span { t_min, t_max, stop: S::min(load::<S>(&self.beyond), t_max) };
+            let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
+            if meeting.unclear != 0 {
+                meeting = S::call(CloserLook { rays, record, index, span, meeting });
             }
-            let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
-            let interpolated = S::div(sum, det);
-            let reach = S::max(magnitude::<S>(x), S::max(magnitude::<S>(y), magnitude::<S>(z)));
-            let width = S::max(magnitude::<S>(flat_x), magnitude::<S>(flat_y));
-            let disorder = S::mul(S::mul(reach, width), S::sub(farthest, nearest));
-            let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
-            let inner = S::min(S::max(interpolated, nearest), farthest);
-            let kept = S::and(S::le(t_min, inner), S::le(inner, limit));
-            let mut unclear = 0;
-            if bits & !fine != 0 {
-                let part = S::div(disorder, S::abs(det));
-                let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
-                // Not less than, and not greater than.
-                let after = S::bits(S::le(t_min, S::add(interpolated, error)));
-                let before = S::bits(S::le(S::sub(interpolated, error), t_max));
-                unclear = bits & !fine & after & before;
-            }
+            let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
             // The caller's t: packets hold no moved rays.
             let most = S::splat(f32::MAX);
             let t = S::mul(inner, load::<S>(&self.outwards));
             let t = snapped::<S>(S::min(S::max(t, S::splat(-f32::MAX)), most));
             let within = S::le(rays.row::<S>(&rays.ready.limits[0]), t);
             let within = S::and(within, S::le(t, rays.row::<S>(&rays.ready.limits[1])));
-            let met = bits & fine & S::bits(S::and(kept, within));
+            let met = met & S::bits(within);
             let best = load::<S>(&self.t);
             let mut taken = met & !S::bits(S::le(best, t));
             let mut tied = met & S::bits(S::and(S::le(best, t), S::le(t, best)));
@@ -838,29 +751,127 @@ impl Packet {
     ) -> u32 {
         // SAFETY: the caller's contract.
         unsafe {
-            let [a, b, c] = record.places_of(index);
-            let zero = S::splat(0.0);
-            let (mut d, mut ab, mut ac, mut ao) = ([zero; 3], [zero; 3], [zero; 3], [zero; 3]);
-            for axis in 0..3 {
-                let row = record.coordinates(axis);
-                let a = S::splat(*row.add(a));
-                let (b, c) = (S::splat(*row.add(b)), S::splat(*row.add(c)));
-                let o = rays.row::<S>(&rays.ready.origin[axis]);
-                d[axis] = rays.row::<S>(&rays.ready.direction[axis]);
-                (ab[axis], ac[axis], ao[axis]) = (S::sub(b, a), S::sub(c, a), S::sub(o, a));
-            }
-            let p = cross::<S>(d, ac);
-            let inverse = S::div(S::splat(1.0), dot::<S>(ab, p));
-            let u = S::mul(dot::<S>(ao, p), inverse);
-            let q = cross::<S>(ao, ab);
-            let v = S::mul(dot::<S>(d, q), inverse);
-            let t = S::mul(dot::<S>(ac, q), inverse);
-            let inside = S::and(S::le(zero, S::min(u, v)), S::le(S::add(u, v), S::splat(1.0)));
+            let origin = rays.rows::<S>(&rays.ready.origin);
+            let direction = rays.rows::<S>(&rays.ready.direction);
+            let corners = corners::<S>(record, index, [0, 1, 2]);
             let limit = S::min(load::<S>(&self.beyond), rays.row::<S>(&rays.ready.t_max));
-            let reached = S::and(S::le(rays.row::<S>(&rays.ready.t_min), t), S::le(t, limit));
-            S::bits(S::and(inside, reached)) & active
+            let span = [rays.row::<S>(&rays.ready.t_min), limit];
+            fast::may_meet::<S>(origin, direction, corners, span) & active
         }
     }
+}
+
+/// One triangle's corners in all lanes, each on three axes.
+///
+/// # Safety
+/// The processor must have the set; the triangle must be one of the block's.
+#[inline(always)]
+unsafe fn corners<S: Simd>(
+    record: &Record<'_>,
+    index: usize,
+    [x, y, z]: [usize; 3],
+) -> [[S::Floats; 3]; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let (x, y, z) = (record.coordinates(x), record.coordinates(y), record.coordinates(z));
+        let [a, b, c] = record.places_of(index);
+        [
+            [S::splat(*x.add(a)), S::splat(*y.add(a)), S::splat(*z.add(a))],
+            [S::splat(*x.add(b)), S::splat(*y.add(b)), S::splat(*z.add(b))],
+            [S::splat(*x.add(c)), S::splat(*y.add(c)), S::splat(*z.add(c))],
+        ]
+    }
+}
+
+/// One triangle as the rays see it.
+struct Seen<S: Simd> {
+    corners: [Corner<S>; 3],
+}
+
+impl<S: Simd> Seen<S> {
+    /// # Safety
+    /// As for [`Packet::trace`]; the triangle must be one of the block's.
+    #[inline(always)]
+    unsafe fn new(rays: &Rays<'_>, axes: [usize; 3], record: &Record<'_>, index: usize) -> Seen<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let origin = rays.rows::<S>(&rays.ready.sheared_origin);
+            let shear = rays.rows::<S>(&rays.ready.shear);
+            let [a, b, c] = corners::<S>(record, index, axes);
+            let corners = [
+                Corner::new(a, origin, shear),
+                Corner::new(b, origin, shear),
+                Corner::new(c, origin, shear),
+            ];
+            Seen { corners }
+        }
+    }
+}
+
+impl<S: Simd> View<S> for Seen<S> {
+    #[inline(always)]
+    unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+        let [a, b, c] = &self.corners;
+        [[a.flat[0], b.flat[0], c.flat[0]], [a.flat[1], b.flat[1], c.flat[1]]]
+    }
+
+    #[inline(always)]
+    unsafe fn depths(&self) -> [S::Floats; 3] {
+        let [a, b, c] = &self.corners;
+        [a.depth, b.depth, c.depth]
+    }
+
+    #[inline(always)]
+    unsafe fn reach(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { S::max(a.reach(), S::max(b.reach(), c.reach())) }
+    }
+
+    #[inline(always)]
+    unsafe fn width(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { S::max(a.width(), S::max(b.width(), c.width())) }
+    }
+}
+
+/// A look at a triangle's plane for the rays that are unclear.
+struct CloserLook<'a, S: Simd> {
+    rays: &'a Rays<'a>,
+    record: &'a Record<'a>,
+    index: usize,
+    span: Span<S>,
+    meeting: Meeting<S>,
+}
+
+impl<S: Simd> Compiled for CloserLook<'_, S> {
+    type Output = Meeting<S>;
+
+    #[inline(always)]
+    unsafe fn run<Same: Simd>(mut self) -> Meeting<S> {
+        let ready = self.rays.ready;
+        // SAFETY: the caller's contract; the triangle is one of the block's.
+        unsafe {
+            let plane = Plane {
+                origin: self.rays.rows::<S>(&ready.origin),
+                direction: self.rays.rows::<S>(&ready.direction),
+                corners: corners::<S>(self.record, self.index, [0, 1, 2]),
+            };
+            self.meeting.look_closely(plane, &self.span);
+            self.meeting
+        }
+    }
+}
+
+/// 0 for what is below the normal range.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
 }
 
 #[cfg(test)]

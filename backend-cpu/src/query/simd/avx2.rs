@@ -196,6 +196,10 @@ impl Simd for Avx2 {
         }
     }
     #[inline(always)]
+    unsafe fn product_error(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
+    }
+    #[inline(always)]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {
         unsafe { in_its_own_function(task) }
     }

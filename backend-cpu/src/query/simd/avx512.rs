@@ -184,6 +184,10 @@ impl Simd for Avx512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
     }
     #[inline(always)]
+    unsafe fn product_error(a: __m512, b: __m512) -> __m512 {
+        unsafe { _mm512_fmsub_ps(a, b, _mm512_mul_ps(a, b)) }
+    }
+    #[inline(always)]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {
         unsafe { in_its_own_function(task) }
     }

@@ -159,6 +159,9 @@ pub(crate) trait Simd: Copy {
         // SAFETY: the caller's contract.
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
     }
+
+    /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
+    unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
 }
 
 /// What is compiled once for each instruction set.
@@ -186,12 +189,44 @@ pub(crate) fn prefetch(at: *const u8) {
     let _ = at;
 }
 
+/// What is to hold on every instruction set.
+#[cfg(test)]
+pub(crate) trait Check {
+    /// Panics where it does not hold.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn check<S: Simd>(&mut self);
+}
+
+/// Runs a check with each set that the processor has.
+#[cfg(test)]
+pub(crate) fn on_every_set(check: &mut impl Check) {
+    use crate::query::InstructionSet;
+
+    for set in InstructionSet::available() {
+        // SAFETY: the processor has it.
+        unsafe {
+            match set {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => check.check::<Avx512>(),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => check.check::<Avx2>(),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => check.check::<Neon>(),
+                _ => check.check::<Portable>(),
+            }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     //! Each operation of each set against what its description says, lane by lane.
 
+    use splitplane_core::arithmetic::{Arithmetic, Strict};
+
     use super::*;
-    use crate::query::InstructionSet;
 
     struct Numbers(u32);
 
@@ -214,6 +249,24 @@ mod tests {
 
         fn row(&mut self) -> [f32; MOST_LANES] {
             [(); MOST_LANES].map(|()| self.float())
+        }
+
+        /// Numbers of all bits, subnormal and infinite ones among them.
+        fn wide_row(&mut self) -> [f32; MOST_LANES] {
+            [(); MOST_LANES].map(|()| f32::from_bits(self.word() << 16 ^ self.word()))
+        }
+    }
+
+    /// Adds numbers to themselves.
+    struct Doubled<S: Simd>(S::Floats);
+
+    impl<S: Simd> Compiled for Doubled<S> {
+        type Output = S::Floats;
+
+        #[inline(always)]
+        unsafe fn run<Same: Simd>(self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe { S::add(self.0, self.0) }
         }
     }
 
@@ -246,6 +299,12 @@ mod tests {
                 assert_eq!(told(S::min(a, b)), each(|x, y| if x < y { x } else { y }));
                 assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
                 assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
+                assert_eq!(told(S::product_error(a, b)), each(|x, y| Strict::two_product(x, y).1));
+                let (p, q) = (numbers.wide_row(), numbers.wide_row());
+                let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
+                let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
+                assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
+                assert_eq!(told(S::call(Doubled::<S>(a))), each(|x, _| x + x));
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);
@@ -340,32 +399,20 @@ mod tests {
         }
     }
 
-    #[test]
-    fn sets_do_what_is_said() {
-        // SAFETY: every processor has the portable one; others are asked for.
-        unsafe {
-            check::<Portable>();
-            check_stacks::<Portable>();
-            for set in InstructionSet::available() {
-                match set {
-                    #[cfg(target_arch = "x86_64")]
-                    InstructionSet::Avx512 => {
-                        check::<Avx512>();
-                        check_stacks::<Avx512>();
-                    }
-                    #[cfg(target_arch = "x86_64")]
-                    InstructionSet::Avx2 => {
-                        check::<Avx2>();
-                        check_stacks::<Avx2>();
-                    }
-                    #[cfg(target_arch = "aarch64")]
-                    InstructionSet::Neon => {
-                        check::<Neon>();
-                        check_stacks::<Neon>();
-                    }
-                    _ => {}
-                }
+    struct Operations;
+
+    impl Check for Operations {
+        unsafe fn check<S: Simd>(&mut self) {
+            // SAFETY: the caller's contract.
+            unsafe {
+                check::<S>();
+                check_stacks::<S>();
             }
         }
+    }
+
+    #[test]
+    fn sets_do_what_is_said() {
+        on_every_set(&mut Operations);
     }
 }

@@ -167,6 +167,10 @@ impl Simd for Neon {
             Portable::push(children, numbers, mask, order, direction, to_children, to_t)
         }
     }
+    #[inline(always)]
+    unsafe fn product_error(a: Floats, b: Floats) -> Floats {
+        unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(vmulq_f32(a[i], b[i])), a[i], b[i])) }
+    }
 }
 
 /// A bit for each lane.

@@ -150,4 +150,9 @@ impl Simd for Portable {
         }
         last
     }
+    #[inline(always)]
+    unsafe fn product_error(a: [f32; N], b: [f32; N]) -> [f32; N] {
+        // 24 + 24 bits fit the 53 of an f64.
+        each(|i| (f64::from(a[i]) * f64::from(b[i]) - f64::from(a[i] * b[i])) as f32)
+    }
 }

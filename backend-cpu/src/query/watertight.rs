@@ -1,0 +1,463 @@
+//! The watertight test in vectors, a triangle and a ray a lane: one ray against the triangles of a block
+//! ([`super::leaf`]), or the rays of a packet against one triangle ([`super::packet`]).
+//!
+//! The operations are those of [`splitplane_core::intersect::watertight`] in its order, so all numbers
+//! are the reference's bit for bit. Rays must not be wide.
+
+use splitplane_core::intersect::{EDGE_LEAST, INTERPOLATION_ERROR};
+use splitplane_core::ray::Culling;
+
+use super::plane::Plane;
+use super::simd::{Compiled, Simd};
+
+/// A corner of triangles as rays see it.
+#[derive(Clone, Copy)]
+pub(crate) struct Corner<S: Simd> {
+    /// Where it is from the ray's origin, on the sheared axes.
+    pub from: [S::Floats; 3],
+    /// Sheared coordinates: those of the ray are 0.
+    pub flat: [S::Floats; 2],
+    /// Inner `t`.
+    pub depth: S::Floats,
+}
+
+/// # Safety
+/// All methods: the processor must have the set.
+impl<S: Simd> Corner<S> {
+    /// A corner at `at`, of rays from `origin`, all on the sheared axes.
+    #[inline(always)]
+    pub unsafe fn new(
+        at: [S::Floats; 3],
+        origin: [S::Floats; 3],
+        shear: [S::Floats; 3],
+    ) -> Corner<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let x = S::sub(at[0], origin[0]);
+            let y = S::sub(at[1], origin[1]);
+            let z = S::sub(at[2], origin[2]);
+            let flat = [S::sub(x, S::mul(shear[0], z)), S::sub(y, S::mul(shear[1], z))];
+            Corner { from: [x, y, z], flat, depth: S::mul(shear[2], z) }
+        }
+    }
+
+    /// How far it is on the axis where it is farthest.
+    #[inline(always)]
+    pub unsafe fn reach(&self) -> S::Floats {
+        let [x, y, z] = self.from;
+        // SAFETY: the caller's contract.
+        unsafe { S::magnitude(S::magnitude(x, y), z) }
+    }
+
+    /// The same of its sheared coordinates.
+    #[inline(always)]
+    pub unsafe fn width(&self) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::magnitude(self.flat[0], self.flat[1]) }
+    }
+}
+
+/// Triangles as rays see them.
+///
+/// # Safety
+/// All methods: the processor must have the set.
+pub(crate) trait View<S: Simd> {
+    /// Sheared coordinates of the corners: x of all three, then y.
+    unsafe fn flat(&self) -> [[S::Floats; 3]; 2];
+    /// Inner `t` of the corners.
+    unsafe fn depths(&self) -> [S::Floats; 3];
+    /// The greatest [`Corner::reach`].
+    unsafe fn reach(&self) -> S::Floats;
+    /// The greatest [`Corner::width`].
+    unsafe fn width(&self) -> S::Floats;
+}
+
+/// Inner `t` that count.
+#[derive(Clone, Copy)]
+pub(crate) struct Span<S: Simd> {
+    /// The rays' limits.
+    pub t_min: S::Floats,
+    pub t_max: S::Floats,
+    /// At most `t_max`: nothing beyond it can precede the best hit so far.
+    pub stop: S::Floats,
+}
+
+/// Where rays meet triangles, a bit or a number a lane. Numbers count only where a bit says so.
+pub(crate) struct Meeting<S: Simd> {
+    /// Where the reference test gives a hit.
+    pub met: u32,
+    /// Where it may, by a look at the plane.
+    pub unclear: u32,
+    /// Inner `t` of the hit.
+    pub t: S::Floats,
+    /// Edge functions opposite the second and the third corner, and the sum of all three.
+    pub v: S::Floats,
+    pub w: S::Floats,
+    pub det: S::Floats,
+    /// Inner `t` of the nearest and the farthest corner.
+    pub depths: [S::Floats; 2],
+}
+
+/// Edge functions opposite the first, second and third corner: twice the signed areas of triangles of
+/// the ray and two sheared corners.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn edges<S: Simd>([[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2]) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        [
+            S::sub(S::mul(cx, by), S::mul(cy, bx)),
+            S::sub(S::mul(ax, cy), S::mul(ay, cx)),
+            S::sub(S::mul(bx, ay), S::mul(by, ax)),
+        ]
+    }
+}
+
+/// Where no two edge functions have different signs.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn of_one_sign<S: Simd>([u, v, w]: [S::Floats; 3]) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let (least, most) = (S::min(u, S::min(v, w)), S::max(u, S::max(v, w)));
+        let below = S::le(least, S::splat(-EDGE_LEAST));
+        let above = S::le(S::splat(EDGE_LEAST), most);
+        !S::bits(S::and(below, above))
+    }
+}
+
+/// Where the edges of the triangle enclose the ray.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+pub(crate) unsafe fn enclosed<S: Simd, V: View<S>>(view: &V) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe { of_one_sign::<S>(edges::<S>(view.flat())) }
+}
+
+/// The test of some lanes, but for a look at the plane. Most often no triangle's edges enclose the ray
+/// with corners that reach into its limits: then there is nothing more to do.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
+    view: &V,
+    of: u32,
+    span: &Span<S>,
+    culling: Culling,
+) -> Option<Meeting<S>> {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let flat = view.flat();
+        let [u, v, w] = edges::<S>(flat);
+        let [da, db, dc] = view.depths();
+        let nearest = S::min(da, S::min(db, dc));
+        let farthest = S::max(da, S::max(db, dc));
+        let reached = S::and(S::le(span.t_min, farthest), S::le(nearest, span.stop));
+        let mut bits = of & S::bits(reached) & of_one_sign::<S>([u, v, w]);
+        if bits == 0 {
+            return None;
+        }
+        let (u, v, w) = (counts::<S>(u), counts::<S>(v), counts::<S>(w));
+        let det = S::add(S::add(u, v), w);
+        bits &= not_beside::<S>(flat) & faces::<S>(det, culling);
+        let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
+        let interpolated = S::div(sum, det);
+        let spread = S::sub(farthest, nearest);
+        let disorder = S::mul(S::mul(view.reach(), view.width()), spread);
+        let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
+        let depths = [nearest, farthest];
+        let (t, kept) = held::<S>(interpolated, depths, span);
+        let mut meeting = Meeting { met: bits & fine & kept, unclear: 0, t, v, w, det, depths };
+        // Of the others many are let go as the reference does: the ones that rays start on. Without a
+        // branch, which nobody could foresee.
+        let part = S::div(disorder, S::abs(det));
+        let error = S::mul(part, S::splat(INTERPOLATION_ERROR));
+        let early = S::sub(interpolated, error);
+        let after = S::le(span.t_min, S::add(interpolated, error));
+        let before = S::le(early, span.t_max);
+        // Nothing is further off than the farthest corner, whatever the error.
+        let soon = S::le(S::min(farthest, early), span.stop);
+        meeting.unclear = bits & !fine & S::bits(S::and(S::and(after, before), soon));
+        Some(meeting)
+    }
+}
+
+impl<S: Simd> Meeting<S> {
+    /// Decides what is unclear, but for triangles without a plane and rays within it.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    pub unsafe fn look_closely(&mut self, plane: Plane<S>, span: &Span<S>) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let (t, there) = plane.run::<S>();
+            let (t, kept) = held::<S>(t, self.depths, span);
+            self.met |= self.unclear & there & kept;
+            self.t = S::select(S::mask(self.unclear & there), t, self.t);
+            self.unclear &= !there;
+        }
+    }
+}
+
+/// `t` held between the nearest and the farthest corner, and where it is within the span.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn held<S: Simd>(
+    t: S::Floats,
+    [nearest, farthest]: [S::Floats; 2],
+    span: &Span<S>,
+) -> (S::Floats, u32) {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let t = S::min(S::max(t, nearest), farthest);
+        (t, S::bits(S::and(S::le(span.t_min, t), S::le(t, span.stop))))
+    }
+}
+
+/// Where the ray is within the bounds of the sheared corners.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn not_beside<S: Simd>([[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2]) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let least = S::max(S::min(ax, S::min(bx, cx)), S::min(ay, S::min(by, cy)));
+        let most = S::min(S::max(ax, S::max(bx, cx)), S::max(ay, S::max(by, cy)));
+        let zero = S::splat(0.0);
+        S::bits(S::and(S::le(least, zero), S::le(zero, most)))
+    }
+}
+
+/// Where the triangle has an area and is not culled.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let zero = S::splat(0.0);
+        let (not_front, not_back) = (S::bits(S::le(det, zero)), S::bits(S::le(zero, det)));
+        match culling {
+            Culling::None => !(not_front & not_back),
+            Culling::Back => !not_front,
+            Culling::Front => !not_back,
+        }
+    }
+}
+
+/// 0 for an edge function that counts as 0.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::aabb::Aabb;
+    use splitplane_core::arithmetic::{Strict, snap};
+    use splitplane_core::intersect::{Candidate, Limits, PreparedRay, SceneScale, watertight};
+    use splitplane_core::ray::Ray;
+    use splitplane_core::triangle::Triangle;
+
+    use super::super::simd::{Check, MOST_LANES, on_every_set};
+    use super::*;
+
+    /// Numbers in `[-1, 1)`.
+    struct Numbers(u32);
+
+    impl Numbers {
+        fn next(&mut self) -> f32 {
+            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
+        }
+
+        fn point(&mut self, reach: f32) -> [f32; 3] {
+            [self.next() * reach, self.next() * reach, self.next() * reach]
+        }
+    }
+
+    /// A ray towards a point of a large triangle, from nearby, at any angle.
+    fn pair(round: usize, scene: &SceneScale, numbers: &mut Numbers) -> (PreparedRay, Triangle) {
+        loop {
+            let triangle = [numbers.point(9.0), numbers.point(9.0), numbers.point(9.0)];
+            let [a, b, c] = triangle;
+            let mut inside = || {
+                let (u, v) = (0.5 * numbers.next().abs(), 0.6 * numbers.next().abs());
+                [0, 1, 2].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
+            };
+            let (from, to) = (inside(), inside());
+            let off = numbers.point([1.0, 1e-2, 1e-4, 1e-6][round % 4]);
+            let origin = match round / 4 % 3 {
+                0 => [0, 1, 2].map(|k| from[k] + off[k]),
+                1 => from,
+                _ => numbers.point(9.0),
+            };
+            let direction = [0, 1, 2].map(|k| to[k] - origin[k]);
+            let ray = Ray::new(origin, direction);
+            let ray = if round.is_multiple_of(5) { ray.with_limits(-1.0, 1.0) } else { ray };
+            if let Some(ray) = PreparedRay::new::<Strict>(&ray, scene) {
+                return (ray, triangle);
+            }
+        }
+    }
+
+    /// A ray and a triangle a lane.
+    struct Pairs([(PreparedRay, Triangle); MOST_LANES]);
+
+    impl Pairs {
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn row<S: Simd>(&self, of: impl Fn(&PreparedRay, &Triangle) -> f32) -> S::Floats {
+            let row = self.0.map(|(ray, triangle)| of(&ray, &triangle));
+            // SAFETY: the caller's contract; no set has more lanes.
+            unsafe { S::load(row.as_ptr()) }
+        }
+
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn corners<S: Simd>(&self) -> [Corner<S>; 3] {
+            // SAFETY: the caller's contract.
+            unsafe {
+                [0, 1, 2].map(|c| {
+                    Corner::new(
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, corners| corners[c][ray.axes[k]])),
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[ray.axes[k]])),
+                        [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.shear[k])),
+                    )
+                })
+            }
+        }
+    }
+
+    impl Pairs {
+        /// # Safety
+        /// The processor must have the set.
+        unsafe fn plane<S: Simd>(&self) -> Plane<S> {
+            // SAFETY: the caller's contract.
+            unsafe {
+                Plane {
+                    origin: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[k])),
+                    direction: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.direction[k])),
+                    corners: [0, 1, 2]
+                        .map(|c| [0, 1, 2].map(|k| self.row::<S>(|_, corners| corners[c][k]))),
+                }
+            }
+        }
+    }
+
+    impl<S: Simd> View<S> for Pairs {
+        unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+            // SAFETY: the caller's contract.
+            let corners = unsafe { self.corners::<S>() };
+            [0, 1].map(|k| corners.map(|corner| corner.flat[k]))
+        }
+
+        unsafe fn depths(&self) -> [S::Floats; 3] {
+            // SAFETY: the caller's contract.
+            unsafe { self.corners::<S>() }.map(|corner| corner.depth)
+        }
+
+        unsafe fn reach(&self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe {
+                let [a, b, c] = self.corners::<S>().map(|corner| corner.reach());
+                S::max(a, S::max(b, c))
+            }
+        }
+
+        unsafe fn width(&self) -> S::Floats {
+            // SAFETY: the caller's contract.
+            unsafe {
+                let [a, b, c] = self.corners::<S>().map(|corner| corner.width());
+                S::max(a, S::max(b, c))
+            }
+        }
+    }
+
+    /// How many hits there were by interpolation, how many by a closer look, and how many lanes were left.
+    #[derive(Default)]
+    struct Meetings([usize; 3]);
+
+    impl Check for Meetings {
+        unsafe fn check<S: Simd>(&mut self) {
+            let mut numbers = Numbers(5);
+            let bounds = Aabb { lo: [-9.0; 3], hi: [9.0; 3] };
+            let scene = SceneScale::new(
+                bounds,
+                &Limits { greatest: 9.0, least: 1e-9, longest: 18.0, shortest: 1e-3 },
+            );
+            for round in 0..if cfg!(miri) { 30 } else { 4_000 } {
+                let culling = [Culling::None, Culling::Back, Culling::Front][round % 3];
+                let pairs = Pairs(core::array::from_fn(|_| pair(round, &scene, &mut numbers)));
+                let mut rows = [[0.0; MOST_LANES]; 4];
+                // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
+                let (plain, met, unclear) = unsafe {
+                    let t_max = pairs.row::<S>(|ray, _| ray.t_max);
+                    let t_min = pairs.row::<S>(|ray, _| ray.t_min);
+                    let span = Span { t_min, t_max, stop: t_max };
+                    let all = (1u32 << S::N) - 1;
+                    let met = meet::<S, _>(&pairs, all, &span, culling);
+                    let around = enclosed::<S, _>(&pairs);
+                    let Some(mut meeting) = met else { continue };
+                    let plain = meeting.met;
+                    meeting.look_closely(pairs.plane(), &span);
+                    let Meeting { t, v, w, det, .. } = meeting;
+                    for (row, floats) in rows.iter_mut().zip([t, v, w, det]) {
+                        S::store(row.as_mut_ptr(), floats);
+                    }
+                    assert_eq!((meeting.met | meeting.unclear) & !around, 0);
+                    (plain, meeting.met, meeting.unclear)
+                };
+                for (i, (ray, triangle)) in pairs.0.iter().enumerate().take(S::N) {
+                    let expected = watertight::<Strict>(ray, triangle, culling);
+                    if unclear >> i & 1 != 0 {
+                        self.0[2] += 1;
+                        continue;
+                    }
+                    let [t, v, w, det] = rows.map(|row| row[i]);
+                    let found = Candidate { t, u: snap(v / det), v: snap(w / det) };
+                    let found = (met >> i & 1 != 0).then_some(found);
+                    // One zero is as good as the other.
+                    let bits = |hit: Option<Candidate>| {
+                        hit.map(|hit| [hit.t + 0.0, hit.u, hit.v].map(f32::to_bits))
+                    };
+                    assert_eq!(
+                        bits(found),
+                        bits(expected),
+                        "{} {:?}",
+                        core::any::type_name::<S>(),
+                        pairs.0[i]
+                    );
+                    self.0[0] += (plain >> i & 1) as usize;
+                    self.0[1] += ((met & !plain) >> i & 1) as usize;
+                }
+            }
+        }
+    }
+
+    /// By interpolation and by a look at the plane, which is enough for nearly all.
+    #[test]
+    fn meetings_are_those_of_the_reference() {
+        let mut meetings = Meetings::default();
+        on_every_set(&mut meetings);
+        let [plain, close, left] = meetings.0;
+        assert!(plain > 1_000 && close > 1_000 || cfg!(miri), "{plain} {close}");
+        assert!(100 * left < plain + close, "{left} left");
+    }
+}
