@@ -55,6 +55,9 @@ pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
 pub(crate) static AXES: [[usize; 3]; 6] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
+/// Where among these x, y and z are.
+static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+
 impl Way {
     /// Not a place in a batch.
     pub const NO_RAY: u32 = u32::MAX;
@@ -74,10 +77,9 @@ impl Way {
     #[inline(always)]
     pub fn ray(&self) -> PreparedRay {
         let axes = self.axes();
-        let mut origin = [0.0; 3];
-        for k in 0..3 {
-            origin[axes[k]] = self.origin[k];
-        }
+        // By look-ups: numbers written one by one would be waited for where they are read together.
+        let [x, y, z] = PLACES[self.axes as usize % 6];
+        let origin = [self.origin[x], self.origin[y], self.origin[z]];
         PreparedRay {
             origin,
             direction: self.direction,
