@@ -6,15 +6,21 @@
 #
 # PEERS   checkout of the comparison harness, built: target/release/peers is started. Where Embree 4 is
 #         not found, EMBREE4_LIB names its library.
-# SCENES  folder with bunny.obj, dragon.obj, sponza.obj and kitchen.obj
+# SCENES  folder with the scenes, as NAME.obj
 # OUT     where results go; out/peers of this repository by default, which git ignores
+# NAMES   scenes to measure, "bunny dragon sponza kitchen bathroom" by default
+# THREADS thread counts, "1,2" by default
+# REPS    repeats, of which the median counts, 3 by default
+# ONLY    other libraries, by the names or beginnings of names that the harness gives them
 #
-# Each scene runs on 1 and 2 threads, 3 repeats, medians. Leave the machine alone meanwhile. Of
-# kdtree-ray, the only other SAH kd-tree here, only the build is comparable: its query lists every
-# candidate.
+# Our presets are called splitplane-PRESET; see `splitplane-peer` for what else a name may say. Leave
+# the machine alone meanwhile. Of kdtree-ray, the only other SAH kd-tree here, only the build is
+# comparable: its query lists every candidate.
 set -euo pipefail
 : "${PEERS:?set PEERS to the checkout of the comparison harness}"
 : "${SCENES:?set SCENES to the folder of the scenes}"
+names=${NAMES:-bunny dragon sponza kitchen bathroom}
+only=${ONLY:-embree4,embree4-x16,embree4-high,embree4-robust,obvhs-bvh2-medium,obvhs-cwbvh-medium,tinybvh-rs-bvh8,parry3d,bvh,kdtree-ray}
 scenes=$(realpath -m "$SCENES")
 peers=$(realpath -m "$PEERS")/target/release/peers
 root=$(realpath "$(dirname "${BASH_SOURCE[0]}")/..")
@@ -23,15 +29,18 @@ cd "$root"
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
 
 [ -x "$peers" ] || { echo "there is no $peers; build the harness first" >&2; exit 2; }
-for scene in bunny dragon sponza kitchen; do
+for scene in $names; do
     [ -f "$scenes/$scene.obj" ] || { echo "there is no $scenes/$scene.obj" >&2; exit 2; }
 done
 
 cargo build --locked --release -p splitplane-peer
-for scene in bunny dragon sponza kitchen; do
-    "$peers" --scene "$scenes/$scene.obj" --rays-out "$out" --threads 1,2 --reps 3 \
-        --only embree4,bvh,obvhs-bvh2-medium,parry3d,kdtree-ray \
-        --extern "splitplane-fast=$target/release/splitplane-peer"
+ours=()
+for preset in fast balanced best; do
+    ours+=(--extern "splitplane-$preset=$target/release/splitplane-peer")
+done
+for scene in $names; do
+    "$peers" --scene "$scenes/$scene.obj" --rays-out "$out" --threads "${THREADS:-1,2}" \
+        --reps "${REPS:-3}" --only "$only" "${ours[@]}"
 done
 "$peers" tables "$out"
 echo "results: $out/SCENE/results.md and results.jsonl; all: $out/all.jsonl"

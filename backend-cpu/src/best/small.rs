@@ -16,7 +16,7 @@ use super::cost::{Best, Cell, Costs, STEPS, Split};
 #[cfg(target_arch = "x86_64")]
 use super::lanes::Avx512;
 use super::lanes::{LANES, Lanes, Loops, Row};
-use crate::query::InstructionSet;
+use crate::query::{Compiled, InstructionSet, Simd};
 
 /// Most references that are searched this way.
 pub(super) const MOST: usize = 128;
@@ -55,47 +55,31 @@ pub(super) fn best_split(
     limit: f64,
     small: &mut Small,
 ) -> Option<Split> {
-    match set {
+    // SAFETY: only sets that the processor has come here.
+    unsafe { set.run(Search { costs, cell, references, limit, small }) }
+}
+
+/// [`best`], for the lanes of each set.
+struct Search<'a> {
+    costs: &'a Costs,
+    cell: &'a Cell,
+    references: &'a [Reference],
+    limit: f64,
+    small: &'a mut Small,
+}
+
+impl Compiled for Search<'_> {
+    type Output = Option<Split>;
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) -> Option<Split> {
+        let Search { costs, cell, references, limit, small } = self;
         #[cfg(target_arch = "x86_64")]
-        // SAFETY: only sets that the processor has come here.
-        InstructionSet::Avx512 => unsafe { best_16(costs, cell, references, limit, small) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        InstructionSet::Avx2 => unsafe { best_8(costs, cell, references, limit, small) },
-        _ => best::<Loops>(costs, cell, references, limit, small),
+        if S::N == 16 {
+            return best::<Avx512>(costs, cell, references, limit, small);
+        }
+        best::<Loops>(costs, cell, references, limit, small)
     }
-}
-
-/// [`best`], compiled for AVX-512.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn best_16(
-    costs: &Costs,
-    cell: &Cell,
-    references: &[Reference],
-    limit: f64,
-    small: &mut Small,
-) -> Option<Split> {
-    best::<Avx512>(costs, cell, references, limit, small)
-}
-
-/// [`best`], compiled for AVX2.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn best_8(
-    costs: &Costs,
-    cell: &Cell,
-    references: &[Reference],
-    limit: f64,
-    small: &mut Small,
-) -> Option<Split> {
-    best::<Loops>(costs, cell, references, limit, small)
 }
 
 #[inline(always)]

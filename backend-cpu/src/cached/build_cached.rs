@@ -9,6 +9,7 @@
 //! are the caps on references and nodes, which bind in the order of levels: where they might, the
 //! build is void ([`Caps`]) and the schedule builds the tree as it stands.
 
+use core::marker::PhantomData;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::Mutex;
 
@@ -30,7 +31,7 @@ use super::lanes::{Lanes, Plain, WIDTH};
 use super::small_root::{Costs, Root, Subtrees};
 use crate::kernels::{split_binned, split_large};
 use crate::lookout::Lookout;
-use crate::query::InstructionSet;
+use crate::query::{Compiled, InstructionSet, Simd};
 
 /// Tasks for each thread: enough that the last ones to end keep no other waiting long.
 const TASKS: usize = 8;
@@ -202,55 +203,44 @@ pub(crate) fn run<A: Arithmetic>(
             return;
         }
         let mut worker = workers.take();
-        match inputs.set {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the executor holds only sets that the processor has.
-            InstructionSet::Avx512 => unsafe {
-                root_16::<A>(inputs, root, &mut worker, totals, out);
-            },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            InstructionSet::Avx2 => unsafe {
-                root_8::<A>(inputs, root, &mut worker, totals, out);
-            },
-            _ => one_root::<A, Plain>(inputs, root, &mut worker, totals, out),
-        }
+        let one = OneRoot::<A> {
+            inputs,
+            root,
+            worker: &mut worker,
+            totals,
+            out,
+            arithmetic: PhantomData,
+        };
+        // SAFETY: the executor holds only sets that the processor has.
+        unsafe { inputs.set.run(one) };
         workers.give_back(worker);
         *size = Extent { nodes: out.nodes.len() as u32, references: out.references.len() as u32 };
         inputs.look.advance(u64::from(root.count));
     });
 }
 
-/// [`one_root`], compiled for AVX-512.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn root_16<A: Arithmetic>(
-    inputs: &Inputs<'_>,
-    root: &SmallRoot,
-    worker: &mut Worker,
-    totals: &mut Totals,
-    out: &mut Subtrees,
-) {
-    one_root::<A, Avx512>(inputs, root, worker, totals, out);
+/// [`one_root`], for the lanes of each set.
+struct OneRoot<'a, A> {
+    inputs: &'a Inputs<'a>,
+    root: &'a SmallRoot,
+    worker: &'a mut Worker,
+    totals: &'a mut Totals,
+    out: &'a mut Subtrees,
+    arithmetic: PhantomData<A>,
 }
 
-/// [`one_root`], compiled for AVX2.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn root_8<A: Arithmetic>(
-    inputs: &Inputs<'_>,
-    root: &SmallRoot,
-    worker: &mut Worker,
-    totals: &mut Totals,
-    out: &mut Subtrees,
-) {
-    one_root::<A, Plain>(inputs, root, worker, totals, out);
+impl<A: Arithmetic> Compiled for OneRoot<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let OneRoot { inputs, root, worker, totals, out, .. } = self;
+        #[cfg(target_arch = "x86_64")]
+        if S::N == 16 {
+            return one_root::<A, Avx512>(inputs, root, worker, totals, out);
+        }
+        one_root::<A, Plain>(inputs, root, worker, totals, out);
+    }
 }
 
 /// A node of a task's subtree: a range of the columns.

@@ -3,6 +3,8 @@
 //! Reads: tight bounds of the chunk's node, references. Writes: how many of the chunk's references
 //! start and end in each bin of each axis.
 
+use core::marker::PhantomData;
+
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
@@ -13,7 +15,7 @@ use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 use super::GRAIN;
 use crate::cached::count_bins::count_axis;
 use crate::lookout::Lookout;
-use crate::query::InstructionSet;
+use crate::query::{Compiled, InstructionSet, Simd};
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
@@ -32,46 +34,28 @@ pub fn run<A: Arithmetic>(
         let tight = &node_bounds[chunk.node as usize];
         let (first, count) = (chunk.first as usize, chunk.count as usize);
         let references = &references[first..first + count];
-        match set {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: the executor holds only sets that the processor has.
-            InstructionSet::Avx512 => unsafe { chunk_16::<A>(bins, tight, references, out) },
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: as above.
-            InstructionSet::Avx2 => unsafe { chunk_8::<A>(bins, tight, references, out) },
-            _ => one_chunk::<A>(bins, tight, references, out),
-        }
+        let chunk = OneChunk::<A> { bins, tight, references, out, arithmetic: PhantomData };
+        // SAFETY: the executor holds only sets that the processor has.
+        unsafe { set.run(chunk) };
     });
 }
 
-/// [`one_chunk`], compiled for AVX-512.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn chunk_16<A: Arithmetic>(
+/// The bins of one chunk.
+struct OneChunk<'a, A> {
     bins: u32,
-    tight: &Aabb,
-    references: &[Reference],
-    out: &mut ChunkBins,
-) {
-    one_chunk::<A>(bins, tight, references, out);
+    tight: &'a Aabb,
+    references: &'a [Reference],
+    out: &'a mut ChunkBins,
+    arithmetic: PhantomData<A>,
 }
 
-/// [`one_chunk`], compiled for AVX2.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn chunk_8<A: Arithmetic>(
-    bins: u32,
-    tight: &Aabb,
-    references: &[Reference],
-    out: &mut ChunkBins,
-) {
-    one_chunk::<A>(bins, tight, references, out);
+impl<A: Arithmetic> Compiled for OneChunk<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        one_chunk::<A>(self.bins, self.tight, self.references, self.out);
+    }
 }
 
 #[inline(always)]

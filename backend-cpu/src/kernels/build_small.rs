@@ -3,6 +3,8 @@
 //! Reads: small roots and their references. Writes: nodes and references of each root's subtree.
 //! Ties: least cost, then axis, then position. A root of more than T references is one leaf.
 
+use core::marker::PhantomData;
+
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
@@ -14,7 +16,7 @@ use crate::cached::lanes::Avx512;
 use crate::cached::lanes::{Lanes, Plain};
 use crate::cached::small_root::{Costs, Root, Subtrees};
 use crate::lookout::Lookout;
-use crate::query::InstructionSet;
+use crate::query::{Compiled, InstructionSet, Simd};
 
 /// Roots of one task. Their subtrees share two vectors.
 pub const BATCH: usize = 32;
@@ -35,19 +37,10 @@ pub fn run<A: Arithmetic>(
                 return;
             }
             let count = roots.len() as u64;
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: the executor holds only sets that the processor has.
-                InstructionSet::Avx512 => unsafe {
-                    batch_16::<A>(config, roots, references, sizes, out);
-                },
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: as above.
-                InstructionSet::Avx2 => unsafe {
-                    batch_8::<A>(config, roots, references, sizes, out);
-                },
-                _ => batch::<A, Plain>(config, roots, references, sizes, out),
-            }
+            let batch =
+                Batch::<A> { config, roots, references, sizes, out, arithmetic: PhantomData };
+            // SAFETY: the executor holds only sets that the processor has.
+            unsafe { set.run(batch) };
             look.advance(count);
             // A root takes some tens of microseconds.
             look.worked(256 * count);
@@ -55,36 +48,28 @@ pub fn run<A: Arithmetic>(
     );
 }
 
-/// [`batch`], compiled for AVX-512.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-unsafe fn batch_16<A: Arithmetic>(
-    config: &BuildConfig,
-    roots: &[SmallRoot],
-    references: &[Reference],
-    sizes: &mut [Extent],
-    out: &mut Subtrees,
-) {
-    batch::<A, Avx512>(config, roots, references, sizes, out);
+/// [`batch`], for the lanes of each set.
+struct Batch<'a, A> {
+    config: &'a BuildConfig,
+    roots: &'a [SmallRoot],
+    references: &'a [Reference],
+    sizes: &'a mut [Extent],
+    out: &'a mut Subtrees,
+    arithmetic: PhantomData<A>,
 }
 
-/// [`batch`], compiled for AVX2.
-///
-/// # Safety
-/// The processor must have it.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-unsafe fn batch_8<A: Arithmetic>(
-    config: &BuildConfig,
-    roots: &[SmallRoot],
-    references: &[Reference],
-    sizes: &mut [Extent],
-    out: &mut Subtrees,
-) {
-    batch::<A, Plain>(config, roots, references, sizes, out);
+impl<A: Arithmetic> Compiled for Batch<'_, A> {
+    type Output = ();
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let Batch { config, roots, references, sizes, out, .. } = self;
+        #[cfg(target_arch = "x86_64")]
+        if S::N == 16 {
+            return batch::<A, Avx512>(config, roots, references, sizes, out);
+        }
+        batch::<A, Plain>(config, roots, references, sizes, out);
+    }
 }
 
 /// Builds the subtrees of a batch.

@@ -12,7 +12,7 @@ use splitplane_core::backend::{
 use splitplane_core::inside::{self, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Triangle, prepare};
@@ -21,7 +21,8 @@ use splitplane_core::watch::{Stage, Watch};
 use super::blocks::{Blocks, LayoutScratch, Source};
 use super::exact;
 use super::instruction_set::InstructionSet;
-use super::stream::{self, Batch};
+use super::single::Single;
+use super::stream::{Answers, Batch, Stream};
 use crate::lookout::{DUE, Lookout, UNWATCHED};
 
 /// Rays of one task: what one thread takes at a time.
@@ -98,6 +99,12 @@ impl CpuAccelerator {
         self.blocks.layout()
     }
 
+    /// What rays are traced through.
+    #[cfg(test)]
+    pub(super) fn parts(&self) -> (&Blocks, &SceneScale) {
+        (&self.blocks, &self.scene)
+    }
+
     /// The instruction set of queries.
     pub fn instruction_set(&self) -> InstructionSet {
         self.set
@@ -147,42 +154,22 @@ impl CpuAccelerator {
     }
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
-        if options.accuracy == Accuracy::Exact {
-            let mut answered = Hit::MISS;
-            self.trace_batch(core::slice::from_ref(ray), options, query, |_, hit| answered = hit);
-            return answered;
-        }
         let (blocks, scene) = (&self.blocks, &self.scene);
         // SAFETY: `set` was detected on this processor, and the layout made for it.
-        unsafe { stream::trace_one(self.set, blocks, scene, ray, options, query) }
+        unsafe { self.set.run(Single { blocks, scene, ray, options, query }) }
     }
 
-    /// Traces a batch; `answer` takes ray number and hit.
-    fn trace_batch(
-        &self,
-        rays: &[Ray],
-        options: &QueryOptions,
-        query: Query,
-        mut answer: impl FnMut(usize, Hit),
-    ) {
-        let (blocks, scene) = (&self.blocks, &self.scene);
-        let batch = Batch { blocks, scene, rays, options, query };
-        // SAFETY: as for one ray.
-        unsafe { stream::trace(self.set, batch, &mut answer) };
-    }
-
-    /// Answers a batch under a lookout; `told` is what is told of a hit.
-    fn answer<T: Send>(
+    /// Answers a batch under a lookout.
+    fn answer<T: Told>(
         &self,
         rays: &[Ray],
         answers: &mut [T],
         options: &QueryOptions,
-        query: Query,
         look: &Lookout<'_>,
-        told: impl Fn(Hit) -> T + Sync,
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), answers.len())?;
         look.begin(Stage::Rays, rays.len() as u64);
+        let (blocks, scene) = (&self.blocks, &self.scene);
         // How slow rays are shows only as they are traced.
         let at_first = if look.is_watched() { FIRST } else { TASK };
         let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
@@ -192,11 +179,12 @@ impl CpuAccelerator {
                 let mut next = 0;
                 while next < rays.len() && !look.is_over() {
                     let some = next..rays.len().min(next + *count);
-                    let answers = &mut answers[some.clone()];
                     let since = look.is_watched().then(Instant::now);
-                    self.trace_batch(&rays[some.clone()], options, query, |index, hit| {
-                        answers[index] = told(hit);
-                    });
+                    let rays = &rays[some.clone()];
+                    let batch = Batch { blocks, scene, rays, options, query: T::QUERY };
+                    let answers = T::answers(&mut answers[some.clone()]);
+                    // SAFETY: as for one ray.
+                    unsafe { self.set.run(Stream { batch, answers }) };
                     match since.map(|since| since.elapsed()) {
                         Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
                         Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
@@ -300,6 +288,31 @@ impl CpuAccelerator {
     }
 }
 
+/// What a batch tells of each ray.
+trait Told: Send + Sized {
+    /// The query that it answers.
+    const QUERY: Query;
+
+    /// Such answers, to be written.
+    fn answers(answers: &mut [Self]) -> Answers<'_>;
+}
+
+impl Told for Hit {
+    const QUERY: Query = Query::Closest;
+
+    fn answers(answers: &mut [Hit]) -> Answers<'_> {
+        Answers::Hits(answers)
+    }
+}
+
+impl Told for bool {
+    const QUERY: Query = Query::Any;
+
+    fn answers(answers: &mut [bool]) -> Answers<'_> {
+        Answers::Any(answers)
+    }
+}
+
 /// A task's share of the bytes that all tasks of a batch hold.
 struct Share<'a> {
     held: &'a AtomicU64,
@@ -364,7 +377,7 @@ impl Accelerator for CpuAccelerator {
         hits: &mut [Hit],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options, Query::Closest, &UNWATCHED, |hit| hit)
+        self.answer(rays, hits, options, &UNWATCHED)
     }
 
     fn any_hits(
@@ -373,7 +386,7 @@ impl Accelerator for CpuAccelerator {
         occluded: &mut [bool],
         options: &QueryOptions,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, occluded, options, Query::Any, &UNWATCHED, |hit| hit.is_hit())
+        self.answer(rays, occluded, options, &UNWATCHED)
     }
 
     /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
@@ -384,7 +397,7 @@ impl Accelerator for CpuAccelerator {
         options: &QueryOptions,
         watch: &dyn Watch,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options, Query::Closest, &Lookout::new(watch), |hit| hit)
+        self.answer(rays, hits, options, &Lookout::new(watch))
     }
 
     /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
@@ -395,8 +408,7 @@ impl Accelerator for CpuAccelerator {
         options: &QueryOptions,
         watch: &dyn Watch,
     ) -> Result<QueryReport, QueryError> {
-        let look = Lookout::new(watch);
-        self.answer(rays, occluded, options, Query::Any, &look, |hit| hit.is_hit())
+        self.answer(rays, occluded, options, &Lookout::new(watch))
     }
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {

@@ -12,7 +12,7 @@ use splitplane_core::triangle::Triangle;
 use super::indexed::IndexedMesh;
 use super::instruction_set::InstructionSet;
 use super::leaves::Indexed;
-use super::record::{Packer, Record, TAIL, UNIT};
+use super::record::{Packer, Record, TAIL, UNIT_WORDS};
 #[cfg(target_arch = "aarch64")]
 use super::simd::Neon;
 #[cfg(target_arch = "x86_64")]
@@ -33,7 +33,7 @@ const PIECE: usize = 1 << 12;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 pub(crate) struct WalkNode {
-    /// Bits of the split position, or the leaf's first block in units of [`UNIT`] words.
+    /// Bits of the split position, or the leaf's first block in units of [`UNIT_WORDS`] words.
     pub word: u32,
     /// Axis, and right child or number of blocks.
     pub tagged: u32,
@@ -144,13 +144,13 @@ impl Blocks {
         let words = |nodes: &[KdNode]| {
             let words = |node: &KdNode| match node.kind() {
                 // Without a shared corner: 13 words and a part of the first a triangle.
-                NodeKind::Leaf { count, .. } => 14 * count as usize + 2 * UNIT,
+                NodeKind::Leaf { count, .. } => 14 * count as usize + 2 * UNIT_WORDS,
                 NodeKind::Interior { .. } => 0,
             };
             nodes.iter().map(words).sum::<usize>()
         };
         let words = TAIL + tree.nodes.par_chunks(PIECE).map(words).sum::<usize>();
-        if words / UNIT >= MOST_UNITS {
+        if words / UNIT_WORDS >= MOST_UNITS {
             return Err(BuildError::TooLarge { nodes, references });
         }
         // Once in pieces and once put together.
@@ -262,10 +262,10 @@ impl Blocks {
             // SAFETY: parts follow each other without overlap.
             unsafe { out.part(start, part.len()) }.copy_from_slice(part);
             for node in nodes.iter_mut().filter(|node| node.tagged & 3 == 3) {
-                node.word += (start / UNIT) as u32;
+                node.word += (start / UNIT_WORDS) as u32;
             }
         });
-        let content = Content::Blocks(words, (length / UNIT) as u32);
+        let content = Content::Blocks(words, (length / UNIT_WORDS) as u32);
         wide.fill(&tree, nodes, content, look, wide_scratch);
     }
 
@@ -393,7 +393,7 @@ impl Pack<'_> {
                     if self.look.worked(2 * u64::from(count)) {
                         return;
                     }
-                    let word = (out.len() / UNIT) as u32;
+                    let word = (out.len() / UNIT_WORDS) as u32;
                     let references = self.tree.leaf(first, count);
                     // The next leaf's triangles, which are all over the mesh.
                     let next = (first + count) as usize;

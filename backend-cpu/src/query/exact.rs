@@ -1,15 +1,15 @@
-//! One ray at a time, exactly: the reference traversal of accuracy `exact` over blocks, in `f64`, and
-//! the fast way for the rays that it serves.
+//! One ray at a time, exactly: the reference traversal of accuracy `exact` over the tree's own nodes, in
+//! `f64`.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::all_hits::Collector;
-use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::{Best, ExactRay, Walker};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::{Blocks, WalkNode};
+use super::blocks::Blocks;
+use super::walk::walk;
 
 /// The exact closest hit of a ray, or any hit, in `f64` from the root on: for rays of all kinds.
 pub(crate) fn trace_in_f64(
@@ -54,46 +54,15 @@ pub(crate) fn visit(
         return;
     }
     let walker = Walker::new(&ray);
-    let Some((mut enter, mut exit)) = walker.enter(bounds, &ray) else { return };
+    let Some(interval) = walker.enter(bounds, &ray) else { return };
     let mut stop = f64::INFINITY;
-    let mut stack = [(0u32, 0.0f64, 0.0f64); MAX_DEPTH as usize + 1];
-    let mut top = 0;
-    let mut node = 0u32;
-    let nodes = blocks.walk_nodes();
-    loop {
-        let walk = &nodes[node as usize];
-        let WalkNode { word, tagged } = *walk;
-        let axis = (tagged & 3) as usize;
-        if axis < 3 {
-            let (least, greatest) = walker.plane_interval(axis, f32::from_bits(word));
-            let (left, right) = (node + 1, tagged >> WalkNode::SHIFT);
-            let (near, far) = if walker.is_backwards(axis) { (right, left) } else { (left, right) };
-            if greatest < enter {
-                node = far;
-            } else if least > exit {
-                node = near;
-            } else {
-                stack[top] = (far, enter.max(least), exit);
-                top += 1;
-                (node, exit) = (near, exit.min(greatest));
-            }
-            continue;
-        }
-        blocks.any_triangle(walk, |triangle, corners| {
+    walk(blocks.walk_nodes(), &walker, interval, |leaf| {
+        blocks.any_triangle(leaf, |triangle, corners| {
             if options.ignore != Some(triangle) {
                 stop = test(&ray, corners, triangle);
             }
             false
         });
-        loop {
-            if top == 0 {
-                return;
-            }
-            top -= 1;
-            (node, enter, exit) = stack[top];
-            if enter <= stop {
-                break;
-            }
-        }
-    }
+        Some(stop)
+    });
 }

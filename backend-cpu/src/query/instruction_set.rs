@@ -1,5 +1,11 @@
 //! What the processor can do.
 
+#[cfg(target_arch = "aarch64")]
+use super::simd::Neon;
+#[cfg(target_arch = "x86_64")]
+use super::simd::{Avx2, Avx512};
+use super::simd::{Compiled, Portable, Simd};
+
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InstructionSet {
@@ -40,6 +46,7 @@ impl InstructionSet {
             let avx2 = is_x86_feature_detected!("avx2")
                 && is_x86_feature_detected!("bmi1")
                 && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("lzcnt")
                 && is_x86_feature_detected!("popcnt")
                 && is_x86_feature_detected!("fma");
             if avx2 {
@@ -72,6 +79,28 @@ impl InstructionSet {
             InstructionSet::Neon => "neon",
             InstructionSet::Avx2 => "avx2",
             InstructionSet::Avx512 => "avx512",
+        }
+    }
+}
+
+impl InstructionSet {
+    /// Does a task, as compiled for this set.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline]
+    pub(crate) unsafe fn run<T: Compiled>(self, task: T) -> T::Output {
+        // SAFETY: the caller's contract.
+        unsafe {
+            match self {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => Avx512::call(task),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => Avx2::call(task),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => Neon::call(task),
+                _ => Portable::call(task),
+            }
         }
     }
 }

@@ -4,8 +4,8 @@
 use super::blocks::{Block, Blocks, WalkNode};
 use super::indexed::{IndexedMesh, Room};
 use super::leaf::Triangles;
-use super::record::{Record, UNIT};
-use super::simd::{MOST_LANES, Simd};
+use super::record::{Record, UNIT_WORDS};
+use super::simd::Simd;
 
 /// Where traversals find the triangles of a child. Children are numbers here, without their mark.
 pub(crate) trait Leaves: Copy {
@@ -14,7 +14,7 @@ pub(crate) trait Leaves: Copy {
     /// What a traversal must have for blocks to be made in.
     type Room;
     /// A block.
-    type Block<'b>: Triangles + WrittenOut
+    type Block<'b>: Triangles
     where
         Self: 'b;
 
@@ -37,26 +37,6 @@ pub(crate) trait Leaves: Copy {
     ) -> (Self::Block<'b>, usize)
     where
         Self: 'b;
-}
-
-/// Triangles that can be had with all corners written out, as the exact test takes them.
-pub(crate) trait WrittenOut {
-    /// The block, in the room given where it needs one.
-    fn written_out<'r>(&'r self, room: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r>;
-}
-
-impl WrittenOut for Record<'_> {
-    #[inline(always)]
-    fn written_out<'r>(&'r self, room: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r> {
-        Record::written_out(self, room)
-    }
-}
-
-impl WrittenOut for Block<'_> {
-    #[inline(always)]
-    fn written_out<'r>(&'r self, _: &'r mut [f32; 11 * MOST_LANES]) -> Block<'r> {
-        *self
-    }
 }
 
 /// Blocks: a child is the unit at which its block begins.
@@ -86,7 +66,7 @@ impl Leaves for Packed<'_> {
 
     #[inline(always)]
     fn address(self, child: u32) -> *const u8 {
-        self.words.as_ptr().wrapping_add(child as usize * UNIT).cast()
+        self.words.as_ptr().wrapping_add(child as usize * UNIT_WORDS).cast()
     }
 
     #[inline(always)]

@@ -52,7 +52,8 @@ pub(crate) struct Way {
 pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
 
 /// The axes that shearing calls x, y and z.
-static AXES: [[usize; 3]; 6] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+pub(crate) static AXES: [[usize; 3]; 6] =
+    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
 impl Way {
     /// Not a place in a batch.
@@ -92,36 +93,6 @@ impl Way {
             wide: false,
         }
     }
-
-    /// Of a ray that was neither moved nor is wide, and its interval.
-    pub fn new(ray: &PreparedRay, (enter, exit): (f32, f32), query: Query) -> Way {
-        let mut way = Way {
-            reciprocal: ray.reciprocal,
-            enter,
-            stop: exit,
-            origin: ray.axes.map(|axis| ray.origin[axis]),
-            shear: ray.shear,
-            t_min: ray.t_min,
-            t_max: ray.t_max,
-            axes: ray.axes[2] as u32,
-            exponent: ray.exponent,
-            limits: ray.limits,
-            direction: ray.direction,
-            slack: ray.slack,
-            ..Way::none()
-        };
-        let reach = enter.abs().max(exit.abs()) * WAY_SLACK;
-        for axis in 0..3 {
-            let origin = ray.origin[axis] * ray.reciprocal[axis];
-            let slack = (ray.slack[axis] + origin.abs() * ORIGIN_SLACK) + reach;
-            (way.near[axis], way.far[axis]) = (origin + slack, origin - slack);
-            way.octant |= u32::from(ray.direction[axis] < 0.0) << axis;
-        }
-        way.axes += if ray.direction[ray.axes[2]] < 0.0 { 3 } else { 0 };
-        let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
-        way.octant |= u32::from(solid) << 3;
-        way
-    }
 }
 
 /// Distances to planes are differences of products here: each errs by half a rounding of the
@@ -129,12 +100,12 @@ impl Way {
 pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
 /// The part of a distance by which planes are widened, here of the greatest distance at which the ray is
 /// within the bounds: what is further off is out of reach, widened or not.
-const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
+pub(crate) const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
 
 /// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
 /// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
 #[inline(always)]
-fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
+pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
     (enter <= t_min) & (exit < t_max)
 }
 

@@ -1,7 +1,7 @@
 //! The triangles of a leaf as tests read them: blocks of at most as many as a vector has lanes, with
 //! corners that triangles share stored once.
 //!
-//! A block begins at a multiple of [`UNIT`] words:
+//! A block begins at a multiple of [`UNIT_WORDS`] words:
 //!
 //! | words | what |
 //! |---|---|
@@ -16,11 +16,10 @@
 
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Block;
 use super::simd::{MOST_LANES, Simd};
 
 /// Words at whose multiples blocks begin.
-pub(crate) const UNIT: usize = 4;
+pub(crate) const UNIT_WORDS: usize = 4;
 /// Words behind the last block that vector loads may read.
 pub(crate) const TAIL: usize = 3 * MOST_LANES;
 
@@ -35,7 +34,7 @@ impl<'a> Record<'a> {
     /// The block that begins at a unit.
     #[inline(always)]
     pub fn at(words: &'a [u32], unit: u32) -> Record<'a> {
-        Record { words: &words[unit as usize * UNIT..] }
+        Record { words: &words[unit as usize * UNIT_WORDS..] }
     }
 
     /// The same without a look at the bounds.
@@ -45,7 +44,7 @@ impl<'a> Record<'a> {
     #[inline(always)]
     pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> Record<'a> {
         // SAFETY: the caller's contract.
-        Record { words: unsafe { words.get_unchecked(unit as usize * UNIT..) } }
+        Record { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
     }
 
     /// Triangles, 1 to 16.
@@ -69,7 +68,7 @@ impl<'a> Record<'a> {
     /// Units to the next block.
     #[inline]
     pub fn units(&self) -> u32 {
-        (self.before() + 3 * self.corner_count()).div_ceil(UNIT) as u32
+        (self.before() + 3 * self.corner_count()).div_ceil(UNIT_WORDS) as u32
     }
 
     /// Places of the first, second or third corners, a byte each.
@@ -117,17 +116,6 @@ impl<'a> Record<'a> {
         let row = &self.words[start + axis * count..][..count];
         let bounds = (f32::INFINITY, f32::NEG_INFINITY);
         row.iter().map(|&x| f32::from_bits(x)).fold(bounds, |(lo, hi), x| (lo.min(x), hi.max(x)))
-    }
-
-    /// The same block with all corners written out.
-    pub fn written_out<'b>(&self, room: &'b mut [f32; 10 * MOST_LANES + MOST_LANES]) -> Block<'b> {
-        for index in 0..self.count() {
-            for (row, &x) in self.corners(index).as_flattened().iter().enumerate() {
-                room[row * MOST_LANES + index] = x;
-            }
-            room[9 * MOST_LANES + index] = f32::from_bits(self.triangle(index));
-        }
-        Block { words: room, stride: MOST_LANES, count: self.count() }
     }
 }
 
@@ -223,7 +211,7 @@ impl<S: Simd> Packer<S> {
         for row in unsafe { S::columns(&self.corners) } {
             out.extend_from_slice(&row[..corners]);
         }
-        while !out.len().is_multiple_of(UNIT) {
+        while !out.len().is_multiple_of(UNIT_WORDS) {
             out.push(0);
         }
         (self.count, self.corner_count) = (0, 0);

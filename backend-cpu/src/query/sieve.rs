@@ -3,8 +3,8 @@
 //! It is the watertight test with room for every rounding, and lets go only what certainly is no hit;
 //! the rest is decided by [`splitplane_core::exact`]. u is 2^-24, R the greatest distance of the origin
 //! to any corner along an axis, P the greatest sheared coordinate of a triangle; the rays are those of
-//! the wide test: neither moved nor changed by being made ready, in scenes that are not wide, whose coordinates, distances and sheared products are 0 or well within the normal
-//! range.
+//! the wide test: neither moved nor changed by being made ready, in scenes that are not wide, whose
+//! coordinates, distances and sheared products are 0 or well within the normal range.
 //!
 //! *Corners.* A sheared coordinate `(p_x - o_x) - s (p_z - o_z)` with |s| <= 1 errs by u R from its
 //! first difference, 3 u R from slope, difference and product, 2^-40 R for a slope taken as zero, and
@@ -27,25 +27,24 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::exact::{Best, ExactRay};
-use splitplane_core::intersect::{EDGE_LEAST, PreparedRay, STOP_SLACK};
+use splitplane_core::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::Block;
-use super::instruction_set::InstructionSet;
-use super::leaves::WrittenOut;
-use super::simd::{MOST_LANES, Simd};
+use super::leaf::Triangles;
+use super::prepare::Way;
+use super::simd::Simd;
 
 /// The error of an edge function, in R P.
-pub(crate) const EDGE_ERROR: f32 = 36.0 * UNIT;
+pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
 /// What stands beside P in it, in R.
-pub(crate) const CORNER_ERROR: f32 = 2.0 * UNIT;
+pub(crate) const CORNER_ERROR: f32 = 2.0 * ROUNDING;
 /// Part of the greatest depth by which a distance may be off.
-pub(crate) const DEPTH_ERROR: f32 = 32.0 * UNIT;
+pub(crate) const DEPTH_ERROR: f32 = 32.0 * ROUNDING;
 /// What products that underflow may add to the numerator of a distance.
 pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
 /// The rounding error of 1.
-const UNIT: f32 = 5.960_464_5e-8; // 2^-24
+const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 
 /// What the sieve must know of a ray besides what all tests do.
 #[derive(Clone, Copy, Debug)]
@@ -63,10 +62,9 @@ pub(crate) struct Reach {
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
     #[inline]
-    pub fn new(ray: &PreparedRay, bounds: &Aabb) -> Reach {
+    pub fn new(ray: &Way, bounds: &Aabb) -> Reach {
         let mut reach = 0.0f32;
-        for axis in 0..3 {
-            let origin = ray.origin[axis];
+        for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
             reach = reach.max(bounds.hi[axis] - origin).max(origin - bounds.lo[axis]);
         }
         Reach::of(reach, ray.t_min, ray.t_max)
@@ -102,9 +100,9 @@ impl ExactLane {
 
     /// A ray about to start, if it can hit anything.
     #[inline]
-    pub fn new(ray: &Ray, prepared: &PreparedRay, bounds: &Aabb) -> Option<ExactLane> {
+    pub fn new(ray: &Ray, way: &Way, bounds: &Aabb) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
-        Some(ExactLane { ray, reach: Reach::new(prepared, bounds), best: Best::default() })
+        Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })
     }
 
     /// The answer.
@@ -114,35 +112,55 @@ impl ExactLane {
     }
 
     /// Tests a block; `stop` is the inner `t` beyond which nothing can precede the best hit. True when
-    /// the query is answered: any hit was asked for and found.
+    /// the best hit changed.
     ///
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    pub unsafe fn test_record<S: Simd>(
+    pub unsafe fn test<S: Simd, T: Triangles>(
         &mut self,
-        prepared: &PreparedRay,
-        record: &impl WrittenOut,
+        way: &Way,
+        block: &T,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,
     ) -> bool {
-        let mut room = [0.0; 11 * MOST_LANES];
-        let block = record.written_out(&mut room);
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
-        let mut bits = unsafe { sift(S::SET, prepared, &self.reach, &block, limit) };
+        let bits = unsafe { sift::<S, T>(way, &self.reach, block, limit) };
+        bits != 0 && self.decide(block, bits, way.exponent, options, query, stop)
+    }
+
+    /// Decides some triangles of a block.
+    #[inline(never)]
+    fn decide<T: Triangles>(
+        &mut self,
+        block: &T,
+        mut bits: u32,
+        exponent: i32,
+        options: &QueryOptions,
+        query: Query,
+        stop: &mut f32,
+    ) -> bool {
+        let mut better = false;
         while bits != 0 {
             let index = bits.trailing_zeros() as usize;
             bits &= bits - 1;
-            if decide(&self.ray, &mut self.best, &block, index, options, query) {
+            let triangle = block.triangle(index);
+            // Or met before, in another leaf.
+            if self.best.triangle() == Some(triangle) || options.ignore == Some(triangle) {
+                continue;
+            }
+            self.best.test(&self.ray, &block.corners(index), triangle, options.culling, query);
+            if self.best.triangle() == Some(triangle) {
+                better = true;
                 if query == Query::Any {
-                    return true;
+                    break;
                 }
-                *stop = inner_stop(self.best.stop(), prepared.exponent);
+                *stop = inner_stop(self.best.stop(), exponent);
             }
         }
-        false
+        better
     }
 }
 
@@ -155,25 +173,6 @@ pub(crate) fn answer(best: &Best, query: Query) -> Hit {
     }
 }
 
-/// Decides one triangle of a block; whether it is the best hit now.
-#[inline]
-pub(crate) fn decide(
-    ray: &ExactRay,
-    best: &mut Best,
-    block: &Block<'_>,
-    index: usize,
-    options: &QueryOptions,
-    query: Query,
-) -> bool {
-    let triangle = block.triangle(index);
-    // Met before, in another leaf.
-    if best.triangle() == Some(triangle) || options.ignore == Some(triangle) {
-        return false;
-    }
-    best.test(ray, &block.corners(index), triangle, options.culling, query);
-    best.triangle() == Some(triangle)
-}
-
 /// The inner `t` beyond which no cell can hold a hit at or before an outer one.
 #[inline]
 pub(crate) fn inner_stop(t: f64, exponent: i32) -> f32 {
@@ -182,217 +181,81 @@ pub(crate) fn inner_stop(t: f64, exponent: i32) -> f32 {
     inner + inner.abs() * STOP_SLACK
 }
 
-/// Bits of the triangles of a block that the ray may meet at an inner `t` of at most `limit`, which is
-/// widened.
+/// Bits of the triangles that the ray may meet at an inner `t` of at most `limit`, which is widened.
 ///
 /// # Safety
-/// The processor must have `set`.
+/// The processor must have the set, and a block of its width must follow the triangles' words.
 #[inline(always)]
-pub(crate) unsafe fn sift(
-    set: InstructionSet,
-    ray: &PreparedRay,
-    reach: &Reach,
-    block: &Block<'_>,
-    limit: f32,
-) -> u32 {
-    match set {
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: the caller's contract; a block's words reach 16 behind the start of any row.
-        InstructionSet::Avx512 => unsafe { x86::sift_16(ray, reach, block, limit) },
-        #[cfg(target_arch = "x86_64")]
-        // SAFETY: as above.
-        InstructionSet::Avx2 => unsafe { x86::sift_8(ray, reach, block, limit) },
-        _ => portable(ray, reach, block, limit),
-    }
-}
-
-fn portable(ray: &PreparedRay, reach: &Reach, block: &Block<'_>, limit: f32) -> u32 {
-    let [sx, sy, sz] = ray.shear;
-    let origin = ray.axes.map(|axis| ray.origin[axis]);
-    let mut bits = 0;
-    for i in 0..block.count {
-        let from: [[f32; 3]; 3] = core::array::from_fn(|corner| {
-            core::array::from_fn(|k| {
-                block.words[(corner * 3 + ray.axes[k]) * block.stride + i] - origin[k]
-            })
-        });
-        let [a, b, c] = from.map(|p| [p[0] - sx * p[2], p[1] - sy * p[2]]);
-        let width = [a, b, c].as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
-        let error = reach.edge * width + reach.least;
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        let depths = from.map(|p| sz * p[2]);
-        let nearest = depths[0].min(depths[1]).min(depths[2]);
-        let farthest = depths[0].max(depths[1]).max(depths[2]);
-        let outside = u.min(v).min(w) <= -error && u.max(v).max(w) >= error;
-        if outside || farthest < reach.t_min || nearest > limit {
-            continue;
+unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit: f32) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let [kx, ky, kz] = way.axes();
+        let [ox, oy, oz] =
+            [S::splat(way.origin[0]), S::splat(way.origin[1]), S::splat(way.origin[2])];
+        let [sx, sy, sz] = [S::splat(way.shear[0]), S::splat(way.shear[1]), S::splat(way.shear[2])];
+        let zero = S::splat(0.0);
+        // Of each corner: sheared coordinates and depth, and the greatest magnitudes before and after.
+        let mut flat_x = [zero; 3];
+        let (mut flat_y, mut depth, mut own, mut width) = (flat_x, flat_x, flat_x, flat_x);
+        for i in 0..T::VECTORS {
+            let x = S::sub(block.coordinates::<S>(kx, i), ox);
+            let y = S::sub(block.coordinates::<S>(ky, i), oy);
+            let z = S::sub(block.coordinates::<S>(kz, i), oz);
+            flat_x[i] = S::sub(x, S::mul(sx, z));
+            flat_y[i] = S::sub(y, S::mul(sy, z));
+            depth[i] = S::mul(sz, z);
+            own[i] = S::magnitude(S::magnitude(x, y), z);
+            width[i] = S::magnitude(flat_x[i], flat_y[i]);
         }
-        let own = from.as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
-        let error = EDGE_ERROR * own * (width + CORNER_ERROR * own) + EDGE_LEAST;
-        let det = (u + v + w).abs();
-        let t = (u * depths[0] + v * depths[1] + w * depths[2]) / (u + v + w);
-        let shift = (5.0 * error * (farthest - nearest) + TINY) / det;
-        let shift = shift + DEPTH_ERROR * nearest.abs().max(farthest.abs());
-        let beside = t + shift < reach.t_min || t - shift > limit;
-        if det < 8.0 * error || !beside {
-            bits |= 1 << i;
+        let places = block.places::<S>();
+        let [ax, bx, cx] = T::of_corners::<S>(flat_x, places);
+        let [ay, by, cy] = T::of_corners::<S>(flat_y, places);
+        let [da, db, dc] = T::of_corners::<S>(depth, places);
+        let [wa, wb, wc] = T::of_corners::<S>(width, places);
+        let u = S::sub(S::mul(cx, by), S::mul(cy, bx));
+        let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
+        let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
+        let width = S::max(wa, S::max(wb, wc));
+        let error = S::add(S::mul(S::splat(reach.edge), width), S::splat(reach.least));
+        let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
+        let above = S::le(error, S::max(u, S::max(v, w)));
+        let nearest = S::min(da, S::min(db, dc));
+        let farthest = S::max(da, S::max(db, dc));
+        let (t_min, limit) = (S::splat(reach.t_min), S::splat(limit));
+        let reached = S::and(S::le(t_min, farthest), S::le(nearest, limit));
+        let mut bits = S::bits(reached) & !S::bits(S::and(below, above));
+        // Of what follows the last triangle nothing counts.
+        bits &= (1u32 << block.count()) - 1;
+        if bits == 0 {
+            return 0;
         }
+        let [a, b, c] = T::of_corners::<S>(own, places);
+        let own = S::max(a, S::max(b, c));
+        let room = S::add(S::mul(S::splat(CORNER_ERROR), own), width);
+        let error = S::mul(S::mul(S::splat(EDGE_ERROR), own), room);
+        let error = S::add(error, S::splat(EDGE_LEAST));
+        let det = S::add(S::add(u, v), w);
+        let size = S::abs(det);
+        let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
+        let t = S::div(sum, det);
+        let spread = S::mul(S::splat(5.0), S::sub(farthest, nearest));
+        let shift = S::div(S::add(S::mul(error, spread), S::splat(TINY)), size);
+        let deepest = S::magnitude(nearest, farthest);
+        let shift = S::add(S::mul(S::splat(DEPTH_ERROR), deepest), shift);
+        let sure = S::le(S::mul(S::splat(8.0), error), size);
+        let reached = S::and(S::le(t_min, S::add(t, shift)), S::le(S::sub(t, shift), limit));
+        bits & (!S::bits(sure) | S::bits(reached))
     }
-    bits
-}
-
-#[cfg(target_arch = "x86_64")]
-mod x86 {
-    //! The same with vector instructions. Fused operations may stand here: they only round less.
-
-    use super::{
-        Block, CORNER_ERROR, DEPTH_ERROR, EDGE_ERROR, EDGE_LEAST, PreparedRay, Reach, TINY,
-    };
-    use core::arch::x86_64::*;
-
-    macro_rules! sieve {
-        ($sift:ident, $features:literal, $width:literal, $load:path, $set:path, $add:path, $sub:path,
-         $mul:path, $div:path, $min:path, $max:path, $less_product:expr, $product_less:expr,
-         $product_plus:expr, $magnitude:expr, $magnitudes:expr, $le:expr) => {
-            /// Triangles that the ray may meet.
-            ///
-            /// # Safety
-            /// The processor must have the instruction set, and a wide load from any row must stay
-            /// within the block's words.
-            #[target_feature(enable = $features)]
-            #[inline]
-            pub unsafe fn $sift(
-                ray: &PreparedRay,
-                reach: &Reach,
-                block: &Block<'_>,
-                limit: f32,
-            ) -> u32 {
-                let [kx, ky, kz] = ray.axes;
-                let (ox, oy, oz) =
-                    ($set(ray.origin[kx]), $set(ray.origin[ky]), $set(ray.origin[kz]));
-                let [sx, sy, sz] = ray.shear.map(|x| $set(x));
-                let zero = $set(0.0);
-                let mut all = 0;
-                let mut at = 0;
-                while at < block.count {
-                    let start = block.words.as_ptr();
-                    // SAFETY: rows and what follows them are within the words, by contract.
-                    let row = |corner: usize, axis: usize| unsafe {
-                        $load(start.add((corner * 3 + axis) * block.stride + at))
-                    };
-                    let corner = |i: usize| {
-                        let x = $sub(row(i, kx), ox);
-                        let y = $sub(row(i, ky), oy);
-                        let z = $sub(row(i, kz), oz);
-                        (x, y, z, $less_product(x, sx, z), $less_product(y, sy, z))
-                    };
-                    let (a, b, c) = (corner(0), corner(1), corner(2));
-                    let u = $product_less(c.3, b.4, $mul(c.4, b.3));
-                    let v = $product_less(a.3, c.4, $mul(a.4, c.3));
-                    let w = $product_less(b.3, a.4, $mul(b.4, a.3));
-                    let width = $magnitudes(
-                        $magnitudes($magnitudes(a.3, a.4), $magnitudes(b.3, b.4)),
-                        $magnitudes(c.3, c.4),
-                    );
-                    let error = $product_plus($set(reach.edge), width, $set(reach.least));
-                    let below = $le($min(u, $min(v, w)), $sub(zero, error));
-                    let above = $le(error, $max(u, $max(v, w)));
-                    let (da, db, dc) = ($mul(sz, a.2), $mul(sz, b.2), $mul(sz, c.2));
-                    let nearest = $min(da, $min(db, dc));
-                    let farthest = $max(da, $max(db, dc));
-                    let before = $le($set(reach.t_min), farthest);
-                    let behind = $le(nearest, $set(limit));
-                    let mut bits: u32 = !(below & above) & before & behind;
-                    // Of what follows the last triangle nothing counts.
-                    bits &= (((1u64 << (block.count - at)) - 1) as u32) & ((1 << $width) - 1);
-                    if bits != 0 {
-                        let own = $magnitudes(
-                            $magnitudes(
-                                $magnitudes($magnitudes(a.0, a.1), $magnitudes(b.0, b.1)),
-                                $magnitudes($magnitudes(c.0, c.1), $magnitudes(a.2, b.2)),
-                            ),
-                            c.2,
-                        );
-                        let room = $product_plus($set(CORNER_ERROR), own, width);
-                        let error = $mul($mul($set(EDGE_ERROR), own), room);
-                        let error = $add(error, $set(EDGE_LEAST));
-                        let det = $add($add(u, v), w);
-                        let size = $magnitude(det);
-                        let sum = $product_plus(u, da, $product_plus(v, db, $mul(w, dc)));
-                        let t = $div(sum, det);
-                        let spread = $mul($set(5.0), $sub(farthest, nearest));
-                        let shift = $div($product_plus(error, spread, $set(TINY)), size);
-                        let deepest = $magnitudes(nearest, farthest);
-                        let shift = $product_plus($set(DEPTH_ERROR), deepest, shift);
-                        let sure = $le($mul($set(8.0), error), size);
-                        let reached = $le($set(reach.t_min), $add(t, shift))
-                            & $le($sub(t, shift), $set(limit));
-                        bits &= !sure | reached;
-                    }
-                    all |= bits << at;
-                    at += $width;
-                }
-                all
-            }
-        };
-    }
-
-    sieve!(
-        sift_16,
-        "avx512f,avx512dq",
-        16,
-        _mm512_loadu_ps,
-        _mm512_set1_ps,
-        _mm512_add_ps,
-        _mm512_sub_ps,
-        _mm512_mul_ps,
-        _mm512_div_ps,
-        _mm512_min_ps,
-        _mm512_max_ps,
-        |x, s, z| _mm512_fnmadd_ps(s, z, x),
-        |x, y, z| _mm512_fmsub_ps(x, y, z),
-        |x, y, z| _mm512_fmadd_ps(x, y, z),
-        |x| _mm512_abs_ps(x),
-        // The greater of two magnitudes.
-        |x, y| _mm512_range_ps::<0b1011>(x, y),
-        |a, b| u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b))
-    );
-
-    sieve!(
-        sift_8,
-        "avx2",
-        8,
-        _mm256_loadu_ps,
-        _mm256_set1_ps,
-        _mm256_add_ps,
-        _mm256_sub_ps,
-        _mm256_mul_ps,
-        _mm256_div_ps,
-        _mm256_min_ps,
-        _mm256_max_ps,
-        |x, s, z| _mm256_sub_ps(x, _mm256_mul_ps(s, z)),
-        |x, y, z| _mm256_sub_ps(_mm256_mul_ps(x, y), z),
-        |x, y, z| _mm256_add_ps(_mm256_mul_ps(x, y), z),
-        |x| _mm256_andnot_ps(_mm256_set1_ps(-0.0), x),
-        |x, y| {
-            let sign = _mm256_set1_ps(-0.0);
-            _mm256_max_ps(_mm256_andnot_ps(sign, x), _mm256_andnot_ps(sign, y))
-        },
-        |a, b| _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32
-    );
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn is_ordinary(lane: &ExactLane, prepared: &PreparedRay) -> bool {
-        !prepared.wide && prepared.offset == 0.0 && prepared.origin == lane.ray.origin
-    }
-
-    use splitplane_core::arithmetic::Strict;
+    use crate::query::InstructionSet;
+    use crate::query::blocks::Block;
+    use crate::query::prepare_one::Readiness;
+    use crate::query::simd::Compiled;
     use splitplane_core::exact::meet;
     use splitplane_core::intersect::{Limits, SceneScale};
     use splitplane_core::ray::Culling;
@@ -464,6 +327,24 @@ mod tests {
         }
     }
 
+    /// What is tested here.
+    struct Sift<'a> {
+        way: &'a Way,
+        reach: &'a Reach,
+        block: &'a Block<'a>,
+        limit: f32,
+    }
+
+    impl Compiled for Sift<'_> {
+        type Output = u32;
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) -> u32 {
+            // SAFETY: the caller's contract.
+            unsafe { sift::<S, _>(self.way, self.reach, self.block, self.limit) }
+        }
+    }
+
     /// Rays and triangles that are met but were let go, those met, and those kept, of all tried. What
     /// the sieve takes for the error of an edge function is multiplied by `share`.
     fn try_out(set: InstructionSet, share: f32) -> [usize; 4] {
@@ -474,15 +355,15 @@ mod tests {
             let triangles = triangles(&mut random, scale);
             let words = words(&triangles);
             let count = 1 + random.below(16);
-            let block = Block { words: &words, stride: 16, count };
             let limits = triangles.iter().fold(Limits::NONE, |all, t| all.union(Limits::of(t)));
             let bounds = Aabb::of_points(triangles.as_flattened());
             let scene = SceneScale::new(bounds, &limits);
             for _ in 0..16 {
                 let ray = ray(&mut random, &triangles[..count], scale);
-                let Some(prepared) = PreparedRay::new::<Strict>(&ray, &scene) else { continue };
-                let Some(mut lane) = ExactLane::new(&ray, &prepared, &bounds) else { continue };
-                if !is_ordinary(&lane, &prepared) {
+                let mut way = Way::none();
+                let Readiness::Ready = way.prepare(&ray, &scene, Query::Closest) else { continue };
+                let Some(mut lane) = ExactLane::new(&ray, &way, &bounds) else { continue };
+                if way.ray().origin != lane.ray.origin {
                     continue;
                 }
                 lane.reach.edge *= share;
@@ -495,10 +376,18 @@ mod tests {
                     .collect();
                 let nearest = found.iter().flatten().min_by(|a, b| a.compare_t(b));
                 let stop = nearest.map_or(f64::INFINITY, |met| met.t_interval().1);
-                let stop = inner_stop(stop, prepared.exponent);
+                let stop = inner_stop(stop, way.exponent);
                 for limit in [lane.reach.t_max, lane.reach.t_max.min(stop)] {
-                    // SAFETY: the caller names sets that there are; the words reach on.
-                    let bits = unsafe { sift(set, &prepared, &lane.reach, &block, limit) };
+                    let mut bits = 0;
+                    for first in (0..count).step_by(set.lanes()) {
+                        let count = (count - first).min(set.lanes());
+                        let block = Block { words: &words[first..], stride: 16, count };
+                        let sift = Sift { way: &way, reach: &lane.reach, block: &block, limit };
+                        // SAFETY: the caller names sets that there are; the words reach on.
+                        let some = unsafe { set.run(sift) };
+                        assert_eq!(u64::from(some) >> count, 0, "triangles that are not there");
+                        bits |= some << first;
+                    }
                     for (i, found) in found.iter().enumerate() {
                         let wanted = found.as_ref().is_some_and(|met| {
                             limit == lane.reach.t_max
@@ -510,7 +399,6 @@ mod tests {
                         kept += usize::from(is_kept);
                         all += 1;
                     }
-                    assert_eq!(u64::from(bits) >> count, 0, "triangles that are not there");
                 }
             }
         }

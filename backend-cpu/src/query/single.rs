@@ -1,66 +1,211 @@
-//! One ray with care: the reference loop over the tree's own nodes, triangle by triangle. For the few
-//! rays that vectors are not made for: moved ones, and extreme exponents.
+//! One ray a call: the steps of [`super::stream`] without the other rays.
 
-use splitplane_core::arithmetic::Strict;
-use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::intersect::{PreparedRay, SceneScale};
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use core::mem::MaybeUninit;
+
+use splitplane_core::intersect::SceneScale;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::{Blocks, WalkNode};
-use super::leaf::{Best, test_one};
+use super::blocks::Blocks;
+use super::leaf::Best;
+use super::leaves::{Indexed, Leaves, Packed};
+use super::prepare::Way;
+use super::prepare_one::Readiness;
+use super::simd::{Compiled, Simd};
+use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
+use super::stream::{Answers, Batch, Stream};
+use super::wide::LEAF_MARK;
 
-/// Traces one ray from the root.
-#[cold]
-pub(crate) fn trace(
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    let mut best = Best::NONE;
-    let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else { return best.hit };
-    let Some((mut enter, mut exit)) = ray.enter::<Strict>(&scene.bounds) else { return best.hit };
-    let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
-    let mut top = 0;
-    let mut node = 0u32;
-    let nodes = blocks.walk_nodes();
-    loop {
-        let walk = &nodes[node as usize];
-        let WalkNode { word, tagged } = *walk;
-        let axis = (tagged & 3) as usize;
-        if axis < 3 {
-            let (least, greatest) = ray.plane_interval::<Strict>(axis, f32::from_bits(word));
-            let (left, right) = (node + 1, tagged >> WalkNode::SHIFT);
-            let backwards = ray.direction[axis] < 0.0;
-            let (near, far) = if backwards { (right, left) } else { (left, right) };
-            if greatest < enter {
-                node = far;
-            } else if least > exit {
-                node = near;
-            } else {
-                stack[top] = (far, enter.max(least), exit);
-                top += 1;
-                (node, exit) = (near, exit.min(greatest));
+/// Entries of a stack that need not be asked for: enough for trees 29 nodes deep.
+const ENTRIES: usize = 512;
+
+/// One ray, and what it is traced through.
+#[derive(Clone, Copy)]
+pub(crate) struct Single<'a> {
+    pub blocks: &'a Blocks,
+    pub scene: &'a SceneScale,
+    pub ray: &'a Ray,
+    pub options: &'a QueryOptions,
+    pub query: Query,
+}
+
+impl Compiled for Single<'_> {
+    type Output = Hit;
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) -> Hit {
+        if self.blocks.wide.lines().is_empty() {
+            return Hit::MISS;
+        }
+        let mut way = Way::none();
+        let readiness = match self.options.accuracy {
+            Accuracy::Exact => Readiness::Special,
+            _ => way.prepare(self.ray, self.scene, self.query),
+        };
+        // SAFETY: the caller's contract.
+        unsafe {
+            match (readiness, self.blocks.indexed()) {
+                (Readiness::Misses, _) => Hit::MISS,
+                (Readiness::Special, _) => S::call(WithCare(self)),
+                (Readiness::Ready, None) => {
+                    self.through::<S, _, ENTRIES>(Packed::new(self.blocks), &mut way)
+                }
+                (Readiness::Ready, Some(leaves)) => {
+                    self.through::<S, Indexed<'_>, ENTRIES>(leaves, &mut way)
+                }
             }
-            continue;
         }
-        let answered = blocks.any_triangle(walk, |triangle, corners| {
-            test_one(&ray, corners, triangle, options, &mut best) && query == Query::Any
-        });
-        if answered {
-            return best.hit;
+    }
+}
+
+/// One ray, as a batch of one.
+struct WithCare<'a>(Single<'a>);
+
+impl Compiled for WithCare<'_> {
+    type Output = Hit;
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) -> Hit {
+        let Single { blocks, scene, ray, options, query } = self.0;
+        let mut hit = Hit::MISS;
+        let answers = Answers::Hits(core::slice::from_mut(&mut hit));
+        let batch = Batch { blocks, scene, rays: core::slice::from_ref(ray), options, query };
+        // SAFETY: the caller's contract.
+        unsafe { S::call(Stream { batch, answers }) }
+        hit
+    }
+}
+
+impl Single<'_> {
+    /// # Safety
+    /// As for [`Compiled::run`].
+    #[inline(always)]
+    unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
+        &self,
+        leaves: L,
+        way: &mut Way,
+    ) -> Hit {
+        let room = self.blocks.wide.stack();
+        if room > ENTRIES {
+            let (mut children, mut t) = (vec![0; room], vec![0.0; room]);
+            let stack = Stack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
+            // SAFETY: the caller's contract; stacks of that length.
+            return unsafe { self.walk::<S, L>(leaves, way, stack) };
         }
+        let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
+        let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
+        let stack = Stack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
+        // SAFETY: the caller's contract; stacks of no less length.
+        unsafe { self.walk::<S, L>(leaves, way, stack) }
+    }
+
+    /// # Safety
+    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
+    #[inline(always)]
+    unsafe fn walk<S: Simd, L: Leaves>(&self, leaves: L, way: &mut Way, mut stack: Stack) -> Hit {
+        let Single { blocks, options, query, .. } = *self;
+        let lines = blocks.wide.lines().as_ptr();
+        let test = &Test { leaves, options, query };
+        let (mut room, mut best) = (L::room(), Best::NONE);
+        let (room, best) = (&mut room, &mut best);
+        let tested = &mut Tested { test, room, way, best, exact: None };
+        // SAFETY: the stack has the room.
+        unsafe { stack.begin() };
+        let (mut child, mut top) = (0, 0);
         loop {
-            if top == 0 {
-                return best.hit;
+            while child & LEAF_MARK == 0 {
+                // SAFETY: the caller's contract; the child is a node; the stack has the room.
+                (child, top) = unsafe { step::<S>(tested.way, lines, child, &mut stack, top) };
             }
-            top -= 1;
-            (node, enter, exit) = stack[top];
-            if enter <= best.stop {
-                break;
+            if child == DONE {
+                return tested.best.hit;
             }
+            // A block's header says where its corners are: they need not wait for it.
+            ask_for_block::<S, L>(leaves, child);
+            // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
+            if unsafe { S::call(TestChild(child, tested)) } {
+                if query == Query::Any {
+                    return tested.best.hit;
+                }
+                let stop = tested.best.stop.min(tested.way.stop);
+                tested.way.stop = stop;
+                // SAFETY: the caller's contract; the stack has the room.
+                top = unsafe { stack.cull::<S>(top, stop) };
+            }
+            // SAFETY: entries that were written.
+            child = unsafe { *stack.children.add(top) };
+            top = top.wrapping_sub(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::backend::{Accelerator, BuildOptions};
+    use splitplane_core::mesh::Mesh;
+    use splitplane_test_support::random::Random;
+
+    use super::*;
+    use crate::CpuBackend;
+    use crate::query::InstructionSet;
+
+    /// Of a stack that is too short, and one that is long enough.
+    struct Both<'a>(Single<'a>);
+
+    impl Compiled for Both<'_> {
+        type Output = [Hit; 2];
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) -> [Hit; 2] {
+            let Single { blocks, scene, ray, query, .. } = self.0;
+            let (mut way, mut again) = (Way::none(), Way::none());
+            let Readiness::Ready = way.prepare(ray, scene, query) else { return [Hit::MISS; 2] };
+            again.prepare(ray, scene, query);
+            let leaves = Packed::new(blocks);
+            // SAFETY: the caller's contract.
+            unsafe {
+                [
+                    self.0.through::<S, _, 1>(leaves, &mut way),
+                    self.0.through::<S, _, ENTRIES>(leaves, &mut again),
+                ]
+            }
+        }
+    }
+
+    /// Trees may be deeper than there is room for on the machine's stack.
+    #[test]
+    fn stacks_of_any_length_give_the_same_hits() {
+        let mut random = Random::new(3);
+        let mut point = |spread: f64| [(); 3].map(|()| random.between(-spread, spread) as f32);
+        let triangles: Vec<_> = (0..3000)
+            .map(|_| {
+                let (at, a, b) = (point(1.0), point(0.1), point(0.1));
+                [at, [0, 1, 2].map(|k| at[k] + a[k]), [0, 1, 2].map(|k| at[k] + b[k])]
+            })
+            .collect();
+        let rays: Vec<Ray> = (0..500)
+            .map(|_| {
+                let (from, to) = (point(3.0), point(1.0));
+                Ray::new(from, [0, 1, 2].map(|k| to[k] - from[k]))
+            })
+            .collect();
+        let mesh = Mesh::soup(&triangles).expect("a mesh");
+        for set in InstructionSet::available() {
+            let built = CpuBackend::with_instruction_set(set)
+                .build_accelerator(&mesh, &BuildOptions::default())
+                .expect("a tree");
+            let (blocks, scene) = built.parts();
+            let options = &QueryOptions::default();
+            let mut found = 0;
+            for ray in &rays {
+                let single = Single { blocks, scene, ray, options, query: Query::Closest };
+                // SAFETY: a set of this processor, and its layout.
+                let [long, short] = unsafe { set.run(Both(single)) };
+                let expected = built.closest_hit(ray, options).unwrap_or(Hit::MISS);
+                assert_eq!([long, short], [expected; 2], "{set:?} {ray:?}");
+                found += usize::from(expected.is_hit());
+            }
+            assert!(found > 100, "{found}");
         }
     }
 }

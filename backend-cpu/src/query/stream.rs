@@ -9,74 +9,23 @@
 
 use core::cell::RefCell;
 
-use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{PreparedRay, SceneScale};
+use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
 use super::exact;
-use super::instruction_set::InstructionSet;
-use super::leaf::{self, Best};
-use super::leaves::{Indexed, Leaves, Packed, WrittenOut};
+use super::leaf::Best;
+use super::leaves::{Indexed, Leaves, Packed};
 use super::packet::Packet;
 use super::prepare::{LANES, PreparedRays, Way};
+use super::reference;
 use super::sieve::ExactLane;
-#[cfg(target_arch = "aarch64")]
-use super::simd::Neon;
-#[cfg(target_arch = "x86_64")]
-use super::simd::{Avx2, Avx512};
-use super::simd::{Direction, Portable, Simd, prefetch};
-use super::single;
-use super::wide::{BLOCK, Line};
+use super::simd::{Compiled, Simd};
+use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
 
 /// Rays under way, at most 16.
 const FLIGHT: usize = 16;
-/// What stands at the bottom of a stack: the ray is answered.
-const DONE: u32 = u32::MAX;
-
-/// What of a node rays of an octant read, in bytes from its start.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-pub(crate) struct Octant {
-    /// Rows of the planes that they meet first on x, y and z, and of those that they meet last.
-    pub near: [u32; 3],
-    pub far: [u32; 3],
-    /// The order of the children.
-    pub order: u32,
-    pub direction: Direction,
-}
-
-/// Octants by [`Way::octant`], for nodes of so many children.
-const fn octants(lanes: usize) -> [Octant; 16] {
-    let direction = Direction::new(lanes, false);
-    let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
-    let mut i = 0;
-    while i < 16 {
-        let [x, y, z, reversed] = [i & 1, i >> 1 & 1, i >> 2 & 1, i >> 3];
-        let signs = [x, y, z];
-        let mut axis = 0;
-        while axis < 3 {
-            let (low, high) = (4 * lanes * axis, 4 * lanes * (axis + 3));
-            octants[i].near[axis] = if signs[axis] == 0 { low } else { high } as u32;
-            octants[i].far[axis] = if signs[axis] == 0 { high } else { low } as u32;
-            axis += 1;
-        }
-        octants[i].order = ((28 + (x ^ z) + 2 * (y ^ z)) * lanes) as u32;
-        octants[i].direction = Direction::new(lanes, z ^ reversed != 0);
-        i += 1;
-    }
-    octants
-}
-
-static OCTANTS_OF_8: [Octant; 16] = octants(8);
-static OCTANTS_OF_16: [Octant; 16] = octants(16);
-
-/// Octants for nodes of as many children as lanes.
-#[inline(always)]
-pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
-    if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 }
-}
 
 /// A ray under way.
 struct Lane {
@@ -87,97 +36,6 @@ struct Lane {
     top: usize,
     best: Best,
     exact: ExactLane,
-}
-
-/// What a ray comes back to: children and where it enters them.
-///
-/// Pointers without bounds: every step reads and writes here.
-struct Stack {
-    children: *mut u32,
-    t: *mut f32,
-}
-
-impl Stack {
-    /// Puts what ends it at the bottom.
-    ///
-    /// # Safety
-    /// There must be room for an entry.
-    #[inline(always)]
-    unsafe fn begin(&mut self) {
-        // SAFETY: the caller's contract.
-        unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
-    }
-
-    /// Lets go what lies beyond `stop`; the new last entry.
-    ///
-    /// # Safety
-    /// The processor must have the set; the stack must have room for 16 entries more.
-    #[inline(always)]
-    unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
-        // SAFETY: the caller's contract; the lowest entry stays.
-        unsafe { S::cull(self.children.add(1), self.t.add(1), top, stop) }
-    }
-}
-
-/// Takes a step at a node: puts the children that the ray meets on the stack but for the nearest. Where
-/// the ray goes next, and the new last entry.
-///
-/// # Safety
-/// The processor must have the set; the node must be one of the lines; the stack must have room for
-/// 16 entries more.
-#[inline(always)]
-unsafe fn step<S: Simd>(
-    way: &Way,
-    lines: *const Line,
-    node: u32,
-    stack: &mut Stack,
-    top: usize,
-) -> (u32, usize) {
-    // SAFETY: the caller's contract.
-    unsafe {
-        let octant = octants_of::<S>().get_unchecked(way.octant as usize);
-        let node = lines.add(node as usize * (S::N / 2)).cast::<u8>();
-        let plane = |row: u32| S::load(node.add(row as usize).cast());
-        let [x, y, z] = way.reciprocal;
-        let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
-        let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(way.near[0]));
-        let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(way.near[1]));
-        let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(way.near[2]));
-        let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(way.far[0]));
-        let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(way.far[1]));
-        let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(way.far[2]));
-        // Places without a child are entered at infinity.
-        let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(way.enter)));
-        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(way.stop)));
-        let met = S::le(enter, exit);
-        let to = top + 1;
-        let below = *stack.children.add(top);
-        let nearest = S::push(
-            node.add(24 * S::N).cast(),
-            enter,
-            met,
-            node.add(octant.order as usize),
-            &octant.direction,
-            stack.children.add(to),
-            stack.t.add(to),
-        );
-        let count = S::bits(met).count_ones() as usize;
-        let child = core::hint::select_unpredictable(count == 0, below, nearest);
-        (child, (top + count).wrapping_sub(1))
-    }
-}
-
-/// Asks for the memory of a child.
-#[inline(always)]
-fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
-    let node = lines.wrapping_add(child as usize * (S::N / 2)) as usize;
-    let block = leaves.address(child & !BLOCK) as usize;
-    // Without a branch, since nobody could foresee it.
-    let is_block = 0usize.wrapping_sub((child >> 31) as usize);
-    let at = (node ^ ((node ^ block) & is_block)) as *const u8;
-    for line in 0..S::N / 2 {
-        prefetch(at.wrapping_add(64 * line));
-    }
 }
 
 /// Memory of the rays under way, kept between batches.
@@ -213,57 +71,45 @@ pub(crate) struct Batch<'a> {
     pub query: Query,
 }
 
-/// Traces rays in any order; `answer` takes a ray's place and its hit.
-///
-/// # Safety
-/// The processor must have `set`, for whose width the layout was made.
-pub(crate) unsafe fn trace(
-    set: InstructionSet,
-    batch: Batch<'_>,
-    answer: &mut impl FnMut(usize, Hit),
-) {
-    // SAFETY: the caller's contract.
-    unsafe {
-        match set {
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => avx512(batch, answer),
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => avx2(batch, answer),
-            #[cfg(target_arch = "aarch64")]
-            InstructionSet::Neon => run::<Neon>(batch, answer),
-            _ => run::<Portable>(batch, answer),
+/// Where the answers of a batch go, ray by ray.
+pub(crate) enum Answers<'a> {
+    Hits(&'a mut [Hit]),
+    /// Whether there is one.
+    Any(&'a mut [bool]),
+}
+
+impl Answers<'_> {
+    #[inline(always)]
+    fn set(&mut self, index: usize, hit: Hit) {
+        match self {
+            Answers::Hits(hits) => hits[index] = hit,
+            Answers::Any(any) => any[index] = hit.is_hit(),
         }
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
-unsafe fn avx512(batch: Batch<'_>, answer: &mut impl FnMut(usize, Hit)) {
-    // SAFETY: as for `trace`.
-    unsafe { run::<Avx512>(batch, answer) }
+/// A batch to be answered. The layout must be made for the width of the set.
+pub(crate) struct Stream<'a> {
+    pub batch: Batch<'a>,
+    pub answers: Answers<'a>,
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-unsafe fn avx2(batch: Batch<'_>, answer: &mut impl FnMut(usize, Hit)) {
-    // SAFETY: as for `trace`.
-    unsafe { run::<Avx2>(batch, answer) }
-}
+impl Compiled for Stream<'_> {
+    type Output = ();
 
-/// # Safety
-/// As for [`trace`].
-#[inline(always)]
-unsafe fn run<S: Simd>(batch: Batch<'_>, answer: &mut impl FnMut(usize, Hit)) {
-    // Taken out, so that `answer` may trace rays of its own.
-    let mut flight = IN_FLIGHT.take().unwrap_or_else(|| Box::new(Flight::new()));
-    // SAFETY: the caller's contract.
-    unsafe {
-        match batch.blocks.indexed() {
-            None => fly::<S, _>(batch, Packed::new(batch.blocks), &mut flight, answer),
-            Some(leaves) => fly::<S, Indexed<'_>>(batch, leaves, &mut flight, answer),
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let Stream { batch, mut answers } = self;
+        let mut flight = IN_FLIGHT.take().unwrap_or_else(|| Box::new(Flight::new()));
+        // SAFETY: the caller's contract.
+        unsafe {
+            match batch.blocks.indexed() {
+                None => fly::<S, _>(batch, Packed::new(batch.blocks), &mut flight, &mut answers),
+                Some(leaves) => fly::<S, Indexed<'_>>(batch, leaves, &mut flight, &mut answers),
+            }
         }
+        IN_FLIGHT.set(Some(flight));
     }
-    IN_FLIGHT.set(Some(flight));
 }
 
 /// The lanes by what their rays wait for: a bit a lane, 16 bits for each [`Turn`]. In a register: memory
@@ -289,18 +135,18 @@ impl Queues {
 
     /// Empties a queue.
     #[inline(always)]
-    fn take(&mut self, turn: Turn) -> Lanes {
+    fn take(&mut self, turn: Turn) -> Members {
         let shift = 16 * turn as u32;
         let lanes = self.0 >> shift & 0xffff;
         self.0 ^= lanes << shift;
-        Lanes(lanes)
+        Members(lanes)
     }
 }
 
 /// Lanes as bits.
-struct Lanes(u64);
+struct Members(u64);
 
-impl Iterator for Lanes {
+impl Iterator for Members {
     type Item = usize;
 
     #[inline(always)]
@@ -312,16 +158,17 @@ impl Iterator for Lanes {
 }
 
 /// # Safety
-/// As for [`trace`].
+/// The processor must have the set, for whose width the layout was made.
 #[inline(always)]
 unsafe fn fly<S: Simd, L: Leaves>(
     batch: Batch<'_>,
     leaves: L,
     flight: &mut Flight,
-    answer: &mut impl FnMut(usize, Hit),
+    answers: &mut Answers<'_>,
 ) {
     let Batch { blocks, scene, rays, options, query } = batch;
     let lines = blocks.wide.lines();
+    let test = &Test { leaves, options, query };
     let mut leaf_room = L::room();
     let room = blocks.wide.stack();
     let Flight { lanes, children, t, ready, ways, packet } = flight;
@@ -334,7 +181,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
         t.resize(room * FLIGHT, 0.0);
     }
     let exactly = options.accuracy == Accuracy::Exact;
-    let mut source = Source { batch, next: 0, left: 0, ready, ways, packet };
+    let mut supply = Supply { batch, next: 0, left: 0, ready, ways, packet };
     let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
         state.way.index = Way::NO_RAY;
@@ -355,16 +202,16 @@ unsafe fn fly<S: Simd, L: Leaves>(
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             if state.way.index != Way::NO_RAY {
                 let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
-                answer(state.way.index as usize, hit);
+                answers.set(state.way.index as usize, hit);
                 state.way.index = Way::NO_RAY;
             }
             // SAFETY: the caller's contract.
-            let Some(way) = (unsafe { source.next::<S>(answer) }) else { continue };
+            let Some(way) = (unsafe { supply.next::<S>(answers) }) else { continue };
             state.way = *way;
             state.best = Best::NONE;
             if exactly {
                 let ray = &rays[way.index as usize];
-                let exact = ExactLane::new(ray, &way.ray(), &scene.bounds);
+                let exact = ExactLane::new(ray, way, &scene.bounds);
                 // Rays that can hit nothing are not handed out.
                 state.exact = exact.unwrap_or(ExactLane::idle());
             }
@@ -392,24 +239,11 @@ unsafe fn fly<S: Simd, L: Leaves>(
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
-            let (mut from, mut better) = (0, false);
-            loop {
-                // SAFETY: children name nodes or leaves.
-                let (record, next) =
-                    unsafe { leaves.block::<S>(state.child & !BLOCK, from, &mut leaf_room) };
-                // SAFETY: the caller's contract; wide rays get no lane.
-                better |= unsafe {
-                    if exactly {
-                        exact_test::<S>(state, &record, options, query)
-                    } else {
-                        leaf::test::<S, _>(&state.way, &record, options, query, &mut state.best)
-                    }
-                };
-                if L::ONE || next == 0 || (better && query == Query::Any) {
-                    break;
-                }
-                from = next;
-            }
+            let Lane { way, best, child, .. } = state;
+            let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
+            let tested = &mut Tested { test, room, way, best, exact };
+            // SAFETY: the caller's contract; children name nodes or leaves; wide rays get no lane.
+            let better = unsafe { S::call(TestChild(*child, tested)) };
             if better {
                 if query == Query::Any {
                     queues.put(lane, DONE);
@@ -429,27 +263,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
 }
 
-/// Tests a block exactly. True when the best hit changed.
-///
-/// # Safety
-/// As for [`leaf::test`].
-#[inline(never)]
-unsafe fn exact_test<S: Simd>(
-    state: &mut Lane,
-    record: &impl WrittenOut,
-    options: &QueryOptions,
-    query: Query,
-) -> bool {
-    let before = state.best.stop;
-    // SAFETY: the caller's contract.
-    let answered = unsafe {
-        state.exact.test_record::<S>(&state.way.ray(), record, options, query, &mut state.best.stop)
-    };
-    answered || state.best.stop < before
-}
-
 /// Where lanes get their rays: made ready 16 at a time.
-struct Source<'a> {
+struct Supply<'a> {
     batch: Batch<'a>,
     /// The first ray not yet made ready.
     next: usize,
@@ -460,14 +275,14 @@ struct Source<'a> {
     packet: &'a mut Packet,
 }
 
-impl Source<'_> {
+impl Supply<'_> {
     /// The next ray that needs a lane. Rays that miss the bounds, and those left to the scalar code,
     /// are answered on the way.
     ///
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    unsafe fn next<S: Simd>(&mut self, answer: &mut impl FnMut(usize, Hit)) -> Option<&Way> {
+    unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&Way> {
         while self.left == 0 {
             let Batch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {
@@ -493,10 +308,10 @@ impl Source<'_> {
                 others &= others - 1;
                 let alone = special >> lane & 1 != 0;
                 let hit = if alone { self.trace_one(&chunk[lane]) } else { Hit::MISS };
-                answer(start + lane, hit);
+                answers.set(start + lane, hit);
             }
             // SAFETY: the caller's contract.
-            unsafe { self.packets::<S>(start, answer) };
+            unsafe { self.packets::<S>(start, answers) };
             if self.left != 0 {
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ways::<S>(self.ways) };
@@ -512,7 +327,7 @@ impl Source<'_> {
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    unsafe fn packets<S: Simd>(&mut self, start: usize, answer: &mut impl FnMut(usize, Hit)) {
+    unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
         let Batch { blocks, scene, options, query, .. } = self.batch;
         // Packets test blocks as they are stored.
         if options.accuracy == Accuracy::Exact || blocks.indexed().is_some() {
@@ -529,7 +344,7 @@ impl Source<'_> {
                 self.packet.trace::<S>(blocks, ready, first, options, query);
             }
             for lane in (0..S::N).filter(|lane| rays >> lane & 1 != 0) {
-                answer(start + first + lane, self.packet.hit(lane));
+                answers.set(start + first + lane, self.packet.hit(lane));
             }
             self.left &= !(rays << first);
         }
@@ -541,153 +356,6 @@ impl Source<'_> {
         if options.accuracy == Accuracy::Exact {
             return exact::trace_in_f64(blocks, &scene.bounds, ray, options, query);
         }
-        single::trace(blocks, scene, ray, options, query)
+        reference::trace(blocks, scene, ray, options, query)
     }
-}
-
-/// Traces one ray; the same as [`trace`] for a batch of one.
-///
-/// # Safety
-/// As for [`trace`].
-pub(crate) unsafe fn trace_one(
-    set: InstructionSet,
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    // SAFETY: the caller's contract.
-    unsafe {
-        match set {
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx512 => avx512_one(blocks, scene, ray, options, query),
-            #[cfg(target_arch = "x86_64")]
-            InstructionSet::Avx2 => avx2_one(blocks, scene, ray, options, query),
-            #[cfg(target_arch = "aarch64")]
-            InstructionSet::Neon => either::<Neon>(blocks, scene, ray, options, query),
-            _ => either::<Portable>(blocks, scene, ray, options, query),
-        }
-    }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
-unsafe fn avx512_one(
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    // SAFETY: as for `trace_one`.
-    unsafe { either::<Avx512>(blocks, scene, ray, options, query) }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-unsafe fn avx2_one(
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    // SAFETY: as for `trace_one`.
-    unsafe { either::<Avx2>(blocks, scene, ray, options, query) }
-}
-
-thread_local! {
-    /// The stack of a ray traced alone: children and `t`.
-    static ONE: RefCell<(Vec<u32>, Vec<f32>)> = const { RefCell::new((Vec::new(), Vec::new())) };
-}
-
-/// Over blocks, or over the tree's own leaves.
-///
-/// # Safety
-/// As for [`trace_one`].
-#[inline(always)]
-unsafe fn either<S: Simd>(
-    blocks: &Blocks,
-    scene: &SceneScale,
-    ray: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    // SAFETY: the caller's contract.
-    unsafe {
-        match blocks.indexed() {
-            None => one::<S, _>(blocks, Packed::new(blocks), scene, ray, options, query),
-            Some(leaves) => one::<S, Indexed<'_>>(blocks, leaves, scene, ray, options, query),
-        }
-    }
-}
-
-/// # Safety
-/// As for [`trace_one`].
-#[inline(always)]
-unsafe fn one<S: Simd, L: Leaves>(
-    blocks: &Blocks,
-    leaves: L,
-    scene: &SceneScale,
-    given: &Ray,
-    options: &QueryOptions,
-    query: Query,
-) -> Hit {
-    let Some(ray) = PreparedRay::new::<Strict>(given, scene) else { return Hit::MISS };
-    if ray.wide || ray.offset != 0.0 {
-        return single::trace(blocks, scene, given, options, query);
-    }
-    let Some(interval) = ray.enter::<Strict>(&scene.bounds) else { return Hit::MISS };
-    let mut way = Way::new(&ray, interval, query);
-    let mut best = Best::NONE;
-    let lines = blocks.wide.lines();
-    let mut leaf_room = L::room();
-    let room = blocks.wide.stack();
-    let (mut children, mut t) = ONE.take();
-    if children.len() < room {
-        children.resize(room, DONE);
-        t.resize(room, 0.0);
-    }
-    let mut stack = Stack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
-    // SAFETY: the stack has the room.
-    unsafe { stack.begin() };
-    let (mut child, mut top) = (0, 0);
-    loop {
-        if child & BLOCK == 0 {
-            // SAFETY: the caller's contract; the child is a node; the stack has the room.
-            let next = unsafe { step::<S>(&way, lines.as_ptr(), child, &mut stack, top) };
-            (child, top) = next;
-            // A block's header says where its corners are: they need not wait for it.
-            ask_for::<S, L>(lines.as_ptr(), leaves, child);
-            continue;
-        }
-        if child == DONE {
-            break;
-        }
-        let (mut from, mut better) = (0, false);
-        loop {
-            // SAFETY: children name nodes or leaves.
-            let (record, next) = unsafe { leaves.block::<S>(child & !BLOCK, from, &mut leaf_room) };
-            // SAFETY: the caller's contract; the ray is not wide.
-            better |= unsafe { leaf::test::<S, _>(&way, &record, options, query, &mut best) };
-            if L::ONE || next == 0 || (better && query == Query::Any) {
-                break;
-            }
-            from = next;
-        }
-        if better {
-            if query == Query::Any {
-                break;
-            }
-            way.stop = best.stop.min(way.stop);
-            // SAFETY: the caller's contract; the stack has the room.
-            top = unsafe { stack.cull::<S>(top, way.stop) };
-        }
-        // SAFETY: entries that were written.
-        child = unsafe { *stack.children.add(top) };
-        top = top.wrapping_sub(1);
-    }
-    ONE.set((children, t));
-    best.hit
 }

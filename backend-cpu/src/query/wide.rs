@@ -26,7 +26,7 @@ use crate::scatter::Scatter;
 
 /// Set in a child that is a block: the other bits are its first unit, or in the compact layout the leaf's
 /// place among the tree's nodes. Otherwise they are a node.
-pub(crate) const BLOCK: u32 = 1 << 31;
+pub(crate) const LEAF_MARK: u32 = 1 << 31;
 /// Subtrees of more nodes are looked at by several tasks.
 const LARGE: usize = 1 << 12;
 /// Subtrees that are emitted by tasks of their own.
@@ -310,7 +310,7 @@ impl WideNodes {
             for node in words_of(to).chunks_exact_mut(size * 16) {
                 for child in &mut node[6 * lanes..7 * lanes] {
                     // Nodes count from the part's first so far.
-                    *child += if *child & BLOCK == 0 { first } else { 0 };
+                    *child += if *child & LEAF_MARK == 0 { first } else { 0 };
                 }
             }
         });
@@ -428,9 +428,9 @@ impl Source<'_> {
     /// A child that nobody goes to; who did would lose nothing by it.
     fn nothing(&self) -> u32 {
         match self.content {
-            Content::Blocks(_, unit) => BLOCK | unit,
+            Content::Blocks(_, unit) => LEAF_MARK | unit,
             // In preorder the last node is a leaf.
-            Content::References(..) => BLOCK | (self.nodes.len() - 1) as u32,
+            Content::References(..) => LEAF_MARK | (self.nodes.len() - 1) as u32,
         }
     }
 
@@ -559,7 +559,7 @@ impl Source<'_> {
             if let Kind::Blocks(_, 0) = item.kind {
                 words[6 * n + place] = self.nothing();
             } else if let Kind::Blocks(unit, 1) = item.kind {
-                words[6 * n + place] = BLOCK | unit;
+                words[6 * n + place] = LEAF_MARK | unit;
             }
         }
         let orders: &mut [u8] = bytemuck::cast_slice_mut(&mut words[7 * n..]);

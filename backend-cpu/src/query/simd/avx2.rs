@@ -4,8 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd, Task};
-use crate::query::InstructionSet;
+use super::{Compiled, Direction, Simd};
 
 /// [`Simd`] by AVX2.
 #[derive(Clone, Copy)]
@@ -34,7 +33,6 @@ const fn lanes_of() -> [[u8; 8]; 256] {
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
-    const SET: InstructionSet = InstructionSet::Avx2;
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;
@@ -237,15 +235,17 @@ impl Simd for Avx2 {
         unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
     }
     #[inline(always)]
-    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
-        #[target_feature(enable = "avx2,fma,bmi1,bmi2,popcnt")]
-        #[cold]
-        #[inline(never)]
-        unsafe fn run<T: Task<Avx2>>(task: T) -> T::Output {
-            unsafe { task.run() }
-        }
-        unsafe { run(task) }
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        unsafe { in_its_own_function(task) }
     }
+}
+
+/// A function compiled for the set.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
+    // SAFETY: the caller's contract.
+    unsafe { task.run::<Avx2>() }
 }
 
 /// Four rows as columns of four: the k-th vector has, in each half, a column.

@@ -4,8 +4,7 @@
 
 use core::arch::x86_64::*;
 
-use super::{Direction, Simd, Task};
-use crate::query::InstructionSet;
+use super::{Compiled, Direction, Simd};
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -14,7 +13,6 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
-    const SET: InstructionSet = InstructionSet::Avx512;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;
@@ -221,15 +219,54 @@ impl Simd for Avx512 {
         unsafe { _mm512_fmsub_ps(a, b, _mm512_mul_ps(a, b)) }
     }
     #[inline(always)]
-    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
-        #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,popcnt")]
-        #[cold]
-        #[inline(never)]
-        unsafe fn run<T: Task<Avx512>>(task: T) -> T::Output {
-            unsafe { task.run() }
-        }
-        unsafe { run(task) }
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        unsafe { in_its_own_function(task) }
     }
+    #[inline(always)]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: __m512,
+        exit: __m512,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        unsafe {
+            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let places = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let places = _mm512_cvtepu8_epi32(places);
+            // In order first, then compared: what comes next waits for nothing but the comparison.
+            let t = _mm512_permutexvar_ps(places, enter);
+            let met = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(t, _mm512_permutexvar_ps(places, exit));
+            let bits = u32::from(met);
+            // The same from the other end, so that the last one comes first: without a look-up in memory.
+            let read = _mm_load_si128(direction.reversed.as_ptr().cast());
+            let reversed = _mm_shuffle_epi8(_mm_loadu_si128(order.cast()), read);
+            let reversed = _mm512_cvtepu8_epi32(reversed);
+            let met_there = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(
+                _mm512_permutexvar_ps(reversed, enter),
+                _mm512_permutexvar_ps(reversed, exit),
+            );
+            let all = _mm512_loadu_si512(children.cast());
+            let from_there = _mm512_permutexvar_epi32(reversed, all);
+            let last = _mm512_maskz_compress_epi32(met_there, from_there);
+            let last = _mm512_cvtsi512_si32(last) as u32;
+            let in_order = _mm512_permutexvar_epi32(places, all);
+            // To a register and then to memory: compressing to memory is slow on some processors.
+            _mm512_storeu_ps(to_t, _mm512_maskz_compress_ps(met, t));
+            _mm512_storeu_si512(to_children.cast(), _mm512_maskz_compress_epi32(met, in_order));
+            (last, bits.count_ones() as usize)
+        }
+    }
+}
+
+/// A function compiled for the set.
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
+    // SAFETY: the caller's contract.
+    unsafe { task.run::<Avx512>() }
 }
 
 /// Four rows as columns of four: the k-th vector has, in each quarter, a column.

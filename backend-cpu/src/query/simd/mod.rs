@@ -9,6 +9,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+mod four;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod portable;
@@ -17,11 +18,10 @@ mod portable;
 pub(crate) use avx2::Avx2;
 #[cfg(target_arch = "x86_64")]
 pub(crate) use avx512::Avx512;
+pub(crate) use four::Four;
 #[cfg(target_arch = "aarch64")]
 pub(crate) use neon::Neon;
 pub(crate) use portable::Portable;
-
-use super::instruction_set::InstructionSet;
 
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
@@ -32,18 +32,21 @@ pub(crate) const MOST_LANES: usize = 16;
 pub(crate) struct Direction {
     /// Where each place of the order is.
     pub places: [u8; MOST_LANES],
+    /// The same from the other end.
+    pub reversed: [u8; MOST_LANES],
 }
 
 impl Direction {
     /// For orders of so many.
     pub const fn new(lanes: usize, backwards: bool) -> Direction {
-        let mut places = [0; MOST_LANES];
+        let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
         let mut i = 0;
         while i < lanes {
-            places[i] = if backwards { lanes - 1 - i } else { i } as u8;
+            let (first, last) = (i as u8, (lanes - 1 - i) as u8);
+            (places[i], reversed[i]) = if backwards { (last, first) } else { (first, last) };
             i += 1;
         }
-        Direction { places }
+        Direction { places, reversed }
     }
 }
 
@@ -55,8 +58,6 @@ impl Direction {
 pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
-    /// Which it is.
-    const SET: InstructionSet;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
@@ -133,6 +134,33 @@ pub(crate) trait Simd: Copy {
         to_t: *mut f32,
     ) -> u32;
 
+    /// Does a task in a function of its own, compiled for the set.
+    #[inline(never)]
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        // SAFETY: the caller's contract.
+        unsafe { task.run::<Self>() }
+    }
+
+    /// [`Simd::push`] for the children that are left no sooner than they are entered. The last one as
+    /// there, and how many there are.
+    #[inline(always)]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: Self::Floats,
+        exit: Self::Floats,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let met = Self::le(enter, exit);
+            let last = Self::push(children, enter, met, order, direction, to_children, to_t);
+            (last, Self::bits(met).count_ones() as usize)
+        }
+    }
+
     /// The greater of two magnitudes.
     #[inline(always)]
     unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
@@ -142,20 +170,19 @@ pub(crate) trait Simd: Copy {
 
     /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
     unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// Runs a task in a function of its own, with the set at its disposal.
-    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output;
 }
 
-/// What is seldom to be done, and so kept out of the functions that ask for it.
-pub(crate) trait Task<S: Simd> {
-    /// What it gives.
+/// What is compiled once for each instruction set.
+pub(crate) trait Compiled {
+    /// What comes of it.
     type Output;
 
-    /// Does it.
+    /// Does it. This, and all that it calls with the set, must be inlined always: a function of its own is
+    /// compiled for no set, and each of its operations would be a call.
     ///
     /// # Safety
     /// The processor must have the set.
-    unsafe fn run(self) -> Self::Output;
+    unsafe fn run<S: Simd>(self) -> Self::Output;
 }
 
 /// Asks for the cache line at an address that need not be readable.
@@ -170,35 +197,6 @@ pub(crate) fn prefetch(at: *const u8) {
     let _ = at;
 }
 
-/// What is to hold on every instruction set.
-#[cfg(test)]
-pub(crate) trait Check {
-    /// Panics where it does not hold.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    unsafe fn check<S: Simd>(&mut self);
-}
-
-/// Runs a check with each set that the processor has.
-#[cfg(test)]
-pub(crate) fn on_every_set(check: &mut impl Check) {
-    for set in InstructionSet::available() {
-        // SAFETY: the processor has it.
-        unsafe {
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => check.check::<Avx512>(),
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => check.check::<Avx2>(),
-                #[cfg(target_arch = "aarch64")]
-                InstructionSet::Neon => check.check::<Neon>(),
-                _ => check.check::<Portable>(),
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     //! Each operation of each set against what its description says, lane by lane.
@@ -206,6 +204,7 @@ mod tests {
     use splitplane_core::arithmetic::{Arithmetic, Strict};
 
     use super::*;
+    use crate::query::InstructionSet;
 
     struct Numbers(u32);
 
@@ -233,19 +232,6 @@ mod tests {
         /// Numbers of all bits, subnormal and infinite ones among them.
         fn wide_row(&mut self) -> [f32; MOST_LANES] {
             [(); MOST_LANES].map(|()| f32::from_bits(self.word() << 16 ^ self.word()))
-        }
-    }
-
-    /// Adds numbers to themselves.
-    struct Doubled<S: Simd>(S::Floats);
-
-    impl<S: Simd> Task<S> for Doubled<S> {
-        type Output = S::Floats;
-
-        #[inline(always)]
-        unsafe fn run(self) -> S::Floats {
-            // SAFETY: the caller's contract.
-            unsafe { S::add(self.0, self.0) }
         }
     }
 
@@ -283,7 +269,6 @@ mod tests {
                 let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
                 let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
                 assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
-                assert_eq!(told(S::apart(Doubled::<S>(a))), each(|x, _| x + x));
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);
@@ -402,8 +387,11 @@ mod tests {
 
     struct Operations;
 
-    impl Check for Operations {
-        unsafe fn check<S: Simd>(&mut self) {
+    impl Compiled for Operations {
+        type Output = ();
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) {
             // SAFETY: the caller's contract.
             unsafe {
                 check::<S>();
@@ -414,6 +402,9 @@ mod tests {
 
     #[test]
     fn sets_do_what_is_said() {
-        on_every_set(&mut Operations);
+        for set in InstructionSet::available() {
+            // SAFETY: the processor has it.
+            unsafe { set.run(Operations) };
+        }
     }
 }

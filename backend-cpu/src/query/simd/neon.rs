@@ -4,8 +4,7 @@
 
 use core::arch::aarch64::*;
 
-use super::{Direction, Portable, Simd, Task};
-use crate::query::InstructionSet;
+use super::{Direction, Portable, Simd};
 
 /// [`Simd`] by NEON.
 #[derive(Clone, Copy)]
@@ -23,7 +22,6 @@ macro_rules! each {
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Neon {
     const N: usize = 8;
-    const SET: InstructionSet = InstructionSet::Neon;
     type Floats = Floats;
     /// The bytes of each lane's element in a table of 64.
     type Places = [uint8x16_t; 2];
@@ -185,11 +183,6 @@ impl Simd for Neon {
     #[inline(always)]
     unsafe fn product_error(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(vmulq_f32(a[i], b[i])), a[i], b[i])) }
-    }
-    #[cold]
-    #[inline(never)]
-    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
-        unsafe { task.run() }
     }
 }
 

@@ -2,8 +2,7 @@
 
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
-use super::{Direction, Simd, Task};
-use crate::query::InstructionSet;
+use super::{Direction, Simd};
 
 /// [`Simd`] by loops over arrays.
 #[derive(Clone, Copy)]
@@ -20,7 +19,6 @@ fn each<T>(of: impl FnMut(usize) -> T) -> [T; N] {
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Portable {
     const N: usize = N;
-    const SET: InstructionSet = InstructionSet::Portable;
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];
@@ -174,10 +172,5 @@ impl Simd for Portable {
     unsafe fn product_error(a: [f32; N], b: [f32; N]) -> [f32; N] {
         // 24 + 24 bits fit the 53 of an f64.
         each(|i| (f64::from(a[i]) * f64::from(b[i]) - f64::from(a[i] * b[i])) as f32)
-    }
-    #[cold]
-    #[inline(never)]
-    unsafe fn apart<T: Task<Self>>(task: T) -> T::Output {
-        unsafe { task.run() }
     }
 }

@@ -1,0 +1,200 @@
+//! Making one ray ready: what [`super::prepare`] does for 16 of them, with the three axes side by side.
+//!
+//! The operations and their order are the same, and so are all bits: a test holds them together.
+
+use splitplane_core::intersect::{
+    COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, SLOPE_LEAST, STOP_SLACK,
+    SceneScale,
+};
+use splitplane_core::ray::Ray;
+use splitplane_core::traverse::Query;
+
+use super::prepare::{AXES, ORIGIN_SLACK, WAY_SLACK, Way, far_end_is_solid};
+use super::simd::Four;
+
+/// What is to be done with a ray.
+pub(crate) enum Readiness {
+    /// It is to be traced.
+    Ready,
+    /// It does not come to the bounds.
+    Misses,
+    /// It can hit nothing, or is one of the rare rays that need more care.
+    Special,
+}
+
+/// The first three bits: one for each axis.
+const ALL_AXES: u32 = 0b111;
+/// Lengths of directions, as powers of two, whose reciprocals need not wait for the scale: they neither
+/// overflow nor leave the normal range where that counts.
+const LEAST_POWER: u32 = 127 - 40;
+const MOST_POWER: u32 = 127 + 60;
+
+impl Way {
+    /// Becomes the way of a ray, if it says so. The bounds must not be empty.
+    #[inline(always)]
+    pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
+        // Origin and lower limit, direction and upper limit.
+        let [given_origin, given]: [[f32; 4]; 2] = bytemuck::cast(*ray);
+        let (given_origin, given) = (Four::of(given_origin), Four::of(given));
+        let most = Four::splat(f32::MAX);
+        let magnitude = given.abs();
+        let finite = given_origin.abs().le(most).and(magnitude.le(most));
+        let origin = given_origin.at_least(f32::MIN_POSITIVE);
+        let near = Four::of_three(scene.near.lo).le(origin);
+        let near = near.and(origin.le(Four::of_three(scene.near.hi)));
+        let near = near.and(origin.abs().le(Four::splat(COORDINATE_MOST)));
+        let origin = origin.at_least(ORIGIN_LEAST);
+        let largest = magnitude.greatest_of_three();
+        // The power of two in it, and its reciprocal.
+        let back = largest.and(Four::splat(f32::INFINITY));
+        let to_unit = Four::splat(f32::from_bits(254 << 23)).minus_bits(back);
+        let biased = back.row()[0].to_bits() >> 23;
+        let ordinary = (finite.and(near).signs() & ALL_AXES == ALL_AXES)
+            & (ray.t_min <= ray.t_max)
+            & (LEAST_POWER..=MOST_POWER).contains(&biased)
+            & !scene.wide;
+        if !ordinary {
+            return Readiness::Special;
+        }
+        let given = given.at_least(f32::MIN_POSITIVE);
+        let direction = given.times(to_unit).at_least(f32::MIN_POSITIVE);
+
+        let limits = Four::of([ray.t_min, ray.t_max, 0.0, 0.0]).times(back);
+        let limits = limits.max(Four::splat(-f32::MAX)).min(most).at_least(f32::MIN_POSITIVE);
+        let widen = Four::of([-STOP_SLACK, STOP_SLACK, 0.0, 0.0]);
+        let [enter, exit, ..] = limits.plus(limits.abs().times(widen)).row();
+        let [t_min, t_max, ..] = limits.row();
+
+        // Of the direction as given, and scaled then, which is exact: a quotient takes long. Components of
+        // less than `DIRECTION_LEAST` count as so much.
+        let reciprocal = Four::splat(1.0).over(magnitude).times(back);
+        let reciprocal = reciprocal.min(Four::splat(1.0 / DIRECTION_LEAST));
+        let slack = Four::splat(scene.slack).times(reciprocal).min(most);
+        let reciprocal = reciprocal.or(direction.and(Four::splat(-0.0)));
+        let low = Four::of_three(scene.bounds.lo).minus(origin).times(reciprocal);
+        let high = Four::of_three(scene.bounds.hi).minus(origin).times(reciprocal);
+        let widened = |t: Four| t.abs().times(Four::splat(PLANE_SLACK)).plus(slack);
+        let (near, far) = (low.min(high), low.max(high));
+        let near = near.minus(widened(near)).greatest_of_three().row()[0];
+        let far = far.plus(widened(far)).least_of_three().row()[0];
+        let enter = if near > enter { near } else { enter };
+        let exit = if far < exit { far } else { exit };
+        if enter > exit {
+            return Readiness::Misses;
+        }
+
+        let reach = if enter.abs() > exit.abs() { enter.abs() } else { exit.abs() } * WAY_SLACK;
+        let from = origin.times(reciprocal);
+        let room = slack.plus(from.abs().times(Four::splat(ORIGIN_SLACK))).plus(Four::splat(reach));
+        let negative = direction.signs() & ALL_AXES;
+        let is_largest = largest.le(magnitude).signs() & ALL_AXES;
+        // The first of those that are the largest.
+        let axis = is_largest.trailing_zeros() % 3;
+        let axes = axis + 3 * (negative >> axis & 1);
+        let [kx, ky, kz] = AXES[axes as usize % 6];
+        let (origins, directions) = (origin.row(), direction.row());
+        let [x, y, z, _] = directions;
+        let slopes = Four::of([x, y, z, 1.0]).over(Four::splat(directions[kz]));
+        let slopes = slopes.at_least(SLOPE_LEAST).row();
+        let solid = (query == Query::Any) & far_end_is_solid(enter, t_min, exit, t_max);
+
+        self.reciprocal = reciprocal.three();
+        self.near = from.plus(room).three();
+        self.far = from.minus(room).three();
+        (self.enter, self.stop) = (enter, exit);
+        self.octant = negative | u32::from(solid) << 3;
+        self.origin = [origins[kx], origins[ky], origins[kz]];
+        self.shear = [slopes[kx], slopes[ky], slopes[3]];
+        (self.t_min, self.t_max) = (t_min, t_max);
+        self.axes = axes;
+        self.exponent = biased as i32 - 127;
+        self.limits = [ray.t_min, ray.t_max];
+        self.direction = [x, y, z];
+        self.slack = slack.three();
+        Readiness::Ready
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::aabb::Aabb;
+    use splitplane_core::arithmetic::power_of_two;
+    use splitplane_core::intersect::Limits;
+    use splitplane_test_support::random::Random;
+
+    use super::*;
+    use crate::query::prepare::{LANES, PreparedRays};
+    use crate::query::simd::Portable;
+
+    /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
+    fn number(random: &mut Random, spread: f64) -> f32 {
+        let odd = [0.0, -0.0, 1.0, -1.0, 1e-40, 1e-30, -1e-13, 1e30, f32::NAN, f32::INFINITY];
+        if random.below(24) == 0 {
+            return random.pick(&odd);
+        }
+        (random.between(-spread, spread)) as f32
+    }
+
+    /// A ray made ready alone is the one made ready among others, bit for bit.
+    #[test]
+    fn one_is_made_ready_like_many() {
+        let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };
+        let limits = Limits { greatest: 4.0, least: 0.25, longest: 1.0, shortest: 0.1 };
+        let scene = SceneScale::new(bounds, &limits);
+        let mut random = Random::new(5);
+        let mut lanes = PreparedRays::NONE;
+        let [mut ready, mut missed, mut special, mut any] = [0; 4];
+        for round in 0..4000 {
+            let query = if round % 2 == 0 { Query::Closest } else { Query::Any };
+            let rays: [Ray; LANES] = core::array::from_fn(|_| {
+                let mut three = |spread| [(); 3].map(|()| number(&mut random, spread));
+                let (origin, direction) = (three(5.0), three(1.0));
+                let power = random.below(if round % 8 == 0 { 160 } else { 20 }) as i32;
+                let scale = power_of_two(power - if round % 8 == 0 { 80 } else { 10 });
+                let ray = Ray::new(origin, direction.map(|x| x * scale));
+                let limits = [number(&mut random, 1.0), number(&mut random, 9.0).abs()];
+                match random.below(3) {
+                    0 => ray.with_limits(limits[0], limits[1]),
+                    1 => ray.with_limits(limits[0], limits[1] / scale),
+                    _ => ray,
+                }
+            });
+            let mut ways = [Way::none(); LANES];
+            // SAFETY: every processor has this set.
+            unsafe {
+                lanes.fill::<Portable>(&rays, &scene, 0, query);
+                lanes.ways::<Portable>(&mut ways);
+            }
+            for (lane, ray) in rays.iter().enumerate() {
+                let mut way = Way::none();
+                let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
+                let within = lanes.enter[lane] <= lanes.exit[lane];
+                let biased = (lanes.exponent[lane] + 127) as u32;
+                match way.prepare(ray, &scene, query) {
+                    Readiness::Ready => {
+                        assert!(ordinary && within, "{ray:?}");
+                        way.index = ways[lane].index;
+                        let (found, expected) = (bytemuck::bytes_of(&way), &ways[lane]);
+                        assert_eq!(found, bytemuck::bytes_of(expected), "{ray:?} {expected:?}");
+                        ready += 1;
+                        any += way.octant >> 3;
+                    }
+                    Readiness::Misses => {
+                        assert!(ordinary && !within, "{ray:?}");
+                        missed += 1;
+                    }
+                    Readiness::Special => {
+                        let usual = (LEAST_POWER..=MOST_POWER).contains(&biased);
+                        assert!(!ordinary || !usual, "{ray:?}");
+                        special += 1;
+                    }
+                }
+            }
+        }
+        let counts = [ready, missed, special, any];
+        assert!(
+            counts.into_iter().zip([5_000, 5_000, 3_000, 300]).all(|(a, b)| a > b),
+            "{counts:?}"
+        );
+    }
+}
