@@ -275,7 +275,7 @@ impl PreparedRay {
     }
 
     /// The caller's `t` for an inner one, finite; `None` when it is not within the caller's limits.
-    #[inline]
+    #[inline(always)]
     pub fn outer_t<A: Arithmetic>(&self, inner: f32) -> Option<f32> {
         let t = scale(A::sum(inner, self.offset), -self.exponent);
         (self.limits[0] <= t && t <= self.limits[1]).then_some(t)
@@ -283,7 +283,7 @@ impl PreparedRay {
 
     /// The inner `t` beyond which no cell can hold a hit that precedes one at inner `t`, which is
     /// `outer` to the caller.
-    #[inline]
+    #[inline(always)]
     pub fn stop_after(&self, t: f32, outer: f32) -> f32 {
         // Different inner `t` may be equal outside, and then the lower index precedes: where the
         // offset's rounding makes them so, where scaling back flushes them to 0, or clamps them.
@@ -381,7 +381,7 @@ fn move_origin<A: Arithmetic>(
 }
 
 /// `t`, and as much as interpolation may err.
-#[inline]
+#[inline(always)]
 fn stop_after(t: f32) -> f32 {
     t + t.abs() * STOP_SLACK
 }

@@ -2,7 +2,7 @@
 
 use core::marker::PhantomData;
 
-use splitplane_core::arithmetic::{Strict, power_of_two, snap};
+use splitplane_core::arithmetic::{Strict, power_of_two};
 use splitplane_core::intersect::{Candidate, PreparedRay, moeller_trumbore, watertight};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
@@ -14,7 +14,7 @@ use super::plane::Plane;
 use super::prepare::Way;
 use super::record::Record;
 use super::simd::{Compiled, MOST_LANES, Simd};
-use super::watertight::{Corner, Meeting, Span, View, meet};
+use super::watertight::{Corner, Met, Span, View, meet};
 
 /// Triangles that are tested at once, as the test reads them.
 pub(crate) trait Triangles {
@@ -188,92 +188,6 @@ pub(crate) fn test_one(
     decide(ray, corners, options).is_some_and(|found| best.take(ray, &found, triangle))
 }
 
-/// What the wide test says of the triangles of a block, as bits.
-#[repr(C, align(64))]
-struct Sifted {
-    /// Inner `t`.
-    t: [f32; MOST_LANES],
-    /// Edge functions opposite the second and the third corner, and the sum of all three.
-    v: [f32; MOST_LANES],
-    w: [f32; MOST_LANES],
-    det: [f32; MOST_LANES],
-    /// Inner `t` of the nearest and the farthest corner.
-    depths: [[f32; MOST_LANES]; 2],
-    /// Those that the reference test accepts; the numbers above are what it gives.
-    met: u32,
-    /// Those that it may accept: for the reference to decide.
-    unclear: u32,
-    /// Those of `met` with the least inner `t`.
-    nearest: u32,
-}
-
-impl Sifted {
-    /// Nothing.
-    #[inline(always)]
-    fn none() -> Sifted {
-        let row = [0.0; MOST_LANES];
-        Sifted {
-            met: 0,
-            unclear: 0,
-            nearest: 0,
-            t: row,
-            v: row,
-            w: row,
-            det: row,
-            depths: [row; 2],
-        }
-    }
-
-    /// # Safety
-    /// The processor must have the set.
-    #[inline(always)]
-    unsafe fn put<S: Simd>(&mut self, meeting: &Meeting<S>, any: bool) {
-        // SAFETY: the caller's contract; no set has more lanes than rows.
-        unsafe {
-            let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
-            (self.met, self.unclear) = (met, unclear);
-            // Most often there is one.
-            let alone = any || met & met.wrapping_sub(1) == 0;
-            self.nearest = if alone { met } else { met & S::least(met, t) };
-            S::store(self.t.as_mut_ptr(), t);
-            S::store(self.v.as_mut_ptr(), v);
-            S::store(self.w.as_mut_ptr(), w);
-            S::store(self.det.as_mut_ptr(), det);
-            S::store(self.depths[0].as_mut_ptr(), nearest);
-            S::store(self.depths[1].as_mut_ptr(), farthest);
-        }
-    }
-
-    /// What was put.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[inline(always)]
-    unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
-        // SAFETY: as above.
-        unsafe {
-            let [nearest, farthest] = &self.depths;
-            Meeting {
-                met: self.met,
-                unclear: self.unclear,
-                t: S::load(self.t.as_ptr()),
-                v: S::load(self.v.as_ptr()),
-                w: S::load(self.w.as_ptr()),
-                det: S::load(self.det.as_ptr()),
-                depths: [S::load(nearest.as_ptr()), S::load(farthest.as_ptr())],
-            }
-        }
-    }
-
-    /// Where the ray meets a triangle of `met`.
-    #[inline(always)]
-    fn candidate(&self, index: usize) -> Candidate {
-        let [t, v, w, det] = [&self.t, &self.v, &self.w, &self.det].map(|row| row[index]);
-        // Snapped, as in the reference test.
-        Candidate { t, u: snap(v / det), v: snap(w / det) }
-    }
-}
-
 /// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide.
 ///
 /// # Safety
@@ -287,14 +201,14 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     best: &mut Best,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
+    let any = query == Query::Any;
     let mut sifted;
     // SAFETY: the caller's contract.
-    unsafe {
+    let nearest = unsafe {
         if options.accuracy == Accuracy::Fast {
-            sifted = Sifted::none();
+            sifted = Met::NONE;
             sifted.unclear = sift_fast::<S, T>(way, record, limit);
         } else {
-            let any = query == Query::Any;
             let seen = Seen::<S, T>::new(way, record);
             // Of what follows the last triangle nothing counts.
             let there = (1u32 << record.count()) - 1;
@@ -303,26 +217,27 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
             if meeting.met | meeting.unclear == 0 {
                 return false;
             }
-            sifted = Sifted::none();
-            sifted.put(&meeting, any);
+            sifted = Met::of(&meeting);
             // For any hit those that are met come first.
             if meeting.unclear != 0 && !(any && meeting.met != 0) {
-                S::call(CloserLook { way, record, limit, any, sifted: &mut sifted });
+                S::call(CloserLook { way, record, limit, met: &mut sifted });
             }
         }
-    }
+        // Most often there is one.
+        let alone = any || sifted.met & sifted.met.wrapping_sub(1) == 0;
+        if alone { sifted.met } else { sifted.nearest::<S>() }
+    };
     // Nearly always there is nothing, or one triangle that is nearer than all others.
     if sifted.met | sifted.unclear == 0 {
         return false;
     }
-    let one = sifted.nearest;
-    if query == Query::Any && sifted.met != 0 && options.ignore.is_none() {
+    if any && sifted.met != 0 && options.ignore.is_none() {
         let index = sifted.met.trailing_zeros() as usize % MOST_LANES;
         if best.take(&way.ray(), &sifted.candidate(index), record.triangle(index)) {
             return true;
         }
-    } else if sifted.unclear == 0 && one.is_power_of_two() && options.ignore.is_none() {
-        let index = one.trailing_zeros() as usize % MOST_LANES;
+    } else if sifted.unclear == 0 && nearest.is_power_of_two() && options.ignore.is_none() {
+        let index = nearest.trailing_zeros() as usize % MOST_LANES;
         let found = sifted.candidate(index);
         // What was flushed or clamped may be the same for others too.
         let magnitude = (found.t * power_of_two(-way.exponent)).abs();
@@ -340,7 +255,7 @@ fn test_sifted<T: Triangles>(
     record: &T,
     options: &QueryOptions,
     query: Query,
-    sifted: &Sifted,
+    sifted: &Met,
     best: &mut Best,
 ) -> bool {
     let ray = way.ray();
@@ -526,8 +441,7 @@ struct CloserLook<'a, T> {
     way: &'a Way,
     record: &'a T,
     limit: f32,
-    any: bool,
-    sifted: &'a mut Sifted,
+    met: &'a mut Met,
 }
 
 impl<T: Triangles> Compiled for CloserLook<'_, T> {
@@ -535,16 +449,16 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
 
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
-        let CloserLook { way, record, limit, any, sifted } = self;
+        let CloserLook { way, record, limit, met } = self;
         let ray = way.ray();
         // SAFETY: the caller's contract, and that of [`test`].
         unsafe {
             let corners = all_corners::<S, T>(record, record.places::<S>());
             let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
-            let mut meeting = sifted.meeting::<S>();
+            let mut meeting = met.meeting::<S>();
             let plane = Plane { origin, direction, corners };
-            meeting.look_closely(plane, &span::<S>(way, limit));
-            sifted.put(&meeting, any);
+            meeting.look_closely(&plane, &span::<S>(way, limit));
+            *met = Met::of(&meeting);
         }
     }
 }

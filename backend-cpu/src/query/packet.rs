@@ -21,7 +21,7 @@ use super::prepare::{LANES, Lanes, ORIGIN_SLACK, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{Compiled, MOST_LANES, Simd};
 use super::step::{Octant, octants_of};
-use super::watertight::{Corner, Meeting, Span, View, enclosed, meet};
+use super::watertight::{Corner, Meeting, Met, Span, View, enclosed, meet};
 use super::wide::{LEAF_MARK, Line};
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
@@ -193,6 +193,20 @@ impl Rays<'_> {
     unsafe fn row<S: Simd>(&self, row: &Lanes<f32>) -> S::Floats {
         // SAFETY: the caller has the set; there are as many lanes from `first` on.
         unsafe { S::load(row.as_ptr().add(self.first)) }
+    }
+
+    /// Inner `t` that count, where nothing beyond `beyond` does.
+    ///
+    /// # Safety
+    /// As for [`Rays::row`].
+    #[inline(always)]
+    unsafe fn span<S: Simd>(&self, beyond: &Row) -> Span<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let t_max = self.row::<S>(&self.ready.t_max);
+            let t_min = self.row::<S>(&self.ready.t_min);
+            Span { t_min, t_max, stop: S::min(load::<S>(beyond), t_max) }
+        }
     }
 
     /// The packet's part of three rows.
@@ -691,12 +705,12 @@ impl Packet {
         // SAFETY: the caller's contract.
         unsafe {
             let seen = Seen::<S>::new(rays, self.axes, record, index);
-            let (t_min, t_max) =
-                (rays.row::<S>(&rays.ready.t_min), rays.row::<S>(&rays.ready.t_max));
-            let span = Span { t_min, t_max, stop: S::min(load::<S>(&self.beyond), t_max) };
+            let span = rays.span::<S>(&self.beyond);
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
             if meeting.unclear != 0 {
-                meeting = S::call(CloserLook { rays, record, index, span, meeting });
+                let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
+                S::call(CloserLook { rays, record, index, beyond, met: &mut met });
+                meeting = met.meeting();
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
             // The caller's t: packets hold no moved rays.
@@ -837,29 +851,31 @@ impl<S: Simd> View<S> for Seen<S> {
 }
 
 /// A look at a triangle's plane for the rays that are unclear.
-struct CloserLook<'a, S: Simd> {
+struct CloserLook<'a> {
     rays: &'a Rays<'a>,
     record: &'a Record<'a>,
     index: usize,
-    span: Span<S>,
-    meeting: Meeting<S>,
+    /// See [`Packet::beyond`].
+    beyond: &'a Row,
+    met: &'a mut Met,
 }
 
-impl<S: Simd> Compiled for CloserLook<'_, S> {
-    type Output = Meeting<S>;
+impl Compiled for CloserLook<'_> {
+    type Output = ();
 
     #[inline(always)]
-    unsafe fn run<Same: Simd>(mut self) -> Meeting<S> {
+    unsafe fn run<S: Simd>(self) {
         let ready = self.rays.ready;
         // SAFETY: the caller's contract; the triangle is one of the block's.
         unsafe {
-            let plane = Plane {
+            let plane = Plane::<S> {
                 origin: self.rays.rows::<S>(&ready.origin),
                 direction: self.rays.rows::<S>(&ready.direction),
                 corners: corners::<S>(self.record, self.index, [0, 1, 2]),
             };
-            self.meeting.look_closely(plane, &self.span);
-            self.meeting
+            let mut meeting = self.met.meeting::<S>();
+            meeting.look_closely(&plane, &self.rays.span::<S>(self.beyond));
+            *self.met = Met::of(&meeting);
         }
     }
 }

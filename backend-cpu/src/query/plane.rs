@@ -8,7 +8,7 @@
 
 use splitplane_core::intersect::DOUBLE_NOISE;
 
-use super::simd::{Compiled, Simd};
+use super::simd::Simd;
 
 /// Rays and triangles, a pair a lane; on the axes of the mesh.
 pub(crate) struct Plane<S: Simd> {
@@ -20,12 +20,13 @@ pub(crate) struct Plane<S: Simd> {
     pub corners: [[S::Floats; 3]; 3],
 }
 
-impl<S: Simd> Compiled for Plane<S> {
+impl<S: Simd> Plane<S> {
     /// `t`, and which lanes have one: not triangles without a plane, nor rays within it.
-    type Output = (S::Floats, u32);
-
+    ///
+    /// # Safety
+    /// The processor must have the set.
     #[inline(always)]
-    unsafe fn run<Same: Simd>(self) -> (S::Floats, u32) {
+    pub unsafe fn distance(&self) -> (S::Floats, u32) {
         // SAFETY: the caller's contract.
         unsafe {
             let [a, b, c] = self.corners;
@@ -158,8 +159,9 @@ mod tests {
     use splitplane_core::intersect::distance_to_plane;
     use splitplane_core::triangle::Triangle;
 
-    use super::super::simd::{Check, MOST_LANES, on_every_set};
     use super::*;
+    use crate::query::InstructionSet;
+    use crate::query::simd::{Compiled, MOST_LANES};
 
     /// Numbers in `[-1, 1)`, and others.
     struct Numbers(u32);
@@ -251,8 +253,11 @@ mod tests {
         without: usize,
     }
 
-    impl Check for Planes {
-        unsafe fn check<S: Simd>(&mut self) {
+    impl Compiled for &mut Planes {
+        type Output = ();
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) {
             let mut numbers = Numbers(31);
             for round in 0..if cfg!(miri) { 40 } else { 20_000 } {
                 let cases: [_; MOST_LANES] =
@@ -267,7 +272,7 @@ mod tests {
                         direction: [0, 1, 2].map(|k| row(&|i| cases[i].1[k])),
                         corners: [0, 1, 2].map(|c| [0, 1, 2].map(|k| row(&|i| cases[i].2[c][k]))),
                     };
-                    let (t, there) = S::call(plane);
+                    let (t, there) = plane.distance();
                     let mut row = [0.0; MOST_LANES];
                     S::store(row.as_mut_ptr(), t);
                     (row, there)
@@ -281,7 +286,7 @@ mod tests {
                         found.map(f32::to_bits),
                         expected.map(f32::to_bits),
                         "{} {found:?} {expected:?} {:?}",
-                        core::any::type_name::<S>(),
+                        S::N,
                         cases[i]
                     );
                     self.there += usize::from(found.is_some());
@@ -295,7 +300,10 @@ mod tests {
     #[test]
     fn planes_are_those_of_the_reference() {
         let mut planes = Planes::default();
-        on_every_set(&mut planes);
+        for set in InstructionSet::available() {
+            // SAFETY: the processor has it.
+            unsafe { set.run(&mut planes) };
+        }
         assert!(planes.without > 1_000 || cfg!(miri), "{}", planes.without);
         assert!(planes.there > 4 * planes.without, "{} {}", planes.there, planes.without);
     }

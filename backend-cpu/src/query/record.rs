@@ -107,7 +107,7 @@ impl<'a> Record<'a> {
     }
 
     /// The index of a triangle in the mesh.
-    #[inline]
+    #[inline(always)]
     pub fn triangle(&self, index: usize) -> u32 {
         self.words[self.before() - self.count() + index]
     }

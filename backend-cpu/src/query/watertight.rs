@@ -4,11 +4,12 @@
 //! The operations are those of [`splitplane_core::intersect::watertight`] in its order, so all numbers
 //! are the reference's bit for bit. Rays must not be wide.
 
-use splitplane_core::intersect::{EDGE_LEAST, INTERPOLATION_ERROR};
+use splitplane_core::arithmetic::snap;
+use splitplane_core::intersect::{Candidate, EDGE_LEAST, INTERPOLATION_ERROR};
 use splitplane_core::ray::Culling;
 
 use super::plane::Plane;
-use super::simd::{Compiled, Simd};
+use super::simd::{MOST_LANES, Simd};
 
 /// A corner of triangles as rays see it.
 #[derive(Clone, Copy)]
@@ -95,7 +96,80 @@ pub(crate) struct Meeting<S: Simd> {
     pub w: S::Floats,
     pub det: S::Floats,
     /// Inner `t` of the nearest and the farthest corner.
-    pub depths: [S::Floats; 2],
+    depths: [S::Floats; 2],
+}
+
+/// A [`Meeting`] in memory.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Met {
+    t: [f32; MOST_LANES],
+    v: [f32; MOST_LANES],
+    w: [f32; MOST_LANES],
+    det: [f32; MOST_LANES],
+    depths: [[f32; MOST_LANES]; 2],
+    pub met: u32,
+    pub unclear: u32,
+}
+
+/// # Safety
+/// All methods: the processor must have the set.
+impl Met {
+    /// Nothing is met.
+    pub const NONE: Met = {
+        let row = [0.0; MOST_LANES];
+        Met { t: row, v: row, w: row, det: row, depths: [row; 2], met: 0, unclear: 0 }
+    };
+
+    /// The meeting.
+    #[inline(always)]
+    pub unsafe fn of<S: Simd>(meeting: &Meeting<S>) -> Met {
+        let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
+        let mut rows = Met { met, unclear, ..Met::NONE };
+        // SAFETY: the caller's contract; no set has more lanes than rows.
+        unsafe {
+            S::store(rows.t.as_mut_ptr(), t);
+            S::store(rows.v.as_mut_ptr(), v);
+            S::store(rows.w.as_mut_ptr(), w);
+            S::store(rows.det.as_mut_ptr(), det);
+            S::store(rows.depths[0].as_mut_ptr(), nearest);
+            S::store(rows.depths[1].as_mut_ptr(), farthest);
+        }
+        rows
+    }
+
+    /// What it is of.
+    #[inline(always)]
+    pub unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
+        let [nearest, farthest] = &self.depths;
+        // SAFETY: as above.
+        unsafe {
+            Meeting {
+                met: self.met,
+                unclear: self.unclear,
+                t: S::load(self.t.as_ptr()),
+                v: S::load(self.v.as_ptr()),
+                w: S::load(self.w.as_ptr()),
+                det: S::load(self.det.as_ptr()),
+                depths: [S::load(nearest.as_ptr()), S::load(farthest.as_ptr())],
+            }
+        }
+    }
+
+    /// Those that are met at the least inner `t`.
+    #[inline(always)]
+    pub unsafe fn nearest<S: Simd>(&self) -> u32 {
+        // SAFETY: as above.
+        unsafe { self.met & S::least(self.met, S::load(self.t.as_ptr())) }
+    }
+
+    /// The hit of a lane that is met.
+    #[inline(always)]
+    pub fn candidate(&self, lane: usize) -> Candidate {
+        let [t, v, w, det] = [&self.t, &self.v, &self.w, &self.det].map(|row| row[lane]);
+        // Snapped, as in the reference test.
+        Candidate { t, u: snap(v / det), v: snap(w / det) }
+    }
 }
 
 /// Edge functions opposite the first, second and third corner: twice the signed areas of triangles of
@@ -195,10 +269,10 @@ impl<S: Simd> Meeting<S> {
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    pub unsafe fn look_closely(&mut self, plane: Plane<S>, span: &Span<S>) {
+    pub unsafe fn look_closely(&mut self, plane: &Plane<S>, span: &Span<S>) {
         // SAFETY: the caller's contract.
         unsafe {
-            let (t, there) = plane.run::<S>();
+            let (t, there) = plane.distance();
             let (t, kept) = held::<S>(t, self.depths, span);
             self.met |= self.unclear & there & kept;
             self.t = S::select(S::mask(self.unclear & there), t, self.t);
@@ -270,13 +344,14 @@ unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
 #[cfg(test)]
 mod tests {
     use splitplane_core::aabb::Aabb;
-    use splitplane_core::arithmetic::{Strict, snap};
-    use splitplane_core::intersect::{Candidate, Limits, PreparedRay, SceneScale, watertight};
+    use splitplane_core::arithmetic::Strict;
+    use splitplane_core::intersect::{Limits, PreparedRay, SceneScale, watertight};
     use splitplane_core::ray::Ray;
     use splitplane_core::triangle::Triangle;
 
-    use super::super::simd::{Check, MOST_LANES, on_every_set};
     use super::*;
+    use crate::query::InstructionSet;
+    use crate::query::simd::Compiled;
 
     /// Numbers in `[-1, 1)`.
     struct Numbers(u32);
@@ -394,8 +469,11 @@ mod tests {
     #[derive(Default)]
     struct Meetings([usize; 3]);
 
-    impl Check for Meetings {
-        unsafe fn check<S: Simd>(&mut self) {
+    impl Compiled for &mut Meetings {
+        type Output = ();
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) {
             let mut numbers = Numbers(5);
             let bounds = Aabb { lo: [-9.0; 3], hi: [9.0; 3] };
             let scene = SceneScale::new(
@@ -405,9 +483,8 @@ mod tests {
             for round in 0..if cfg!(miri) { 30 } else { 4_000 } {
                 let culling = [Culling::None, Culling::Back, Culling::Front][round % 3];
                 let pairs = Pairs(core::array::from_fn(|_| pair(round, &scene, &mut numbers)));
-                let mut rows = [[0.0; MOST_LANES]; 4];
                 // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
-                let (plain, met, unclear) = unsafe {
+                let (plain, met) = unsafe {
                     let t_max = pairs.row::<S>(|ray, _| ray.t_max);
                     let t_min = pairs.row::<S>(|ray, _| ray.t_min);
                     let span = Span { t_min, t_max, stop: t_max };
@@ -416,36 +493,24 @@ mod tests {
                     let around = enclosed::<S, _>(&pairs);
                     let Some(mut meeting) = met else { continue };
                     let plain = meeting.met;
-                    meeting.look_closely(pairs.plane(), &span);
-                    let Meeting { t, v, w, det, .. } = meeting;
-                    for (row, floats) in rows.iter_mut().zip([t, v, w, det]) {
-                        S::store(row.as_mut_ptr(), floats);
-                    }
+                    meeting.look_closely(&pairs.plane(), &span);
                     assert_eq!((meeting.met | meeting.unclear) & !around, 0);
-                    (plain, meeting.met, meeting.unclear)
+                    (plain, Met::of(&meeting))
                 };
                 for (i, (ray, triangle)) in pairs.0.iter().enumerate().take(S::N) {
                     let expected = watertight::<Strict>(ray, triangle, culling);
-                    if unclear >> i & 1 != 0 {
+                    if met.unclear >> i & 1 != 0 {
                         self.0[2] += 1;
                         continue;
                     }
-                    let [t, v, w, det] = rows.map(|row| row[i]);
-                    let found = Candidate { t, u: snap(v / det), v: snap(w / det) };
-                    let found = (met >> i & 1 != 0).then_some(found);
+                    let found = (met.met >> i & 1 != 0).then(|| met.candidate(i));
                     // One zero is as good as the other.
                     let bits = |hit: Option<Candidate>| {
                         hit.map(|hit| [hit.t + 0.0, hit.u, hit.v].map(f32::to_bits))
                     };
-                    assert_eq!(
-                        bits(found),
-                        bits(expected),
-                        "{} {:?}",
-                        core::any::type_name::<S>(),
-                        pairs.0[i]
-                    );
+                    assert_eq!(bits(found), bits(expected), "{} {:?}", S::N, pairs.0[i]);
                     self.0[0] += (plain >> i & 1) as usize;
-                    self.0[1] += ((met & !plain) >> i & 1) as usize;
+                    self.0[1] += ((met.met & !plain) >> i & 1) as usize;
                 }
             }
         }
@@ -455,7 +520,10 @@ mod tests {
     #[test]
     fn meetings_are_those_of_the_reference() {
         let mut meetings = Meetings::default();
-        on_every_set(&mut meetings);
+        for set in InstructionSet::available() {
+            // SAFETY: the processor has it.
+            unsafe { set.run(&mut meetings) };
+        }
         let [plain, close, left] = meetings.0;
         assert!(plain > 1_000 && close > 1_000 || cfg!(miri), "{plain} {close}");
         assert!(100 * left < plain + close, "{left} left");

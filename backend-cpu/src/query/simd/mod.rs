@@ -189,37 +189,6 @@ pub(crate) fn prefetch(at: *const u8) {
     let _ = at;
 }
 
-/// What is to hold on every instruction set.
-#[cfg(test)]
-pub(crate) trait Check {
-    /// Panics where it does not hold.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    unsafe fn check<S: Simd>(&mut self);
-}
-
-/// Runs a check with each set that the processor has.
-#[cfg(test)]
-pub(crate) fn on_every_set(check: &mut impl Check) {
-    use crate::query::InstructionSet;
-
-    for set in InstructionSet::available() {
-        // SAFETY: the processor has it.
-        unsafe {
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => check.check::<Avx512>(),
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => check.check::<Avx2>(),
-                #[cfg(target_arch = "aarch64")]
-                InstructionSet::Neon => check.check::<Neon>(),
-                _ => check.check::<Portable>(),
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     //! Each operation of each set against what its description says, lane by lane.
@@ -227,6 +196,7 @@ mod tests {
     use splitplane_core::arithmetic::{Arithmetic, Strict};
 
     use super::*;
+    use crate::query::InstructionSet;
 
     struct Numbers(u32);
 
@@ -254,19 +224,6 @@ mod tests {
         /// Numbers of all bits, subnormal and infinite ones among them.
         fn wide_row(&mut self) -> [f32; MOST_LANES] {
             [(); MOST_LANES].map(|()| f32::from_bits(self.word() << 16 ^ self.word()))
-        }
-    }
-
-    /// Adds numbers to themselves.
-    struct Doubled<S: Simd>(S::Floats);
-
-    impl<S: Simd> Compiled for Doubled<S> {
-        type Output = S::Floats;
-
-        #[inline(always)]
-        unsafe fn run<Same: Simd>(self) -> S::Floats {
-            // SAFETY: the caller's contract.
-            unsafe { S::add(self.0, self.0) }
         }
     }
 
@@ -304,7 +261,6 @@ mod tests {
                 let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
                 let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
                 assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
-                assert_eq!(told(S::call(Doubled::<S>(a))), each(|x, _| x + x));
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);
@@ -401,8 +357,11 @@ mod tests {
 
     struct Operations;
 
-    impl Check for Operations {
-        unsafe fn check<S: Simd>(&mut self) {
+    impl Compiled for Operations {
+        type Output = ();
+
+        #[inline(always)]
+        unsafe fn run<S: Simd>(self) {
             // SAFETY: the caller's contract.
             unsafe {
                 check::<S>();
@@ -413,6 +372,9 @@ mod tests {
 
     #[test]
     fn sets_do_what_is_said() {
-        on_every_set(&mut Operations);
+        for set in InstructionSet::available() {
+            // SAFETY: the processor has it.
+            unsafe { set.run(Operations) };
+        }
     }
 }
