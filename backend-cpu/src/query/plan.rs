@@ -339,7 +339,7 @@ mod tests {
             let config = BuildConfig { block_width: 2, ..BuildConfig::preset(Preset::Fast) };
             let built =
                 CpuBackend::new().build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();
-            let tree = built.tree();
+            let tree = built.tree().view();
             for set in InstructionSet::available() {
                 let planner = Planner::new(4, &tree.bounds);
                 let nothing = Branch::leaf(Aabb::EMPTY, 0, 0);
@@ -348,12 +348,12 @@ mod tests {
                     if let NodeKind::Leaf { first, count } = node.kind() {
                         let references = tree.leaf(first, count);
                         let corners = references.iter().map(|&t| triangles[t as usize]);
-                        let bounds = corners.map(|corners| Aabb::of_points(&corners));
+                        let bounds = corners.map(|corners: Triangle| Aabb::of_points(&corners));
                         let bounds = bounds.fold(Aabb::EMPTY, |all, one| all.union(&one));
                         *branch = Branch::leaf(bounds, 0, count.div_ceil(3));
                     }
                 }
-                let costs = planner.subtree(set, 0, &tree.nodes, &mut branches);
+                let costs = planner.subtree(set, 0, tree.nodes, &mut branches);
                 let root = costs.branch().expect("triangles");
                 let expected = least(&planner, &branches, root);
                 for (place, (area, nodes)) in expected.into_iter().enumerate() {
