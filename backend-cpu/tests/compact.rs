@@ -272,26 +272,46 @@ impl Watch for Ends {
 }
 
 #[test]
-fn a_watch_sees_the_compact_layout_made_and_may_end_it() {
+fn a_watch_sees_layouts_made_and_may_end_them() {
     let scene = scenes::sphere(150, [0.0; 3], 1.0);
     let mesh = scene.mesh();
-    let options = options(BuildConfig::default(), QueryLayout::Compact);
     let backend = CpuBackend::new();
-    let watch = |at| Ends { at, told: Mutex::default() };
-    let all = watch(usize::MAX);
-    let built = backend.build_accelerator_watched(&mesh, &options, &all).expect("not ended");
-    let told = all.told.into_inner().expect("no panics");
-    let layout = told.iter().filter(|progress| progress.stage == Stage::Layout);
-    let layout: Vec<_> = layout.map(|progress| (progress.done, progress.total)).collect();
-    let total = (built.tree().nodes.len() + built.tree().references.len()) as u64;
-    assert!(layout.len() > 5 && layout.is_sorted() && layout.last() == Some(&(total, total)));
-    let first = told.iter().position(|progress| progress.stage == Stage::Layout).expect("a stage");
-    let mut kept = build(&mesh, InstructionSet::detect(), &options);
-    for at in [first, first + 1, first + 3] {
-        let ended = watch(at);
-        let error = backend.rebuild_watched(&mut kept, &mesh, &options, &ended).unwrap_err();
-        assert!(matches!(error, BuildError::Cancelled { .. }), "{error}");
-        let rays = rays(&mesh, 8, at as u64);
-        compare(&kept, &built, &rays, 8, "what an ended rebuild leaves");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for layout in [QueryLayout::Fast, QueryLayout::Compact] {
+        let options = options(BuildConfig::default(), layout);
+        let watched = |at: usize, into: Option<&mut CpuAccelerator>| {
+            let watch = Ends { at, told: Mutex::default() };
+            let built = pool.install(|| match into {
+                Some(kept) => backend.rebuild_watched(kept, &mesh, &options, &watch).map(|()| None),
+                None => backend.build_accelerator_watched(&mesh, &options, &watch).map(Some),
+            });
+            (built, watch.told.into_inner().expect("no panics"))
+        };
+        let (built, told) = watched(usize::MAX, None);
+        let built = built.expect("not ended").expect("an accelerator");
+        let first = told.iter().position(|progress| progress.stage == Stage::Layout);
+        let first = first.expect("a stage");
+        let layout: Vec<_> = told[first..].iter().map(|told| (told.done, told.total)).collect();
+        let [nodes, references] =
+            [built.tree().nodes.len() as u64, built.tree().references.len() as u64];
+        let total = nodes + references;
+        assert!(layout.len() > 5 && layout.is_sorted() && layout.last() == Some(&(total, total)));
+        assert!(layout.iter().all(|&(_, told)| told == total));
+        // Packing is as many steps as there are references, planning one for every second node, and so
+        // is writing: this was told while nodes were written, of which planning was half.
+        let (planned, rest) = (references + nodes / 2, layout.len() - 1);
+        assert!(layout[..rest].iter().any(|&(done, _)| done > planned), "{layout:?}");
+        assert!(layout.iter().filter(|&&(done, _)| 0 < done && done < references).count() > 2);
+        let mut kept = build(&mesh, InstructionSet::detect(), &options);
+        for at in first..told.len() {
+            let (ended, again) = watched(at, Some(&mut kept));
+            let error = ended.err().expect("ended");
+            let BuildError::Cancelled { progress } = error else { panic!("{error}") };
+            assert!(progress.stage == Stage::Layout && again.len() == at + 1, "{progress:?}");
+            if at % 4 == 0 {
+                let rays = rays(&mesh, 8, at as u64);
+                compare(&kept, &built, &rays, 8, "what an ended rebuild leaves");
+            }
+        }
     }
 }
