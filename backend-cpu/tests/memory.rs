@@ -129,7 +129,6 @@ fn what_counts_is_what_is_allocated() {
             peak_of(|| CpuBackend::with_instruction_set(set).build_accelerator(&mesh, &options))
         });
         let counted = built.expect("no limit").summary().peak_bytes as i64;
-        eprintln!("{what}: {taken} {counted} {:.3}", counted as f64 / taken as f64);
         assert!(taken <= counted + counted / 20 + 100_000, "{what}: {taken} taken, {counted} told");
         assert!(counted <= taken + taken / 4, "{what}: {taken} taken, {counted} told");
     });

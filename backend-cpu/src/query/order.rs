@@ -31,10 +31,10 @@ impl Order {
         }
     }
 
-    /// There is no plane between the children from `start` to `end`.
+    /// There is no plane between the children from `start` to `end`: they come as a leaf's triangles do.
     pub fn in_a_row(&mut self, start: usize, end: usize) {
         for child in start..end {
-            let farther = ones(child, child + 1) * (child - start) as u128;
+            let farther = ones(child, child + 1) * (end - 1 - child) as u128;
             self.farther.iter_mut().for_each(|all| *all += farther);
         }
     }
@@ -105,6 +105,6 @@ mod tests {
         order.in_a_row(1, 4);
         let mut bytes = [0; 8];
         order.write(0, 4, &mut bytes);
-        assert_eq!(bytes, [1, 2, 3, 0, 4, 5, 6, 7]);
+        assert_eq!(bytes, [3, 2, 1, 0, 4, 5, 6, 7]);
     }
 }
