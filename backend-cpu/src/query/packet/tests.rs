@@ -1,0 +1,175 @@
+use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Culling, Ray};
+use splitplane_core::traverse;
+use splitplane_core::triangle::Triangle;
+
+use super::*;
+use crate::CpuBackend;
+use crate::lookout::UNWATCHED;
+use crate::query::blocks::{LayoutScratch, Source};
+use crate::query::instruction_set::InstructionSet;
+use crate::query::simd::Portable;
+#[cfg(target_arch = "x86_64")]
+use crate::query::simd::{Avx2, Avx512};
+
+/// Numbers in `[-1, 1)`.
+struct Numbers(u32);
+
+impl Numbers {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
+    }
+
+    fn point(&mut self, spread: f32) -> [f32; 3] {
+        [self.next() * spread, self.next() * spread, self.next() * spread]
+    }
+}
+
+/// A bumpy sheet whose triangles share corners, small triangles about it, flat ones, and some of all
+/// twice: at equal `t` the lower index counts.
+fn mesh(size: usize, numbers: &mut Numbers) -> Vec<Triangle> {
+    let mut triangles = Vec::new();
+    let side = size as f32;
+    let mut heights = vec![[0.0; 3]; (size + 1) * (size + 1)];
+    for (i, corner) in heights.iter_mut().enumerate() {
+        let (x, y) = ((i % (size + 1)) as f32 / side, (i / (size + 1)) as f32 / side);
+        *corner = [4.0 * x - 2.0, 4.0 * y - 2.0, 0.3 * numbers.next()];
+    }
+    for i in 0..size * size {
+        let at = i / size * (size + 1) + i % size;
+        let [a, b, c, d] = [at, at + 1, at + size + 1, at + size + 2].map(|i| heights[i]);
+        triangles.push([a, b, c]);
+        triangles.push([b, d, c]);
+    }
+    for i in 0..2 * size {
+        let (centre, spread) = (numbers.point(2.0), if i % 9 == 0 { 2.0 } else { 0.2 });
+        let mut corners = [(); 3].map(|()| {
+            let offset = numbers.point(spread);
+            [0, 1, 2].map(|k| centre[k] + offset[k])
+        });
+        if i % 3 == 0 {
+            corners.iter_mut().for_each(|corner| corner[i % 2] = centre[i % 2]);
+        }
+        triangles.push(corners);
+    }
+    for i in 0..size {
+        triangles.push(triangles[i * 5 % triangles.len()]);
+    }
+    triangles
+}
+
+/// 16 rays side by side, of one origin or not, towards the mesh or a corner of it.
+fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray> {
+    let spread = [0.0, 1e-3, 0.03, 0.3][round % 4];
+    let apart = [0.0, 1e-3, 0.3][round % 3];
+    let origin = numbers.point(if round.is_multiple_of(5) { 1.0 } else { 5.0 });
+    let some = (numbers.next() * 0.5 + 0.5) * triangles.len() as f32;
+    let target = triangles[some as usize % triangles.len()][round % 3];
+    let mut direction = [0, 1, 2].map(|k| target[k] - origin[k]);
+    if round.is_multiple_of(11) {
+        direction = [0, 1, 2].map(|k| if k == round % 3 { direction[k] } else { 0.0 });
+    }
+    let scale = [1.0, 0.01, 300.0][round / 4 % 3];
+    (0..LANES)
+        .map(|i| {
+            let (o, d) = (numbers.point(apart), numbers.point(spread));
+            let origin = [0, 1, 2].map(|k| origin[k] + o[k]);
+            let direction = [0, 1, 2].map(|k| (direction[k] + d[k]) * scale);
+            let ray = Ray::new(origin, direction);
+            match (round % 7, i) {
+                (1, 3 | 9) => Ray::new(origin, [f32::NAN; 3]),
+                (2, 0 | 1) => Ray::new(origin.map(|x| x + 90.0), direction),
+                (3, _) => ray.with_limits(0.5 / scale, (1.2 + 0.2 * numbers.next()) / scale),
+                (4, _) => ray.with_limits(-2.0 / scale, 2.0 / scale),
+                (5, _) => ray.with_limits(0.0, 1.0 / scale),
+                _ => ray,
+            }
+        })
+        .collect()
+}
+
+/// Traces groups as packets; how many packets and hits there were.
+unsafe fn compare<S: Simd>(set: InstructionSet) -> (usize, usize) {
+    let mut numbers = Numbers(77);
+    let (mut packets, mut hits) = (0, 0);
+    let mut packet = Packet::new();
+    let mut ways = [Way::none(); LANES];
+    for size in [1, 40, 6, 100] {
+        let triangles = mesh(size, &mut numbers);
+        let soup = Mesh::soup(&triangles).unwrap();
+        let backend = CpuBackend::with_instruction_set(set);
+        let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
+        let (tree, scene) = (built.tree().view(), built.scene_scale());
+        let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
+        let mut scratch = LayoutScratch::default();
+        let blocks = Blocks::new(built.tree().clone(), source, S::SET, &UNWATCHED, &mut scratch);
+        for round in 0..120 {
+            let rays = group(&triangles, round, &mut numbers);
+            let (accuracy, culling, ignore) = match round % 6 {
+                0 => (Accuracy::Fast, Culling::None, None),
+                1 => (Accuracy::Watertight, Culling::Back, None),
+                2 => (Accuracy::Watertight, Culling::Front, Some(5)),
+                _ => (Accuracy::Watertight, Culling::None, None),
+            };
+            let options = QueryOptions { accuracy, culling, ignore, ..Default::default() };
+            for query in [Query::Closest, Query::Any] {
+                let mut ready = PreparedRays::NONE;
+                // SAFETY: the caller says that the processor has the set.
+                unsafe { ready.fill::<S>(&rays, scene, 0, query) };
+                for first in (0..LANES).step_by(S::N) {
+                    let alive = (0..S::N).filter(|&lane| {
+                        let at = first + lane;
+                        let within = ready.enter[at] <= ready.exit[at];
+                        ready.alive[at] != 0 && ready.special[at] == 0 && within
+                    });
+                    let alive = alive.fold(0, |bits, lane| bits | 1 << lane);
+                    // SAFETY: as above; the rays are those taken.
+                    unsafe {
+                        if !packet.take::<S>(&mut ready, first, alive, scene, true) {
+                            continue;
+                        }
+                        let ready = (&ready, &mut ways);
+                        packet.trace::<S>(&blocks, ready, first, &options, query);
+                    }
+                    packets += 1;
+                    for lane in (0..S::N).filter(|lane| alive >> lane & 1 != 0) {
+                        let ray = &rays[first + lane];
+                        let expected = traverse::closest_hit(&tree, &soup, scene, ray, &options);
+                        let found = packet.hit(lane);
+                        let context = (set, size, round, lane, ray);
+                        assert_eq!(found.is_hit(), expected.is_some(), "{context:?}");
+                        if query == Query::Closest {
+                            let expected = expected.unwrap_or(Hit::MISS);
+                            let bits: [[u32; 4]; 2] = bytemuck::cast([found, expected]);
+                            assert_eq!(bits[0], bits[1], "{context:?} {found:?} {expected:?}");
+                            hits += usize::from(found.is_hit());
+                        }
+                    }
+                }
+            }
+        }
+    }
+    (packets, hits)
+}
+
+/// Forced packets give the hits of the reference loop bit for bit, on every instruction set.
+#[test]
+fn packets_equal_the_reference() {
+    for set in InstructionSet::available() {
+        // SAFETY: the processor has it.
+        let (packets, hits) = unsafe {
+            match set {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => compare::<Avx512>(set),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => compare::<Avx2>(set),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => compare::<crate::query::simd::Neon>(set),
+                _ => compare::<Portable>(set),
+            }
+        };
+        assert!(packets > 400 && hits > 2500, "{set:?}: {packets} packets, {hits} hits");
+    }
+}
