@@ -1,9 +1,8 @@
 //! What holds for all rays of a packet: intervals, and which triangles of a block they rule out.
 
 use super::Packet;
-use super::row::Row;
+use super::row::{Row, ZERO, store};
 use crate::query::leaf::{Table, of_corners};
-use crate::query::prepare::Lanes;
 use crate::query::record::Record;
 use crate::query::simd::{MOST_LANES, Simd};
 
@@ -24,27 +23,69 @@ pub(super) struct Bounds {
     pub(super) stop: f32,
 }
 
-/// The greatest number of a row.
+/// Every second element of two vectors, from the first on and from the second on.
+static EVEN: [u8; MOST_LANES] = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30];
+static ODD: [u8; MOST_LANES] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31];
+
+/// The least number of each row of `lo` and the greatest of each of `hi`, a lane each.
+///
+/// Rows are folded in pairs: what is least in two neighbouring lanes stays, so that a row takes half
+/// as many lanes, then a quarter, until it takes one.
+///
+/// # Safety
+/// As for [`super::row::load`].
 #[inline(always)]
-pub(super) fn greatest<S: Simd>(row: &Row) -> f32 {
-    range::<S>(&row.0, 0)[1]
+pub(super) unsafe fn ranges<S: Simd, const R: usize>(
+    lo: [S::Floats; R],
+    hi: [S::Floats; R],
+) -> [Row; 2] {
+    let mut ranges = [ZERO; 2];
+    // SAFETY: as above; rows have room for the most lanes.
+    unsafe {
+        let (even, odd) = (S::places(EVEN.as_ptr()), S::places(ODD.as_ptr()));
+        for first in (0..R).step_by(S::N) {
+            let mut least = [lo[0]; MOST_LANES];
+            let mut most = [hi[0]; MOST_LANES];
+            for row in 0..S::N {
+                if first + row < R {
+                    (least[row], most[row]) = (lo[first + row], hi[first + row]);
+                }
+            }
+            let mut count = S::N / 2;
+            while count > 0 {
+                for row in 0..count {
+                    let pair = [least[2 * row], least[2 * row + 1]];
+                    least[row] = S::min(S::look_up(pair, even), S::look_up(pair, odd));
+                    let pair = [most[2 * row], most[2 * row + 1]];
+                    most[row] = S::max(S::look_up(pair, even), S::look_up(pair, odd));
+                }
+                count /= 2;
+            }
+            S::store(ranges[0].0[first..].as_mut_ptr(), least[0]);
+            S::store(ranges[1].0[first..].as_mut_ptr(), most[0]);
+        }
+    }
+    ranges
 }
 
-/// Least and greatest number of the lanes from `first` on.
+/// The greatest lane.
+///
+/// # Safety
+/// As for [`super::row::load`].
 #[inline(always)]
-pub(super) fn range<S: Simd>(row: &Lanes<f32>, first: usize) -> [f32; 2] {
-    let mut lo = [0.0; MOST_LANES];
-    lo[..S::N].copy_from_slice(&row[first..first + S::N]);
-    let mut hi = lo;
+pub(super) unsafe fn greatest<S: Simd>(x: S::Floats) -> f32 {
+    let mut row = ZERO;
+    // SAFETY: as above.
+    unsafe { store::<S>(&mut row, x) };
+    let mut most = row.0;
     let mut half = S::N / 2;
     while half > 0 {
         for i in 0..half {
-            lo[i] = if lo[i] < lo[i + half] { lo[i] } else { lo[i + half] };
-            hi[i] = if hi[i] > hi[i + half] { hi[i] } else { hi[i + half] };
+            most[i] = if most[i] > most[i + half] { most[i] } else { most[i + half] };
         }
         half /= 2;
     }
-    [lo[0], hi[0]]
+    most[0]
 }
 
 /// The least and greatest products of two intervals.

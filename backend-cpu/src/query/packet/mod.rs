@@ -1,15 +1,17 @@
-//! Coherent rays together: as many rays as a vector has lanes, at one node or triangle at a time.
+//! Coherent rays together: all that were made ready at once, or as many as a vector has lanes.
 //!
-//! At a wide node the packet as a whole is tested against all children: intervals of its rays' origins and
-//! reciprocals give an entry and an exit that hold for each of them. Only the children that pass are
-//! tested ray by ray, one box against all rays, when their turn comes. In a block triangles that no ray
-//! of the packet can meet are sorted out first, again by intervals; the others are tested one
-//! after the other against all rays, by the operations of [`super::leaf`] in their order. So the hits are
-//! bit for bit those of single rays.
+//! A packet is one or more groups, each of as many rays as a vector has lanes. At a wide node the packet
+//! as a whole is tested against all children: intervals of its rays' origins and reciprocals give an
+//! entry and an exit that hold for each of them. Only the children that pass are tested ray by ray, one
+//! box against all rays of a group, when their turn comes. In a block triangles that no ray of the packet
+//! can meet are sorted out first, again by intervals; the others are tested one after the other
+//! against all rays of a group, by the operations of [`super::leaf`] in their order. So the hits are bit
+//! for bit those of single rays.
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
 
 mod bounds;
+mod group;
 mod row;
 mod take;
 #[cfg(test)]
@@ -20,10 +22,10 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
 use self::bounds::{Bounds, greatest};
-use self::row::{Row, ZERO, load, store};
+use self::group::Group;
+use self::row::load;
 use super::blocks::Blocks;
-use super::leaf::{self, Best};
-use super::prepare::{LANES, Lanes, PreparedRays, Way};
+use super::prepare::{CHUNK, PerRay, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
 use super::stream::{Octant, octants_of};
@@ -33,9 +35,16 @@ use super::wide::{BLOCK, Line};
 const FEW: u32 = 2;
 /// Blocks of fewer triangles are not looked through for those that the packet can meet.
 const WORTH_CULLING: usize = 3;
-/// What one triangle against all rays costs, and one ray against a whole block.
-const COST_OF_A_TRIANGLE: u32 = 2;
-const COST_OF_A_RAY: u32 = 3;
+/// Large packets are of use where of the rays of a packet that come to a block at least this many in so
+/// many meet it.
+const ENOUGH: u64 = 2;
+const ENOUGH_OF: u64 = 5;
+/// Rays that came to blocks are remembered up to about so many.
+const LATELY: u64 = 1 << 12;
+
+/// The fewest lanes of any set, and so the most groups.
+const FEWEST_LANES: usize = 8;
+const MOST_GROUPS: usize = CHUNK / FEWEST_LANES;
 
 /// The places of a node's children.
 static PLACES: [u32; MOST_LANES] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
@@ -45,40 +54,49 @@ pub(crate) struct Packet {
     bounds: Bounds,
     axes: [usize; 3],
     octant: usize,
-    /// Where rays leave the bounds, or nothing can precede their best hits; minus infinity for rays
-    /// that are answered or not there.
-    stop: Row,
-    /// Powers of two that lead from inner `t` to the caller's, and back.
-    outwards: Row,
-    inwards: Row,
-    /// The best hits so far.
-    t: Row,
-    u: Row,
-    v: Row,
-    triangle: Row,
-    /// Inner `t` beyond which nothing can precede them.
-    beyond: Row,
+    groups: [Group; MOST_GROUPS],
+    /// The first of the groups that were taken.
+    first: usize,
     stack: Stack,
-    /// That the rays' ways were written.
-    ways: bool,
+    /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
+    came: u64,
+    met: u64,
 }
 
-/// Rays of a packet as they were made ready.
+/// Rays of a packet as they were made ready, and which group's turn it is.
 struct Rays<'a> {
     ready: &'a PreparedRays,
-    ways: &'a mut [Way; LANES],
+    ways: &'a mut [Way; CHUNK],
+    /// The groups whose ways were written, as bits.
+    written: u32,
+    /// The group's first lane.
     first: usize,
 }
 
 impl Rays<'_> {
-    /// The packet's part of a row.
+    /// The group's part of a row.
     ///
     /// # Safety
     /// The processor must have the set; `first` must leave as many lanes.
     #[inline(always)]
-    unsafe fn row<S: Simd>(&self, row: &Lanes<f32>) -> S::Floats {
+    unsafe fn row<S: Simd>(&self, row: &PerRay<f32>) -> S::Floats {
         // SAFETY: the caller has the set; there are as many lanes from `first` on.
         unsafe { S::load(row.as_ptr().add(self.first)) }
+    }
+
+    /// The way of a ray; those of its group are written when the first is asked for.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn way<S: Simd>(&mut self, lane: usize) -> &Way {
+        let group = 1 << (self.first / S::N);
+        if self.written & group == 0 {
+            // SAFETY: the caller's contract.
+            unsafe { self.ready.some_ways::<S>(self.first, self.ways) };
+            self.written |= group;
+        }
+        &self.ways[self.first + lane]
     }
 }
 
@@ -96,44 +114,43 @@ impl Packet {
             bounds: Bounds::default(),
             axes: [0, 1, 2],
             octant: 0,
-            stop: ZERO,
-            outwards: ZERO,
-            inwards: ZERO,
-            t: ZERO,
-            u: ZERO,
-            v: ZERO,
-            triangle: ZERO,
-            beyond: ZERO,
+            groups: [Group::NONE; MOST_GROUPS],
+            first: 0,
             stack: Stack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
-            ways: false,
+            came: 0,
+            met: 0,
         }
     }
 
-    /// The answer of a ray.
+    /// The answer of a ray, by its place among those made ready.
     #[inline(always)]
-    pub fn hit(&self, lane: usize) -> Hit {
-        Hit {
-            t: self.t.0[lane],
-            triangle: self.triangle.0[lane].to_bits(),
-            u: self.u.0[lane],
-            v: self.v.0[lane],
-        }
+    pub fn hit<S: Simd>(&self, lane: usize) -> Hit {
+        self.groups[lane / S::N].hit(lane % S::N)
     }
-    /// Traces the rays that were taken, from the same place on.
+
+    /// Whether rays stay together on their way, as far as could be seen: then packets may be large.
+    #[inline(always)]
+    pub fn keeps_together(&self) -> bool {
+        self.met * ENOUGH_OF >= self.came * ENOUGH
+    }
+
+    /// Traces the rays that were taken, in `G` groups.
     ///
     /// # Safety
     /// The processor must have the set, for whose width the layout was made; the rays must be those
-    /// taken, and none of them wide.
+    /// taken, in as many groups, and none of them wide.
     #[inline(always)]
-    pub unsafe fn trace<S: Simd>(
+    pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
         blocks: &Blocks,
-        (ready, ways): (&PreparedRays, &mut [Way; LANES]),
-        first: usize,
+        (ready, ways): (&PreparedRays, &mut [Way; CHUNK]),
         options: &QueryOptions,
         query: Query,
     ) {
-        let mut rays = Rays { ready, ways, first };
+        let mut rays = Rays { ready, ways, written: 0, first: 0 };
+        if self.came > LATELY {
+            (self.came, self.met) = (self.came / 2, self.met / 2);
+        }
         let (lines, words) = (blocks.wide.lines().as_ptr(), &blocks.words[..]);
         let room = blocks.wide.stack();
         if self.stack.nodes.len() < room {
@@ -159,8 +176,14 @@ impl Packet {
                     let parent = *self.stack.nodes.get_unchecked(top);
                     let place = *self.stack.places.get_unchecked(top) as usize;
                     let parent = lines.add(parent as usize * (S::N / 2)).cast::<u8>();
-                    let active = self.meets::<S>(&rays, octant, parent.add(4 * place));
-                    if active == 0 {
+                    let (mut active, mut some) = ([0; G], 0);
+                    for (k, met) in active.iter_mut().enumerate() {
+                        let (group, corner) = (self.first + k, parent.add(4 * place));
+                        rays.first = group * S::N;
+                        *met = self.groups.get_unchecked(group).meets::<S>(&rays, octant, corner);
+                        some |= *met;
+                    }
+                    if some == 0 {
                         continue;
                     }
                     let child = *parent.add(24 * S::N + 4 * place).cast::<u32>();
@@ -169,8 +192,8 @@ impl Packet {
                         break;
                     }
                     let record = Record::at_unchecked(words, child & !BLOCK);
-                    if self.block::<S>(&record, &mut rays, active, options, query) {
-                        self.bounds.stop = greatest::<S>(&self.stop);
+                    if self.block::<S, G>(&record, &mut rays, active, options, query) {
+                        self.bounds.stop = self.last::<S, G>();
                         if self.bounds.stop == f32::NEG_INFINITY {
                             return;
                         }
@@ -180,18 +203,21 @@ impl Packet {
         }
     }
 
-    /// The way of a ray, all of them written when the first is asked for.
+    /// Where the last ray stops.
     ///
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    unsafe fn way<'a, S: Simd>(&mut self, rays: &'a mut Rays<'_>, lane: usize) -> &'a Way {
-        if !self.ways {
-            // SAFETY: the caller's contract.
-            unsafe { rays.ready.ways::<S>(rays.ways) };
-            self.ways = true;
+    unsafe fn last<S: Simd, const G: usize>(&self) -> f32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let mut stop = S::splat(f32::NEG_INFINITY);
+            for k in 0..G {
+                let group = self.groups.get_unchecked(self.first + k);
+                stop = S::max(stop, load::<S>(&group.stop));
+            }
+            greatest::<S>(stop)
         }
-        &rays.ways[rays.first + lane]
     }
 
     /// Puts the children of a node that some ray may meet on the stack; how many.
@@ -223,8 +249,9 @@ impl Packet {
                     S::splat(bounds.far[axis]),
                 );
                 let (least, most) = (S::splat(least), S::splat(most));
-                enter = S::max(enter, S::min(S::mul(near, least), S::mul(near, most)));
-                exit = S::min(exit, S::max(S::mul(far, least), S::mul(far, most)));
+                // What is no number bounds nothing: the first operand.
+                enter = S::max(S::min(S::mul(near, least), S::mul(near, most)), enter);
+                exit = S::min(S::max(S::mul(far, least), S::mul(far, most)), exit);
             }
             let reach = S::splat(bounds.reach);
             // Places without a child are entered at infinity.
@@ -246,135 +273,43 @@ impl Packet {
         }
     }
 
-    /// The rays that meet a box, whose first coordinate is at `corner` and the others a row on each.
+    /// Tests a block for some rays of each group. True when a best hit changed.
     ///
     /// # Safety
     /// As for [`Packet::trace`].
     #[inline(always)]
-    unsafe fn meets<S: Simd>(&self, rays: &Rays<'_>, octant: &Octant, corner: *const u8) -> u32 {
-        // SAFETY: the caller's contract.
-        unsafe {
-            let mut enter = rays.row::<S>(&rays.ready.enter);
-            let mut exit = load::<S>(&self.stop);
-            for axis in 0..3 {
-                let near = S::splat(*corner.add(octant.near[axis] as usize).cast::<f32>());
-                let far = S::splat(*corner.add(octant.far[axis] as usize).cast::<f32>());
-                let reciprocal = rays.row::<S>(&rays.ready.reciprocal[axis]);
-                let near = S::mul_sub(near, reciprocal, rays.row::<S>(&rays.ready.near[axis]));
-                let far = S::mul_sub(far, reciprocal, rays.row::<S>(&rays.ready.far[axis]));
-                (enter, exit) = (S::max(enter, near), S::min(exit, far));
-            }
-            S::bits(S::le(enter, exit))
-        }
-    }
-
-    /// Tests a block for some rays. True when a best hit changed.
-    ///
-    /// # Safety
-    /// As for [`Packet::trace`].
-    #[inline(always)]
-    unsafe fn block<S: Simd>(
+    unsafe fn block<S: Simd, const G: usize>(
         &mut self,
         record: &Record<'_>,
         rays: &mut Rays<'_>,
-        mut active: u32,
+        active: [u32; G],
         options: &QueryOptions,
         query: Query,
     ) -> bool {
-        let fast = options.accuracy == Accuracy::Fast;
-        let many = active.count_ones();
         let mut triangles = (1u32 << record.count()) - 1;
+        let mut most = 0;
+        for rays in active {
+            most = rays.count_ones().max(most);
+            self.met += u64::from(rays.count_ones());
+        }
+        self.came += (G * S::N) as u64;
+        let fast = options.accuracy == Accuracy::Fast;
+        if most > FEW && !fast && record.count() >= WORTH_CULLING {
+            // SAFETY: the caller's contract.
+            triangles &= unsafe { self.cull::<S>(record) };
+        }
         let mut better = false;
-        // SAFETY: the caller's contract.
-        unsafe {
-            if many > FEW && !fast && record.count() >= WORTH_CULLING {
-                triangles &= self.cull::<S>(record);
+        for (k, active) in active.into_iter().enumerate() {
+            if active == 0 {
+                continue;
             }
-            let singly =
-                many <= FEW || triangles.count_ones() * COST_OF_A_TRIANGLE > many * COST_OF_A_RAY;
-            if singly && triangles != 0 {
-                while active != 0 {
-                    let lane = active.trailing_zeros() as usize;
-                    active &= active - 1;
-                    better |= self.test_ray::<S>(record, rays, lane, options, query);
-                }
-                return better;
-            }
-            if !fast {
-                // All edges first: nobody could foresee which triangles rays are within.
-                let mut rest = triangles;
-                while rest != 0 {
-                    let index = rest.trailing_zeros() as usize;
-                    rest &= rest - 1;
-                    let met = self.within::<S>(record, rays, index) & active != 0;
-                    triangles ^= u32::from(!met) << index;
-                }
-            }
-            while triangles != 0 && active != 0 {
-                let index = triangles.trailing_zeros() as usize;
-                triangles &= triangles - 1;
-                if options.ignore == Some(record.triangle(index)) {
-                    continue;
-                }
-                let (taken, unclear) = if fast {
-                    (0, self.test_fast::<S>(record, rays, index, active))
-                } else {
-                    self.test::<S>(record, rays, index, active, options.culling)
-                };
-                if taken | unclear == 0 {
-                    continue;
-                }
-                let taken = taken | self.decide(record, index, unclear, rays, options);
-                better |= taken != 0;
-                if query == Query::Any {
-                    active &= !taken;
-                    let stop = load::<S>(&self.stop);
-                    let nothing = S::splat(f32::NEG_INFINITY);
-                    store::<S>(&mut self.stop, S::select(S::mask(taken), nothing, stop));
-                }
-            }
-            if better && query == Query::Closest {
-                let stop = S::min(load::<S>(&self.beyond), load::<S>(&self.stop));
-                store::<S>(&mut self.stop, stop);
-            }
+            rays.first = (self.first + k) * S::N;
+            // SAFETY: the caller's contract.
+            better |= unsafe {
+                let group = self.groups.get_unchecked_mut(self.first + k);
+                group.block::<S>(record, rays, triangles, active, options, query)
+            };
         }
         better
-    }
-
-    /// Tests a block for one ray. True when its best hit changed.
-    ///
-    /// # Safety
-    /// As for [`Packet::trace`].
-    #[inline(always)]
-    unsafe fn test_ray<S: Simd>(
-        &mut self,
-        record: &Record<'_>,
-        rays: &mut Rays<'_>,
-        lane: usize,
-        options: &QueryOptions,
-        query: Query,
-    ) -> bool {
-        let mut best = Best { hit: self.hit(lane), stop: self.beyond.0[lane] };
-        // SAFETY: the caller's contract.
-        let better = unsafe {
-            leaf::test::<S, _>(self.way::<S>(rays, lane), record, options, query, &mut best)
-        };
-        if better {
-            self.set(lane, &best);
-            if query == Query::Any {
-                self.stop.0[lane] = f32::NEG_INFINITY;
-            } else if best.stop < self.stop.0[lane] {
-                self.stop.0[lane] = best.stop;
-            }
-        }
-        better
-    }
-
-    #[inline(always)]
-    fn set(&mut self, lane: usize, best: &Best) {
-        self.t.0[lane] = best.hit.t;
-        self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
-        (self.u.0[lane], self.v.0[lane]) = (best.hit.u, best.hit.v);
-        self.beyond.0[lane] = best.stop;
     }
 }

@@ -3,8 +3,9 @@
 use splitplane_core::intersect::{EDGE_LEAST, INTERPOLATION_ERROR, STOP_SLACK};
 use splitplane_core::ray::{Culling, QueryOptions};
 
+use super::Rays;
+use super::group::Group;
 use super::row::{load, put};
-use super::{Packet, Rays};
 use crate::query::leaf::{Best, counts, cross, decide, dot, snapped};
 use crate::query::record::Record;
 use crate::query::simd::Simd;
@@ -19,7 +20,7 @@ unsafe fn magnitude<S: Simd>([x, y, z]: [S::Floats; 3]) -> S::Floats {
     unsafe { S::magnitude(S::magnitude(x, y), z) }
 }
 
-impl Packet {
+impl Group {
     /// Decides a triangle for some rays by the reference test; those whose best hit changed.
     #[inline(always)]
     pub(super) fn decide(
@@ -48,7 +49,7 @@ impl Packet {
     /// The rays that the edges of a triangle enclose, as the test finds them.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[inline(always)]
     pub(super) unsafe fn within<S: Simd>(
         &self,
@@ -92,7 +93,7 @@ impl Packet {
     /// lanes.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[inline(always)]
     pub(super) unsafe fn test<S: Simd>(
         &mut self,
@@ -214,7 +215,7 @@ impl Packet {
     /// Rays that one triangle may be a hit of by the fast test, whichever way it faces.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[inline(always)]
     pub(super) unsafe fn test_fast<S: Simd>(
         &self,
