@@ -1,6 +1,6 @@
-//! Making 16 rays ready at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
+//! Making 32 rays ready at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
 //!
-//! Loops without branches over arrays of 16, which compilers turn into vector instructions. The rare
+//! Loops without branches over arrays of 32, which compilers turn into vector instructions. The rare
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
 
 use splitplane_core::arithmetic::snap;
@@ -11,13 +11,13 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::simd::Simd;
+use super::simd::{MOST_LANES, Simd};
 
 /// Rays made ready together.
-pub(crate) const LANES: usize = 16;
+pub(crate) const CHUNK: usize = 32;
 
 /// A number of each ray.
-pub(crate) type Lanes<T> = [T; LANES];
+pub(crate) type PerRay<T> = [T; CHUNK];
 
 /// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
@@ -111,67 +111,73 @@ pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) ->
     (enter <= t_min) & (exit < t_max)
 }
 
-/// 16 rays, made ready; see [`PreparedRay`] and [`Way`] for the fields.
+/// Rays made ready together; see [`PreparedRay`] and [`Way`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
     // Row by row the words of a `Way`.
-    pub reciprocal: [Lanes<f32>; 3],
-    pub near: [Lanes<f32>; 3],
-    pub far: [Lanes<f32>; 3],
-    pub enter: Lanes<f32>,
-    pub exit: Lanes<f32>,
-    pub octant: Lanes<u32>,
-    pub sheared_origin: [Lanes<f32>; 3],
-    pub shear: [Lanes<f32>; 3],
-    pub t_min: Lanes<f32>,
-    pub t_max: Lanes<f32>,
-    pub axes: Lanes<u32>,
-    pub exponent: Lanes<i32>,
-    pub limits: [Lanes<f32>; 2],
-    pub direction: [Lanes<f32>; 3],
-    pub slack: [Lanes<f32>; 3],
-    index: Lanes<u32>,
-    padding: Lanes<u32>,
+    pub reciprocal: [PerRay<f32>; 3],
+    pub near: [PerRay<f32>; 3],
+    pub far: [PerRay<f32>; 3],
+    pub enter: PerRay<f32>,
+    pub exit: PerRay<f32>,
+    pub octant: PerRay<u32>,
+    pub sheared_origin: [PerRay<f32>; 3],
+    pub shear: [PerRay<f32>; 3],
+    pub t_min: PerRay<f32>,
+    pub t_max: PerRay<f32>,
+    pub axes: PerRay<u32>,
+    pub exponent: PerRay<i32>,
+    pub limits: [PerRay<f32>; 2],
+    pub direction: [PerRay<f32>; 3],
+    pub slack: [PerRay<f32>; 3],
+    index: PerRay<u32>,
+    padding: PerRay<u32>,
     // What else there is.
-    pub origin: [Lanes<f32>; 3],
+    pub origin: [PerRay<f32>; 3],
     /// Axis of the largest component.
-    pub largest: Lanes<u32>,
+    pub largest: PerRay<u32>,
     /// 1 for a ray that may hit something.
-    pub alive: Lanes<u32>,
+    pub alive: PerRay<u32>,
     /// 1 for a ray that the scalar code must make ready.
-    pub special: Lanes<u32>,
+    pub special: PerRay<u32>,
     /// 1 for a ray with an origin coordinate so small that it was taken as 0.
-    pub shifted: Lanes<u32>,
+    pub shifted: PerRay<u32>,
 }
 
-const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == WAY_WORDS * 4 * LANES);
+const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == WAY_WORDS * 4 * CHUNK);
+
+/// The numbers of one lane.
+#[inline(always)]
+fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
+    [rows[0][lane], rows[1][lane], rows[2][lane]]
+}
 
 impl PreparedRays {
-    /// Room for 16 rays.
+    /// Room for as many rays.
     pub const NONE: PreparedRays = PreparedRays {
-        reciprocal: [[0.0; LANES]; 3],
-        near: [[0.0; LANES]; 3],
-        far: [[0.0; LANES]; 3],
-        enter: [0.0; LANES],
-        exit: [0.0; LANES],
-        octant: [0; LANES],
-        sheared_origin: [[0.0; LANES]; 3],
-        shear: [[0.0; LANES]; 3],
-        t_min: [0.0; LANES],
-        t_max: [0.0; LANES],
-        axes: [0; LANES],
-        exponent: [0; LANES],
-        limits: [[0.0; LANES]; 2],
-        direction: [[0.0; LANES]; 3],
-        slack: [[0.0; LANES]; 3],
-        index: [0; LANES],
-        padding: [0; LANES],
-        origin: [[0.0; LANES]; 3],
-        largest: [0; LANES],
-        alive: [0; LANES],
-        special: [0; LANES],
-        shifted: [0; LANES],
+        reciprocal: [[0.0; CHUNK]; 3],
+        near: [[0.0; CHUNK]; 3],
+        far: [[0.0; CHUNK]; 3],
+        enter: [0.0; CHUNK],
+        exit: [0.0; CHUNK],
+        octant: [0; CHUNK],
+        sheared_origin: [[0.0; CHUNK]; 3],
+        shear: [[0.0; CHUNK]; 3],
+        t_min: [0.0; CHUNK],
+        t_max: [0.0; CHUNK],
+        axes: [0; CHUNK],
+        exponent: [0; CHUNK],
+        limits: [[0.0; CHUNK]; 2],
+        direction: [[0.0; CHUNK]; 3],
+        slack: [[0.0; CHUNK]; 3],
+        index: [0; CHUNK],
+        padding: [0; CHUNK],
+        origin: [[0.0; CHUNK]; 3],
+        largest: [0; CHUNK],
+        alive: [0; CHUNK],
+        special: [0; CHUNK],
+        shifted: [0; CHUNK],
     };
 
     /// The ways of the rays.
@@ -179,29 +185,39 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[inline(always)]
-    pub unsafe fn ways<S: Simd>(&self, ways: &mut [Way; LANES]) {
+    pub unsafe fn ways<S: Simd>(&self, ways: &mut [Way; CHUNK]) {
+        for lane in (0..CHUNK).step_by(S::N) {
+            // SAFETY: the caller's contract.
+            unsafe { self.some_ways::<S>(lane, ways) };
+        }
+    }
+
+    /// The ways of as many rays as the set has lanes, from one on.
+    ///
+    /// # Safety
+    /// The processor must have the set; there must be as many rays.
+    #[inline(always)]
+    pub unsafe fn some_ways<S: Simd>(&self, lane: usize, ways: &mut [Way; CHUNK]) {
         let rows = (&raw const *self).cast::<f32>();
         let to = ways.as_mut_ptr().cast::<f32>();
-        // SAFETY: the struct begins with as many rows of 16 as a way has words; ways are of that size.
-        unsafe {
-            for first in (0..WAY_WORDS).step_by(S::N) {
-                for lane in (0..LANES).step_by(S::N) {
-                    S::transpose(
-                        rows.add(first * LANES + lane),
-                        LANES,
-                        to.add(lane * WAY_WORDS + first),
-                        WAY_WORDS,
-                    );
-                }
+        for first in (0..WAY_WORDS).step_by(S::N) {
+            // SAFETY: the struct begins with a row for each word of a way; ways are of that size.
+            unsafe {
+                S::transpose(
+                    rows.add(first * CHUNK + lane),
+                    CHUNK,
+                    to.add(lane * WAY_WORDS + first),
+                    WAY_WORDS,
+                );
             }
         }
     }
 
     /// Writes the numbers of the ray of one lane to other lanes.
     pub fn repeat(&mut self, one: usize, lanes: u32) {
-        let rows: &mut [Lanes<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
+        let rows: &mut [PerRay<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
         for row in rows {
-            for lane in (0..LANES).filter(|lane| lanes >> lane & 1 != 0) {
+            for lane in (0..CHUNK).filter(|lane| lanes >> lane & 1 != 0) {
                 row[lane] = row[one];
             }
         }
@@ -210,14 +226,13 @@ impl PreparedRays {
     /// One of the rays, as the triangle tests take it.
     #[inline(always)]
     pub fn ray(&self, lane: usize) -> PreparedRay {
-        let three = |rows: &[Lanes<f32>; 3]| rows.map(|row| row[lane]);
         PreparedRay {
-            origin: three(&self.origin),
-            direction: three(&self.direction),
-            reciprocal: three(&self.reciprocal),
-            slack: three(&self.slack),
+            origin: three(&self.origin, lane),
+            direction: three(&self.direction, lane),
+            reciprocal: three(&self.reciprocal, lane),
+            slack: three(&self.slack, lane),
             axes: AXES[self.axes[lane] as usize % 6],
-            shear: three(&self.shear),
+            shear: three(&self.shear, lane),
             t_min: self.t_min[lane],
             t_max: self.t_max[lane],
             limits: [self.limits[0][lane], self.limits[1][lane]],
@@ -227,7 +242,7 @@ impl PreparedRays {
         }
     }
 
-    /// Makes the first [`LANES`] of some rays ready; lanes without a ray are not alive. `first` is the
+    /// Makes the first [`CHUNK`] of some rays ready; lanes without a ray are not alive. `first` is the
     /// place of the first in its batch.
     ///
     /// # Safety
@@ -240,30 +255,30 @@ impl PreparedRays {
         first: usize,
         query: Query,
     ) {
-        let count = rays.len().min(LANES);
+        let count = rays.len().min(CHUNK);
         // One more than counts, since whole vectors are read.
         let mut room;
-        let rays = if rays.len() > LANES {
+        let rays = if rays.len() > CHUNK {
             rays
         } else {
-            room = [Ray::new([0.0; 3], [0.0; 3]); LANES + 1];
+            room = [Ray::new([0.0; 3], [0.0; 3]); CHUNK + 1];
             room[..count].copy_from_slice(&rays[..count]);
             &room
         };
-        let mut given = [[0.0f32; LANES]; LANES];
-        for lane in (0..LANES).step_by(S::N) {
+        let mut given = [[0.0f32; CHUNK]; MOST_LANES];
+        for lane in (0..CHUNK).step_by(S::N) {
             let to = given.as_flattened_mut()[lane..].as_mut_ptr();
-            // SAFETY: the caller's contract; 17 rays of 8 floats, and as many rows as there are lanes.
-            unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, LANES) };
+            // SAFETY: the caller's contract; one ray more of 8 floats than there are lanes, and rows for all columns that a vector takes.
+            unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, CHUNK) };
         }
         let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;
         let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);
-        let mut alive = [1u32; LANES];
-        let mut special = [u32::from(scene.wide); LANES];
-        let mut largest = [0.0f32; LANES];
-        self.shifted = [0; LANES];
+        let mut alive = [1u32; CHUNK];
+        let mut special = [u32::from(scene.wide); CHUNK];
+        let mut largest = [0.0f32; CHUNK];
+        self.shifted = [0; CHUNK];
         for axis in 0..3 {
-            for i in 0..LANES {
+            for i in 0..CHUNK {
                 let (o, d) = (origins[axis][i], directions[axis][i]);
                 alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
                 let o = snap(o);
@@ -276,8 +291,8 @@ impl PreparedRays {
                 largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
             }
         }
-        let mut to_unit = [0.0f32; LANES];
-        for i in 0..LANES {
+        let mut to_unit = [0.0f32; CHUNK];
+        for i in 0..CHUNK {
             let (t_min, t_max) = (given_t_min[i], given_t_max[i]);
             (self.limits[0][i], self.limits[1][i]) = (t_min, t_max);
             alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
@@ -294,7 +309,7 @@ impl PreparedRays {
             self.exit[i] = self.t_max[i] + self.t_max[i].abs() * STOP_SLACK;
         }
         for axis in 0..3 {
-            for i in 0..LANES {
+            for i in 0..CHUNK {
                 let d = snap((self.direction[axis][i] * to_unit[i]).clamp(-f32::MAX, f32::MAX));
                 self.direction[axis][i] = d;
                 let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
@@ -314,7 +329,7 @@ impl PreparedRays {
             }
         }
         for axis in 0..3 {
-            for i in 0..LANES {
+            for i in 0..CHUNK {
                 let (enter, exit) = (self.enter[i].abs(), self.exit[i].abs());
                 let reach = if enter > exit { enter } else { exit } * WAY_SLACK;
                 let origin = self.origin[axis][i] * self.reciprocal[axis][i];
@@ -325,7 +340,7 @@ impl PreparedRays {
         }
         let (first_index, any) = (first as u32, query == Query::Any);
         let [dx, dy, dz] = &self.direction;
-        for i in 0..LANES {
+        for i in 0..CHUNK {
             let (x, y, z) = (dx[i], dy[i], dz[i]);
             let from_x = y.abs() <= x.abs();
             let greater = if from_x { x.abs() } else { y.abs() };
@@ -394,9 +409,9 @@ impl PreparedRays {
             self.special[i] = special[i] & alive[i];
         }
         if scene.bounds.is_empty() {
-            self.alive = [0; LANES];
+            self.alive = [0; CHUNK];
         }
-        for i in count..LANES {
+        for i in count..CHUNK {
             self.alive[i] = 0;
         }
     }
@@ -440,8 +455,8 @@ mod tests {
         }
         let mut lanes = PreparedRays::NONE;
         let (mut compared, mut dead) = (0, 0);
-        for chunk in rays.chunks(LANES) {
-            let mut ways = [Way::none(); LANES];
+        for chunk in rays.chunks(CHUNK) {
+            let mut ways = [Way::none(); CHUNK];
             // SAFETY: every processor has this set.
             unsafe {
                 lanes.fill::<Portable>(chunk, &scene, 0, Query::Closest);

@@ -123,7 +123,7 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::prepare::{LANES, PreparedRays};
+    use crate::query::prepare::{CHUNK, PreparedRays};
     use crate::query::simd::Portable;
 
     /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
@@ -146,7 +146,7 @@ mod tests {
         let [mut ready, mut missed, mut special, mut any] = [0; 4];
         for round in 0..4000 {
             let query = if round % 2 == 0 { Query::Closest } else { Query::Any };
-            let rays: [Ray; LANES] = core::array::from_fn(|_| {
+            let rays: [Ray; CHUNK] = core::array::from_fn(|_| {
                 let mut three = |spread| [(); 3].map(|()| number(&mut random, spread));
                 let (origin, direction) = (three(5.0), three(1.0));
                 let power = random.below(if round % 8 == 0 { 160 } else { 20 }) as i32;
@@ -159,7 +159,7 @@ mod tests {
                     _ => ray,
                 }
             });
-            let mut ways = [Way::none(); LANES];
+            let mut ways = [Way::none(); CHUNK];
             // SAFETY: every processor has this set.
             unsafe {
                 lanes.fill::<Portable>(&rays, &scene, 0, query);

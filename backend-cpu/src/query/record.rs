@@ -96,8 +96,13 @@ impl<'a> Record<'a> {
     /// The triangle must be one of the block's.
     #[inline(always)]
     pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
+        let first = self.places(0);
         // SAFETY: three times as many bytes as triangles follow the first word.
-        core::array::from_fn(|corner| unsafe { *self.places(corner).add(index) } as usize)
+        let place = unsafe {
+            let second = first.add(self.count());
+            [*first.add(index), *second.add(index), *second.add(self.count() + index)]
+        };
+        [place[0] as usize, place[1] as usize, place[2] as usize]
     }
 
     /// Coordinates of the different corners on an axis.
@@ -116,11 +121,16 @@ impl<'a> Record<'a> {
     #[inline]
     pub fn corners(&self, index: usize) -> Triangle {
         let (start, count) = (self.before(), self.corner_count());
-        core::array::from_fn(|corner| {
+        let mut corners = [[0.0; 3]; 3];
+        // Loops, since closures do not get the instructions of a caller's set.
+        for (corner, coordinates) in corners.iter_mut().enumerate() {
             let byte = corner * self.count() + index;
             let place = self.words[1 + byte / 4].to_ne_bytes()[byte % 4] as usize;
-            core::array::from_fn(|axis| f32::from_bits(self.words[start + axis * count + place]))
-        })
+            for (axis, x) in coordinates.iter_mut().enumerate() {
+                *x = f32::from_bits(self.words[start + axis * count + place]);
+            }
+        }
+        corners
     }
 
     /// Bounds of all corners.

@@ -18,10 +18,10 @@ use super::exact;
 use super::leaf::Best;
 use super::leaves::{Indexed, Leaves, Packed};
 use super::packet::Packet;
-use super::prepare::{LANES, PreparedRays, Way};
+use super::prepare::{CHUNK, PreparedRays, Way};
 use super::reference;
 use super::sieve::ExactLane;
-use super::simd::{Compiled, Simd};
+use super::simd::{Compiled, Simd, prefetch};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
 
 /// Rays under way, at most 16.
@@ -44,7 +44,7 @@ struct Flight {
     children: Vec<u32>,
     t: Vec<f32>,
     ready: PreparedRays,
-    ways: [Way; LANES],
+    ways: [Way; CHUNK],
     packet: Packet,
 }
 
@@ -52,7 +52,7 @@ impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
         let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
-        let (ready, ways, packet) = (PreparedRays::NONE, [Way::none(); LANES], Packet::new());
+        let (ready, ways, packet) = (PreparedRays::NONE, [Way::none(); CHUNK], Packet::new());
         Flight { lanes, children, t, ready, ways, packet }
     }
 }
@@ -270,7 +270,7 @@ struct Supply<'a> {
     /// The first ray not yet made ready.
     next: usize,
     ready: &'a mut PreparedRays,
-    ways: &'a mut [Way; LANES],
+    ways: &'a mut [Way; CHUNK],
     /// Rays of `ready` not yet handed out.
     left: u32,
     packet: &'a mut Packet,
@@ -290,20 +290,25 @@ impl Supply<'_> {
                 return None;
             }
             let start = self.next;
-            let chunk = &rays[start..(start + LANES).min(rays.len())];
+            let chunk = &rays[start..(start + CHUNK).min(rays.len())];
+            for line in 0..size_of::<[Ray; CHUNK]>() / 64 {
+                // What comes after the next rays: batches are long, and read only once.
+                let rays = rays.as_ptr().wrapping_add(start + 2 * CHUNK);
+                prefetch(rays.cast::<u8>().wrapping_add(64 * line));
+            }
             // SAFETY: the caller's contract.
             unsafe { self.ready.fill::<S>(&rays[start..], scene, start, query) };
             self.next += chunk.len();
             let ready = &*self.ready;
             let shifts = u32::from(options.accuracy == Accuracy::Exact);
             let (mut special, mut alive) = (0, 0);
-            for lane in 0..LANES {
+            for lane in 0..CHUNK {
                 let within = u32::from(ready.enter[lane] <= ready.exit[lane]);
                 special |= (ready.special[lane] | (ready.shifted[lane] & shifts)) << lane;
                 alive |= (ready.alive[lane] & within) << lane;
             }
             self.left = alive & !special;
-            let mut others = ((1u32 << chunk.len()) - 1) & !self.left;
+            let mut others = (u32::MAX >> (CHUNK - chunk.len())) & !self.left;
             while others != 0 {
                 let lane = others.trailing_zeros() as usize;
                 others &= others - 1;
@@ -323,7 +328,7 @@ impl Supply<'_> {
         Some(&self.ways[lane])
     }
 
-    /// Answers the rays made ready that go the same way, as many together as a vector has lanes.
+    /// Answers the rays made ready that go the same way: all together, or as many as a vector has lanes.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -334,20 +339,28 @@ impl Supply<'_> {
         if options.accuracy == Accuracy::Exact || blocks.indexed().is_some() {
             return;
         }
-        for first in (0..LANES).step_by(S::N) {
-            let rays = self.left >> first & ((1 << S::N) - 1);
-            // SAFETY: the caller's contract; rays left to the scalar code are not in `left`.
-            unsafe {
-                if !self.packet.take::<S>(self.ready, first, rays, scene, false) {
-                    continue;
+        let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
+        for &lanes in sizes {
+            for first in (0..CHUNK).step_by(lanes) {
+                let rays = self.left & (u32::MAX >> (CHUNK - lanes)) << first;
+                let groups = first / S::N..(first + lanes) / S::N;
+                // SAFETY: the caller's contract; rays left to the scalar code are not in `left`.
+                unsafe {
+                    if !self.packet.take_coherent::<S>(self.ready, groups, rays, scene) {
+                        continue;
+                    }
+                    let ready = (&*self.ready, &mut *self.ways);
+                    match lanes / S::N {
+                        2 if S::N == 16 => self.packet.trace::<S, 2>(blocks, ready, options, query),
+                        4 if S::N == 8 => self.packet.trace::<S, 4>(blocks, ready, options, query),
+                        _ => self.packet.trace::<S, 1>(blocks, ready, options, query),
+                    }
                 }
-                let ready = (&*self.ready, &mut *self.ways);
-                self.packet.trace::<S>(blocks, ready, first, options, query);
+                for lane in (first..first + lanes).filter(|lane| rays >> lane & 1 != 0) {
+                    answers.set(start + lane, self.packet.hit::<S>(lane));
+                }
+                self.left &= !rays;
             }
-            for lane in (0..S::N).filter(|lane| rays >> lane & 1 != 0) {
-                answers.set(start + first + lane, self.packet.hit(lane));
-            }
-            self.left &= !(rays << first);
         }
     }
 

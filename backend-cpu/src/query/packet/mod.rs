@@ -1,0 +1,340 @@
+//! Coherent rays together: all that were made ready at once, or as many as a vector has lanes.
+//!
+//! A packet is one or more groups, each of as many rays as a vector has lanes. At a wide node the packet
+//! as a whole is tested against all children: intervals of its rays' origins and reciprocals give an
+//! entry and an exit that hold for each of them. Only the children that pass are tested ray by ray, one
+//! box against all rays of a group, when their turn comes. In a block triangles that no ray of the packet
+//! can meet are sorted out first, again by intervals; the others are tested one after the other
+//! against all rays of a group, by the operations of [`super::leaf`] in their order. So the hits are bit
+//! for bit those of single rays.
+//!
+//! Rays of a packet have one octant and one largest axis, and lie side by side.
+
+mod bounds;
+mod group;
+mod row;
+mod take;
+#[cfg(test)]
+mod tests;
+mod triangle;
+
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::traverse::Query;
+
+use self::bounds::{Bounds, greatest};
+use self::group::Group;
+use self::row::{Row, load};
+use super::blocks::Blocks;
+use super::prepare::{CHUNK, PerRay, PreparedRays, Way};
+use super::record::Record;
+use super::simd::{MOST_LANES, Simd};
+use super::step::{Octant, octants_of};
+use super::watertight::Span;
+use super::wide::{LEAF_MARK, Line};
+
+/// Of so many rays each is tested by itself against a whole block.
+const FEW: u32 = 2;
+/// Blocks of fewer triangles are not looked through for those that the packet can meet.
+const WORTH_CULLING: usize = 3;
+/// Large packets are of use where of the rays of a packet that come to a block at least this many in so
+/// many meet it.
+const ENOUGH: u64 = 2;
+const ENOUGH_OF: u64 = 5;
+/// Rays that came to blocks are remembered up to about so many.
+const LATELY: u64 = 1 << 12;
+
+/// The fewest lanes of any set, and so the most groups.
+const FEWEST_LANES: usize = 8;
+const MOST_GROUPS: usize = CHUNK / FEWEST_LANES;
+
+/// The places of a node's children.
+static PLACES: [u32; MOST_LANES] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+
+/// Memory of a packet, kept between packets.
+pub(crate) struct Packet {
+    bounds: Bounds,
+    axes: [usize; 3],
+    octant: usize,
+    groups: [Group; MOST_GROUPS],
+    /// The first of the groups that were taken.
+    first: usize,
+    stack: Stack,
+    /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
+    came: u64,
+    met: u64,
+}
+
+/// Rays of a packet as they were made ready, and which group's turn it is.
+struct Rays<'a> {
+    ready: &'a PreparedRays,
+    ways: &'a mut [Way; CHUNK],
+    /// The groups whose ways were written, as bits.
+    written: u32,
+    /// The group's first lane.
+    first: usize,
+}
+
+impl Rays<'_> {
+    /// The group's part of a row.
+    ///
+    /// # Safety
+    /// The processor must have the set; `first` must leave as many lanes.
+    #[inline(always)]
+    unsafe fn row<S: Simd>(&self, row: &PerRay<f32>) -> S::Floats {
+        // SAFETY: the caller has the set; there are as many lanes from `first` on.
+        unsafe { S::load(row.as_ptr().add(self.first)) }
+    }
+
+    /// Inner `t` that count, where nothing beyond `beyond` does.
+    ///
+    /// # Safety
+    /// As for [`Rays::row`].
+    #[inline(always)]
+    unsafe fn span<S: Simd>(&self, beyond: &Row) -> Span<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let t_max = self.row::<S>(&self.ready.t_max);
+            let t_min = self.row::<S>(&self.ready.t_min);
+            Span { t_min, t_max, stop: S::min(load::<S>(beyond), t_max) }
+        }
+    }
+
+    /// The packet's part of three rows.
+    ///
+    /// # Safety
+    /// As for [`Rays::row`].
+    #[inline(always)]
+    unsafe fn rows<S: Simd>(&self, [x, y, z]: &[PerRay<f32>; 3]) -> [S::Floats; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { [self.row::<S>(x), self.row::<S>(y), self.row::<S>(z)] }
+    }
+
+    /// The way of a ray; those of its group are written when the first is asked for.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn way<S: Simd>(&mut self, lane: usize) -> &Way {
+        let group = 1 << (self.first / S::N);
+        if self.written & group == 0 {
+            // SAFETY: the caller's contract.
+            unsafe { self.ready.some_ways::<S>(self.first, self.ways) };
+            self.written |= group;
+        }
+        &self.ways[self.first + lane]
+    }
+}
+
+/// What the packet comes back to: children as node and place, and where the first ray enters.
+struct Stack {
+    nodes: Vec<u32>,
+    places: Vec<u32>,
+    t: Vec<f32>,
+}
+
+impl Packet {
+    /// Memory for a packet.
+    pub fn new() -> Packet {
+        Packet {
+            bounds: Bounds::default(),
+            axes: [0, 1, 2],
+            octant: 0,
+            groups: [Group::NONE; MOST_GROUPS],
+            first: 0,
+            stack: Stack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
+            came: 0,
+            met: 0,
+        }
+    }
+
+    /// The answer of a ray, by its place among those made ready.
+    #[inline(always)]
+    pub fn hit<S: Simd>(&self, lane: usize) -> Hit {
+        self.groups[lane / S::N].hit(lane % S::N)
+    }
+
+    /// Whether rays stay together on their way, as far as could be seen: then packets may be large.
+    #[inline(always)]
+    pub fn keeps_together(&self) -> bool {
+        self.met * ENOUGH_OF >= self.came * ENOUGH
+    }
+
+    /// Traces the rays that were taken, in `G` groups.
+    ///
+    /// # Safety
+    /// The processor must have the set, for whose width the layout was made; the rays must be those
+    /// taken, in as many groups, and none of them wide.
+    #[inline(always)]
+    pub unsafe fn trace<S: Simd, const G: usize>(
+        &mut self,
+        blocks: &Blocks,
+        (ready, ways): (&PreparedRays, &mut [Way; CHUNK]),
+        options: &QueryOptions,
+        query: Query,
+    ) {
+        let mut rays = Rays { ready, ways, written: 0, first: 0 };
+        if self.came > LATELY {
+            (self.came, self.met) = (self.came / 2, self.met / 2);
+        }
+        let (lines, words) = (blocks.wide.lines().as_ptr(), &blocks.words[..]);
+        let room = blocks.wide.stack();
+        if self.stack.nodes.len() < room {
+            self.stack.nodes.resize(room, 0);
+            self.stack.places.resize(room, 0);
+            self.stack.t.resize(room, 0.0);
+        }
+        let octant = &octants_of::<S>()[self.octant];
+        let (mut node, mut top) = (0, 0);
+        // SAFETY: the caller's contract; children name nodes or blocks; a stack has room for all
+        // children of the nodes on the way, and for 16 entries more.
+        unsafe {
+            loop {
+                top += self.step::<S>(lines, node, octant, top);
+                loop {
+                    if top == 0 {
+                        return;
+                    }
+                    top -= 1;
+                    if *self.stack.t.get_unchecked(top) > self.bounds.stop {
+                        continue;
+                    }
+                    let parent = *self.stack.nodes.get_unchecked(top);
+                    let place = *self.stack.places.get_unchecked(top) as usize;
+                    let parent = lines.add(parent as usize * (S::N / 2)).cast::<u8>();
+                    let (mut active, mut some) = ([0; G], 0);
+                    for (k, met) in active.iter_mut().enumerate() {
+                        let (group, corner) = (self.first + k, parent.add(4 * place));
+                        rays.first = group * S::N;
+                        *met = self.groups.get_unchecked(group).meets::<S>(&rays, octant, corner);
+                        some |= *met;
+                    }
+                    if some == 0 {
+                        continue;
+                    }
+                    let child = *parent.add(24 * S::N + 4 * place).cast::<u32>();
+                    if child & LEAF_MARK == 0 {
+                        node = child;
+                        break;
+                    }
+                    let record = Record::at_unchecked(words, child & !LEAF_MARK);
+                    if self.block::<S, G>(&record, &mut rays, active, options, query) {
+                        self.bounds.stop = self.last::<S, G>();
+                        if self.bounds.stop == f32::NEG_INFINITY {
+                            return;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where the last ray stops.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    unsafe fn last<S: Simd, const G: usize>(&self) -> f32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let mut stop = S::splat(f32::NEG_INFINITY);
+            for k in 0..G {
+                let group = self.groups.get_unchecked(self.first + k);
+                stop = S::max(stop, load::<S>(&group.stop));
+            }
+            greatest::<S>(stop)
+        }
+    }
+
+    /// Puts the children of a node that some ray may meet on the stack; how many.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[inline(always)]
+    unsafe fn step<S: Simd>(
+        &mut self,
+        lines: *const Line,
+        index: u32,
+        octant: &Octant,
+        top: usize,
+    ) -> usize {
+        let bounds = &self.bounds;
+        // SAFETY: the caller's contract.
+        unsafe {
+            let node = lines.add(index as usize * (S::N / 2)).cast::<u8>();
+            let mut enter = S::splat(f32::NEG_INFINITY);
+            let mut exit = S::splat(f32::INFINITY);
+            for axis in 0..3 {
+                let [least, most] = bounds.reciprocal[axis];
+                let near = S::sub(
+                    S::load(node.add(octant.near[axis] as usize).cast()),
+                    S::splat(bounds.near[axis]),
+                );
+                let far = S::sub(
+                    S::load(node.add(octant.far[axis] as usize).cast()),
+                    S::splat(bounds.far[axis]),
+                );
+                let (least, most) = (S::splat(least), S::splat(most));
+                // What is no number bounds nothing: the first operand.
+                enter = S::max(S::min(S::mul(near, least), S::mul(near, most)), enter);
+                exit = S::min(S::max(S::mul(far, least), S::mul(far, most)), exit);
+            }
+            let reach = S::splat(bounds.reach);
+            // Places without a child are entered at infinity.
+            let enter = S::max(S::sub(enter, reach), S::splat(bounds.enter));
+            let exit = S::min(S::add(exit, reach), S::splat(bounds.stop));
+            let met = S::le(enter, exit);
+            S::push(
+                PLACES.as_ptr(),
+                enter,
+                met,
+                node.add(octant.order as usize),
+                &octant.direction,
+                self.stack.places.as_mut_ptr().add(top),
+                self.stack.t.as_mut_ptr().add(top),
+            );
+            let number = S::splat(f32::from_bits(index));
+            S::store(self.stack.nodes.as_mut_ptr().add(top).cast(), number);
+            S::bits(met).count_ones() as usize
+        }
+    }
+
+    /// Tests a block for some rays of each group. True when a best hit changed.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[inline(always)]
+    unsafe fn block<S: Simd, const G: usize>(
+        &mut self,
+        record: &Record<'_>,
+        rays: &mut Rays<'_>,
+        active: [u32; G],
+        options: &QueryOptions,
+        query: Query,
+    ) -> bool {
+        let mut triangles = (1u32 << record.count()) - 1;
+        let mut most = 0;
+        for rays in active {
+            most = rays.count_ones().max(most);
+            self.met += u64::from(rays.count_ones());
+        }
+        self.came += (G * S::N) as u64;
+        let fast = options.accuracy == Accuracy::Fast;
+        if most > FEW && !fast && record.count() >= WORTH_CULLING {
+            // SAFETY: the caller's contract.
+            triangles &= unsafe { self.cull::<S>(record) };
+        }
+        let mut better = false;
+        for (k, active) in active.into_iter().enumerate() {
+            if active == 0 {
+                continue;
+            }
+            rays.first = (self.first + k) * S::N;
+            // SAFETY: the caller's contract.
+            better |= unsafe {
+                let group = self.groups.get_unchecked_mut(self.first + k);
+                group.block::<S>(record, rays, triangles, active, options, query)
+            };
+        }
+        better
+    }
+}

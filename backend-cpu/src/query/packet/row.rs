@@ -1,0 +1,34 @@
+//! A number of each ray of a packet.
+
+use crate::query::simd::{MOST_LANES, Simd};
+
+/// A number of each ray.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(super) struct Row(pub(super) [f32; MOST_LANES]);
+
+pub(super) const ZERO: Row = Row([0.0; MOST_LANES]);
+
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+pub(super) unsafe fn load<S: Simd>(row: &Row) -> S::Floats {
+    // SAFETY: the caller has the set; rows are of the most lanes.
+    unsafe { S::load(row.0.as_ptr()) }
+}
+
+/// # Safety
+/// As for [`load`].
+#[inline(always)]
+pub(super) unsafe fn store<S: Simd>(row: &mut Row, x: S::Floats) {
+    // SAFETY: as above.
+    unsafe { S::store(row.0.as_mut_ptr(), x) }
+}
+
+/// # Safety
+/// As for [`load`].
+#[inline(always)]
+pub(super) unsafe fn put<S: Simd>(mask: S::Mask, row: &mut Row, x: S::Floats) {
+    // SAFETY: as above.
+    unsafe { store::<S>(row, S::select(mask, x, load::<S>(row))) }
+}

@@ -1,0 +1,257 @@
+//! One triangle against all rays of a packet.
+
+use splitplane_core::intersect::STOP_SLACK;
+use splitplane_core::ray::{Culling, QueryOptions};
+
+use super::Rays;
+use super::group::Group;
+use super::row::{Row, load, put};
+use crate::query::fast;
+use crate::query::leaf::{Best, decide};
+use crate::query::plane::Plane;
+use crate::query::record::Record;
+use crate::query::simd::{Compiled, Simd};
+use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet};
+
+impl Group {
+    /// Decides a triangle for some rays by the reference test; those whose best hit changed.
+    #[inline(always)]
+    pub(super) fn decide(
+        &mut self,
+        record: &Record<'_>,
+        index: usize,
+        mut unclear: u32,
+        rays: &Rays<'_>,
+        options: &QueryOptions,
+    ) -> u32 {
+        let mut taken = 0;
+        while unclear != 0 {
+            let lane = unclear.trailing_zeros() as usize;
+            unclear &= unclear - 1;
+            let ray = rays.ready.ray(rays.first + lane);
+            let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
+            let mut best = Best { hit: self.hit(lane), stop: self.beyond.0[lane] };
+            if best.take(&ray, &found, record.triangle(index)) {
+                self.set(lane, &best);
+                taken |= 1 << lane;
+            }
+        }
+        taken
+    }
+
+    /// The rays that the edges of a triangle enclose, as the test finds them.
+    ///
+    /// # Safety
+    /// As for [`super::Packet::trace`].
+    #[inline(always)]
+    pub(super) unsafe fn within<S: Simd>(
+        &self,
+        record: &Record<'_>,
+        rays: &Rays<'_>,
+        index: usize,
+    ) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe { enclosed(&Seen::<S>::new(rays, self.axes, record, index)) }
+    }
+
+    /// The watertight test of one triangle against some rays; keeps what precedes. The rays whose best
+    /// hit changed, and those for which the reference must decide.
+    ///
+    /// # Safety
+    /// As for [`super::Packet::trace`].
+    #[inline(always)]
+    pub(super) unsafe fn test<S: Simd>(
+        &mut self,
+        record: &Record<'_>,
+        rays: &Rays<'_>,
+        index: usize,
+        active: u32,
+        culling: Culling,
+    ) -> (u32, u32) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let seen = Seen::<S>::new(rays, self.axes, record, index);
+            let span = rays.span::<S>(&self.beyond);
+            let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
+            if meeting.unclear != 0 {
+                let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
+                S::call(CloserLook { rays, record, index, beyond, met: &mut met });
+                meeting = met.meeting();
+            }
+            let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
+            // The caller's t: packets hold no moved rays.
+            let most = S::splat(f32::MAX);
+            let t = S::mul(inner, load::<S>(&self.outwards));
+            let t = snapped::<S>(S::min(S::max(t, S::splat(-f32::MAX)), most));
+            let within = S::le(rays.row::<S>(&rays.ready.limits[0]), t);
+            let within = S::and(within, S::le(t, rays.row::<S>(&rays.ready.limits[1])));
+            let met = met & S::bits(within);
+            let best = load::<S>(&self.t);
+            let mut taken = met & !S::bits(S::le(best, t));
+            let mut tied = met & S::bits(S::and(S::le(best, t), S::le(t, best)));
+            while tied != 0 {
+                let lane = tied.trailing_zeros() as usize;
+                tied &= tied - 1;
+                let lower = record.triangle(index) < self.triangle.0[lane].to_bits();
+                taken |= u32::from(lower) << lane;
+            }
+            if taken != 0 {
+                let mask = S::mask(taken);
+                put::<S>(mask, &mut self.t, t);
+                put::<S>(mask, &mut self.u, snapped::<S>(S::div(v, det)));
+                put::<S>(mask, &mut self.v, snapped::<S>(S::div(w, det)));
+                put::<S>(
+                    mask,
+                    &mut self.triangle,
+                    S::splat(f32::from_bits(record.triangle(index))),
+                );
+                // As `PreparedRay::stop_after`: what is flushed to 0 or clamped is equal outside.
+                let slack = S::mul(S::abs(inner), S::splat(STOP_SLACK));
+                let least = S::splat(f32::MIN_POSITIVE * (1.0 + STOP_SLACK));
+                let least = S::mul(least, load::<S>(&self.inwards));
+                let stop = S::max(S::add(inner, slack), least);
+                let clamped = S::le(most, S::abs(t));
+                put::<S>(mask, &mut self.beyond, S::select(clamped, S::splat(f32::INFINITY), stop));
+            }
+            (taken, unclear)
+        }
+    }
+
+    /// Rays that one triangle may be a hit of by the fast test, whichever way it faces.
+    ///
+    /// # Safety
+    /// As for [`super::Packet::trace`].
+    #[inline(always)]
+    pub(super) unsafe fn test_fast<S: Simd>(
+        &self,
+        record: &Record<'_>,
+        rays: &Rays<'_>,
+        index: usize,
+        active: u32,
+    ) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let origin = rays.rows::<S>(&rays.ready.origin);
+            let direction = rays.rows::<S>(&rays.ready.direction);
+            let corners = corners::<S>(record, index, [0, 1, 2]);
+            let limit = S::min(load::<S>(&self.beyond), rays.row::<S>(&rays.ready.t_max));
+            let span = [rays.row::<S>(&rays.ready.t_min), limit];
+            fast::may_meet::<S>(origin, direction, corners, span) & active
+        }
+    }
+}
+
+/// One triangle's corners in all lanes, each on three axes.
+///
+/// # Safety
+/// The processor must have the set; the triangle must be one of the block's.
+#[inline(always)]
+unsafe fn corners<S: Simd>(
+    record: &Record<'_>,
+    index: usize,
+    [x, y, z]: [usize; 3],
+) -> [[S::Floats; 3]; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let (x, y, z) = (record.coordinates(x), record.coordinates(y), record.coordinates(z));
+        let [a, b, c] = record.places_of(index);
+        [
+            [S::splat(*x.add(a)), S::splat(*y.add(a)), S::splat(*z.add(a))],
+            [S::splat(*x.add(b)), S::splat(*y.add(b)), S::splat(*z.add(b))],
+            [S::splat(*x.add(c)), S::splat(*y.add(c)), S::splat(*z.add(c))],
+        ]
+    }
+}
+
+/// One triangle as the rays see it.
+struct Seen<S: Simd> {
+    corners: [Corner<S>; 3],
+}
+
+impl<S: Simd> Seen<S> {
+    /// # Safety
+    /// As for [`super::Packet::trace`]; the triangle must be one of the block's.
+    #[inline(always)]
+    unsafe fn new(rays: &Rays<'_>, axes: [usize; 3], record: &Record<'_>, index: usize) -> Seen<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let origin = rays.rows::<S>(&rays.ready.sheared_origin);
+            let shear = rays.rows::<S>(&rays.ready.shear);
+            let [a, b, c] = corners::<S>(record, index, axes);
+            let corners = [
+                Corner::new(a, origin, shear),
+                Corner::new(b, origin, shear),
+                Corner::new(c, origin, shear),
+            ];
+            Seen { corners }
+        }
+    }
+}
+
+impl<S: Simd> View<S> for Seen<S> {
+    #[inline(always)]
+    unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+        let [a, b, c] = &self.corners;
+        [[a.flat[0], b.flat[0], c.flat[0]], [a.flat[1], b.flat[1], c.flat[1]]]
+    }
+
+    #[inline(always)]
+    unsafe fn depths(&self) -> [S::Floats; 3] {
+        let [a, b, c] = &self.corners;
+        [a.depth, b.depth, c.depth]
+    }
+
+    #[inline(always)]
+    unsafe fn reach(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { S::max(a.reach(), S::max(b.reach(), c.reach())) }
+    }
+
+    #[inline(always)]
+    unsafe fn width(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { S::max(a.width(), S::max(b.width(), c.width())) }
+    }
+}
+
+/// A look at a triangle's plane for the rays that are unclear.
+struct CloserLook<'a> {
+    rays: &'a Rays<'a>,
+    record: &'a Record<'a>,
+    index: usize,
+    /// See [`Group::beyond`].
+    beyond: &'a Row,
+    met: &'a mut Met,
+}
+
+impl Compiled for CloserLook<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    unsafe fn run<S: Simd>(self) {
+        let ready = self.rays.ready;
+        // SAFETY: the caller's contract; the triangle is one of the block's.
+        unsafe {
+            let plane = Plane::<S> {
+                origin: self.rays.rows::<S>(&ready.origin),
+                direction: self.rays.rows::<S>(&ready.direction),
+                corners: corners::<S>(self.record, self.index, [0, 1, 2]),
+            };
+            let mut meeting = self.met.meeting::<S>();
+            meeting.look_closely(&plane, &self.rays.span::<S>(self.beyond));
+            *self.met = Met::of(&meeting);
+        }
+    }
+}
+
+/// 0 for what is below the normal range.
+///
+/// # Safety
+/// The processor must have the set.
+#[inline(always)]
+unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
+}
