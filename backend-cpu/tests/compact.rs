@@ -311,7 +311,7 @@ fn a_watch_sees_layouts_made_and_may_end_them() {
         assert!(told.len() > first + 5);
         for at in first..told.len() {
             let (ended, again) = watched(at, Some(&mut kept));
-            let error = ended.err().expect("ended");
+            let error = ended.expect_err("ended");
             let BuildError::Cancelled { progress } = error else { panic!("{error}") };
             assert!(progress.stage == Stage::Layout && again.len() == at + 1, "{progress:?}");
             if at % 4 == 0 {

@@ -2,7 +2,7 @@
 //! bounds, uninitialised memory and data races where tests see hits only:
 //! `MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test -p splitplane-cpu --features splitplane-core/alloc --test small`.
 
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse;
