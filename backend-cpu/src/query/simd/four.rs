@@ -25,7 +25,10 @@ macro_rules! lane_by_lane {
             #[cfg(target_arch = "x86_64")]
             return Four(unsafe { $by_sse(self.0, other.0) });
             #[cfg(not(target_arch = "x86_64"))]
-            return Four(core::array::from_fn(|i| ($by_lane as fn(f32, f32) -> f32)(self.0[i], other.0[i])));
+            {
+                let by_lane: fn(f32, f32) -> f32 = $by_lane;
+                Four(core::array::from_fn(|i| by_lane(self.0[i], other.0[i])))
+            }
         }
     )*};
 }
