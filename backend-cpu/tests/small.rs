@@ -3,6 +3,7 @@
 //! `MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test -p splitplane-cpu --features splitplane-core/alloc --test small`.
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
+use splitplane_core::exact;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse;
@@ -76,11 +77,11 @@ fn every_way_gives_the_same_hits() {
                     let context = (set, layout, accuracy, ray);
                     assert_eq!(single, *hit, "{context:?}");
                     assert_eq!((any, built.any_hit(ray, &options)), (hit.is_hit(), hit.is_hit()));
-                    // The reference loop has no exact accuracy.
-                    if accuracy != Accuracy::Exact {
-                        let expected = traverse::closest_hit(&tree, &mesh, scene, ray, &options);
-                        assert_eq!(expected.unwrap_or(Hit::MISS), *hit, "{context:?}");
-                    }
+                    let expected = match accuracy {
+                        Accuracy::Exact => exact::closest_hit(&tree, &mesh, ray, &options),
+                        _ => traverse::closest_hit(&tree, &mesh, scene, ray, &options),
+                    };
+                    assert_eq!(expected.unwrap_or(Hit::MISS), *hit, "{context:?}");
                     found += usize::from(hit.is_hit());
                 }
             }

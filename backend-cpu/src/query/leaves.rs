@@ -66,7 +66,7 @@ impl Leaves for Packed<'_> {
 
     #[inline(always)]
     fn address(self, child: u32) -> *const u8 {
-        self.words.as_ptr().wrapping_add(child as usize * UNIT_WORDS).cast()
+        self.words.as_ptr().wrapping_add((child as usize).wrapping_mul(UNIT_WORDS)).cast()
     }
 
     #[inline(always)]

@@ -6,7 +6,7 @@
 //! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
 //!
 //! *Traversals*: `stream.rs` has batches of rays, `single.rs` one ray a call, both by the steps of `step.rs`;
-//! `packet.rs` has rays that go the same way. Rays that need more care go through the tree's own nodes
+//! `packet` has rays that go the same way. Rays that need more care go through the tree's own nodes
 //! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
 mod accelerator;

@@ -1,4 +1,4 @@
-//! Making one ray ready: what [`super::prepare`] does for 16 of them, with the three axes side by side.
+//! Making one ray ready: what [`super::prepare`] does for many of them, with the three axes side by side.
 //!
 //! The operations and their order are the same, and so are all bits: a test holds them together.
 

@@ -135,7 +135,7 @@ pub(crate) unsafe fn step<S: Simd>(
 /// Asks for the memory of a child.
 #[inline(always)]
 pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
-    let node = lines.wrapping_add(child as usize * (S::N / 2)) as usize;
+    let node = lines.wrapping_add((child as usize).wrapping_mul(S::N / 2)) as usize;
     let block = leaves.address(child & !LEAF_MARK) as usize;
     // Without a branch, since nobody could foresee it.
     let is_block = 0usize.wrapping_sub((child >> 31) as usize);

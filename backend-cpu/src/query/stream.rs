@@ -3,7 +3,7 @@
 //! A step of a ray is one wide node, whose boxes are tested all at once, or one block of triangles.
 //! After it the ray knows where it goes next, asks for that memory, and waits while others take
 //! their steps: when its turn comes the memory is there. Rays at nodes and rays at blocks take
-//! turns in separate lists, so that processors are not left to guess what a ray stands at; a ray that
+//! turns, those that wait for either as bits of one word, so that processors are not left to guess what a ray stands at; a ray that
 //! is answered makes room for the next one. Rays that go the same way are traced by
 //! [`super::packet`] instead.
 
@@ -100,7 +100,9 @@ impl Compiled for Stream<'_> {
     #[inline(always)]
     unsafe fn run<S: Simd>(self) {
         let Stream { batch, mut answers } = self;
-        let mut flight = IN_FLIGHT.take().unwrap_or_else(|| Box::new(Flight::new()));
+        // Taken out, and none where the thread is about to end.
+        let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
+        let mut flight = kept.unwrap_or_else(|| Box::new(Flight::new()));
         // SAFETY: the caller's contract.
         unsafe {
             match batch.blocks.indexed() {
@@ -108,7 +110,7 @@ impl Compiled for Stream<'_> {
                 Some(leaves) => fly::<S, Indexed<'_>>(batch, leaves, &mut flight, &mut answers),
             }
         }
-        IN_FLIGHT.set(Some(flight));
+        let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(flight)));
     }
 }
 
@@ -264,7 +266,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
 }
 
-/// Where lanes get their rays: made ready 16 at a time.
+/// Where lanes get their rays: made ready 32 at a time.
 struct Supply<'a> {
     batch: Batch<'a>,
     /// The first ray not yet made ready.

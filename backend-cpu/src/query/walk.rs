@@ -1,5 +1,5 @@
-//! The reference loop over the tree's own nodes, leaf by leaf: for the rays that vectors are not made for, and
-//! for all that is exact.
+//! The reference loop over the tree's own nodes, leaf by leaf: for the rays that vectors are not made for,
+//! exact ones among them.
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;

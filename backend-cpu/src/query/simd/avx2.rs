@@ -112,10 +112,7 @@ impl Simd for Avx2 {
     #[inline(always)]
     unsafe fn least(of: u32, a: __m256) -> u32 {
         unsafe {
-            let bits = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
-            let own = _mm256_and_si256(_mm256_set1_epi32(of as i32), bits);
-            let own = _mm256_castsi256_ps(_mm256_cmpeq_epi32(own, bits));
-            let a = _mm256_blendv_ps(_mm256_set1_ps(f32::INFINITY), a, own);
+            let a = _mm256_blendv_ps(_mm256_set1_ps(f32::INFINITY), a, Self::mask(of));
             let b = _mm256_min_ps(a, _mm256_permute2f128_ps::<1>(a, a));
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b01_00_11_10>(b));
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b10_11_00_01>(b));
@@ -128,10 +125,14 @@ impl Simd for Avx2 {
             let mut end = 0;
             let mut i = 0;
             while i < count {
-                let x = _mm256_loadu_ps(t.add(i));
-                let y = _mm256_loadu_si256(children.add(i).cast());
+                // What lies behind may never have been written.
+                let there = _mm256_set1_epi32((count - i).min(8) as i32);
+                let there = _mm256_cmpgt_epi32(there, _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+                let x = _mm256_maskload_ps(t.add(i), there);
+                let y = _mm256_maskload_epi32(children.add(i).cast(), there);
                 let kept = _mm256_cmp_ps::<_CMP_LE_OQ>(x, _mm256_set1_ps(stop));
-                let kept = _bzhi_u32(_mm256_movemask_ps(kept) as u32, (count - i).min(8) as u32);
+                let kept = _mm256_and_ps(kept, _mm256_castsi256_ps(there));
+                let kept = _mm256_movemask_ps(kept) as u32;
                 let lanes = LANES_OF[kept as usize & 0xff].as_ptr();
                 let lanes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()));
                 _mm256_storeu_ps(t.add(end), _mm256_permutevar8x32_ps(x, lanes));

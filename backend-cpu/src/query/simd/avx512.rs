@@ -104,10 +104,13 @@ impl Simd for Avx512 {
             let mut i = 0;
             while i < count {
                 let (old_t, old) = (t.add(i), children.add(i));
-                let x = _mm512_loadu_ps(old_t);
-                let kept = _mm512_cmp_ps_mask::<_CMP_LE_OQ>(x, _mm512_set1_ps(stop));
-                let kept = kept & _bzhi_u32(0xffff, (count - i).min(16) as u32) as __mmask16;
-                let y = _mm512_maskz_compress_epi32(kept, _mm512_loadu_si512(old.cast()));
+                // What lies behind may never have been written.
+                let there = _bzhi_u32(0xffff, (count - i).min(16) as u32) as __mmask16;
+                let x = _mm512_maskz_loadu_ps(there, old_t);
+                let stop = _mm512_set1_ps(stop);
+                let kept = _mm512_mask_cmp_ps_mask::<_CMP_LE_OQ>(there, x, stop);
+                let y = _mm512_maskz_loadu_epi32(there, old.cast());
+                let y = _mm512_maskz_compress_epi32(kept, y);
                 _mm512_storeu_ps(t.add(end), _mm512_maskz_compress_ps(kept, x));
                 _mm512_storeu_si512(children.add(end).cast(), y);
                 end += kept.count_ones() as usize;

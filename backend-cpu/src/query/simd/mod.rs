@@ -2,8 +2,8 @@
 //!
 //! A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and in [`super::packet`]
 //! a group's rays are lanes. Sums, differences, products and quotients round each by itself, as
-//! scalar code does: only [`Simd::mul_sub`] may be fused, and nothing that decides a
-//! hit is made with it. So every set gives the same hits.
+//! scalar code does: only [`Simd::mul_sub`] may round differently from set to set, and nothing that
+//! decides a hit is made with it. So every set gives the same hits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -102,8 +102,8 @@ pub(crate) trait Simd: Copy {
     /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;
-    /// Keeps, of `count` entries, those with a `t` of at most `stop`, in their order; how many. May read
-    /// and write `N` entries more.
+    /// Keeps, of `count` entries, those with a `t` of at most `stop`, in their order; how many. Reads
+    /// no more, but may write `N` entries more.
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize;
     /// Places from `N` bytes, each below 2 `N`, or anything where the result does not matter.
     unsafe fn places(from: *const u8) -> Self::Places;
@@ -114,8 +114,8 @@ pub(crate) trait Simd: Copy {
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
     /// Writes the children of a mask to the end of a stack, in the order that `order` gives their
     /// places in (read in the order of `direction`), with the `t` of each. `N` elements are written in all,
-    /// of which as many count as the mask has lanes. Gives the last one that counts, or anything where
-    /// none does: reading it back would wait for the stores.
+    /// of which as many count as the mask has lanes: `t` must be less than infinity there. Gives the last one
+    /// that counts, or anything where none does: reading it back would wait for the stores.
     unsafe fn push(
         children: *const u32,
         t: Self::Floats,
@@ -329,6 +329,30 @@ mod tests {
                     to_t.as_mut_ptr().add(3),
                 );
                 assert_eq!((to[..3].to_vec(), to[3 + S::N]), (vec![7; 3], 7));
+                for (k, &place) in places.iter().enumerate() {
+                    assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
+                }
+                if let Some(&place) = places.last() {
+                    assert_eq!(last, children[place]);
+                }
+
+                // Entered at `t`, left at others: the same as pushing those that are met.
+                let exit = numbers.row();
+                let met: u32 = (0..S::N).map(|i| u32::from(t[i] <= exit[i]) << i).sum();
+                let places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
+                let places: Vec<usize> =
+                    if backwards { places.into_iter().rev().collect() } else { places };
+                let places: Vec<usize> = places.into_iter().filter(|i| met >> i & 1 != 0).collect();
+                let (last, some) = S::push_met(
+                    children.as_ptr(),
+                    floats,
+                    S::load(exit.as_ptr()),
+                    order.as_ptr(),
+                    &direction,
+                    to.as_mut_ptr().add(3),
+                    to_t.as_mut_ptr().add(3),
+                );
+                assert_eq!(some, places.len());
                 for (k, &place) in places.iter().enumerate() {
                     assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
                 }
