@@ -202,12 +202,13 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
     let any = query == Query::Any;
-    let mut sifted;
+    let (mut sifted, mut nearest);
     // SAFETY: the caller's contract.
-    let nearest = unsafe {
+    unsafe {
         if options.accuracy == Accuracy::Fast {
             sifted = Met::NONE;
             sifted.unclear = sift_fast::<S, T>(way, record, limit);
+            nearest = 0;
         } else {
             let seen = Seen::<S, T>::new(way, record);
             // Of what follows the last triangle nothing counts.
@@ -218,15 +219,16 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
                 return false;
             }
             sifted = Met::of(&meeting);
+            // Of registers, and whether or not there are several: half of the blocks that are met have
+            // several, and nobody could foresee which.
+            nearest = if any { meeting.met } else { meeting.nearest() };
             // For any hit those that are met come first.
             if meeting.unclear != 0 && !(any && meeting.met != 0) {
                 S::call(CloserLook { way, record, limit, met: &mut sifted });
+                nearest = if any { sifted.met } else { sifted.meeting::<S>().nearest() };
             }
         }
-        // Most often there is one.
-        let alone = any || sifted.met & sifted.met.wrapping_sub(1) == 0;
-        if alone { sifted.met } else { sifted.nearest::<S>() }
-    };
+    }
     // Nearly always there is nothing, or one triangle that is nearer than all others.
     if sifted.met | sifted.unclear == 0 {
         return false;
@@ -429,10 +431,9 @@ impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
     }
 
     #[inline(always)]
-    unsafe fn width(&self) -> S::Floats {
-        let [a, b, c] = &self.corners;
+    unsafe fn width(&self, [low, high]: [S::Floats; 2]) -> S::Floats {
         // SAFETY: the caller's contract.
-        unsafe { self.greatest([a.width(), b.width(), c.width()]) }
+        unsafe { S::magnitude(low, high) }
     }
 }
 

@@ -51,9 +51,10 @@ pub(crate) struct Way {
 /// Words of a [`Way`].
 pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
 
-/// The axes that shearing calls x, y and z.
-pub(crate) static AXES: [[usize; 3]; 6] =
-    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+/// The axes that shearing calls x, y and z, by [`Way::axes`]. Two more than there are, so that the
+/// remainder that keeps places in bounds costs nothing.
+pub(crate) static AXES: [[usize; 3]; 8] =
+    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
 
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
@@ -70,7 +71,7 @@ impl Way {
     /// The axes that shearing calls x, y and z.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
-        AXES[self.axes as usize % 6]
+        AXES[self.axes as usize % AXES.len()]
     }
 
     /// The ray as the reference tests take it.
@@ -231,7 +232,7 @@ impl PreparedRays {
             direction: three(&self.direction, lane),
             reciprocal: three(&self.reciprocal, lane),
             slack: three(&self.slack, lane),
-            axes: AXES[self.axes[lane] as usize % 6],
+            axes: AXES[self.axes[lane] as usize % AXES.len()],
             shear: three(&self.shear, lane),
             t_min: self.t_min[lane],
             t_max: self.t_max[lane],

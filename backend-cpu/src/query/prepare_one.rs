@@ -91,7 +91,7 @@ impl Way {
         // The first of those that are the largest.
         let axis = is_largest.trailing_zeros() % 3;
         let axes = axis + 3 * (negative >> axis & 1);
-        let [kx, ky, kz] = AXES[axes as usize % 6];
+        let [kx, ky, kz] = AXES[axes as usize % AXES.len()];
         let (origins, directions) = (origin.row(), direction.row());
         let [x, y, z, _] = directions;
         let slopes = Four::of([x, y, z, 1.0]).over(Four::splat(directions[kz]));

@@ -69,8 +69,8 @@ pub(crate) trait View<S: Simd> {
     unsafe fn depths(&self) -> [S::Floats; 3];
     /// The greatest [`Corner::reach`].
     unsafe fn reach(&self) -> S::Floats;
-    /// The greatest [`Corner::width`].
-    unsafe fn width(&self) -> S::Floats;
+    /// The greatest [`Corner::width`]; the least and the greatest sheared coordinate are known.
+    unsafe fn width(&self, ends: [S::Floats; 2]) -> S::Floats;
 }
 
 /// Inner `t` that count.
@@ -156,13 +156,6 @@ impl Met {
         }
     }
 
-    /// Those that are met at the least inner `t`.
-    #[inline(always)]
-    pub unsafe fn nearest<S: Simd>(&self) -> u32 {
-        // SAFETY: as above.
-        unsafe { self.met & S::least(self.met, S::load(self.t.as_ptr())) }
-    }
-
     /// The hit of a lane that is met.
     #[inline(always)]
     pub fn candidate(&self, lane: usize) -> Candidate {
@@ -240,11 +233,12 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         }
         let (u, v, w) = (counts::<S>(u), counts::<S>(v), counts::<S>(w));
         let det = S::add(S::add(u, v), w);
-        bits &= not_beside::<S>(flat) & faces::<S>(det, culling);
+        let (beside, ends) = extent::<S>(flat);
+        bits &= !beside & faces::<S>(det, culling);
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
         let interpolated = S::div(sum, det);
         let spread = S::sub(farthest, nearest);
-        let disorder = S::mul(S::mul(view.reach(), view.width()), spread);
+        let disorder = S::mul(S::mul(view.reach(), view.width(ends)), spread);
         let fine = S::bits(S::le(disorder, S::mul(S::splat(8.0), S::abs(sum))));
         let depths = [nearest, farthest];
         let (t, kept) = held::<S>(interpolated, depths, span);
@@ -264,6 +258,16 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
 }
 
 impl<S: Simd> Meeting<S> {
+    /// Those that are met at the least inner `t`.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline(always)]
+    pub unsafe fn nearest(&self) -> u32 {
+        // SAFETY: the caller's contract.
+        unsafe { self.met & S::least(self.met, self.t) }
+    }
+
     /// Decides what is unclear, but for triangles without a plane and rays within it.
     ///
     /// # Safety
@@ -298,18 +302,23 @@ unsafe fn held<S: Simd>(
     }
 }
 
-/// Where the ray is within the bounds of the sheared corners.
+/// Where the ray is beside the bounds of the sheared corners, and their least and greatest sheared
+/// coordinate.
 ///
 /// # Safety
 /// The processor must have the set.
 #[inline(always)]
-unsafe fn not_beside<S: Simd>([[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2]) -> u32 {
+unsafe fn extent<S: Simd>(
+    [[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2],
+) -> (u32, [S::Floats; 2]) {
     // SAFETY: the caller's contract.
     unsafe {
-        let least = S::max(S::min(ax, S::min(bx, cx)), S::min(ay, S::min(by, cy)));
-        let most = S::min(S::max(ax, S::max(bx, cx)), S::max(ay, S::max(by, cy)));
+        let (least_x, most_x) = (S::min(ax, S::min(bx, cx)), S::max(ax, S::max(bx, cx)));
+        let (least_y, most_y) = (S::min(ay, S::min(by, cy)), S::max(ay, S::max(by, cy)));
         let zero = S::splat(0.0);
-        S::bits(S::and(S::le(least, zero), S::le(zero, most)))
+        let low = S::le(S::max(least_x, least_y), zero);
+        let within = S::and(low, S::le(zero, S::min(most_x, most_y)));
+        (!S::bits(within), [S::min(least_x, least_y), S::max(most_x, most_y)])
     }
 }
 
@@ -456,12 +465,9 @@ mod tests {
             }
         }
 
-        unsafe fn width(&self) -> S::Floats {
+        unsafe fn width(&self, [low, high]: [S::Floats; 2]) -> S::Floats {
             // SAFETY: the caller's contract.
-            unsafe {
-                let [a, b, c] = self.corners::<S>().map(|corner| corner.width());
-                S::max(a, S::max(b, c))
-            }
+            unsafe { S::magnitude(low, high) }
         }
     }
 

@@ -209,9 +209,9 @@ impl<S: Simd> View<S> for Seen<S> {
     }
 
     #[inline(always)]
-    unsafe fn width(&self) -> S::Floats {
+    unsafe fn width(&self, _: [S::Floats; 2]) -> S::Floats {
         let [a, b, c] = &self.corners;
-        // SAFETY: the caller's contract.
+        // SAFETY: the caller's contract. The corners are at hand.
         unsafe { S::max(a.width(), S::max(b.width(), c.width())) }
     }
 }
