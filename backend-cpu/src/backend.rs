@@ -57,8 +57,8 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, _, _| {
-            Ok((tree.into(), summary))
+        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, memory, _| {
+            Ok((copied(&tree, &memory, &UNWATCHED)?, summary))
         })
     }
 
@@ -73,8 +73,8 @@ impl CpuBackend {
         watch: &dyn Watch,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
         let look = Lookout::new(watch);
-        self.with_built(mesh, options, &look, |tree, summary, _, _, _| {
-            Ok((copied(&tree, &look)?, summary))
+        self.with_built(mesh, options, &look, |tree, summary, _, memory, _| {
+            Ok((copied(&tree, &memory, &look)?, summary))
         })
     }
 
@@ -114,7 +114,7 @@ impl CpuBackend {
         self.with_built(mesh, options, look, |tree, summary, triangles, mut memory, scratch| {
             begin_layout(look, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
-            let tree = copied(&tree, look)?;
+            let tree = copied(&tree, &memory, look)?;
             let source = Source { mesh, triangles, layout: options.layout };
             let with = (&mut memory, scratch);
             let built = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
@@ -333,7 +333,8 @@ impl CpuBackend {
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
         memory.take(bytes as u64 + tree_bytes(&tree.view()))?;
-        let mut prepared = Vec::with_capacity(mesh.len());
+        let mut prepared = Vec::new();
+        memory.reserve(&mut prepared, mesh.len())?;
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
         look.check()?;
@@ -384,11 +385,19 @@ fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
     look.begin(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
 }
 
-/// A tree of its own.
-fn copied(tree: &KdTreeView<'_>, look: &Lookout<'_>) -> Result<KdTree, BuildError> {
-    let mut nodes = Vec::with_capacity(tree.nodes.len());
+/// A tree of its own, which `memory` has accounted for where that is to be done.
+///
+/// # Errors
+/// Less memory than that, or the end of the work.
+fn copied(
+    tree: &KdTreeView<'_>,
+    memory: &Memory,
+    look: &Lookout<'_>,
+) -> Result<KdTree, BuildError> {
+    let (mut nodes, mut references) = (Vec::new(), Vec::new());
+    memory.reserve(&mut nodes, tree.nodes.len())?;
+    memory.reserve(&mut references, tree.references.len())?;
     lookout::extend(look, &mut nodes, tree.nodes);
-    let mut references = Vec::with_capacity(tree.references.len());
     lookout::extend(look, &mut references, tree.references);
     look.check()?;
     let KdTreeView { bounds, triangles, config, .. } = *tree;

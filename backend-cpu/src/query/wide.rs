@@ -12,12 +12,14 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::BuildError;
 
 use super::blocks::{self, WalkNode};
-use super::layout::{Size, fit};
+use super::layout::Size;
 use super::order::Order;
 use super::plan::{Branch, run_nodes};
 use super::simd::{MOST_LANES, prefetch};
+use crate::buffers::{Memory, bytes_of};
 use crate::lookout::{self, Lookout};
 
 /// Set in a child that is no node: the other bits are its block's first unit, or in the compact layout the
@@ -108,9 +110,23 @@ impl WideNodes {
         &self.lines
     }
 
-    /// Lines that there is room for.
-    pub fn capacity(&self) -> usize {
-        self.lines.capacity()
+    /// Bytes that there is room for.
+    pub fn held(&self) -> u64 {
+        bytes_of(&self.lines)
+    }
+
+    /// Bytes of so many nodes.
+    pub fn bytes_for(&self, nodes: usize) -> u64 {
+        (nodes * self.node_lines() * size_of::<Line>()) as u64
+    }
+
+    /// Makes room for the planned nodes, which has been accounted for.
+    ///
+    /// # Errors
+    /// As for [`Memory::reserve`].
+    pub fn make_room(&mut self, size: &Size, memory: &Memory) -> Result<(), BuildError> {
+        let lines = size.wide * self.node_lines();
+        memory.reserve(&mut self.lines, lines)
     }
 
     /// Entries that a stack needs: of every node on the way down all children but one, and as many
@@ -124,7 +140,8 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Makes the planned nodes of a tree of so many. Of no use when the lookout has ended it.
+    /// Makes the planned nodes of a tree of so many, for which there is room. Of no use when the lookout has
+    /// ended it.
     pub fn fill(
         &mut self,
         leaves: Leaves<'_>,
@@ -134,7 +151,6 @@ impl WideNodes {
         look: &Lookout<'_>,
     ) {
         let lines = size.wide * self.node_lines();
-        fit(&mut self.lines, lines);
         lookout::resize(look, &mut self.lines, lines, &Line([0; 16]));
         self.depth = 0;
         if look.is_over() || lines == 0 {
