@@ -233,7 +233,7 @@ impl Blocks {
             QueryLayout::Compact => {
                 (*nodes, *words) = (Vec::new(), Vec::new());
                 mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
-                wide::Leaves::Nodes
+                wide::LeafChildren::Nodes
             }
             QueryLayout::Fast => {
                 *mesh = None;
@@ -245,7 +245,7 @@ impl Blocks {
                 // A block without triangles, and what vector loads may read behind the last one.
                 words[size.words..].fill(0);
                 scratch.write(&tree.view(), nodes, &mut words[..size.words]);
-                wide::Leaves::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
+                wide::LeafChildren::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
             }
         };
         if !look.is_over() {

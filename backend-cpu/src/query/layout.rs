@@ -279,8 +279,8 @@ fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
     (left, right)
 }
 
-/// The part of some triangles' bounds in their cell.
-fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
+/// The part of some triangles' bounds in their cell, or in their leaf's box.
+pub(crate) fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
     let part = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);

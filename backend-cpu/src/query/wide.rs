@@ -15,7 +15,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 
 use super::blocks::{self, WalkNode};
-use super::layout::Size;
+use super::layout::{Size, within};
 use super::order::Order;
 use super::plan::{Branch, run_nodes};
 use super::simd::{MOST_LANES, prefetch};
@@ -47,9 +47,9 @@ pub(crate) struct WideNodes {
     depth: usize,
 }
 
-/// What stands for the leaves of a tree.
+/// What stands for the leaves of a tree as children of nodes.
 #[derive(Clone, Copy)]
-pub(crate) enum Leaves<'a> {
+pub(crate) enum LeafChildren<'a> {
     /// Blocks: the tree's nodes that name them, the words, and the unit of a block without triangles.
     Blocks { nodes: &'a [WalkNode], words: &'a [u32], none: u32 },
     /// The tree's own leaves, which are children as they are, however many triangles they have.
@@ -60,7 +60,7 @@ pub(crate) enum Leaves<'a> {
 #[derive(Clone, Copy)]
 struct Writer<'a> {
     lanes: usize,
-    leaves: Leaves<'a>,
+    leaves: LeafChildren<'a>,
     branches: &'a [Branch],
     /// A child that nobody goes to; who did would lose nothing by it.
     nothing: u32,
@@ -144,7 +144,7 @@ impl WideNodes {
     /// ended it.
     pub fn fill(
         &mut self,
-        leaves: Leaves<'_>,
+        leaves: LeafChildren<'_>,
         branches: &[Branch],
         size: &Size,
         nodes: usize,
@@ -157,9 +157,9 @@ impl WideNodes {
             return;
         }
         let nothing = match leaves {
-            Leaves::Blocks { none, .. } => none,
+            LeafChildren::Blocks { none, .. } => none,
             // In preorder the last node is a leaf.
-            Leaves::Nodes => nodes as u32 - 1,
+            LeafChildren::Nodes => nodes as u32 - 1,
         };
         let share = (nodes / 2 / size.wide) as u64;
         let nothing = LEAF_MARK | nothing;
@@ -175,8 +175,8 @@ impl Writer<'_> {
         let Branch { bounds, .. } = self.branches[branch as usize];
         let kind = match self.leaves {
             _ if self.branches[branch as usize].axis().is_some() => Kind::Branch(branch),
-            Leaves::Nodes => Kind::Leaf(branch),
-            Leaves::Blocks { nodes, .. } => {
+            LeafChildren::Nodes => Kind::Leaf(branch),
+            LeafChildren::Blocks { nodes, .. } => {
                 let leaf = &nodes[branch as usize];
                 Writer::run(leaf.word, leaf.tagged >> WalkNode::SHIFT)
             }
@@ -272,7 +272,7 @@ impl Writer<'_> {
 
     /// Divides a leaf's blocks among as many places as there are, or as they need.
     fn share(&self, unit: u32, blocks: u32, places: usize, bounds: &Aabb, made: &mut Made) {
-        let Leaves::Blocks { words, .. } = self.leaves else { return };
+        let LeafChildren::Blocks { words, .. } = self.leaves else { return };
         let start = made.count;
         let places = blocks.min(places as u32);
         let (mut unit, more) = (unit, blocks % places);
@@ -285,10 +285,7 @@ impl Writer<'_> {
                 all = all.union(&record.bounds());
                 unit += record.units();
             }
-            let part = all.intersection(bounds);
-            // Whatever rounding did to a box: what the leaf has is not to be lost.
-            let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
-            made.push(Child { kind, bounds: if lost { *bounds } else { part } });
+            made.push(Child { kind, bounds: within(bounds, &all) });
         }
         made.order.in_a_row(start, made.count);
     }
