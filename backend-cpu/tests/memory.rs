@@ -99,10 +99,16 @@ fn each(mut check: impl FnMut(&str, &Scene, InstructionSet, BuildOptions)) {
     }
 }
 
+/// With one thread: what several hold depends on who does what.
+fn each_on_one_thread(check: impl FnMut(&str, &Scene, InstructionSet, BuildOptions) + Send) {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    pool.install(|| each(check));
+}
+
 #[test]
 fn limits_are_held_to_the_byte() {
     let _alone = alone();
-    each(|what, scene, set, options| {
+    each_on_one_thread(|what, scene, set, options| {
         let mesh = scene.mesh();
         // A new backend each time: memory that is kept counts.
         let build = |max_memory| {
@@ -143,7 +149,7 @@ fn limits_are_held_to_the_byte() {
 fn a_limit_does_not_depend_on_earlier_builds() {
     let _alone = alone();
     let large = scenes::soup(60_000, 0.05, 3);
-    each(|what, scene, set, options| {
+    each_on_one_thread(|what, scene, set, options| {
         if set != InstructionSet::detect() {
             return;
         }
@@ -185,24 +191,24 @@ fn where_there_is_no_memory_nothing_is_lost() {
         let [first, second] = [from, to].map(|layout| options(Preset::Fast, layout));
         let rays: Vec<Ray> = (0..40).map(|i| ray(i as f32 / 20.0 - 1.0)).collect();
         let backend = CpuBackend::new();
-        let mut built = backend.build_accelerator(&before, &first).expect("no limit");
-        let hits = hits_of(&built, &rays);
-        assert!(hits.iter().any(Hit::is_hit));
-        let tree = built.tree().clone();
         let mut refused = 0;
-        loop {
+        let built = loop {
+            // A new one, since what was granted is kept.
+            let mut built = CpuBackend::new().build_accelerator(&before, &first).expect("no limit");
+            let (tree, hits) = (built.tree().clone(), hits_of(&built, &rays));
+            assert!(hits.iter().any(Hit::is_hit));
             // The builder's memory is there, so that it is the layout's that is refused.
             pool.install(|| backend.build_tree(&after, &second)).expect("no limit");
             GRANTED.store(refused, Relaxed);
             let rebuilt = pool.install(|| backend.rebuild(&mut built, &after, &second));
             GRANTED.store(i64::MAX, Relaxed);
-            let Err(error) = rebuilt else { break };
+            let Err(error) = rebuilt else { break built };
             let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
             assert_eq!(needed, limit, "there was no limit");
             assert!(built.layout() == from && *built.tree() == tree, "{refused}");
             assert!(hits_of(&built, &rays) == hits, "{refused}");
             refused += 1;
-        }
+        };
         // The plan, the tree's nodes and references, wide nodes, and blocks or a mesh.
         assert!(refused >= if to == QueryLayout::Fast { 7 } else { 6 }, "{refused}");
         let new = CpuBackend::new().build_accelerator(&after, &second).expect("no limit");
