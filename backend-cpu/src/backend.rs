@@ -21,7 +21,7 @@ use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
-/// between builds.
+/// between builds, counts towards their limits, and is given back where they leave no room for it.
 #[derive(Debug)]
 pub struct CpuBackend {
     scratch: Mutex<Option<Box<(Buffers, LayoutScratch)>>>,
@@ -57,8 +57,8 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, _, _| {
-            Ok((tree.into(), summary))
+        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, memory, _| {
+            Ok((copied(&tree, &memory, &UNWATCHED)?, summary))
         })
     }
 
@@ -73,8 +73,8 @@ impl CpuBackend {
         watch: &dyn Watch,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
         let look = Lookout::new(watch);
-        self.with_built(mesh, options, &look, |tree, summary, _, _, _| {
-            Ok((copied(&tree, &look)?, summary))
+        self.with_built(mesh, options, &look, |tree, summary, _, memory, _| {
+            Ok((copied(&tree, &memory, &look)?, summary))
         })
     }
 
@@ -114,7 +114,7 @@ impl CpuBackend {
         self.with_built(mesh, options, look, |tree, summary, triangles, mut memory, scratch| {
             begin_layout(look, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
-            let tree = copied(&tree, look)?;
+            let tree = copied(&tree, &memory, look)?;
             let source = Source { mesh, triangles, layout: options.layout };
             let with = (&mut memory, scratch);
             let built = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
@@ -165,13 +165,15 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Builds a tree and hands it over with its summary and the snapped corners.
+    /// Builds a tree and hands it over with its summary and the snapped corners. Where memory kept from
+    /// earlier builds keeps this one from its limit, it is given back and all is done once more: what a
+    /// limit allows does not depend on what was built before.
     fn with_built<T>(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         look: &Lookout<'_>,
-        then: impl FnOnce(
+        mut then: impl FnMut(
             KdTreeView<'_>,
             BuildSummary,
             &[Triangle],
@@ -182,48 +184,71 @@ impl CpuBackend {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let kept = self.scratch.lock().map_or(None, |mut kept| kept.take());
+        let is_kept = kept.is_some();
         let mut kept = kept.unwrap_or_default();
-        let scratch = core::mem::take(&mut kept.0);
-        let mut executor: CpuExecutor<'_> =
-            CpuExecutor::on(*mesh, options.config, self.set, scratch, options.max_memory)?;
-        executor = executor.watched(look);
-        let planes = options.config.preset.planes();
+        let mut out = self.build_with(&mut kept, mesh, options, look, &mut then);
+        if is_kept && matches!(out, Err(BuildError::OutOfMemory { .. })) {
+            *kept = Default::default();
+            out = self.build_with(&mut kept, mesh, options, look, &mut then);
+        }
+        // What was not enough is not worth keeping: the next build would only have to give it back.
+        if !matches!(out, Err(BuildError::OutOfMemory { .. }))
+            && let Ok(mut scratch) = self.scratch.lock()
+        {
+            *scratch = Some(kept);
+        }
+        out
+    }
+
+    /// Builds in memory that may have been used before.
+    fn build_with<T>(
+        &self,
+        (kept, layout): &mut (Buffers, LayoutScratch),
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        look: &Lookout<'_>,
+        then: &mut impl FnMut(
+            KdTreeView<'_>,
+            BuildSummary,
+            &[Triangle],
+            Memory,
+            &mut LayoutScratch,
+        ) -> Result<T, BuildError>,
+    ) -> Result<T, BuildError> {
+        let BuildOptions { config, max_memory, .. } = *options;
+        let executor = |buffers| -> Result<CpuExecutor<'_>, BuildError> {
+            Ok(CpuExecutor::on(*mesh, config, self.set, buffers, max_memory)?.watched(look))
+        };
+        let mut executing = executor(core::mem::take(kept))?;
+        let planes = config.preset.planes();
         match planes {
             Some(planes) => {
-                executor = executor.cached();
-                schedule::build(&mut executor, planes)?;
-                if executor.is_void() {
-                    let buffers = executor.finish();
-                    executor = CpuExecutor::on(
-                        *mesh,
-                        options.config,
-                        self.set,
-                        buffers,
-                        options.max_memory,
-                    )?
-                    .watched(look);
-                    schedule::build(&mut executor, planes)?;
+                executing = executing.cached();
+                schedule::build(&mut executing, planes)?;
+                if executing.is_void() {
+                    executing = executor(executing.finish())?;
+                    schedule::build(&mut executing, planes)?;
                 }
             }
-            None => schedule::start(&mut executor)?,
+            None => schedule::start(&mut executing)?,
         }
-        let totals = executor.totals();
-        let mut memory = executor.memory();
-        let mut buffers = executor.finish();
-        let counters = buffers.counters;
+        let totals = executing.totals();
+        let mut memory = executing.memory();
+        *kept = executing.finish();
+        let counters = kept.counters;
         let (nodes, references) = if planes.is_some() {
             let [nodes, references] =
                 [Counter::Nodes, Counter::LeafReferences].map(|counter| counters[counter] as usize);
             (nodes, references)
         } else {
-            best::build(&options.config, self.set, &mut buffers, &mut memory, look)?
+            best::build(&config, self.set, kept, &mut memory, look)?
         };
         let tree = KdTreeView {
-            nodes: &buffers.nodes[..nodes],
-            references: &buffers.leaf_references[..references],
-            bounds: buffers.root_bounds,
+            nodes: &kept.nodes[..nodes],
+            references: &kept.leaf_references[..references],
+            bounds: kept.root_bounds,
             triangles: counters[Counter::Triangles],
-            config: options.config,
+            config,
         };
         let summary = BuildSummary {
             triangles: counters[Counter::Triangles],
@@ -233,12 +258,7 @@ impl CpuBackend {
             small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
-        let out = then(tree, summary, &buffers.triangles[..mesh.len()], memory, &mut kept.1);
-        kept.0 = buffers;
-        if let Ok(mut scratch) = self.scratch.lock() {
-            *scratch = Some(kept);
-        }
-        out
+        then(tree, summary, &kept.triangles[..mesh.len()], memory, layout)
     }
 }
 
@@ -261,8 +281,9 @@ impl Backend for CpuBackend {
     }
 
     /// Asks the watch after every few thousand triangles' worth of work, one thread at a time, so `done`
-    /// never falls within a stage. A watch that panics takes its panic to the caller; backend, pool and
-    /// accelerators stay fit for use.
+    /// never falls within a stage. Where a limit leaves no room for memory kept from earlier builds, that is
+    /// given back, and the stages begin anew. A watch that panics takes its panic to the caller; backend, pool
+    /// and accelerators stay fit for use.
     fn build_watched(
         &self,
         mesh: &Mesh<'_>,
@@ -312,7 +333,8 @@ impl CpuBackend {
         let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
         memory.take(bytes as u64 + tree_bytes(&tree.view()))?;
-        let mut prepared = Vec::with_capacity(mesh.len());
+        let mut prepared = Vec::new();
+        memory.reserve(&mut prepared, mesh.len())?;
         let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
         lookout::resize(look, &mut prepared, mesh.len(), &nothing);
         look.check()?;
@@ -363,11 +385,19 @@ fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
     look.begin(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
 }
 
-/// A tree of its own.
-fn copied(tree: &KdTreeView<'_>, look: &Lookout<'_>) -> Result<KdTree, BuildError> {
-    let mut nodes = Vec::with_capacity(tree.nodes.len());
+/// A tree of its own, which `memory` has accounted for where that is to be done.
+///
+/// # Errors
+/// Less memory than that, or the end of the work.
+fn copied(
+    tree: &KdTreeView<'_>,
+    memory: &Memory,
+    look: &Lookout<'_>,
+) -> Result<KdTree, BuildError> {
+    let (mut nodes, mut references) = (Vec::new(), Vec::new());
+    memory.reserve(&mut nodes, tree.nodes.len())?;
+    memory.reserve(&mut references, tree.references.len())?;
     lookout::extend(look, &mut nodes, tree.nodes);
-    let mut references = Vec::with_capacity(tree.references.len());
     lookout::extend(look, &mut references, tree.references);
     look.check()?;
     let KdTreeView { bounds, triangles, config, .. } = *tree;

@@ -106,25 +106,47 @@ impl Memory {
         if vector.len() >= length {
             return Ok(());
         }
-        if vector.capacity() < length {
-            let size = size_of::<T>() as u64;
-            self.take((length - vector.capacity()) as u64 * size)?;
-            let needed = self.held;
-            vector
-                .try_reserve_exact(length - vector.len())
-                .map_err(|_| BuildError::OutOfMemory { needed, limit: needed })?;
-        }
+        self.make_room(vector, length)?;
         resize(lookout, vector, length, &T::zeroed());
         lookout.check()
     }
+
+    /// Accounts for room for `length` elements in all, and makes it.
+    ///
+    /// # Errors
+    /// More memory than the limit allows, or than there is; the vector is then what it was.
+    pub(crate) fn make_room<T>(
+        &mut self,
+        vector: &mut Vec<T>,
+        length: usize,
+    ) -> Result<(), BuildError> {
+        let more = length.saturating_sub(vector.capacity());
+        self.take((more * size_of::<T>()) as u64)?;
+        self.reserve(vector, length)
+    }
+
+    /// Makes room for `length` elements in all, and no more where it is made, which has been accounted for.
+    ///
+    /// # Errors
+    /// More memory than there is; the vector is then what it was.
+    pub(crate) fn reserve<T>(&self, vector: &mut Vec<T>, length: usize) -> Result<(), BuildError> {
+        let held = self.held;
+        let more = length.saturating_sub(vector.len());
+        vector
+            .try_reserve_exact(more)
+            .map_err(|_| BuildError::OutOfMemory { needed: held, limit: held })
+    }
+}
+
+/// Bytes that a vector has room for.
+pub(crate) fn bytes_of<T>(vector: &Vec<T>) -> u64 {
+    (vector.capacity() * size_of::<T>()) as u64
 }
 
 impl Buffers {
     /// Bytes of all vectors.
     pub fn bytes(&self) -> u64 {
-        fn of<T>(vector: &Vec<T>) -> u64 {
-            (vector.capacity() * size_of::<T>()) as u64
-        }
+        use bytes_of as of;
         of(&self.triangles)
             + of(&self.references)
             + of(&self.next_references)

@@ -75,7 +75,7 @@ impl Compiled for Search<'_> {
     unsafe fn run<S: Simd>(self) -> Option<Split> {
         let Search { costs, cell, references, limit, small } = self;
         #[cfg(target_arch = "x86_64")]
-        if S::N == 16 {
+        if S::AVX512 {
             return best::<Avx512>(costs, cell, references, limit, small);
         }
         best::<Loops>(costs, cell, references, limit, small)

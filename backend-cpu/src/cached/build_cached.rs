@@ -236,7 +236,7 @@ impl<A: Arithmetic> Compiled for OneRoot<'_, A> {
     unsafe fn run<S: Simd>(self) {
         let OneRoot { inputs, root, worker, totals, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
-        if S::N == 16 {
+        if S::AVX512 {
             return one_root::<A, Avx512>(inputs, root, worker, totals, out);
         }
         one_root::<A, Plain>(inputs, root, worker, totals, out);

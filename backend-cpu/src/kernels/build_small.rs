@@ -65,7 +65,7 @@ impl<A: Arithmetic> Compiled for Batch<'_, A> {
     unsafe fn run<S: Simd>(self) {
         let Batch { config, roots, references, sizes, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
-        if S::N == 16 {
+        if S::AVX512 {
             return batch::<A, Avx512>(config, roots, references, sizes, out);
         }
         batch::<A, Plain>(config, roots, references, sizes, out);

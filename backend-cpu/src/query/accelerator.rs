@@ -47,10 +47,9 @@ pub struct CpuAccelerator {
 }
 
 impl CpuAccelerator {
-    /// Bytes of tree and layout as they are, for a limit that this and another one must keep together.
+    /// Bytes that tree and layout have room for, for a limit that this and another one must keep together.
     pub(crate) fn bytes(&self) -> u64 {
-        let KdTree { nodes, references, .. } = &self.blocks.tree;
-        (size_of_val(&nodes[..]) + size_of_val(&references[..])) as u64 + self.blocks.bytes()
+        self.blocks.held()
     }
 
     /// Makes the query layout of a valid tree; `set` must be one that the processor has. Of no use when

@@ -11,11 +11,11 @@ use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
 use super::instruction_set::InstructionSet;
-use super::layout::{LayoutScratch, Size, Source, fit};
+use super::layout::{LayoutScratch, Size, Source};
 use super::leaves::Indexed;
 use super::record::{Record, TAIL, UNIT_WORDS};
-use super::wide::{self, Line, WideNodes};
-use crate::buffers::Memory;
+use super::wide::{self, WideNodes};
+use crate::buffers::{Memory, bytes_of};
 use crate::lookout::{self, Lookout, UNWATCHED};
 
 /// A node of the tree as its leaves name their blocks, 8 bytes in preorder like the canonical ones: the
@@ -122,6 +122,7 @@ impl Blocks {
     ) -> Result<Blocks, BuildError> {
         let mut blocks = Blocks::none(set);
         let size = blocks.plan(&tree.view(), source, look, memory, scratch)?;
+        blocks.make_room(source, tree.nodes.len(), &size, memory)?;
         blocks.tree = tree;
         blocks.fill(source, &size, look, scratch);
         Ok(blocks)
@@ -143,12 +144,14 @@ impl Blocks {
         let references = tree.references.len().max(held.references.capacity()) * size_of::<u32>();
         memory.take((nodes + references) as u64)?;
         let size = self.plan(tree, source, &UNWATCHED, memory, scratch)?;
+        memory.reserve(&mut self.tree.nodes, tree.nodes.len())?;
+        memory.reserve(&mut self.tree.references, tree.references.len())?;
+        self.make_room(source, tree.nodes.len(), &size, memory)?;
+        // From here on nothing can fail.
         let KdTree { nodes, references, bounds, triangles, config } = &mut self.tree;
         nodes.clear();
         references.clear();
-        fit(nodes, tree.nodes.len());
         lookout::extend(&UNWATCHED, nodes, tree.nodes);
-        fit(references, tree.references.len());
         lookout::extend(&UNWATCHED, references, tree.references);
         (*bounds, *triangles, *config) = (tree.bounds, tree.triangles, tree.config);
         self.fill(source, &size, &UNWATCHED, scratch);
@@ -168,25 +171,56 @@ impl Blocks {
         scratch: &mut LayoutScratch,
     ) -> Result<Size, BuildError> {
         let size = scratch.plan(tree, source, self.set, look, memory)?;
-        let of = |length: usize, capacity: usize, each: usize| (length.max(capacity) * each) as u64;
-        let lines = size.wide * self.wide.node_lines();
-        let mut bytes = of(lines, self.wide.capacity(), size_of::<Line>());
+        let of = |length: usize, each: usize| (length * each) as u64;
+        let wide = self.wide.bytes_for(size.wide).max(self.wide.held());
+        // What the other layout has is held until there is room for this one.
+        let (mut nodes, mut words) = (bytes_of(&self.nodes), bytes_of(&self.words));
+        let mut mesh = self.mesh.as_ref().map_or(0, IndexedMesh::held);
         match source.layout {
             QueryLayout::Compact => {
-                let held = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
-                bytes += IndexedMesh::bytes_for(source.mesh).max(held);
+                let none = IndexedMesh::default();
+                mesh = self.mesh.as_ref().unwrap_or(&none).held_with(source.mesh);
             }
             QueryLayout::Fast => {
-                let words = size.words + TAIL;
-                bytes += of(tree.nodes.len(), self.nodes.capacity(), size_of::<WalkNode>());
-                bytes += of(words, self.words.capacity(), size_of::<u32>());
+                nodes = nodes.max(of(tree.nodes.len(), size_of::<WalkNode>()));
+                words = words.max(of(size.words + TAIL, size_of::<u32>()));
             }
         }
-        memory.take(size.scratch + bytes)?;
+        memory.take(size.scratch + wide + nodes + words + mesh)?;
         Ok(size)
     }
 
-    /// Writes the layout of the tree that is here, which the scratch has planned.
+    /// Makes room for a planned layout of so many nodes. After an error what is here is what it was; else it is
+    /// to be filled.
+    ///
+    /// # Errors
+    /// As for [`Memory::reserve`].
+    fn make_room(
+        &mut self,
+        source: Source<'_>,
+        nodes: usize,
+        size: &Size,
+        memory: &Memory,
+    ) -> Result<(), BuildError> {
+        self.wide.make_room(size, memory)?;
+        match source.layout {
+            QueryLayout::Compact => {
+                if let Some(mesh) = &mut self.mesh {
+                    return mesh.make_room(source.mesh, memory);
+                }
+                let mut mesh = IndexedMesh::default();
+                mesh.make_room(source.mesh, memory)?;
+                self.mesh = Some(mesh);
+                Ok(())
+            }
+            QueryLayout::Fast => {
+                memory.reserve(&mut self.nodes, nodes)?;
+                memory.reserve(&mut self.words, size.words + TAIL)
+            }
+        }
+    }
+
+    /// Writes the layout of the tree that is here, which the scratch has planned, to the room made for it.
     fn fill(
         &mut self,
         source: Source<'_>,
@@ -199,13 +233,11 @@ impl Blocks {
             QueryLayout::Compact => {
                 (*nodes, *words) = (Vec::new(), Vec::new());
                 mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
-                wide::Leaves::Nodes
+                wide::LeafChildren::Nodes
             }
             QueryLayout::Fast => {
                 *mesh = None;
-                fit(nodes, tree.nodes.len());
                 lookout::resize(look, nodes, tree.nodes.len(), &WalkNode::leaf(0, 0));
-                fit(words, size.words + TAIL);
                 lookout::resize(look, words, size.words + TAIL, &0);
                 if look.is_over() {
                     return;
@@ -213,7 +245,7 @@ impl Blocks {
                 // A block without triangles, and what vector loads may read behind the last one.
                 words[size.words..].fill(0);
                 scratch.write(&tree.view(), nodes, &mut words[..size.words]);
-                wide::Leaves::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
+                wide::LeafChildren::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
             }
         };
         if !look.is_over() {
@@ -221,7 +253,15 @@ impl Blocks {
         }
     }
 
-    /// Bytes held for queries besides the tree.
+    /// Bytes that tree and layout have room for.
+    pub fn held(&self) -> u64 {
+        let KdTree { nodes, references, .. } = &self.tree;
+        let tree = bytes_of(nodes) + bytes_of(references);
+        let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::held);
+        tree + bytes_of(&self.nodes) + bytes_of(&self.words) + self.wide.held() + mesh
+    }
+
+    /// Bytes of what queries read besides the tree.
     pub fn bytes(&self) -> u64 {
         let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
         let blocks = size_of_val(&self.nodes[..]) + size_of_val(&self.words[..]);

@@ -3,12 +3,13 @@
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::snap;
+use splitplane_core::backend::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
 
 use super::blocks::Block;
-use super::layout::fit;
 use super::simd::MOST_LANES;
+use crate::buffers::{Memory, bytes_of};
 use crate::lookout::{self, Lookout};
 
 /// Vertices that are snapped between two looks at the watch.
@@ -40,36 +41,53 @@ fn shared<'a>(mesh: &Mesh<'a>) -> Option<Arrays<'a>> {
     indices.filter(|indices| positions.len() < 2 * indices.len()).map(|i| (positions, i))
 }
 
-impl IndexedMesh {
-    /// Bytes of the copy of a mesh.
-    pub fn bytes_for(mesh: &Mesh<'_>) -> u64 {
-        match shared(mesh) {
-            Some((positions, indices)) => (size_of_val(positions) + size_of_val(indices)) as u64,
-            None => (mesh.len() * size_of::<Triangle>()) as u64,
-        }
+/// Vertices and indices of the copy of a mesh.
+fn lengths(mesh: &Mesh<'_>) -> [usize; 2] {
+    match shared(mesh) {
+        Some((positions, indices)) => [positions.len(), indices.len()],
+        None => [3 * mesh.len(), 0],
     }
+}
 
+impl IndexedMesh {
     /// Bytes of this one.
     pub fn bytes(&self) -> u64 {
         (size_of_val(&self.vertices[..]) + size_of_val(&self.indices[..])) as u64
     }
 
-    /// Becomes the copy of a mesh with these snapped corners; of no use when the lookout has ended it.
+    /// Bytes that there is room for.
+    pub fn held(&self) -> u64 {
+        bytes_of(&self.vertices) + bytes_of(&self.indices)
+    }
+
+    /// Bytes that this one has room for once it also has room for the copy of a mesh.
+    pub fn held_with(&self, mesh: &Mesh<'_>) -> u64 {
+        let [vertices, indices] = lengths(mesh);
+        let vertices = vertices.max(self.vertices.capacity()) * size_of::<[f32; 3]>();
+        let indices = indices.max(self.indices.capacity()) * size_of::<[u32; 3]>();
+        (vertices + indices) as u64
+    }
+
+    /// Makes room for the copy of a mesh, which has been accounted for.
+    ///
+    /// # Errors
+    /// As for [`Memory::reserve`].
+    pub fn make_room(&mut self, mesh: &Mesh<'_>, memory: &Memory) -> Result<(), BuildError> {
+        let [vertices, indices] = lengths(mesh);
+        memory.reserve(&mut self.vertices, vertices)?;
+        memory.reserve(&mut self.indices, indices)
+    }
+
+    /// Becomes the copy of a mesh with these snapped corners, for which there is room; of no use when the
+    /// lookout has ended it.
     pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], look: &Lookout<'_>) {
         let IndexedMesh { vertices, indices } = self;
         vertices.clear();
         indices.clear();
         let Some((positions, given)) = shared(mesh) else {
-            // Nothing is left of another mesh, which may have been larger.
-            vertices.shrink_to(3 * triangles.len());
-            fit(vertices, 3 * triangles.len());
             lookout::extend(look, vertices, triangles.as_flattened());
             return;
         };
-        vertices.shrink_to(positions.len());
-        indices.shrink_to(given.len());
-        fit(vertices, positions.len());
-        fit(indices, given.len());
         lookout::extend(look, indices, given);
         lookout::resize(look, vertices, positions.len(), &[0.0; 3]);
         if look.is_over() {

@@ -2,9 +2,10 @@
 //!
 //! In two steps. *Planning* touches nothing but scratch: tasks pack the leaves of a subtree each and plan
 //! its wide nodes, then the few nodes above the tasks are planned. Now it is known how large everything
-//! is, to the byte, and a limit is held against it. *Filling* makes the memory and writes to it.
+//! is, to the byte, and a limit is held against it. Then room is made for all of it, and *filling* writes
+//! to that: it cannot fail, so an old layout gives way only to a whole one.
 
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
@@ -20,7 +21,7 @@ use super::blocks::WalkNode;
 use super::pack::{MOST_WORDS, Packer};
 use super::plan::{Branch, Branches, Costs, Planner};
 use super::record::UNIT_WORDS;
-use crate::buffers::Memory;
+use crate::buffers::{Memory, bytes_of};
 use crate::lookout::Lookout;
 use crate::scatter::Scatter;
 
@@ -93,6 +94,8 @@ struct Budget {
     /// Bytes held.
     held: AtomicU64,
     limit: u64,
+    /// Whether there was less memory than the limit allows.
+    failed: AtomicBool,
 }
 
 impl Budget {
@@ -108,8 +111,9 @@ impl Part {
         (self.used, self.room, self.lost) = (0, self.words.len(), false);
     }
 
-    /// Room for a block more. Where there is less than one, it is made for so many triangles.
-    fn next(&mut self, triangles: usize, budget: &Budget) -> &mut [u32] {
+    /// Room for a block more. Where there is less than one, it is made for so many triangles. `None`, as the
+    /// budget will tell, where there is no memory for it.
+    fn next(&mut self, triangles: usize, budget: &Budget) -> Option<&mut [u32]> {
         if self.used + MOST_WORDS > self.room {
             let needed = self.used + MOST_WORDS + GUESS * triangles;
             let more = needed.max(self.room + self.room / 2) - self.room;
@@ -117,11 +121,14 @@ impl Part {
             self.room += more;
             // Where there is no memory for the blocks, all go to the room of one.
             let room = if self.lost { self.words.len().max(MOST_WORDS) } else { self.room };
-            self.words.reserve_exact(room - self.words.len());
+            if self.words.try_reserve_exact(room - self.words.len()).is_err() {
+                budget.failed.store(true, Relaxed);
+                return None;
+            }
             self.words.resize(room, 0);
         }
         let at = if self.lost { 0 } else { self.used };
-        &mut self.words[at..]
+        Some(&mut self.words[at..])
     }
 
     /// Its words.
@@ -133,9 +140,9 @@ impl Part {
 impl LayoutScratch {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let words = self.parts.iter().map(|part| part.words.capacity()).sum::<usize>();
-        let branches = self.branches.capacity() * size_of::<Branch>();
-        (words * size_of::<u32>() + branches) as u64
+        let LayoutScratch { branches, top, tasks, parts } = self;
+        let words = parts.iter().map(|part| bytes_of(&part.words)).sum::<u64>();
+        words + bytes_of(branches) + bytes_of(top) + bytes_of(tasks) + bytes_of(parts)
     }
 
     /// Packs and plans. Where the limit of `memory` is met, the size is still right, but it cannot be filled:
@@ -143,7 +150,7 @@ impl LayoutScratch {
     ///
     /// # Errors
     /// [`BuildError::Cancelled`] by the lookout; [`BuildError::TooLarge`] when children could not name all
-    /// blocks; no memory for branches within the limit.
+    /// blocks; no memory for branches and lists of tasks within the limit, or less than it allows.
     pub fn plan(
         &mut self,
         tree: &KdTreeView<'_>,
@@ -161,10 +168,19 @@ impl LayoutScratch {
         memory.grow_watched(branches, tree.nodes.len(), look)?;
         top.clear();
         tasks.clear();
-        divide(tree.nodes, 0, tree.nodes.len() as u32, &tree.bounds, top, tasks);
+        let end = tree.nodes.len() as u32;
+        // Of two children each, they have one task more below them.
+        let above = nodes_above(tree.nodes, 0, end);
+        memory.make_room(top, above)?;
+        memory.make_room(tasks, above + 1)?;
+        memory.make_room(parts, above + 1)?;
+        divide(tree.nodes, 0, end, &tree.bounds, top, tasks);
         parts.resize_with(tasks.len().max(parts.len()), Part::default);
-        let budget =
-            Budget { held: AtomicU64::new(memory.held), limit: memory.limit.unwrap_or(u64::MAX) };
+        let budget = Budget {
+            held: AtomicU64::new(memory.held),
+            limit: memory.limit.unwrap_or(u64::MAX),
+            failed: AtomicBool::new(false),
+        };
         let planner = Planner::new(set.lanes(), &tree.bounds);
         let maker = Maker { tree, source, set, look, planner, budget: &budget };
         let out = Scatter::new(&mut branches[..tree.nodes.len()]);
@@ -175,6 +191,10 @@ impl LayoutScratch {
             maker.make(task, part, branches);
         });
         look.check()?;
+        if budget.failed.load(Relaxed) {
+            let needed = budget.held.load(Relaxed);
+            return Err(BuildError::OutOfMemory { needed, limit: needed });
+        }
         let mut branches = Branches(0, branches);
         let root = maker.join(0, &mut tasks.iter(), &mut branches);
         let mut words = 0;
@@ -220,6 +240,16 @@ impl LayoutScratch {
     }
 }
 
+/// How many nodes [`divide`] will put above the tasks.
+fn nodes_above(nodes: &[KdNode], node: u32, end: u32) -> usize {
+    match nodes[node as usize].kind() {
+        NodeKind::Interior { right, .. } if end - node > TASK => {
+            1 + nodes_above(nodes, node + 1, right) + nodes_above(nodes, right, end)
+        }
+        _ => 0,
+    }
+}
+
 /// Divides the tree below a node, of which `end` is the first node behind, into tasks.
 fn divide(
     nodes: &[KdNode],
@@ -243,23 +273,14 @@ fn divide(
     }
 }
 
-/// Makes a vector's room at least so large, and no larger where it is made: then what was there is lost.
-pub(crate) fn fit<T>(vector: &mut Vec<T>, length: usize) {
-    if vector.capacity() < length {
-        // The old memory goes before the new comes.
-        *vector = Vec::new();
-        vector.reserve_exact(length);
-    }
-}
-
 fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
     let (mut left, mut right) = (*cell, *cell);
     (left.hi[axis], right.lo[axis]) = (split, split);
     (left, right)
 }
 
-/// The part of some triangles' bounds in their cell.
-fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
+/// The part of some triangles' bounds in their cell, or in their leaf's box.
+pub(crate) fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
     let part = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
@@ -277,7 +298,8 @@ struct Maker<'a> {
 }
 
 impl Maker<'_> {
-    /// Packs the leaves of a task's subtree and plans it; of no use when the lookout has ended it.
+    /// Packs the leaves of a task's subtree and plans it; of no use when the lookout has ended it, or where
+    /// there was no memory.
     fn make(&self, task: &mut Task, part: &mut Part, branches: &mut [Branch]) {
         let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
         let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
@@ -301,7 +323,9 @@ impl Maker<'_> {
                         return;
                     }
                     if count > 0 {
-                        *branch = self.leaf([first, count, last], &cell, &mut packer, part);
+                        let leaf = self.leaf([first, count, last], &cell, &mut packer, part);
+                        let Some(leaf) = leaf else { return };
+                        *branch = leaf;
                         self.look.advance(u64::from(count));
                     }
                     open = open.wrapping_sub(1);
@@ -317,14 +341,15 @@ impl Maker<'_> {
         self.look.worked(8 * nodes.len() as u64);
     }
 
-    /// A leaf that is not empty: its first reference and how many, and the end of the task's.
+    /// A leaf that is not empty: its first reference and how many, and the end of the task's. `None` where
+    /// there is no memory for its blocks.
     fn leaf(
         &self,
         [first, count, last]: [u32; 3],
         cell: &Aabb,
         packer: &mut Packer<'_>,
         part: &mut Part,
-    ) -> Branch {
+    ) -> Option<Branch> {
         let references = &self.tree.references[first as usize..];
         let to_come = last.saturating_sub(first + count) as usize;
         let mut bounds = Aabb::EMPTY;
@@ -333,19 +358,19 @@ impl Maker<'_> {
                 let corners = &self.source.triangles[triangle as usize];
                 bounds = bounds.union(&Aabb::of_points(corners));
             }
-            return Branch::leaf(within(cell, &bounds), 0, 1);
+            return Some(Branch::leaf(within(cell, &bounds), 0, 1));
         }
         let (unit, mut blocks) = ((part.used / UNIT_WORDS) as u32, 0);
         let mut left = count as usize;
         while left > 0 {
-            let to = part.next(left + to_come, self.budget);
+            let to = part.next(left + to_come, self.budget)?;
             let packed = packer.block(&references[count as usize - left..], left, to);
             part.used += packed.words;
             bounds = bounds.union(&packed.bounds);
             left -= packed.count;
             blocks += 1;
         }
-        Branch::leaf(within(cell, &bounds), unit, blocks)
+        Some(Branch::leaf(within(cell, &bounds), unit, blocks))
     }
 
     /// Plans the nodes above the tasks.

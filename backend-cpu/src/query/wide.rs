@@ -12,12 +12,14 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::BuildError;
 
 use super::blocks::{self, WalkNode};
-use super::layout::{Size, fit};
+use super::layout::{Size, within};
 use super::order::Order;
 use super::plan::{Branch, run_nodes};
 use super::simd::{MOST_LANES, prefetch};
+use crate::buffers::{Memory, bytes_of};
 use crate::lookout::{self, Lookout};
 
 /// Set in a child that is no node: the other bits are its block's first unit, or in the compact layout the
@@ -45,9 +47,9 @@ pub(crate) struct WideNodes {
     depth: usize,
 }
 
-/// What stands for the leaves of a tree.
+/// What stands for the leaves of a tree as children of nodes.
 #[derive(Clone, Copy)]
-pub(crate) enum Leaves<'a> {
+pub(crate) enum LeafChildren<'a> {
     /// Blocks: the tree's nodes that name them, the words, and the unit of a block without triangles.
     Blocks { nodes: &'a [WalkNode], words: &'a [u32], none: u32 },
     /// The tree's own leaves, which are children as they are, however many triangles they have.
@@ -58,7 +60,7 @@ pub(crate) enum Leaves<'a> {
 #[derive(Clone, Copy)]
 struct Writer<'a> {
     lanes: usize,
-    leaves: Leaves<'a>,
+    leaves: LeafChildren<'a>,
     branches: &'a [Branch],
     /// A child that nobody goes to; who did would lose nothing by it.
     nothing: u32,
@@ -108,9 +110,23 @@ impl WideNodes {
         &self.lines
     }
 
-    /// Lines that there is room for.
-    pub fn capacity(&self) -> usize {
-        self.lines.capacity()
+    /// Bytes that there is room for.
+    pub fn held(&self) -> u64 {
+        bytes_of(&self.lines)
+    }
+
+    /// Bytes of so many nodes.
+    pub fn bytes_for(&self, nodes: usize) -> u64 {
+        (nodes * self.node_lines() * size_of::<Line>()) as u64
+    }
+
+    /// Makes room for the planned nodes, which has been accounted for.
+    ///
+    /// # Errors
+    /// As for [`Memory::reserve`].
+    pub fn make_room(&mut self, size: &Size, memory: &Memory) -> Result<(), BuildError> {
+        let lines = size.wide * self.node_lines();
+        memory.reserve(&mut self.lines, lines)
     }
 
     /// Entries that a stack needs: of every node on the way down all children but one, and as many
@@ -124,26 +140,26 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Makes the planned nodes of a tree of so many. Of no use when the lookout has ended it.
+    /// Makes the planned nodes of a tree of so many, for which there is room. Of no use when the lookout has
+    /// ended it.
     pub fn fill(
         &mut self,
-        leaves: Leaves<'_>,
+        leaves: LeafChildren<'_>,
         branches: &[Branch],
         size: &Size,
         nodes: usize,
         look: &Lookout<'_>,
     ) {
         let lines = size.wide * self.node_lines();
-        fit(&mut self.lines, lines);
         lookout::resize(look, &mut self.lines, lines, &Line([0; 16]));
         self.depth = 0;
         if look.is_over() || lines == 0 {
             return;
         }
         let nothing = match leaves {
-            Leaves::Blocks { none, .. } => none,
+            LeafChildren::Blocks { none, .. } => none,
             // In preorder the last node is a leaf.
-            Leaves::Nodes => nodes as u32 - 1,
+            LeafChildren::Nodes => nodes as u32 - 1,
         };
         let share = (nodes / 2 / size.wide) as u64;
         let nothing = LEAF_MARK | nothing;
@@ -159,8 +175,8 @@ impl Writer<'_> {
         let Branch { bounds, .. } = self.branches[branch as usize];
         let kind = match self.leaves {
             _ if self.branches[branch as usize].axis().is_some() => Kind::Branch(branch),
-            Leaves::Nodes => Kind::Leaf(branch),
-            Leaves::Blocks { nodes, .. } => {
+            LeafChildren::Nodes => Kind::Leaf(branch),
+            LeafChildren::Blocks { nodes, .. } => {
                 let leaf = &nodes[branch as usize];
                 Writer::run(leaf.word, leaf.tagged >> WalkNode::SHIFT)
             }
@@ -256,7 +272,7 @@ impl Writer<'_> {
 
     /// Divides a leaf's blocks among as many places as there are, or as they need.
     fn share(&self, unit: u32, blocks: u32, places: usize, bounds: &Aabb, made: &mut Made) {
-        let Leaves::Blocks { words, .. } = self.leaves else { return };
+        let LeafChildren::Blocks { words, .. } = self.leaves else { return };
         let start = made.count;
         let places = blocks.min(places as u32);
         let (mut unit, more) = (unit, blocks % places);
@@ -269,10 +285,7 @@ impl Writer<'_> {
                 all = all.union(&record.bounds());
                 unit += record.units();
             }
-            let part = all.intersection(bounds);
-            // Whatever rounding did to a box: what the leaf has is not to be lost.
-            let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
-            made.push(Child { kind, bounds: if lost { *bounds } else { part } });
+            made.push(Child { kind, bounds: within(bounds, &all) });
         }
         made.order.in_a_row(start, made.count);
     }

@@ -13,6 +13,7 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
+    const AVX512: bool = true;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;

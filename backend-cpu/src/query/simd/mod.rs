@@ -58,6 +58,8 @@ impl Direction {
 pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
+    /// Whether code that is compiled for the set may use AVX-512 F, DQ, BW and VL.
+    const AVX512: bool = false;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
