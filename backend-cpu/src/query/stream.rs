@@ -88,6 +88,52 @@ impl Answers<'_> {
     }
 }
 
+impl Answers<'_> {
+    /// Sets the answers of some rays of a packet's group, the first of which is at `start`.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[inline(always)]
+    unsafe fn set_group<S: Simd>(
+        &mut self,
+        start: usize,
+        mut rays: u32,
+        (packet, group): (&Packet, usize),
+        accuracy: Accuracy,
+    ) {
+        let all = rays == u32::MAX >> (32 - S::N);
+        match self {
+            Answers::Hits(answers) => {
+                // SAFETY: the caller's contract.
+                let hits = unsafe { packet.hits::<S>(group, accuracy) };
+                if all {
+                    answers[start..start + S::N].copy_from_slice(&hits[..S::N]);
+                    return;
+                }
+                while rays != 0 {
+                    let lane = rays.trailing_zeros() as usize;
+                    rays &= rays - 1;
+                    answers[start + lane] = hits[lane];
+                }
+            }
+            Answers::Any(answers) => {
+                if all {
+                    let answers = &mut answers[start..start + S::N];
+                    for (lane, answer) in answers.iter_mut().enumerate() {
+                        *answer = packet.is_hit(group, lane);
+                    }
+                    return;
+                }
+                while rays != 0 {
+                    let lane = rays.trailing_zeros() as usize;
+                    rays &= rays - 1;
+                    answers[start + lane] = packet.is_hit(group, lane);
+                }
+            }
+        }
+    }
+}
+
 /// A batch to be answered. The layout must be made for the width of the set.
 pub(crate) struct Stream<'a> {
     pub batch: Batch<'a>,
@@ -346,6 +392,7 @@ impl Supply<'_> {
             for first in (0..CHUNK).step_by(lanes) {
                 let rays = self.left & (u32::MAX >> (CHUNK - lanes)) << first;
                 let groups = first / S::N..(first + lanes) / S::N;
+                let (start, mut group) = (start + first, groups.start);
                 // SAFETY: the caller's contract; rays left to the scalar code are not in `left`.
                 unsafe {
                     if !self.packet.take_coherent::<S>(self.ready, groups, rays, scene) {
@@ -358,10 +405,16 @@ impl Supply<'_> {
                         _ => self.packet.trace::<S, 1>(blocks, ready, options, query),
                     }
                 }
-                for lane in (first..first + lanes).filter(|lane| rays >> lane & 1 != 0) {
-                    answers.set(start + lane, self.packet.hit::<S>(lane));
-                }
                 self.left &= !rays;
+                for start in (start..start + lanes).step_by(S::N) {
+                    let here = (rays >> (group * S::N)) & (u32::MAX >> (32 - S::N));
+                    // SAFETY: the caller's contract; the rays are the group's.
+                    unsafe {
+                        let group = (&*self.packet, group);
+                        answers.set_group::<S>(start, here, group, options.accuracy);
+                    }
+                    group += 1;
+                }
             }
         }
     }

@@ -3,16 +3,34 @@
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::row::{Row, ZERO, load, store};
+use super::row::{Row, ZERO, load, snapped, store};
 use super::{FEW, Rays};
 use crate::query::leaf::{self, Best};
 use crate::query::record::Record;
-use crate::query::simd::Simd;
+use crate::query::simd::{MOST_LANES, Simd};
 use crate::query::step::Octant;
 
 /// What one triangle against all rays costs, and one ray against a whole block.
 const COST_OF_A_TRIANGLE: u32 = 2;
 const COST_OF_A_RAY: u32 = 3;
+
+/// The numbers of two vectors, by runs from the one and the other in turn: which of them come in a first
+/// vector, and which in a second.
+const fn in_turn(lanes: usize, run: usize) -> [[u8; MOST_LANES]; 2] {
+    let mut places = [[0; MOST_LANES]; 2];
+    let mut i = 0;
+    while i < 2 * lanes {
+        let (pair, within) = (i / (2 * run), i % (2 * run));
+        let other = within / run;
+        places[i / lanes][i % lanes] = (pair * run + within % run + other * lanes) as u8;
+        i += 1;
+    }
+    places
+}
+
+/// One by one, then two by two.
+static IN_TURN_OF_8: [[[u8; MOST_LANES]; 2]; 2] = [in_turn(8, 1), in_turn(8, 2)];
+static IN_TURN_OF_16: [[[u8; MOST_LANES]; 2]; 2] = [in_turn(16, 1), in_turn(16, 2)];
 
 /// As many rays of a packet as a vector has lanes.
 #[derive(Clone, Copy)]
@@ -21,14 +39,18 @@ pub(super) struct Group {
     /// Where rays leave the bounds, or nothing can precede their best hits; minus infinity for rays
     /// that are answered or not there.
     pub(super) stop: Row,
-    /// Powers of two that lead from inner `t` to the caller's, and back.
+    /// Powers of two that lead from inner `t` to the caller's.
     pub(super) outwards: Row,
-    pub(super) inwards: Row,
-    /// The best hits so far.
+    /// Inner `t` from which on none is flushed to 0 on the way. Never below the normal range: numbers
+    /// there take processors as long as a whole test.
+    pub(super) least: Row,
+    /// The best hits so far; for any hit the triangle alone.
     pub(super) t: Row,
-    pub(super) u: Row,
-    pub(super) v: Row,
     pub(super) triangle: Row,
+    /// Edge functions opposite the second and the third corner, and the sum of all three.
+    pub(super) v: Row,
+    pub(super) w: Row,
+    pub(super) det: Row,
     /// Inner `t` beyond which nothing can precede them.
     pub(super) beyond: Row,
 }
@@ -39,11 +61,12 @@ impl Group {
         axes: [0, 1, 2],
         stop: ZERO,
         outwards: ZERO,
-        inwards: ZERO,
+        least: ZERO,
         t: ZERO,
-        u: ZERO,
-        v: ZERO,
         triangle: ZERO,
+        v: ZERO,
+        w: ZERO,
+        det: ZERO,
         beyond: ZERO,
     };
 
@@ -104,7 +127,7 @@ impl Group {
                 }
                 return better;
             }
-            if !fast {
+            if !fast && triangles & triangles.wrapping_sub(1) != 0 {
                 // All edges first: nobody could foresee which triangles rays are within.
                 let mut rest = triangles;
                 while rest != 0 {
@@ -123,7 +146,7 @@ impl Group {
                 let (taken, unclear) = if fast {
                     (0, self.test_fast::<S>(record, rays, index, active))
                 } else {
-                    self.test::<S>(record, rays, index, active, options.culling)
+                    self.test::<S>(record, rays, index, active, options.culling, query)
                 };
                 if taken | unclear == 0 {
                     continue;
@@ -158,7 +181,7 @@ impl Group {
         options: &QueryOptions,
         query: Query,
     ) -> bool {
-        let mut best = Best { hit: self.hit(lane), stop: self.beyond.0[lane] };
+        let mut best = self.best(lane);
         // SAFETY: the caller's contract.
         let better =
             unsafe { leaf::test::<S, _>(rays.way::<S>(lane), record, options, query, &mut best) };
@@ -173,21 +196,55 @@ impl Group {
         better
     }
 
+    /// The best hit of a ray so far, but for its place in the triangle.
     #[inline(always)]
-    pub(super) fn hit(&self, lane: usize) -> Hit {
-        Hit {
-            t: self.t.0[lane],
-            triangle: self.triangle.0[lane].to_bits(),
-            u: self.u.0[lane],
-            v: self.v.0[lane],
-        }
+    pub(super) fn best(&self, lane: usize) -> Best {
+        let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
+        Best { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
     }
 
     #[inline(always)]
     pub(super) fn set(&mut self, lane: usize, best: &Best) {
         self.t.0[lane] = best.hit.t;
         self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
-        (self.u.0[lane], self.v.0[lane]) = (best.hit.u, best.hit.v);
+        (self.v.0[lane], self.w.0[lane], self.det.0[lane]) = (best.hit.u, best.hit.v, 1.0);
         self.beyond.0[lane] = best.stop;
+    }
+
+    /// Whether a ray has a hit.
+    #[inline(always)]
+    pub(super) fn is_hit(&self, lane: usize) -> bool {
+        self.best(lane).hit.is_hit()
+    }
+
+    /// The best hits.
+    ///
+    /// # Safety
+    /// As for [`super::Packet::trace`].
+    #[inline(always)]
+    pub(super) unsafe fn hits<S: Simd>(&self, accuracy: Accuracy) -> [Hit; MOST_LANES] {
+        let [singles, pairs] = if S::N == 16 { &IN_TURN_OF_16 } else { &IN_TURN_OF_8 };
+        let mut hits = [Hit::MISS; MOST_LANES];
+        let to = hits.as_mut_ptr().cast::<f32>();
+        // SAFETY: the caller's contract; a hit is four numbers, and there are as many hits as lanes.
+        unsafe {
+            let det = load::<S>(&self.det);
+            // Only here: divisions take long, and most hits are not the last.
+            let mut u = S::div(load::<S>(&self.v), det);
+            let mut v = S::div(load::<S>(&self.w), det);
+            if accuracy != Accuracy::Fast {
+                (u, v) = (snapped::<S>(u), snapped::<S>(v));
+            }
+            let (front, back) = ([load::<S>(&self.t), load::<S>(&self.triangle)], [u, v]);
+            for (half, single) in singles.iter().enumerate() {
+                let single = S::places(single.as_ptr());
+                let numbers = [S::look_up(front, single), S::look_up(back, single)];
+                for (quarter, pair) in pairs.iter().enumerate() {
+                    let row = S::look_up(numbers, S::places(pair.as_ptr()));
+                    S::store(to.add((2 * half + quarter) * S::N), row);
+                }
+            }
+        }
+        hits
     }
 }

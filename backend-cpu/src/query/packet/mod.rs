@@ -147,10 +147,20 @@ impl Packet {
         }
     }
 
-    /// The answer of a ray, by its place among those made ready.
+    /// The answers of the rays of a group.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
     #[inline(always)]
-    pub fn hit<S: Simd>(&self, lane: usize) -> Hit {
-        self.groups[lane / S::N].hit(lane % S::N)
+    pub unsafe fn hits<S: Simd>(&self, group: usize, accuracy: Accuracy) -> [Hit; MOST_LANES] {
+        // SAFETY: the caller's contract.
+        unsafe { self.groups[group].hits::<S>(accuracy) }
+    }
+
+    /// Whether a ray of a group has a hit.
+    #[inline(always)]
+    pub fn is_hit(&self, group: usize, lane: usize) -> bool {
+        self.groups[group].is_hit(lane)
     }
 
     /// Whether rays stay together on their way, as far as could be seen: then packets may be large.

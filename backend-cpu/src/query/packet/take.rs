@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use splitplane_core::intersect::{PLANE_SLACK, SceneScale};
+use splitplane_core::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
 use splitplane_core::ray::Hit;
 
 use super::Packet;
@@ -165,12 +165,14 @@ impl Group {
                 // Of rays that are alive between -126 and 126.
                 let biased = (ready.exponent[first + lane] + 127) as u32;
                 self.outwards.0[lane] = f32::from_bits(254u32.wrapping_sub(biased) << 23);
-                self.inwards.0[lane] = f32::from_bits(biased << 23);
+                let inwards = f32::from_bits(biased.max(127) << 23);
+                self.least.0[lane] = f32::MIN_POSITIVE * (1.0 + STOP_SLACK) * inwards;
             }
             store::<S>(&mut self.t, S::splat(Hit::MISS.t));
             store::<S>(&mut self.triangle, S::splat(f32::from_bits(Hit::MISS.triangle)));
-            store::<S>(&mut self.u, S::splat(0.0));
             store::<S>(&mut self.v, S::splat(0.0));
+            store::<S>(&mut self.w, S::splat(0.0));
+            store::<S>(&mut self.det, S::splat(1.0));
             store::<S>(&mut self.beyond, S::splat(f32::INFINITY));
         }
     }

@@ -147,7 +147,8 @@ unsafe fn compare<S: Simd>(set: InstructionSet) -> ([usize; 2], usize) {
                     for lane in (0..CHUNK).filter(|lane| alive >> lane & 1 != 0) {
                         let ray = &rays[lane];
                         let expected = traverse::closest_hit(&tree, &soup, scene, ray, &options);
-                        let found = packet.hit::<S>(lane);
+                        // SAFETY: as above.
+                        let found = unsafe { packet.hits::<S>(lane / S::N, accuracy)[lane % S::N] };
                         let context = (set, size, round, lane, ray);
                         assert_eq!(found.is_hit(), expected.is_some(), "{context:?}");
                         if query == Query::Closest {

@@ -2,12 +2,13 @@
 
 use splitplane_core::intersect::STOP_SLACK;
 use splitplane_core::ray::{Culling, QueryOptions};
+use splitplane_core::traverse::Query;
 
 use super::Rays;
 use super::group::Group;
-use super::row::{Row, load, put};
+use super::row::{Row, load, put, snapped};
 use crate::query::fast;
-use crate::query::leaf::{Best, decide};
+use crate::query::leaf::decide;
 use crate::query::plane::Plane;
 use crate::query::record::Record;
 use crate::query::simd::{Compiled, Simd};
@@ -30,7 +31,7 @@ impl Group {
             unclear &= unclear - 1;
             let ray = rays.ready.ray(rays.first + lane);
             let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
-            let mut best = Best { hit: self.hit(lane), stop: self.beyond.0[lane] };
+            let mut best = self.best(lane);
             if best.take(&ray, &found, record.triangle(index)) {
                 self.set(lane, &best);
                 taken |= 1 << lane;
@@ -67,6 +68,7 @@ impl Group {
         index: usize,
         active: u32,
         culling: Culling,
+        query: Query,
     ) -> (u32, u32) {
         // SAFETY: the caller's contract.
         unsafe {
@@ -86,6 +88,11 @@ impl Group {
             let within = S::le(rays.row::<S>(&rays.ready.limits[0]), t);
             let within = S::and(within, S::le(t, rays.row::<S>(&rays.ready.limits[1])));
             let met = met & S::bits(within);
+            let triangle = S::splat(f32::from_bits(record.triangle(index)));
+            if query == Query::Any {
+                put::<S>(S::mask(met), &mut self.triangle, triangle);
+                return (met, unclear);
+            }
             let best = load::<S>(&self.t);
             let mut taken = met & !S::bits(S::le(best, t));
             let mut tied = met & S::bits(S::and(S::le(best, t), S::le(t, best)));
@@ -98,18 +105,13 @@ impl Group {
             if taken != 0 {
                 let mask = S::mask(taken);
                 put::<S>(mask, &mut self.t, t);
-                put::<S>(mask, &mut self.u, snapped::<S>(S::div(v, det)));
-                put::<S>(mask, &mut self.v, snapped::<S>(S::div(w, det)));
-                put::<S>(
-                    mask,
-                    &mut self.triangle,
-                    S::splat(f32::from_bits(record.triangle(index))),
-                );
+                put::<S>(mask, &mut self.triangle, triangle);
+                put::<S>(mask, &mut self.v, v);
+                put::<S>(mask, &mut self.w, w);
+                put::<S>(mask, &mut self.det, det);
                 // As `PreparedRay::stop_after`: what is flushed to 0 or clamped is equal outside.
                 let slack = S::mul(S::abs(inner), S::splat(STOP_SLACK));
-                let least = S::splat(f32::MIN_POSITIVE * (1.0 + STOP_SLACK));
-                let least = S::mul(least, load::<S>(&self.inwards));
-                let stop = S::max(S::add(inner, slack), least);
+                let stop = S::max(S::add(inner, slack), load::<S>(&self.least));
                 let clamped = S::le(most, S::abs(t));
                 put::<S>(mask, &mut self.beyond, S::select(clamped, S::splat(f32::INFINITY), stop));
             }
@@ -244,14 +246,4 @@ impl Compiled for CloserLook<'_> {
             *self.met = Met::of(&meeting);
         }
     }
-}
-
-/// 0 for what is below the normal range.
-///
-/// # Safety
-/// The processor must have the set.
-#[inline(always)]
-unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
-    // SAFETY: the caller's contract.
-    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
 }
