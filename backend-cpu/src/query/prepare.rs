@@ -136,8 +136,6 @@ pub(crate) struct PreparedRays {
     padding: PerRay<u32>,
     // What else there is.
     pub origin: [PerRay<f32>; 3],
-    /// Axis of the largest component.
-    pub largest: PerRay<u32>,
     /// 1 for a ray that may hit something.
     pub alive: PerRay<u32>,
     /// 1 for a ray that the scalar code must make ready.
@@ -175,7 +173,6 @@ impl PreparedRays {
         index: [0; CHUNK],
         padding: [0; CHUNK],
         origin: [[0.0; CHUNK]; 3],
-        largest: [0; CHUNK],
         alive: [0; CHUNK],
         special: [0; CHUNK],
         shifted: [0; CHUNK],
@@ -347,7 +344,6 @@ impl PreparedRays {
             let greater = if from_x { x.abs() } else { y.abs() };
             let is_z = z.abs() > greater;
             let axis = if is_z { 2 } else { u32::from(!from_x) };
-            self.largest[i] = axis;
             let main = if is_z {
                 z
             } else if from_x {

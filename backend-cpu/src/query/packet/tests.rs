@@ -80,6 +80,8 @@ fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray
             let direction = [0, 1, 2].map(|k| (direction[k] + d[k]) * scale);
             let ray = Ray::new(origin, direction);
             match (round % 7, i) {
+                // Whole groups without a ray.
+                _ if round % 10 == 6 && (8..24).contains(&i) => Ray::new(origin, [f32::NAN; 3]),
                 (1, 3 | 9) => Ray::new(origin, [f32::NAN; 3]),
                 (2, 0 | 1) => Ray::new(origin.map(|x| x + 90.0), direction),
                 (3, _) => ray.with_limits(0.5 / scale, (1.2 + 0.2 * numbers.next()) / scale),
