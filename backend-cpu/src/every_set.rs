@@ -1,7 +1,9 @@
 //! Functions compiled for every instruction set.
 
 /// Defines a function that takes an instruction set first and runs its body as compiled for that set. The
-/// body is plain Rust; a compiler turns its loops into the vector instructions that it may use.
+/// body is plain Rust; a compiler turns its loops into the vector instructions that it may use. The features
+/// named here must be among those that [`InstructionSet::available`](crate::query::InstructionSet::available)
+/// asks for.
 macro_rules! for_every_set {
     (
         $(#[$doc:meta])*

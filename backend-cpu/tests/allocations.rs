@@ -1,9 +1,9 @@
-//! Rebuilds into the same memory allocate nothing.
+//! Rebuilds into the same memory allocate nothing, and little with preset `best`.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
@@ -14,17 +14,19 @@ struct Counting;
 
 static COUNTING: AtomicBool = AtomicBool::new(false);
 static ALLOCATIONS: AtomicUsize = AtomicUsize::new(0);
+static BYTES: AtomicUsize = AtomicUsize::new(0);
 
-fn note() {
+fn note(bytes: usize) {
     if COUNTING.load(Relaxed) {
         ALLOCATIONS.fetch_add(1, Relaxed);
+        BYTES.fetch_add(bytes, Relaxed);
     }
 }
 
 // SAFETY: hands everything on to the system's allocator.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        note();
+        note(layout.size());
         // SAFETY: the caller's contract.
         unsafe { System.alloc(layout) }
     }
@@ -35,7 +37,7 @@ unsafe impl GlobalAlloc for Counting {
     }
 
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        note();
+        note(size);
         // SAFETY: the caller's contract.
         unsafe { System.realloc(memory, layout, size) }
     }
@@ -46,6 +48,7 @@ static ALLOCATOR: Counting = Counting;
 
 fn allocations(work: impl FnOnce()) -> usize {
     ALLOCATIONS.store(0, Relaxed);
+    BYTES.store(0, Relaxed);
     COUNTING.store(true, Relaxed);
     work();
     COUNTING.store(false, Relaxed);
@@ -74,12 +77,17 @@ fn soup(count: usize, coincident: usize) -> Vec<Triangle> {
 /// One test, since it counts for the whole process.
 #[test]
 fn rebuilds_allocate_nothing() {
+    best_allocates_little();
     for (threads, coincident) in [(1, 10), (2, 10), (2, 300)] {
         let triangles = soup(30_000, coincident);
         let mesh = Mesh::soup(&triangles).unwrap();
-        for preset in [Preset::Fast, Preset::Balanced] {
-            let options = BuildOptions::from(BuildConfig::preset(preset));
-            let what = format!("{preset:?}, {threads} threads, {coincident} coincide");
+        let presets = [Preset::Fast, Preset::Balanced];
+        let layouts = [QueryLayout::Fast, QueryLayout::Compact];
+        for (preset, layout) in presets.into_iter().flat_map(|p| layouts.map(|layout| (p, layout)))
+        {
+            let options =
+                BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(preset)) };
+            let what = format!("{preset:?}, {layout:?}, {threads} threads, {coincident} coincide");
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let backend = CpuBackend::new();
             pool.install(|| {
@@ -107,5 +115,35 @@ fn rebuilds_allocate_nothing() {
                 assert!(planted > 0);
             });
         }
+    }
+}
+
+/// Preset `best` keeps its lists of references and its subtrees; what is above the subtrees, and how nodes
+/// of many references are divided among tasks, is in new memory: some lists, not one a node.
+fn best_allocates_little() {
+    let triangles = soup(30_000, 10);
+    let mesh = Mesh::soup(&triangles).unwrap();
+    // Several threads have room for all that each may do only after some builds.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    for layout in [QueryLayout::Fast, QueryLayout::Compact] {
+        let options =
+            BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(Preset::Best)) };
+        let backend = CpuBackend::new();
+        pool.install(|| {
+            let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();
+            let nodes = accelerator.tree().nodes.len();
+            assert!(nodes > 3_000, "{nodes}");
+            let mut rebuild = || backend.rebuild(&mut accelerator, &mesh, &options).unwrap();
+            rebuild();
+            for _ in 0..3 {
+                let count = allocations(&mut rebuild);
+                let bytes = BYTES.load(Relaxed);
+                assert!(count < 100 && bytes < 1 << 15, "{layout:?}: {count} of {bytes} bytes");
+            }
+            let new = || CpuBackend::new().rebuild(&mut accelerator, &mesh, &options).unwrap();
+            let planted = allocations(new);
+            let bytes = BYTES.load(Relaxed);
+            assert!(planted > 0 && bytes > 1 << 20, "{planted} of {bytes} bytes");
+        });
     }
 }

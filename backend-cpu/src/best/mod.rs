@@ -30,7 +30,8 @@
 //! # Who works
 //! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; what
 //! one task does for such a node alone is bounding its bins. Smaller ones are built by one task each,
-//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds.
+//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds; what
+//! is above the subtrees is a few small lists made anew by each.
 //!
 //! # Order
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or
