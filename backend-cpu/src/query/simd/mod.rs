@@ -59,6 +59,7 @@ pub(crate) trait Simd: Copy {
     /// Lanes.
     const N: usize;
     /// Whether code that is compiled for the set may use AVX-512 F, DQ, BW and VL.
+    #[cfg(target_arch = "x86_64")]
     const AVX512: bool = false;
     /// `N` floats.
     type Floats: Copy;
