@@ -1,6 +1,6 @@
-//! Every way to ask, on a scene small enough to run under Miri, which sees reads and writes out of
-//! bounds, uninitialised memory and data races where tests see hits only:
-//! `MIRIFLAGS=-Zmiri-disable-isolation cargo +nightly miri test -p splitplane-cpu --features splitplane-core/alloc --test small`.
+//! Every way to ask, on a small scene, and a smaller one under Miri, which sees reads and writes out of
+//! bounds, uninitialised memory and data races where tests see hits only. It takes long there:
+//! `MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows" cargo +nightly miri test -p splitplane-cpu --features splitplane-core/alloc --test small`.
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::exact;
