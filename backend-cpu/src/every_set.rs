@@ -12,7 +12,7 @@ macro_rules! for_every_set {
         $(#[$doc])*
         #[allow(clippy::too_many_arguments, reason = "one more than the body needs")]
         $visible fn $name(set: $crate::query::InstructionSet, $($argument: $type),*) -> $out {
-            #[inline(always)]
+            #[cfg_attr(optimised, inline(always))]
             #[allow(clippy::unused_unit, reason = "the type is always written")]
             fn plain($($argument: $type),*) -> $out $body
             #[cfg(target_arch = "x86_64")]

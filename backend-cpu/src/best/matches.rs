@@ -31,7 +31,7 @@ impl Ranges {
     }
 
     /// Calls `found` with every word that is in its range: its reference's number and its own.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn search(
         &self,
         set: InstructionSet,
@@ -56,7 +56,7 @@ impl Ranges {
     }
 
     /// The words of eight references that are in their ranges, a bit each.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn of(&self, set: InstructionSet, places: &[Places; AT_ONCE]) -> u64 {
         match set {
             #[cfg(target_arch = "x86_64")]
@@ -84,7 +84,7 @@ impl Ranges {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn of_loops(&self, places: &[Places; AT_ONCE]) -> u64 {
         let mut bits = 0;
         for bit in 0..64 {

@@ -232,7 +232,7 @@ struct OneRoot<'a, A> {
 impl<A: Arithmetic> Compiled for OneRoot<'_, A> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn run<S: Simd>(self) {
         let OneRoot { inputs, root, worker, totals, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
@@ -277,7 +277,7 @@ struct Task<'a> {
 }
 
 /// Builds the subtree of one root.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn one_root<A: Arithmetic, L: Lanes>(
     inputs: &Inputs<'_>,
     root: &SmallRoot,
@@ -310,7 +310,7 @@ fn one_root<A: Arithmetic, L: Lanes>(
 }
 
 impl Task<'_> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn subtree<A: Arithmetic, L: Lanes>(&mut self, root: Node) {
         // References that splits added, and nodes, since the caps were last told.
         let mut untold = [0u64; 2];
@@ -366,7 +366,7 @@ impl Task<'_> {
     }
 
     /// A node of more than T references: its cuts, then a leaf, or a split, of which the left child comes next.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn large<A: Arithmetic, L: Lanes>(
         &mut self,
         node: &Node,
@@ -431,7 +431,7 @@ impl Task<'_> {
     }
 
     /// What is done with a large node: up to the split what `split_large` and `split_binned` do.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn decide<A: Arithmetic>(&mut self, node: &Node) -> Decision {
         let Inputs { look, config, planes, .. } = *self.inputs;
         let Worker { columns, references, bins, .. } = &mut *self.worker;
@@ -481,7 +481,7 @@ impl Task<'_> {
 }
 
 /// Counts by bins where the references of a node start and end.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn count_bins<A: Arithmetic>(
     count: u32,
     columns: &Columns,

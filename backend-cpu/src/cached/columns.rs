@@ -60,7 +60,7 @@ impl Columns {
     }
 
     /// A row.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn get(&self, index: usize) -> Row {
         Row {
             faces: core::array::from_fn(|row| self.faces[row][index]),
@@ -69,7 +69,7 @@ impl Columns {
     }
 
     /// Overwrites a row.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn set(&mut self, index: usize, row: &Row) {
         for (column, face) in self.faces.iter_mut().zip(row.faces) {
             column[index] = face;
@@ -114,7 +114,7 @@ impl Columns {
     }
 
     /// The bounds of some rows. Faces are never -0 and never NaN, so the order does not show.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn bounds(&self, first: usize, count: usize) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for axis in 0..3 {
@@ -126,7 +126,7 @@ impl Columns {
 }
 
 /// Folds side by side, so that vector instructions serve.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn fold(values: &[f32], neutral: f32, f: impl Fn(f32, f32) -> f32) -> f32 {
     let mut lanes = [neutral; WIDTH];
     let mut blocks = values.chunks_exact(WIDTH);

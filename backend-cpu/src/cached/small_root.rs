@@ -95,7 +95,7 @@ impl Root {
 
     /// Appends the subtree of the references taken to `out`. Indices count from `base`: so many nodes and
     /// references.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn build<A: Arithmetic, L: Lanes>(
         &mut self,
         costs: &Costs,
@@ -160,7 +160,7 @@ impl Root {
     }
 
     /// The split of least rank, if it costs less than a leaf.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn best_split<A: Arithmetic, L: Lanes>(
         &mut self,
         costs: &Costs,
@@ -198,7 +198,7 @@ impl Root {
     /// The split of a node that fits one block. With triangles on both sides a split costs no less
     /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
     /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn cut_empty<A: Arithmetic, L: Lanes>(
         &self,
         costs: &Costs,
@@ -265,14 +265,14 @@ struct Best {
 
 impl Best {
     /// Candidates must cost less than this.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn above(cost: u32) -> Best {
         // No candidate has this axis: none wins by a tie.
         Best { cost: [cost; WIDTH], axis: [3; WIDTH], position: [0.0; WIDTH] }
     }
 
     /// Takes a candidate for a lane if it is less. Candidates come in the order of their axes.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn offer(&mut self, lane: usize, cost: u32, axis: u32, position: f32) {
         let tie = (cost == self.cost[lane])
             & (axis == self.axis[lane])
@@ -284,7 +284,7 @@ impl Best {
     }
 
     /// The least of all lanes, if any costs less than this.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn plane(&self, above: u32) -> Option<SplitPlane> {
         let least = self.cost.iter().fold(u32::MAX, |least, &cost| least.min(cost));
         if least >= above {
@@ -326,7 +326,7 @@ impl Costs {
     }
 
     /// `ceil(count / W)` for counts of at most 64.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn blocks(&self, count: u32) -> u32 {
         ((count + self.block_width - 1) * self.reciprocal) >> 16
     }
@@ -344,7 +344,7 @@ struct Block<'a> {
 
 /// Evaluates the planes of a block, all at once: loops without branches over arrays, which compilers turn
 /// into vector instructions.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn consider<A: Arithmetic, L: Lanes>(
     costs: &Costs,
     cell: &Aabb,

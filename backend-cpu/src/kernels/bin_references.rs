@@ -52,13 +52,13 @@ struct OneChunk<'a, A> {
 impl<A: Arithmetic> Compiled for OneChunk<'_, A> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn run<S: Simd>(self) {
         one_chunk::<A>(self.bins, self.tight, self.references, self.out);
     }
 }
 
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn one_chunk<A: Arithmetic>(
     bins: u32,
     tight: &Aabb,

@@ -61,7 +61,7 @@ struct Batch<'a, A> {
 impl<A: Arithmetic> Compiled for Batch<'_, A> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn run<S: Simd>(self) {
         let Batch { config, roots, references, sizes, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
@@ -73,7 +73,7 @@ impl<A: Arithmetic> Compiled for Batch<'_, A> {
 }
 
 /// Builds the subtrees of a batch.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 fn batch<A: Arithmetic, L: Lanes>(
     config: &BuildConfig,
     roots: &[SmallRoot],

@@ -53,28 +53,28 @@ pub(crate) trait Triangles {
 impl Triangles for Record<'_> {
     const VECTORS: usize = 2;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn count(&self) -> usize {
         Record::count(self)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Record::triangle(self, index)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn corners(&self, index: usize) -> Triangle {
         Record::corners(self, index)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::load(Record::coordinates(self, axis).wrapping_add(vector * S::N)) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
         // SAFETY: the caller's contract.
         unsafe {
@@ -86,7 +86,7 @@ impl Triangles for Record<'_> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn of_corners<S: Simd>(
         [low, high, _]: Vectors<S>,
         places: [S::Places; 3],
@@ -100,35 +100,35 @@ impl Triangles for Record<'_> {
 impl Triangles for Block<'_> {
     const VECTORS: usize = 3;
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn count(&self) -> usize {
         self.count
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Block::triangle(self, index)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     fn corners(&self, index: usize) -> Triangle {
         Block::corners(self, index)
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
         let row = (3 * vector + axis) * self.stride;
         // SAFETY: the caller's contract.
         unsafe { S::load(self.words.as_ptr().wrapping_add(row)) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
         // SAFETY: the caller's contract. Nothing is looked up.
         unsafe { [S::places([0; MOST_LANES].as_ptr()); 3] }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
         vectors
     }
@@ -149,7 +149,7 @@ impl Best {
 
     /// Takes a candidate if it is within the caller's limits and comes before. True when it does, and
     /// for any hit that is the end.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
         let Some(t) = ray.outer_t::<Strict>(found.t) else { return false };
         let hit = Hit { t, triangle, u: found.u, v: found.v };
@@ -192,7 +192,7 @@ pub(crate) fn test_one(
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     way: &Way,
     record: &T,
@@ -294,7 +294,7 @@ pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
 ///
 /// # Safety
 /// The processor must have the set.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) unsafe fn of_corners<S: Simd>(
     table: Table<S>,
     places: [S::Places; 3],
@@ -321,7 +321,7 @@ struct Seen<S: Simd, T> {
 impl<S: Simd, T: Triangles> Seen<S, T> {
     /// # Safety
     /// As for [`test`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -344,7 +344,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
     ///
     /// # Safety
     /// As for [`test`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn greatest(&self, vectors: Vectors<S>) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe {
@@ -356,7 +356,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
 
 /// # Safety
 /// The processor must have the set.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe { [S::splat(x), S::splat(y), S::splat(z)] }
@@ -364,7 +364,7 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
 
 /// # Safety
 /// As for [`test`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn coordinates<S: Simd, T: Triangles>(
     record: &T,
     [x, y, z]: [usize; 3],
@@ -384,7 +384,7 @@ unsafe fn coordinates<S: Simd, T: Triangles>(
 ///
 /// # Safety
 /// As for [`test`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn all_corners<S: Simd, T: Triangles>(
     record: &T,
     places: [S::Places; 3],
@@ -404,7 +404,7 @@ unsafe fn all_corners<S: Simd, T: Triangles>(
 }
 
 impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
@@ -416,21 +416,21 @@ impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
         }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn depths(&self) -> [S::Floats; 3] {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
         unsafe { T::of_corners::<S>([a.depth, b.depth, c.depth], self.places) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn reach(&self) -> S::Floats {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
         unsafe { self.greatest([a.reach(), b.reach(), c.reach()]) }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn width(&self, [low, high]: [S::Floats; 2]) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::magnitude(low, high) }
@@ -448,7 +448,7 @@ struct CloserLook<'a, T> {
 impl<T: Triangles> Compiled for CloserLook<'_, T> {
     type Output = ();
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn run<S: Simd>(self) {
         let CloserLook { way, record, limit, met } = self;
         let ray = way.ray();
@@ -466,7 +466,7 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
 
 /// # Safety
 /// The processor must have the set.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
     let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
@@ -477,7 +477,7 @@ unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
 ///
 /// # Safety
 /// As for [`test`].
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {

@@ -71,7 +71,7 @@ impl Reach {
     }
 
     /// The same from R and the inner limits.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn of(reach: f32, t_min: f32, t_max: f32) -> Reach {
         let edge = EDGE_ERROR * reach;
         Reach {
@@ -116,7 +116,7 @@ impl ExactLane {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub unsafe fn test<S: Simd, T: Triangles>(
         &mut self,
         way: &Way,
@@ -185,7 +185,7 @@ pub(crate) fn inner_stop(t: f64, exponent: i32) -> f32 {
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
@@ -338,7 +338,7 @@ mod tests {
     impl Compiled for Sift<'_> {
         type Output = u32;
 
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         unsafe fn run<S: Simd>(self) -> u32 {
             // SAFETY: the caller's contract.
             unsafe { sift::<S, _>(self.way, self.reach, self.block, self.limit) }

@@ -105,7 +105,7 @@ impl WideNodes {
     }
 
     /// The nodes, one after the other.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub fn lines(&self) -> &[Line] {
         &self.lines
     }

@@ -74,7 +74,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn meets<S: Simd>(
         &self,
         rays: &Rays<'_>,
@@ -102,7 +102,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
         record: &Record<'_>,
@@ -172,7 +172,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn test_ray<S: Simd>(
         &mut self,
         record: &Record<'_>,
@@ -197,13 +197,13 @@ impl Group {
     }
 
     /// The best hit of a ray so far, but for its place in the triangle.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn best(&self, lane: usize) -> Best {
         let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
         Best { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
     }
 
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn set(&mut self, lane: usize, best: &Best) {
         self.t.0[lane] = best.hit.t;
         self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
@@ -212,7 +212,7 @@ impl Group {
     }
 
     /// Whether a ray has a hit.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) fn is_hit(&self, lane: usize) -> bool {
         self.best(lane).hit.is_hit()
     }
@@ -221,7 +221,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn hits<S: Simd>(&self, accuracy: Accuracy) -> [Hit; MOST_LANES] {
         let [singles, pairs] = if S::N == 16 { &IN_TURN_OF_16 } else { &IN_TURN_OF_8 };
         let mut hits = [Hit::MISS; MOST_LANES];

@@ -26,7 +26,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub unsafe fn take_coherent<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
@@ -54,7 +54,7 @@ impl Packet {
     ///
     /// # Safety
     /// The processor must have the set; there must be as many lanes, and at least one ray.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     pub unsafe fn take<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
@@ -98,7 +98,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn bound<S: Simd>(
         &mut self,
         ready: &PreparedRays,
@@ -147,7 +147,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn begin<S: Simd>(
         &mut self,
         ready: &PreparedRays,

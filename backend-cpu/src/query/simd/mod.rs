@@ -138,7 +138,7 @@ pub(crate) trait Simd: Copy {
 
     /// [`Simd::push`] for the children that are left no sooner than they are entered. The last one as
     /// there, and how many there are.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn push_met(
         children: *const u32,
         enter: Self::Floats,
@@ -157,7 +157,7 @@ pub(crate) trait Simd: Copy {
     }
 
     /// The greater of two magnitudes.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
         // SAFETY: the caller's contract.
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
@@ -181,7 +181,7 @@ pub(crate) trait Compiled {
 }
 
 /// Asks for the cache line at an address that need not be readable.
-#[inline(always)]
+#[cfg_attr(optimised, inline(always))]
 pub(crate) fn prefetch(at: *const u8) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a prefetch reads nothing and faults nowhere; SSE is part of x86-64.
@@ -236,7 +236,7 @@ mod tests {
 
     /// # Safety
     /// The processor must have the set.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn check<S: Simd>() {
         let mut numbers = Numbers(S::N as u32);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
@@ -295,7 +295,7 @@ mod tests {
 
     /// # Safety
     /// The processor must have the set.
-    #[inline(always)]
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn check_stacks<S: Simd>() {
         let mut numbers = Numbers(S::N as u32 + 99);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
@@ -387,7 +387,7 @@ mod tests {
     impl Compiled for Operations {
         type Output = ();
 
-        #[inline(always)]
+        #[cfg_attr(optimised, inline(always))]
         unsafe fn run<S: Simd>(self) {
             // SAFETY: the caller's contract.
             unsafe {
