@@ -11,10 +11,12 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 # Of the arguments those that choose what cargo builds and from what.
 build=()
+lock=()
 selects=
 for argument in "$@"; do
     case $argument in
-    --locked | --offline | --frozen | --release) build+=("$argument") ;;
+    --locked | --offline | --frozen) build+=("$argument") lock+=("$argument") ;;
+    --release) build+=("$argument") ;;
     *) selects=yes ;;
     esac
     [ "$argument" != -- ] || break
@@ -99,6 +101,11 @@ say "cargo test --workspace $*"
 cargo test --workspace "$@"
 
 [ -z "$selects" ] || exit 0
+
+# Without optimisation values take the most stack, and most programs are first built so.
+stack=(--profile dev -p splitplane-cpu --features splitplane-core/alloc --test stack)
+say "cargo test ${stack[*]} ${lock[*]-}"
+cargo test "${stack[@]}" ${lock[@]+"${lock[@]}"}
 
 if [ "${SPLITPLANE_DISPLAY:-}" = absent ]; then
     say "SPLITPLANE_DISPLAY=absent is set: tests that need a display are ignored"
