@@ -75,6 +75,11 @@ pub(crate) use top::Scratch;
 /// References copied between two looks at the watch.
 const PIECE: usize = 1 << 13;
 
+/// [`Costs::both`], which are tens of kilobytes, where they are not on the stack.
+fn boxed_costs(config: &BuildConfig) -> Box<[Costs; 2]> {
+    Box::new(Costs::both(config))
+}
+
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.
 ///
@@ -93,7 +98,7 @@ pub(crate) fn build(
     let workers = AtomicUsize::new(buffers.best.begin());
     let built = {
         let builder = Builder {
-            costs: Costs::both(config),
+            costs: boxed_costs(config),
             clip: config.clip,
             set,
             triangles: &buffers.triangles,
