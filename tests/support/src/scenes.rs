@@ -133,6 +133,17 @@ pub fn soup(count: usize, size: f64, seed: u64) -> Scene {
     Scene::of_soup("soup", &triangles)
 }
 
+/// Random triangles of `octaves` sizes, each half the one before and half as far from the origin: every
+/// plane separates few of them from the others, so that trees are about as deep.
+pub fn converging(count: usize, octaves: usize, seed: u64) -> Scene {
+    let mut scene = soup(count, 0.2, seed);
+    for (i, corners) in scene.positions.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        let scale = 0.5f32.powi((i % octaves) as i32);
+        corners.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+    }
+    scene.named("converging")
+}
+
 /// The same triangle many times: no plane separates anything.
 pub fn identical(count: usize) -> Scene {
     let positions = vec![[0.1, 0.2, 0.3], [0.9, 0.1, 0.4], [0.4, 0.8, 0.7]];
