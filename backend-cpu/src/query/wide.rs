@@ -341,9 +341,8 @@ impl Made {
 mod tests {
     use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
     use splitplane_core::config::{BuildConfig, Preset};
-    use splitplane_core::mesh::Mesh;
     use splitplane_core::node::{KdNode, NodeKind};
-    use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::scenes;
 
     use super::*;
     use crate::CpuBackend;
@@ -352,24 +351,6 @@ mod tests {
     use crate::query::blocks::Blocks;
     use crate::query::record::{Record, UNIT_WORDS};
     use crate::query::{InstructionSet, LayoutScratch, Source};
-
-    /// Triangles of all sizes, the first many times.
-    fn triangles(count: usize, same: usize) -> Vec<Triangle> {
-        let mut state = 5u32;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 8) as f32 / 16_777_216.0
-        };
-        let mut triangles: Vec<Triangle> = (0..count)
-            .map(|i| {
-                let (centre, size) =
-                    ([(); 3].map(|()| next()), if i % 40 == 0 { 0.4 } else { 0.02 });
-                [(); 3].map(|()| centre.map(|x| x + size * next()))
-            })
-            .collect();
-        triangles.extend(vec![triangles[0]; same]);
-        triangles
-    }
 
     /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
     /// unused places are empty. Gives the levels, and what the leaves are.
@@ -418,8 +399,8 @@ mod tests {
     #[test]
     fn nodes_name_every_leaf_once() {
         for (count, same) in [(1, 0), (30, 0), (3, 5_000), (20_000, 700)] {
-            let triangles = triangles(count, same);
-            let mesh = Mesh::soup(&triangles).unwrap();
+            let scene = scenes::sizes(count, same, 5);
+            let (mesh, triangles) = (scene.mesh(), scene.triangles());
             let options = BuildOptions::from(BuildConfig::preset(Preset::Fast));
             let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
             for set in InstructionSet::available() {

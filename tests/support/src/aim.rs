@@ -361,8 +361,9 @@ pub fn invalid(rays: &[Ray], seed: u64) -> Vec<Ray> {
         .collect()
 }
 
-/// Rays through the pixels of pictures of a mesh from around it, and from where these are as far as the
-/// middle of it to a light: neighbours go together, so that they are traced as packets.
+/// Rays through the pixels of pictures of a mesh from around it, those of every third within limits, and from
+/// where these are as far as a point of the mesh to a light: neighbours go together, so that they are traced as
+/// packets.
 pub fn pictures(
     mesh: &Mesh<'_>,
     pictures: usize,
@@ -380,7 +381,8 @@ pub fn pictures(
             let mut direction = view.direction;
             direction[picture % 3] += length * 0.4 * (x as f32 / width as f32 - 0.5);
             direction[(picture + 1) % 3] += length * 0.4 * (y as f32 / height as f32 - 0.5);
-            Ray::new(eye, direction)
+            let ray = Ray::new(eye, direction);
+            if picture % 3 == 2 { ray.with_limits(0.3, 1.2) } else { ray }
         });
         let pixels: Vec<Ray> = pixels.collect();
         let start = |ray: &Ray| [0, 1, 2].map(|k| ray.origin[k] + ray.direction[k]);
