@@ -75,11 +75,6 @@ pub(crate) use top::Scratch;
 /// References copied between two looks at the watch.
 const PIECE: usize = 1 << 13;
 
-/// [`Costs::both`], which are tens of kilobytes, where they are not on the stack.
-fn boxed_costs(config: &BuildConfig) -> Box<[Costs; 2]> {
-    Box::new(Costs::both(config))
-}
-
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.
 ///
@@ -96,9 +91,11 @@ pub(crate) fn build(
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let ledger = Ledger::new(*memory);
     let workers = AtomicUsize::new(buffers.best.begin());
+    // Tens of kilobytes, which are moved nowhere: unless this is optimised they would be on the stack twice.
+    let costs = Costs::both(config);
     let built = {
         let builder = Builder {
-            costs: boxed_costs(config),
+            costs: &costs,
             clip: config.clip,
             set,
             triangles: &buffers.triangles,

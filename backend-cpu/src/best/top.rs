@@ -67,7 +67,7 @@ impl Scratch {
 #[derive(Debug)]
 pub(super) struct Builder<'a> {
     /// What planes are compared by, and leaves for children.
-    pub costs: Box<[Costs; 2]>,
+    pub costs: &'a [Costs; 2],
     /// Whether references are clipped to cells.
     pub clip: bool,
     pub set: InstructionSet,
@@ -143,7 +143,7 @@ impl Builder<'_> {
         references: &[Reference],
         bins: &mut Bins,
     ) -> Result<Option<Decision>, BuildError> {
-        node.decide(&self.costs, self.set, cell, references, bins, self.ledger, self.look)
+        node.decide(self.costs, self.set, cell, references, bins, self.ledger, self.look)
     }
 
     fn recycle(&self, list: Vec<Reference>) {
