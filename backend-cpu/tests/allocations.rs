@@ -5,9 +5,8 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::mesh::Mesh;
-use splitplane_core::triangle::Triangle;
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::scenes;
 
 /// Counts allocations, and growths of what was allocated, while [`COUNTING`] is set.
 struct Counting;
@@ -55,32 +54,14 @@ fn allocations(work: impl FnOnce()) -> usize {
     ALLOCATIONS.load(Relaxed)
 }
 
-/// Triangles of all sizes, and some that coincide. Of many that coincide the builder makes more references
-/// than it may, so that a cap binds.
-fn soup(count: usize, coincident: usize) -> Vec<Triangle> {
-    let mut state = 9u32;
-    let mut next = move || {
-        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        (state >> 8) as f32 / 16_777_216.0
-    };
-    let mut triangles: Vec<Triangle> = (0..count)
-        .map(|i| {
-            let centre = [(); 3].map(|()| next());
-            let size = if i % 50 == 0 { 0.3 } else { 0.02 };
-            [(); 3].map(|()| centre.map(|x| x + size * next()))
-        })
-        .collect();
-    triangles.extend(vec![triangles[0]; coincident]);
-    triangles
-}
-
 /// One test, since it counts for the whole process.
 #[test]
 fn rebuilds_allocate_nothing() {
     best_allocates_little();
     for (threads, coincident) in [(1, 10), (2, 10), (2, 300)] {
-        let triangles = soup(30_000, coincident);
-        let mesh = Mesh::soup(&triangles).unwrap();
+        // Of many that coincide the builder makes more references than it may, so that a cap binds.
+        let scene = scenes::sizes(30_000, coincident, 9);
+        let mesh = scene.mesh();
         let presets = [Preset::Fast, Preset::Balanced];
         let layouts = [QueryLayout::Fast, QueryLayout::Compact];
         for (preset, layout) in presets.into_iter().flat_map(|p| layouts.map(|layout| (p, layout)))
@@ -121,8 +102,8 @@ fn rebuilds_allocate_nothing() {
 /// Preset `best` keeps its lists of references and its subtrees; what is above the subtrees, and how nodes
 /// of many references are divided among tasks, is in new memory: some lists, not one a node.
 fn best_allocates_little() {
-    let triangles = soup(30_000, 10);
-    let mesh = Mesh::soup(&triangles).unwrap();
+    let scene = scenes::sizes(30_000, 10, 9);
+    let mesh = scene.mesh();
     // Several threads have room for all that each may do only after some builds.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for layout in [QueryLayout::Fast, QueryLayout::Compact] {

@@ -9,19 +9,15 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
 use splitplane_cpu::{CpuBackend, InstructionSet};
+use splitplane_test_support::random::Random;
 
 /// Small triangles all over a cube.
 fn soup(count: u32) -> Vec<Triangle> {
-    let mut state = count;
-    let mut next = move || {
-        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        (state >> 8) as f32 / 8_388_608.0 - 1.0
-    };
-    let corner = |next: &mut dyn FnMut() -> f32| [next(), next(), next()];
+    let mut random = Random::new(count.into());
     (0..count)
         .map(|_| {
-            let [a, b, c] = [corner(&mut next), corner(&mut next), corner(&mut next)];
-            [a, [0, 1, 2].map(|k| a[k] + 0.1 * b[k]), [0, 1, 2].map(|k| a[k] + 0.1 * c[k])]
+            let [a, b, c] = [random.point(1.0), random.point(0.1), random.point(0.1)];
+            [a, [0, 1, 2].map(|k| a[k] + b[k]), [0, 1, 2].map(|k| a[k] + c[k])]
         })
         .collect()
 }

@@ -11,54 +11,19 @@ use splitplane_core::traverse;
 use splitplane_core::triangle::Triangle;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
-
-/// PCG-like numbers in `[-1, 1)`.
-struct Numbers(u32);
-
-impl Numbers {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
-    }
-
-    fn point(&mut self, spread: f32) -> [f32; 3] {
-        [self.next() * spread, self.next() * spread, self.next() * spread]
-    }
-}
-
-/// Small triangles, a few large ones, some duplicates, some flat along an axis.
-fn soup(count: usize, numbers: &mut Numbers) -> Vec<Triangle> {
-    let mut triangles: Vec<Triangle> = (0..count)
-        .map(|i| {
-            let centre = numbers.point(5.0);
-            let size = if i % 50 == 0 { 8.0 } else { 0.4 };
-            let mut corners = [(); 3].map(|()| {
-                let offset = numbers.point(size);
-                [0, 1, 2].map(|k| centre[k] + offset[k])
-            });
-            if i % 7 == 0 {
-                for corner in &mut corners {
-                    corner[i % 3] = centre[i % 3];
-                }
-            }
-            corners
-        })
-        .collect();
-    for i in 0..count / 20 {
-        triangles.push(triangles[i * 3]);
-    }
-    triangles
-}
+use splitplane_test_support::aim;
+use splitplane_test_support::random::Random;
+use splitplane_test_support::scenes;
 
 /// Rays of all kinds: through the scene, along axes, at corners, from far away, bounded, invalid.
-fn rays(triangles: &[Triangle], count: usize, numbers: &mut Numbers) -> Vec<Ray> {
+fn rays(triangles: &[Triangle], count: usize, random: &mut Random) -> Vec<Ray> {
     (0..count)
         .map(|i| {
-            let origin = numbers.point(if i % 5 == 0 { 1e5 } else { 6.0 });
+            let origin = random.point(if i % 5 == 0 { 1e5 } else { 6.0 });
             let target = triangles[i * 31 % triangles.len()][i % 3];
             let mut direction = match i % 3 {
                 0 => [0, 1, 2].map(|k| target[k] - origin[k]),
-                1 => numbers.point(1.0),
+                1 => random.point(1.0),
                 _ => [0, 1, 2].map(|k| if k == i % 9 / 3 { 1.0 } else { 0.0 }),
             };
             if i % 97 == 0 {
@@ -66,54 +31,28 @@ fn rays(triangles: &[Triangle], count: usize, numbers: &mut Numbers) -> Vec<Ray>
             }
             let ray = Ray::new(origin, direction);
             match i % 4 {
-                0 => ray.with_limits(numbers.next(), numbers.next() * 10.0),
+                0 => ray.with_limits(random.signed(), random.signed() * 10.0),
                 _ => ray,
             }
         })
         .collect()
 }
 
-/// Rays through a grid of pixels, and from where they meet a sphere to one light: coherent, so that
-/// they are traced as packets.
-fn coherent_rays(numbers: &mut Numbers) -> Vec<Ray> {
-    let mut rays = Vec::new();
-    for view in 0..6 {
-        let eye = numbers.point(9.0);
-        let towards =
-            [0, 1, 2].map(|k| if k == view % 3 { -eye[k] } else { numbers.next() - eye[k] });
-        for pixel in 0..24 * 32 {
-            let (x, y) = ((pixel % 32) as f32 / 80.0 - 0.2, (pixel / 32) as f32 / 80.0 - 0.15);
-            let mut direction = towards.map(|d| d / 9.0);
-            direction[(view + 1) % 3] += x;
-            direction[(view + 2) % 3] += y;
-            let ray = Ray::new(eye, direction);
-            rays.push(if view == 5 { ray.with_limits(0.3, 1.2) } else { ray });
-            let start = [0, 1, 2].map(|k| eye[k] + 0.7 * direction[k] * 9.0);
-            rays.push(Ray::segment(start, [4.0, 5.0, 3.0]));
-        }
-    }
-    // Neighbours of one kind side by side.
-    let (views, shadows): (Vec<_>, Vec<_>) = rays.iter().enumerate().partition(|(i, _)| i % 2 == 0);
-    views.into_iter().chain(shadows).map(|(_, ray)| *ray).collect()
-}
-
 #[test]
 fn every_path_equals_the_reference() {
-    let mut numbers = Numbers(1);
+    let mut random = Random::new(1);
     let mut hit_something = 0;
     for (count, width, scale) in
         [(1, 16, 1.0), (40, 16, 1.0), (3000, 16, 1.0), (3000, 1, 1.0), (500, 16, 1e20)]
     {
-        let triangles: Vec<Triangle> = soup(count, &mut numbers)
-            .iter()
-            .map(|t| t.map(|corner| corner.map(|x| x * scale)))
-            .collect();
-        let mut rays = rays(&triangles, 700, &mut numbers);
-        rays.extend(coherent_rays(&mut numbers));
+        let scene = scenes::medley(count, 0.4, 1);
+        let mut rays = rays(&scene.triangles(), 700, &mut random);
         for ray in &mut rays {
             ray.origin = ray.origin.map(|x| x * scale);
         }
-        let mesh = Mesh::soup(&triangles).unwrap();
+        let scene = scenes::scaled(&scene, scale, "scaled");
+        let mesh = scene.mesh();
+        rays.extend(aim::pictures(&mesh, 6, [32, 24], 1));
         let config = BuildConfig { block_width: width, ..BuildConfig::default() };
         for set in InstructionSet::available() {
             let backend = CpuBackend::with_instruction_set(set);
@@ -154,8 +93,8 @@ fn every_path_equals_the_reference() {
 /// The same tree whatever the instruction set of the small-node stage.
 #[test]
 fn every_instruction_set_builds_the_same_tree() {
-    let triangles = soup(5000, &mut Numbers(9));
-    let mesh = Mesh::soup(&triangles).unwrap();
+    let scene = scenes::medley(5000, 0.4, 9);
+    let mesh = scene.mesh();
     for (width, preset) in [1, 3, 16].into_iter().flat_map(|w| Preset::ALL.map(|p| (w, p))) {
         if preset.planes().is_none() {
             continue;
@@ -176,10 +115,10 @@ fn every_instruction_set_builds_the_same_tree() {
 /// digest nor hits. Random soups at ordinary and at extreme scales, among them coordinates next to the subnormals.
 #[test]
 fn a_hostile_device_changes_neither_digest_nor_hits() {
-    let mut numbers = Numbers(5);
+    let mut random = Random::new(5);
     let mut hits = 0;
     for scale in [1.0f32, 1e-30, 1e-36, 1e-37, 1e30, 3e37] {
-        let mut triangles = soup(2000, &mut numbers);
+        let mut triangles = scenes::medley(2000, 0.4, 5).triangles();
         for corner in triangles.as_flattened_mut() {
             *corner = corner.map(|x| x * scale);
         }
@@ -203,7 +142,7 @@ fn a_hostile_device_changes_neither_digest_nor_hits() {
             }
         }
         let strict = build(BuildConfig::default());
-        let mut rays = rays(&triangles, 2000, &mut numbers);
+        let mut rays = rays(&triangles, 2000, &mut random);
         for ray in &mut rays {
             ray.origin = ray.origin.map(|x| x * scale);
         }

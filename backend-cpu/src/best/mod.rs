@@ -91,9 +91,11 @@ pub(crate) fn build(
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let ledger = Ledger::new(*memory);
     let workers = AtomicUsize::new(buffers.best.begin());
+    // Tens of kilobytes, which are moved nowhere: unless this is optimised they would be on the stack twice.
+    let costs = Costs::both(config);
     let built = {
         let builder = Builder {
-            costs: Costs::both(config),
+            costs: &costs,
             clip: config.clip,
             set,
             triangles: &buffers.triangles,

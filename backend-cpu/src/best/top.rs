@@ -24,6 +24,10 @@ use crate::query::InstructionSet;
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
 
+/// Children of nodes below this depth are built one after the other: all threads have work long before, and
+/// tasks within tasks take a few times the stack.
+const DIVIDED: u32 = 24;
+
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
 pub(crate) struct Scratch {
@@ -63,7 +67,7 @@ impl Scratch {
 #[derive(Debug)]
 pub(super) struct Builder<'a> {
     /// What planes are compared by, and leaves for children.
-    pub costs: [Costs; 2],
+    pub costs: &'a [Costs; 2],
     /// Whether references are clipped to cells.
     pub clip: bool,
     pub set: InstructionSet,
@@ -74,6 +78,35 @@ pub(super) struct Builder<'a> {
     /// How many workers there are.
     pub workers: AtomicUsize,
     pub look: &'a Lookout<'a>,
+}
+
+/// A node that is split.
+struct Divided {
+    split: Split,
+    /// What a step at it costs, and what it would as a leaf.
+    step: f64,
+    leaf: f64,
+    /// What goes left and right, the children, and how many references each has.
+    lists: [Vec<Reference>; 2],
+    nodes: [Node; 2],
+    counts: [usize; 2],
+}
+
+/// A node of so many references whose children are built: split where that pays. `step` is what a step at it
+/// costs, `leaf` what it would as a leaf.
+fn joined(
+    split: &Split,
+    [step, leaf]: [f64; 2],
+    count: usize,
+    (left, left_cost): (Built, f64),
+    (right, right_cost): (Built, f64),
+) -> (Built, f64) {
+    let cost = step + left_cost + right_cost;
+    if cost < leaf {
+        let axis = Axis::from_index(split.axis as u32);
+        return (Built::split(axis, split.position, left, right), cost);
+    }
+    (Built::retracted(left, right, count as u64), leaf)
 }
 
 impl Builder<'_> {
@@ -110,7 +143,7 @@ impl Builder<'_> {
         references: &[Reference],
         bins: &mut Bins,
     ) -> Result<Option<Decision>, BuildError> {
-        node.decide(&self.costs, self.set, cell, references, bins, self.ledger, self.look)
+        node.decide(self.costs, self.set, cell, references, bins, self.ledger, self.look)
     }
 
     fn recycle(&self, list: Vec<Reference>) {
@@ -127,11 +160,7 @@ impl Builder<'_> {
         let spare = self.scratch.workers.lock().map_or(None, |mut workers| workers.pop());
         let mut worker = match spare {
             Some(worker) => worker,
-            None => {
-                self.ledger.take(size_of::<Worker>() as u64)?;
-                let number = self.workers.fetch_add(1, Relaxed);
-                Box::new(Worker::new(number))
-            }
+            None => self.worker()?,
         };
         let out = work(&mut worker);
         if let Ok(mut workers) = self.scratch.workers.lock() {
@@ -140,18 +169,39 @@ impl Builder<'_> {
         out
     }
 
+    /// One more worker. Unless it is optimised this takes room on the stack for all that a worker is, which
+    /// is not to be there while the worker works.
+    fn worker(&self) -> Result<Box<Worker>, BuildError> {
+        self.ledger.take(size_of::<Worker>() as u64)?;
+        Ok(Box::new(Worker::new(self.workers.fetch_add(1, Relaxed))))
+    }
+
     /// Builds the subtree of a node whose references are the first `count` of a list. Returns it with its
     /// cost.
     pub fn build(
         &self,
-        mut list: Vec<Reference>,
+        list: Vec<Reference>,
         count: usize,
         node: &Node,
     ) -> Result<(Built, f64), BuildError> {
+        match self.divide(list, count, node)? {
+            Ok(divided) => self.build_children(divided, count),
+            Err(built) => Ok(built),
+        }
+    }
+
+    /// Divides the references of a node, or builds it where it is a leaf or one task's. This is not on the
+    /// stack while the children are built, as what calls it is, once a level.
+    fn divide(
+        &self,
+        mut list: Vec<Reference>,
+        count: usize,
+        node: &Node,
+    ) -> Result<Result<Divided, (Built, f64)>, BuildError> {
         if count <= TASK {
             let built = self.with_worker(|worker| worker.task(self, &mut list, count, node));
             self.recycle(list);
-            return built.map(|(subtree, cost)| (Built::Whole(subtree), cost));
+            return built.map(|(subtree, cost)| Err((Built::Whole(subtree), cost)));
         }
         let cell = Cell::new(&self.costs[0], &node.cell);
         let leaf = self.costs[0].leaf(cell.area, count as u32);
@@ -164,23 +214,27 @@ impl Builder<'_> {
             self.ledger.reserve(&mut all, count)?;
             all.extend(list[..count].iter().map(|reference| reference.triangle));
             self.recycle(list);
-            return Ok((Built::Leaf(all), leaf));
+            return Ok(Err((Built::Leaf(all), leaf)));
         };
         let split = decision.split;
-        let ([left, list], counts) = self.partition(&node.cell, &split, list, count)?;
+        let (lists, counts) = self.partition(&node.cell, &split, list, count)?;
         self.look.check()?;
-        let [below, above] = node.children(&decision, counts);
-        let (left, right) = rayon::join(
-            || self.build(left, counts[0], &below),
-            || self.build(list, counts[1], &above),
-        );
-        let ((left, left_cost), (right, right_cost)) = (left?, right?);
-        let cost = cell.step + left_cost + right_cost;
-        if cost < leaf {
-            let axis = Axis::from_index(split.axis as u32);
-            return Ok((Built::split(axis, split.position, left, right), cost));
-        }
-        Ok((Built::retracted(left, right, count as u64), leaf))
+        let nodes = node.children(&decision, counts);
+        Ok(Ok(Divided { split, step: cell.step, leaf, lists, nodes, counts }))
+    }
+
+    /// Builds the children of a node of so many references, and what it is then.
+    fn build_children(
+        &self,
+        Divided { split, step, leaf, lists, nodes, counts }: Divided,
+        count: usize,
+    ) -> Result<(Built, f64), BuildError> {
+        let [left, right] = lists;
+        let left = || self.build(left, counts[0], &nodes[0]);
+        let right = || self.build(right, counts[1], &nodes[1]);
+        let (left, right) =
+            if nodes[0].depth <= DIVIDED { rayon::join(left, right) } else { (left(), right()) };
+        Ok(joined(&split, [step, leaf], count, left?, right?))
     }
 
     /// [`partition`]. Returns what goes left, what goes right, and how many either are.

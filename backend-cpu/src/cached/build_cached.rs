@@ -511,32 +511,7 @@ mod tests {
     use splitplane_core::kernel::Buffer;
     use splitplane_core::mesh::Mesh;
     use splitplane_core::schedule;
-
-    fn soup(count: usize, size: f32, seed: u32) -> Vec<Triangle> {
-        let mut state = seed;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 8) as f32 / 8_388_608.0 - 1.0
-        };
-        let mut point = |spread: f32| [(); 3].map(|()| next() * spread);
-        (0..count)
-            .map(|i| {
-                let centre = point(5.0);
-                let size = if i % 60 == 0 { 20.0 * size } else { size };
-                let mut corners = [(); 3].map(|()| {
-                    let offset = point(size);
-                    [0, 1, 2].map(|k| centre[k] + offset[k])
-                });
-                if i % 7 == 0 {
-                    // Planar, some of them in one plane.
-                    for corner in &mut corners {
-                        corner[i % 3] = if i % 14 == 0 { 0.5 } else { centre[i % 3] };
-                    }
-                }
-                corners
-            })
-            .collect()
-    }
+    use splitplane_test_support::scenes;
 
     /// Nodes, references, levels and small roots of a build, and whether it was void.
     fn built<A: Arithmetic>(
@@ -562,8 +537,8 @@ mod tests {
     #[test]
     fn tasks_build_what_the_levels_build() {
         let plain = BuildConfig::default();
-        let scenes =
-            [soup(5000, 0.2, 1), soup(3000, 0.02, 2), soup(1200, 1.0, 3), soup(50, 1.0, 4)];
+        let scenes = [(5000, 0.2), (3000, 0.02), (1200, 1.0), (50, 1.0)];
+        let scenes = scenes.map(|(count, size)| scenes::medley(count, size, 1).triangles());
         let mut same = scenes[1].clone();
         same.extend([scenes[1][7]; 1200]);
         for (scene, triangles) in scenes.iter().chain([&same]).enumerate() {
@@ -599,8 +574,8 @@ mod tests {
     /// levels. With room to spare it is not.
     #[test]
     fn caps_make_it_void() {
-        let triangles = soup(9000, 1.0, 5);
-        let mesh = Mesh::soup(&triangles).unwrap();
+        let scene = scenes::medley(9000, 1.0, 5);
+        let mesh = scene.mesh();
         let mut voids = 0;
         for preset in [Preset::Fast, Preset::Balanced] {
             for (references_per_triangle, nodes_per_triangle) in

@@ -52,15 +52,13 @@ mod tests {
     use super::*;
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::Strict;
+    use splitplane_test_support::random::Random;
 
     /// The same counts as one by one, for lists that fill no block and lists that fill several.
     #[test]
     fn the_same_as_one_by_one() {
-        let mut state = 7u32;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 20) as f32 / 512.0
-        };
+        let mut random = Random::new(7);
+        let mut next = move || random.below(1 << 12) as f32 / 512.0;
         for count in (0..70).chain([255, 256, 1000]) {
             let lo: Vec<f32> = (0..count).map(|_| next()).collect();
             let hi: Vec<f32> = lo.iter().map(|lo| lo + next() / 8.0).collect();

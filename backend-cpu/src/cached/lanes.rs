@@ -445,14 +445,14 @@ mod tests {
     use crate::query::InstructionSet;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::random::Random;
 
     /// Numbers of a coarse grid, so that faces coincide and references are planar.
-    struct Numbers(u32);
+    struct Numbers(Random);
 
     impl Numbers {
         fn next(&mut self) -> f32 {
-            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (self.0 >> 24) as f32 / 16.0
+            self.0.below(256) as f32 / 16.0
         }
 
         fn faces(&mut self) -> Faces {
@@ -487,7 +487,7 @@ mod tests {
 
     #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
     fn small_operations() {
-        let mut numbers = Numbers(1);
+        let mut numbers = Numbers(Random::new(1));
         for _ in 0..2000 {
             let (faces, mask) = (numbers.faces(), numbers.mask());
             let (plane, count) = (numbers.next(), numbers.next() as usize * 4);
@@ -596,7 +596,7 @@ mod tests {
     /// scales by planes that cross many, few and none.
     #[test]
     fn divided_as_core_divides() {
-        let mut numbers = Numbers(5);
+        let mut numbers = Numbers(Random::new(5));
         let mut lost = 0;
         for scale in [1.0f32, 1e-36, 1e-30, 1e30, 2e37] {
             for count in [1, 15, 16, 17, 100, 1023, 1024, 1025, 2100] {

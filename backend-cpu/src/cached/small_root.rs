@@ -382,6 +382,7 @@ mod tests {
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::sah::{leaf_cost, split_cost};
     use splitplane_core::split::strictly_inside;
+    use splitplane_test_support::random::Random;
 
     /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
     /// counts from masks.
@@ -416,12 +417,9 @@ mod tests {
 
     #[test]
     fn the_same_planes_as_by_masks() {
-        let mut state = 3u32;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            // A coarse grid, so that planes coincide and triangles are planar.
-            (state >> 24) as f32 / 16.0
-        };
+        let mut random = Random::new(3);
+        // A coarse grid, so that planes coincide and triangles are planar.
+        let mut next = move || random.below(256) as f32 / 16.0;
         let mut splits = 0;
         for round in 0..400 {
             let count = 1 + (round * 7) % 64;

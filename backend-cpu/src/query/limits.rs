@@ -71,27 +71,25 @@ fn of_some(x: &[f32], limits: &Limits) -> Option<Limits> {
 
 #[cfg(test)]
 mod tests {
+    use splitplane_test_support::random::Random;
+
     use super::*;
     use crate::query::InstructionSet;
 
     #[test]
     fn limits_are_those_of_all_kept_triangles() {
-        let mut state = 5u32;
-        let mut word = || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            state.rotate_left(state >> 27)
-        };
+        let mut random = Random::new(5);
         let odd = [0.0, -0.0, 1e-38, f32::MAX, -f32::MAX, f32::INFINITY, f32::NAN, 1.0];
         for round in 0..400 {
             let extreme = round % 3 == 0;
             let triangles: Vec<Triangle> = (0..round % 37)
                 .map(|_| {
-                    let mut coordinate = || match word() % if extreme { 4 } else { 400 } {
-                        0 => odd[word() as usize % odd.len()],
-                        _ => (word() >> 20) as f32 * 0.01 - 20.0,
+                    let mut coordinate = || match random.below(if extreme { 4 } else { 400 }) {
+                        0 => random.pick(&odd),
+                        _ => random.below(1 << 12) as f32 * 0.01 - 20.0,
                     };
                     let mut triangle = [(); 3].map(|()| [(); 3].map(|()| coordinate()));
-                    if word().is_multiple_of(9) {
+                    if random.below(9) == 0 {
                         triangle[2] = triangle[0];
                     }
                     prepare(&triangle).corners

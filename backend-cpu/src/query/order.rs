@@ -52,6 +52,8 @@ impl Order {
 
 #[cfg(test)]
 mod tests {
+    use splitplane_test_support::random::Random;
+
     use super::*;
 
     /// Children in a plane's order, by recursion.
@@ -76,18 +78,15 @@ mod tests {
 
     #[test]
     fn planes_order_children() {
-        let mut state = 3u32;
-        let mut below = |most: usize| {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 16) as usize % most
-        };
+        let mut random = Random::new(3);
         for round in 0..2_000 {
             let count = 1 + round % MOST_LANES;
             let (mut order, mut planes) = (Order::default(), Vec::new());
             let mut open = vec![(0, count)];
             while let Some((start, end)) = open.pop() {
                 if end - start > 1 {
-                    let (axis, middle) = (below(3), start + 1 + below(end - start - 1));
+                    let (axis, middle) =
+                        (random.below(3), start + 1 + random.below(end - start - 1));
                     order.separate(axis, start, middle, end);
                     planes.push((axis, start, middle, end));
                     open.extend([(start, middle), (middle, end)]);

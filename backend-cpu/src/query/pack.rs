@@ -153,24 +153,17 @@ fn slot(xy: u64, z: u32) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use splitplane_test_support::random::Random;
+
     use super::*;
-
-    struct Numbers(u32);
-
-    impl Numbers {
-        fn below(&mut self, most: usize) -> usize {
-            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (self.0 >> 12) as usize % most
-        }
-    }
 
     /// Triangles whose corners are some of so many points: all coordinates are from a few, so that points
     /// often differ in one only.
-    fn mesh(count: usize, points: usize, numbers: &mut Numbers) -> Vec<Triangle> {
+    fn mesh(count: usize, points: usize, random: &mut Random) -> Vec<Triangle> {
         let coordinates = [0.0, 1.0, -1.0, 0.5, 1e-30, 3e30];
-        let mut coordinate = || coordinates[numbers.below(coordinates.len())];
+        let mut coordinate = || random.pick(&coordinates);
         let points: Vec<_> = (0..points).map(|_| [(); 3].map(|()| coordinate())).collect();
-        (0..count).map(|_| [(); 3].map(|()| points[numbers.below(points.len())])).collect()
+        (0..count).map(|_| [(); 3].map(|()| random.pick(&points))).collect()
     }
 
     fn different(triangles: &[Triangle]) -> usize {
@@ -183,15 +176,15 @@ mod tests {
 
     #[test]
     fn blocks_hold_the_triangles_they_were_given() {
-        let mut numbers = Numbers(1);
+        let mut random = Random::new(1);
         let (mut stored, mut needed, mut cut) = (0, 0, 0);
         for round in 0..3_000 {
             let lanes = [8, MOST_LANES][round % 2];
             let points = [2, 9, 40, 200][round / 2 % 4];
-            let triangles = mesh(60, points, &mut numbers);
+            let triangles = mesh(60, points, &mut random);
             let mut packer = Packer::new(lanes, &triangles);
-            let references: Vec<u32> = (0..50).map(|_| numbers.below(60) as u32).collect();
-            let mut left = 1 + numbers.below(references.len());
+            let references: Vec<u32> = (0..50).map(|_| random.below(60) as u32).collect();
+            let mut left = 1 + random.below(references.len());
             let mut from = 0;
             while left > 0 {
                 let mut words = vec![u32::MAX; MOST_WORDS];

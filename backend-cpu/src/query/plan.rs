@@ -279,8 +279,8 @@ pub(crate) fn run_nodes(blocks: u32, lanes: u32) -> u32 {
 mod tests {
     use splitplane_core::backend::{Accelerator, BuildOptions};
     use splitplane_core::config::{BuildConfig, Preset};
-    use splitplane_core::mesh::Mesh;
     use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::scenes;
 
     use super::*;
     use crate::CpuBackend;
@@ -314,28 +314,14 @@ mod tests {
         [1, 2, 3].map(|places| if share(places).0 < alone.0 { share(places) } else { alone })
     }
 
-    fn triangles(count: usize, size: f32) -> Vec<Triangle> {
-        let mut state = 11u32;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 8) as f32 / 16_777_216.0 * size
-        };
-        (0..count)
-            .map(|_| {
-                let centre = [(); 3].map(|()| next());
-                [(); 3].map(|()| centre.map(|x| x + 0.1 * next()))
-            })
-            .collect()
-    }
-
     /// Few places keep the recursion short. (Scenes so small or large that areas would vanish or overflow are
     /// planned like others.)
     #[test]
     fn plans_cost_least() {
         let mut inner = 0;
         for (count, size) in [(1, 1.0), (6, 1.0), (40, 1.0), (60, 1e-30), (60, 1e30)] {
-            let triangles = triangles(count, size);
-            let mesh = Mesh::soup(&triangles).unwrap();
+            let scene = scenes::scaled(&scenes::soup(count, 0.05, 11), size, "soup");
+            let (mesh, triangles) = (scene.mesh(), scene.triangles());
             let config = BuildConfig { block_width: 2, ..BuildConfig::preset(Preset::Fast) };
             let built =
                 CpuBackend::new().build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();

@@ -158,32 +158,15 @@ mod tests {
     use splitplane_core::arithmetic::{Strict, power_of_two};
     use splitplane_core::intersect::distance_to_plane;
     use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::random::Random;
 
     use super::*;
     use crate::query::InstructionSet;
     use crate::query::simd::{Compiled, MOST_LANES};
 
-    /// Numbers in `[-1, 1)`, and others.
-    struct Numbers(u32);
-
-    impl Numbers {
-        fn word(&mut self) -> u32 {
-            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            self.0 >> 8
-        }
-
-        fn next(&mut self) -> f32 {
-            self.word() as f32 / 8_388_608.0 - 1.0
-        }
-
-        fn point(&mut self) -> [f32; 3] {
-            [self.next(), self.next(), self.next()]
-        }
-
-        /// Exponents from one to another.
-        fn power(&mut self, from: i32, to: i32) -> f32 {
-            power_of_two(from + (self.word() % (to - from + 1) as u32) as i32)
-        }
+    /// A power of two, with an exponent from one to another.
+    fn power(random: &mut Random, from: i32, to: i32) -> f32 {
+        power_of_two(from + random.below((to - from + 1) as usize) as i32)
     }
 
     fn along(from: [f32; 3], way: [f32; 3], far: f32) -> [f32; 3] {
@@ -191,34 +174,36 @@ mod tests {
     }
 
     /// An origin, a direction and a triangle, as bad as tests that are in range may meet.
-    fn case(kind: u32, numbers: &mut Numbers) -> ([f32; 3], [f32; 3], Triangle) {
-        let mut triangle = [numbers.point(), numbers.point(), numbers.point()];
-        let (mut origin, mut direction) = (numbers.point(), numbers.point());
-        let inside = |numbers: &mut Numbers, [a, b, c]: Triangle| {
-            let (u, v) = (numbers.next().abs(), numbers.next().abs());
+    fn case(kind: u32, random: &mut Random) -> ([f32; 3], [f32; 3], Triangle) {
+        let mut triangle = [random.point(1.0), random.point(1.0), random.point(1.0)];
+        let (mut origin, mut direction) = (random.point(1.0), random.point(1.0));
+        let inside = |random: &mut Random, [a, b, c]: Triangle| {
+            let (u, v) = (random.signed().abs(), random.signed().abs());
             [0, 1, 2].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
         };
         match kind % 8 {
             // Grazing, more and less.
             0 | 1 => {
-                let (from, to) = (inside(numbers, triangle), inside(numbers, triangle));
-                let off = if kind.is_multiple_of(8) { 0.0 } else { numbers.power(-24, -4) };
-                direction = along([0, 1, 2].map(|k| to[k] - from[k]), numbers.point(), off);
-                origin = along(from, direction, 3.0 * numbers.next());
+                let (from, to) = (inside(random, triangle), inside(random, triangle));
+                let off = if kind.is_multiple_of(8) { 0.0 } else { power(random, -24, -4) };
+                direction = along([0, 1, 2].map(|k| to[k] - from[k]), random.point(1.0), off);
+                origin = along(from, direction, 3.0 * random.signed());
             }
             // A sliver.
             2 => {
                 let [a, b, _] = triangle;
                 let edge = [0, 1, 2].map(|k| b[k] - a[k]);
-                triangle[2] = along(a, edge, numbers.next());
+                triangle[2] = along(a, edge, random.signed());
                 if kind % 16 < 8 {
-                    let off = numbers.power(-30, -10);
-                    triangle[2] = along(triangle[2], numbers.point(), off);
+                    let off = power(random, -30, -10);
+                    triangle[2] = along(triangle[2], random.point(1.0), off);
                 }
             }
             // Started on the triangle, or next to it.
-            3 => origin = inside(numbers, triangle),
-            4 => origin = along(inside(numbers, triangle), numbers.point(), numbers.power(-24, -8)),
+            3 => origin = inside(random, triangle),
+            4 => {
+                origin = along(inside(random, triangle), random.point(1.0), power(random, -24, -8));
+            }
             // Flat on an axis, with corners that are one, or starting at a corner.
             5 => {
                 let axis = kind as usize / 8 % 3;
@@ -232,14 +217,14 @@ mod tests {
             // Coordinates of all sizes.
             6 => {
                 let all = triangle.iter_mut().chain([&mut origin, &mut direction]);
-                all.flatten().for_each(|x| *x *= numbers.power(-40, 0));
+                all.flatten().for_each(|x| *x *= power(random, -40, 0));
             }
             _ => {}
         }
         // To the ends of what is in range.
         let scale = match kind / 8 % 4 {
-            0 => numbers.power(-61, -30),
-            1 => numbers.power(20, 37),
+            0 => power(random, -61, -30),
+            1 => power(random, 20, 37),
             _ => 1.0,
         };
         let scaled = |p: [f32; 3]| p.map(|x| x * scale);
@@ -258,10 +243,10 @@ mod tests {
 
         #[cfg_attr(optimised, inline(always))]
         unsafe fn run<S: Simd>(self) {
-            let mut numbers = Numbers(31);
+            let mut random = Random::new(31);
             for round in 0..if cfg!(miri) { 40 } else { 20_000 } {
                 let cases: [_; MOST_LANES] =
-                    core::array::from_fn(|i| case((round * MOST_LANES + i) as u32, &mut numbers));
+                    core::array::from_fn(|i| case((round * MOST_LANES + i) as u32, &mut random));
                 // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
                 let (t, there) = unsafe {
                     let row = |of: &dyn Fn(usize) -> f32| {

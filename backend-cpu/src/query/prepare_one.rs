@@ -123,8 +123,9 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::prepare::{CHUNK, PreparedRays};
-    use crate::query::simd::Portable;
+    use crate::query::InstructionSet;
+    use crate::query::prepare::CHUNK;
+    use crate::query::prepare::tests::filled;
 
     /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
     fn number(random: &mut Random, spread: f64) -> f32 {
@@ -135,14 +136,13 @@ mod tests {
         (random.between(-spread, spread)) as f32
     }
 
-    /// A ray made ready alone is the one made ready among others, bit for bit.
+    /// A ray made ready alone is the one made ready among others, bit for bit, on every instruction set.
     #[test]
     fn one_is_made_ready_like_many() {
         let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };
         let limits = Limits { greatest: 4.0, least: 0.25, longest: 1.0, shortest: 0.1 };
         let scene = SceneScale::new(bounds, &limits);
         let mut random = Random::new(5);
-        let mut lanes = PreparedRays::NONE;
         let [mut ready, mut missed, mut special, mut any] = [0; 4];
         for round in 0..4000 {
             let query = if round % 2 == 0 { Query::Closest } else { Query::Any };
@@ -159,13 +159,11 @@ mod tests {
                     _ => ray,
                 }
             });
-            let mut ways = [Way::none(); CHUNK];
-            // SAFETY: every processor has this set.
-            unsafe {
-                lanes.fill::<Portable>(&rays, &scene, 0, query);
-                lanes.ways::<Portable>(&mut ways);
-            }
-            for (lane, ray) in rays.iter().enumerate() {
+            let many = InstructionSet::available();
+            let many = many.into_iter().map(|set| filled(set, &rays, &scene, 0, query));
+            for ((lanes, ways), (lane, ray)) in
+                many.flat_map(|made| rays.iter().enumerate().map(move |ray| (made, ray)))
+            {
                 let mut way = Way::none();
                 let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
                 let within = lanes.enter[lane] <= lanes.exit[lane];

@@ -357,40 +357,27 @@ mod tests {
     use splitplane_core::intersect::{Limits, PreparedRay, SceneScale, watertight};
     use splitplane_core::ray::Ray;
     use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::random::Random;
 
     use super::*;
     use crate::query::InstructionSet;
     use crate::query::simd::Compiled;
 
-    /// Numbers in `[-1, 1)`.
-    struct Numbers(u32);
-
-    impl Numbers {
-        fn next(&mut self) -> f32 {
-            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
-        }
-
-        fn point(&mut self, reach: f32) -> [f32; 3] {
-            [self.next() * reach, self.next() * reach, self.next() * reach]
-        }
-    }
-
     /// A ray towards a point of a large triangle, from nearby, at any angle.
-    fn pair(round: usize, scene: &SceneScale, numbers: &mut Numbers) -> (PreparedRay, Triangle) {
+    fn pair(round: usize, scene: &SceneScale, random: &mut Random) -> (PreparedRay, Triangle) {
         loop {
-            let triangle = [numbers.point(9.0), numbers.point(9.0), numbers.point(9.0)];
+            let triangle = [random.point(9.0), random.point(9.0), random.point(9.0)];
             let [a, b, c] = triangle;
             let mut inside = || {
-                let (u, v) = (0.5 * numbers.next().abs(), 0.6 * numbers.next().abs());
+                let (u, v) = (0.5 * random.signed().abs(), 0.6 * random.signed().abs());
                 [0, 1, 2].map(|k| a[k] + u * (b[k] - a[k]) + v * (c[k] - a[k]))
             };
             let (from, to) = (inside(), inside());
-            let off = numbers.point([1.0, 1e-2, 1e-4, 1e-6][round % 4]);
+            let off = random.point([1.0, 1e-2, 1e-4, 1e-6][round % 4]);
             let origin = match round / 4 % 3 {
                 0 => [0, 1, 2].map(|k| from[k] + off[k]),
                 1 => from,
-                _ => numbers.point(9.0),
+                _ => random.point(9.0),
             };
             let direction = [0, 1, 2].map(|k| to[k] - origin[k]);
             let ray = Ray::new(origin, direction);
@@ -480,7 +467,7 @@ mod tests {
 
         #[cfg_attr(optimised, inline(always))]
         unsafe fn run<S: Simd>(self) {
-            let mut numbers = Numbers(5);
+            let mut random = Random::new(5);
             let bounds = Aabb { lo: [-9.0; 3], hi: [9.0; 3] };
             let scene = SceneScale::new(
                 bounds,
@@ -488,7 +475,7 @@ mod tests {
             );
             for round in 0..if cfg!(miri) { 30 } else { 4_000 } {
                 let culling = [Culling::None, Culling::Back, Culling::Front][round % 3];
-                let pairs = Pairs(core::array::from_fn(|_| pair(round, &scene, &mut numbers)));
+                let pairs = Pairs(core::array::from_fn(|_| pair(round, &scene, &mut random)));
                 // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
                 let (plain, met) = unsafe {
                     let t_max = pairs.row::<S>(|ray, _| ray.t_max);

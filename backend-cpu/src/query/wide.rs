@@ -27,6 +27,9 @@ use crate::lookout::{self, Lookout};
 pub(crate) const LEAF_MARK: u32 = 1 << 31;
 /// Subtrees of more nodes are written by several tasks.
 const TASK: usize = 1 << 8;
+/// Nodes with so many above them are written by one task: all threads have work long before, and tasks within
+/// tasks take a few times the stack.
+const DIVIDED: usize = 10;
 
 /// 64 bytes.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
@@ -165,7 +168,7 @@ impl WideNodes {
         let nothing = LEAF_MARK | nothing;
         let writer = Writer { lanes: self.lanes, leaves, branches, nothing, look, share };
         let root = size.root.map(|root| writer.child(root));
-        self.depth = writer.write(root, 0, &mut self.lines);
+        self.depth = writer.write(root, 0, &mut self.lines, 0);
     }
 }
 
@@ -199,8 +202,8 @@ impl Writer<'_> {
     }
 
     /// Writes the nodes of a subtree, or one without children, and says how many levels they have. `first`
-    /// is the number of the first, and `lines` are theirs.
-    fn write(&self, root: Option<Child>, first: usize, lines: &mut [Line]) -> usize {
+    /// is the number of the first, `lines` are theirs, and `above` is the number of levels above them.
+    fn write(&self, root: Option<Child>, first: usize, lines: &mut [Line], above: usize) -> usize {
         let lines_each = self.lanes / 2;
         let nodes = lines.len() / lines_each;
         let (own, below) = lines.split_at_mut(lines_each);
@@ -233,11 +236,9 @@ impl Writer<'_> {
             Some((*child, number as usize, lines))
         });
         let below = below.filter(|(_, _, lines)| !lines.is_empty());
-        let write = |(child, number, lines)| self.write(Some(child), number, lines);
-        let deepest = if nodes > TASK {
-            let mut tasks = [const { None }; MOST_LANES];
-            tasks.iter_mut().zip(below).for_each(|(task, part)| *task = Some(part));
-            tasks.par_iter_mut().filter_map(Option::take).map(write).max()
+        let write = |(child, number, lines)| self.write(Some(child), number, lines, above + 1);
+        let deepest = if nodes > TASK && above < DIVIDED {
+            in_tasks(below, write)
         } else {
             below.map(write).max()
         };
@@ -313,6 +314,17 @@ impl Writer<'_> {
     }
 }
 
+/// The greatest of what comes of some parts, of which each is a task. Apart from [`Writer::write`], so that
+/// the tasks take no room on the stack where there are none.
+fn in_tasks<T: Send>(
+    parts: impl Iterator<Item = T>,
+    work: impl Fn(T) -> usize + Sync + Send,
+) -> Option<usize> {
+    let mut tasks = [const { None }; MOST_LANES];
+    tasks.iter_mut().zip(parts).for_each(|(task, part)| *task = Some(part));
+    tasks.par_iter_mut().filter_map(Option::take).map(work).max()
+}
+
 impl Made {
     fn none() -> Made {
         let none = Child { kind: Kind::Leaf(0), bounds: Aabb::EMPTY };
@@ -329,9 +341,8 @@ impl Made {
 mod tests {
     use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
     use splitplane_core::config::{BuildConfig, Preset};
-    use splitplane_core::mesh::Mesh;
     use splitplane_core::node::{KdNode, NodeKind};
-    use splitplane_core::triangle::Triangle;
+    use splitplane_test_support::scenes;
 
     use super::*;
     use crate::CpuBackend;
@@ -340,24 +351,6 @@ mod tests {
     use crate::query::blocks::Blocks;
     use crate::query::record::{Record, UNIT_WORDS};
     use crate::query::{InstructionSet, LayoutScratch, Source};
-
-    /// Triangles of all sizes, the first many times.
-    fn triangles(count: usize, same: usize) -> Vec<Triangle> {
-        let mut state = 5u32;
-        let mut next = move || {
-            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            (state >> 8) as f32 / 16_777_216.0
-        };
-        let mut triangles: Vec<Triangle> = (0..count)
-            .map(|i| {
-                let (centre, size) =
-                    ([(); 3].map(|()| next()), if i % 40 == 0 { 0.4 } else { 0.02 });
-                [(); 3].map(|()| centre.map(|x| x + size * next()))
-            })
-            .collect();
-        triangles.extend(vec![triangles[0]; same]);
-        triangles
-    }
 
     /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
     /// unused places are empty. Gives the levels, and what the leaves are.
@@ -406,8 +399,8 @@ mod tests {
     #[test]
     fn nodes_name_every_leaf_once() {
         for (count, same) in [(1, 0), (30, 0), (3, 5_000), (20_000, 700)] {
-            let triangles = triangles(count, same);
-            let mesh = Mesh::soup(&triangles).unwrap();
+            let scene = scenes::sizes(count, same, 5);
+            let (mesh, triangles) = (scene.mesh(), scene.triangles());
             let options = BuildOptions::from(BuildConfig::preset(Preset::Fast));
             let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
             for set in InstructionSet::available() {

@@ -361,6 +361,37 @@ pub fn invalid(rays: &[Ray], seed: u64) -> Vec<Ray> {
         .collect()
 }
 
+/// Rays through the pixels of pictures of a mesh from around it, those of every third within limits, and from
+/// where these are as far as a point of the mesh to a light: neighbours go together, so that they are traced as
+/// packets.
+pub fn pictures(
+    mesh: &Mesh<'_>,
+    pictures: usize,
+    [width, height]: [usize; 2],
+    seed: u64,
+) -> Vec<Ray> {
+    let mut aim = Aim::new(mesh, seed);
+    let mut rays = Vec::new();
+    for picture in 0..pictures {
+        let (eye, middle, light) = (aim.origin(), aim.face_point(), aim.origin());
+        let view = aimed(eye, middle);
+        let length = view.direction.iter().map(|x| x.abs()).fold(0.0, f32::max);
+        let pixels = (0..width * height).map(|pixel| {
+            let (x, y) = (pixel % width, pixel / width);
+            let mut direction = view.direction;
+            direction[picture % 3] += length * 0.4 * (x as f32 / width as f32 - 0.5);
+            direction[(picture + 1) % 3] += length * 0.4 * (y as f32 / height as f32 - 0.5);
+            let ray = Ray::new(eye, direction);
+            if picture % 3 == 2 { ray.with_limits(0.3, 1.2) } else { ray }
+        });
+        let pixels: Vec<Ray> = pixels.collect();
+        let start = |ray: &Ray| [0, 1, 2].map(|k| ray.origin[k] + ray.direction[k]);
+        rays.extend_from_slice(&pixels);
+        rays.extend(pixels.iter().map(|ray| Ray::segment(start(ray), light)));
+    }
+    rays
+}
+
 /// Rays from random points within a ball around the centre of a closed mesh, aimed at the mesh.
 pub fn from_inside(
     mesh: &Mesh<'_>,

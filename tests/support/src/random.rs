@@ -36,6 +36,21 @@ impl Random {
         lo + (hi - lo) * self.unit()
     }
 
+    /// Uniform in `[0, 1)`, of the 2^24 floats that are equally far apart.
+    pub fn unit_f32(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 16_777_216.0
+    }
+
+    /// Uniform in `[-1, 1)`, of 2^24 floats as above.
+    pub fn signed(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 8_388_608.0 - 1.0
+    }
+
+    /// A point of the cube whose coordinates are within `reach` of 0.
+    pub fn point(&mut self, reach: f32) -> [f32; 3] {
+        [(); 3].map(|()| self.signed() * reach)
+    }
+
     /// Uniform below `n`, which must not be 0.
     pub fn below(&mut self, n: usize) -> usize {
         ((u64::from(self.bits()) * n as u64) >> 32) as usize

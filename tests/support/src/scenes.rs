@@ -37,6 +37,12 @@ impl Scene {
         .expect("scenes are made with indices in range")
     }
 
+    /// The triangles, one after the other.
+    pub fn triangles(&self) -> Vec<[[f32; 3]; 3]> {
+        let mesh = self.mesh();
+        (0..mesh.len()).map(|index| mesh.triangle(index)).collect()
+    }
+
     /// The same scene under another name.
     #[must_use]
     pub fn named(mut self, name: &str) -> Scene {
@@ -47,11 +53,7 @@ impl Scene {
     /// All triangles of both, this one's first.
     #[must_use]
     pub fn joined(&self, other: &Scene, name: &str) -> Scene {
-        let triangles: Vec<[[f32; 3]; 3]> = [self.mesh(), other.mesh()]
-            .iter()
-            .flat_map(|mesh| (0..mesh.len()).map(|index| mesh.triangle(index)).collect::<Vec<_>>())
-            .collect();
-        Scene::of_soup(name, &triangles)
+        Scene::of_soup(name, &[self.triangles(), other.triangles()].concat())
     }
 }
 
@@ -131,6 +133,55 @@ pub fn soup(count: usize, size: f64, seed: u64) -> Scene {
         })
         .collect();
     Scene::of_soup("soup", &triangles)
+}
+
+/// Random triangles in the unit cube, most of them small, some large, and the first `coincident` times more.
+pub fn sizes(count: usize, coincident: usize, seed: u64) -> Scene {
+    let mut random = Random::new(seed);
+    let mut triangles: Vec<_> = (0..count)
+        .map(|i| {
+            let (middle, size) = (random.point(0.5), if i % 40 == 0 { 0.2 } else { 0.01 });
+            [(); 3].map(|()| middle.map(|x| x + 0.5 + size * random.signed()))
+        })
+        .collect();
+    triangles.extend(vec![triangles[0]; coincident]);
+    Scene::of_soup("sizes", &triangles)
+}
+
+/// Random triangles about the origin, up to 5 away: most of this size, some twenty times as large, some flat
+/// along an axis and some of these in one plane, and some twice.
+pub fn medley(count: usize, size: f32, seed: u64) -> Scene {
+    let mut random = Random::new(seed);
+    let mut triangles: Vec<_> = (0..count)
+        .map(|i| {
+            let middle = random.point(5.0);
+            let size = if i % 50 == 0 { 20.0 * size } else { size };
+            let mut corners = [(); 3].map(|()| {
+                let offset = random.point(size);
+                [0, 1, 2].map(|k| middle[k] + offset[k])
+            });
+            if i % 7 == 0 {
+                let plane = if i % 14 == 0 { 0.5 } else { middle[i % 3] };
+                corners.iter_mut().for_each(|corner| corner[i % 3] = plane);
+            }
+            corners
+        })
+        .collect();
+    for i in 0..count / 20 {
+        triangles.push(triangles[i * 3]);
+    }
+    Scene::of_soup("medley", &triangles)
+}
+
+/// Random triangles of `octaves` sizes, each half the one before and half as far from the origin: every
+/// plane separates few of them from the others, so that trees are about as deep.
+pub fn converging(count: usize, octaves: usize, seed: u64) -> Scene {
+    let mut scene = soup(count, 0.2, seed);
+    for (i, corners) in scene.positions.as_chunks_mut::<3>().0.iter_mut().enumerate() {
+        let scale = 0.5f32.powi((i % octaves) as i32);
+        corners.as_flattened_mut().iter_mut().for_each(|x| *x *= scale);
+    }
+    scene.named("converging")
 }
 
 /// The same triangle many times: no plane separates anything.

@@ -3,40 +3,25 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Ray};
 use splitplane_core::traverse;
 use splitplane_core::triangle::Triangle;
+use splitplane_test_support::random::Random;
 
 use super::*;
 use crate::CpuBackend;
 use crate::buffers::Memory;
 use crate::lookout::UNWATCHED;
 use crate::query::instruction_set::InstructionSet;
-use crate::query::simd::Portable;
-#[cfg(target_arch = "x86_64")]
-use crate::query::simd::{Avx2, Avx512};
+use crate::query::simd::Compiled;
 use crate::query::{LayoutScratch, Source};
-
-/// Numbers in `[-1, 1)`.
-struct Numbers(u32);
-
-impl Numbers {
-    fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-        (self.0 >> 8) as f32 / 8_388_608.0 - 1.0
-    }
-
-    fn point(&mut self, spread: f32) -> [f32; 3] {
-        [self.next() * spread, self.next() * spread, self.next() * spread]
-    }
-}
 
 /// A bumpy sheet whose triangles share corners, small triangles about it, flat ones, and some of all
 /// twice: at equal `t` the lower index counts.
-fn mesh(size: usize, numbers: &mut Numbers) -> Vec<Triangle> {
+fn mesh(size: usize, random: &mut Random) -> Vec<Triangle> {
     let mut triangles = Vec::new();
     let side = size as f32;
     let mut heights = vec![[0.0; 3]; (size + 1) * (size + 1)];
     for (i, corner) in heights.iter_mut().enumerate() {
         let (x, y) = ((i % (size + 1)) as f32 / side, (i / (size + 1)) as f32 / side);
-        *corner = [4.0 * x - 2.0, 4.0 * y - 2.0, 0.3 * numbers.next()];
+        *corner = [4.0 * x - 2.0, 4.0 * y - 2.0, 0.3 * random.signed()];
     }
     for i in 0..size * size {
         let at = i / size * (size + 1) + i % size;
@@ -45,9 +30,9 @@ fn mesh(size: usize, numbers: &mut Numbers) -> Vec<Triangle> {
         triangles.push([b, d, c]);
     }
     for i in 0..2 * size {
-        let (centre, spread) = (numbers.point(2.0), if i % 9 == 0 { 2.0 } else { 0.2 });
+        let (centre, spread) = (random.point(2.0), if i % 9 == 0 { 2.0 } else { 0.2 });
         let mut corners = [(); 3].map(|()| {
-            let offset = numbers.point(spread);
+            let offset = random.point(spread);
             [0, 1, 2].map(|k| centre[k] + offset[k])
         });
         if i % 3 == 0 {
@@ -62,12 +47,11 @@ fn mesh(size: usize, numbers: &mut Numbers) -> Vec<Triangle> {
 }
 
 /// Rays side by side, of one origin or not, towards the mesh or a corner of it.
-fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray> {
+fn group(triangles: &[Triangle], round: usize, random: &mut Random) -> Vec<Ray> {
     let spread = [0.0, 1e-3, 0.03, 0.3][round % 4];
     let apart = [0.0, 1e-3, 0.3][round % 3];
-    let origin = numbers.point(if round.is_multiple_of(5) { 1.0 } else { 5.0 });
-    let some = (numbers.next() * 0.5 + 0.5) * triangles.len() as f32;
-    let target = triangles[some as usize % triangles.len()][round % 3];
+    let origin = random.point(if round.is_multiple_of(5) { 1.0 } else { 5.0 });
+    let target = random.pick(triangles)[round % 3];
     let mut direction = [0, 1, 2].map(|k| target[k] - origin[k]);
     if round.is_multiple_of(11) {
         direction = [0, 1, 2].map(|k| if k == round % 3 { direction[k] } else { 0.0 });
@@ -75,7 +59,7 @@ fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray
     let scale = [1.0, 0.01, 300.0][round / 4 % 3];
     (0..CHUNK)
         .map(|i| {
-            let (o, d) = (numbers.point(apart), numbers.point(spread));
+            let (o, d) = (random.point(apart), random.point(spread));
             let origin = [0, 1, 2].map(|k| origin[k] + o[k]);
             let direction = [0, 1, 2].map(|k| (direction[k] + d[k]) * scale);
             let ray = Ray::new(origin, direction);
@@ -84,7 +68,7 @@ fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray
                 _ if round % 10 == 6 && (8..24).contains(&i) => Ray::new(origin, [f32::NAN; 3]),
                 (1, 3 | 9) => Ray::new(origin, [f32::NAN; 3]),
                 (2, 0 | 1) => Ray::new(origin.map(|x| x + 90.0), direction),
-                (3, _) => ray.with_limits(0.5 / scale, (1.2 + 0.2 * numbers.next()) / scale),
+                (3, _) => ray.with_limits(0.5 / scale, (1.2 + 0.2 * random.signed()) / scale),
                 (4, _) => ray.with_limits(-2.0 / scale, 2.0 / scale),
                 (5, _) => ray.with_limits(0.0, 1.0 / scale),
                 _ => ray,
@@ -94,77 +78,88 @@ fn group(triangles: &[Triangle], round: usize, numbers: &mut Numbers) -> Vec<Ray
 }
 
 /// Traces groups as packets; how many packets of one group and of all rays there were, and how many hits.
-unsafe fn compare<S: Simd>(set: InstructionSet) -> ([usize; 2], usize) {
-    let mut numbers = Numbers(77);
-    let (mut packets, mut hits) = ([0; 2], 0);
-    let mut packet = Packet::new();
-    let mut ways = [Way::none(); CHUNK];
-    for size in [1, 40, 6, 100] {
-        let triangles = mesh(size, &mut numbers);
-        let soup = Mesh::soup(&triangles).unwrap();
-        let backend = CpuBackend::with_instruction_set(set);
-        let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
-        let (tree, scene) = (built.tree().view(), built.scene_scale());
-        let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
-        let mut scratch = LayoutScratch::default();
-        let (copy, mut memory) = (built.tree().clone(), Memory::default());
-        let blocks = Blocks::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
-        for round in 0..120 {
-            let rays = group(&triangles, round, &mut numbers);
-            let (accuracy, culling, ignore) = match round % 6 {
-                0 => (Accuracy::Fast, Culling::None, None),
-                1 => (Accuracy::Watertight, Culling::Back, None),
-                2 => (Accuracy::Watertight, Culling::Front, Some(5)),
-                _ => (Accuracy::Watertight, Culling::None, None),
-            };
-            let options = QueryOptions { accuracy, culling, ignore, ..Default::default() };
-            for query in [Query::Closest, Query::Any] {
-                let mut ready = PreparedRays::NONE;
-                // SAFETY: the caller says that the processor has the set.
-                unsafe { ready.fill::<S>(&rays, scene, 0, query) };
-                // Taking a packet writes over the places that have no ray of it.
-                let alive = (0..CHUNK).filter(|&lane| {
-                    let within = ready.enter[lane] <= ready.exit[lane];
-                    ready.alive[lane] != 0 && ready.special[lane] == 0 && within
-                });
-                let alive = alive.fold(0u32, |bits, lane| bits | 1 << lane);
-                // All rays in one packet, then each group by itself.
-                let parts = |size: usize| (0..CHUNK).step_by(size).map(move |at| (at, size));
-                for (first, size) in [CHUNK, S::N].into_iter().flat_map(parts) {
-                    let alive = alive & (u32::MAX >> (CHUNK - size)) << first;
-                    let groups = first / S::N..(first + size) / S::N;
-                    // SAFETY: as above; the rays are those taken.
-                    unsafe {
-                        if alive == 0 || !packet.take::<S>(&mut ready, groups, alive, scene) {
-                            continue;
+struct Compare(InstructionSet);
+
+impl Compiled for Compare {
+    type Output = ([usize; 2], usize);
+
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn run<S: Simd>(self) -> ([usize; 2], usize) {
+        let Compare(set) = self;
+        let mut random = Random::new(77);
+        let (mut packets, mut hits) = ([0; 2], 0);
+        let mut packet = Packet::new();
+        let mut ways = [Way::none(); CHUNK];
+        for size in [1, 40, 6, 100] {
+            let triangles = mesh(size, &mut random);
+            let soup = Mesh::soup(&triangles).unwrap();
+            let backend = CpuBackend::with_instruction_set(set);
+            let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
+            let (tree, scene) = (built.tree().view(), built.scene_scale());
+            let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
+            let mut scratch = LayoutScratch::default();
+            let (copy, mut memory) = (built.tree().clone(), Memory::default());
+            let blocks =
+                Blocks::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
+            for round in 0..120 {
+                let rays = group(&triangles, round, &mut random);
+                let (accuracy, culling, ignore) = match round % 6 {
+                    0 => (Accuracy::Fast, Culling::None, None),
+                    1 => (Accuracy::Watertight, Culling::Back, None),
+                    2 => (Accuracy::Watertight, Culling::Front, Some(5)),
+                    _ => (Accuracy::Watertight, Culling::None, None),
+                };
+                let options = QueryOptions { accuracy, culling, ignore, ..Default::default() };
+                for query in [Query::Closest, Query::Any] {
+                    let mut ready = PreparedRays::NONE;
+                    // SAFETY: the caller says that the processor has the set.
+                    unsafe { ready.fill::<S>(&rays, scene, 0, query) };
+                    // Taking a packet writes over the places that have no ray of it.
+                    let alive = (0..CHUNK).filter(|&lane| {
+                        let within = ready.enter[lane] <= ready.exit[lane];
+                        ready.alive[lane] != 0 && ready.special[lane] == 0 && within
+                    });
+                    let alive = alive.fold(0u32, |bits, lane| bits | 1 << lane);
+                    // All rays in one packet, then each group by itself.
+                    let parts = |size: usize| (0..CHUNK).step_by(size).map(move |at| (at, size));
+                    for (first, size) in [CHUNK, S::N].into_iter().flat_map(parts) {
+                        let alive = alive & (u32::MAX >> (CHUNK - size)) << first;
+                        let groups = first / S::N..(first + size) / S::N;
+                        // SAFETY: as above; the rays are those taken.
+                        unsafe {
+                            if alive == 0 || !packet.take::<S>(&mut ready, groups, alive, scene) {
+                                continue;
+                            }
+                            let ready = (&ready, &mut ways);
+                            match size / S::N {
+                                1 => packet.trace::<S, 1>(&blocks, ready, &options, query),
+                                2 => packet.trace::<S, 2>(&blocks, ready, &options, query),
+                                _ => packet.trace::<S, 4>(&blocks, ready, &options, query),
+                            }
                         }
-                        let ready = (&ready, &mut ways);
-                        match size / S::N {
-                            1 => packet.trace::<S, 1>(&blocks, ready, &options, query),
-                            2 => packet.trace::<S, 2>(&blocks, ready, &options, query),
-                            _ => packet.trace::<S, 4>(&blocks, ready, &options, query),
-                        }
-                    }
-                    packets[usize::from(size == CHUNK)] += 1;
-                    for lane in (0..CHUNK).filter(|lane| alive >> lane & 1 != 0) {
-                        let ray = &rays[lane];
-                        let expected = traverse::closest_hit(&tree, &soup, scene, ray, &options);
-                        // SAFETY: as above.
-                        let found = unsafe { packet.hits::<S>(lane / S::N, accuracy)[lane % S::N] };
-                        let context = (set, size, round, lane, ray);
-                        assert_eq!(found.is_hit(), expected.is_some(), "{context:?}");
-                        if query == Query::Closest {
-                            let expected = expected.unwrap_or(Hit::MISS);
-                            let bits: [[u32; 4]; 2] = bytemuck::cast([found, expected]);
-                            assert_eq!(bits[0], bits[1], "{context:?} {found:?} {expected:?}");
-                            hits += usize::from(found.is_hit());
+                        packets[usize::from(size == CHUNK)] += 1;
+                        for lane in (0..CHUNK).filter(|lane| alive >> lane & 1 != 0) {
+                            let ray = &rays[lane];
+                            let expected =
+                                traverse::closest_hit(&tree, &soup, scene, ray, &options);
+                            // SAFETY: as above.
+                            let found =
+                                unsafe { packet.hits::<S>(lane / S::N, accuracy)[lane % S::N] };
+                            let context = (set, size, round, lane, ray);
+                            assert_eq!(found.is_hit(), expected.is_some(), "{context:?}");
+                            if query == Query::Closest {
+                                let expected = expected.unwrap_or(Hit::MISS);
+                                let bits: [[u32; 4]; 2] = bytemuck::cast([found, expected]);
+                                assert_eq!(bits[0], bits[1], "{context:?} {found:?} {expected:?}");
+                                hits += usize::from(found.is_hit());
+                            }
                         }
                     }
                 }
             }
         }
+        (packets, hits)
     }
-    (packets, hits)
 }
 
 /// Packets of whatever rays give the hits of the reference loop bit for bit, on every instruction set.
@@ -172,40 +167,37 @@ unsafe fn compare<S: Simd>(set: InstructionSet) -> ([usize; 2], usize) {
 fn packets_equal_the_reference() {
     for set in InstructionSet::available() {
         // SAFETY: the processor has it.
-        let (packets, hits) = unsafe {
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => compare::<Avx512>(set),
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => compare::<Avx2>(set),
-                #[cfg(target_arch = "aarch64")]
-                InstructionSet::Neon => compare::<crate::query::simd::Neon>(set),
-                _ => compare::<Portable>(set),
-            }
-        };
+        let (packets, hits) = unsafe { set.run(Compare(set)) };
         assert!(packets[0] > 800 && packets[1] > 400, "{set:?}: {packets:?}");
         assert!(hits > 8000, "{set:?}: {hits} hits");
     }
 }
 
 /// Ranges of some rows against those found lane by lane.
-unsafe fn compare_ranges<S: Simd>() {
-    let mut numbers = Numbers(5);
-    for _ in 0..50 {
-        let mut rows = || [(); 11].map(|()| [(); MOST_LANES].map(|()| numbers.next()));
-        let (lo, hi) = (rows(), rows());
-        // SAFETY: the caller says that the processor has the set.
-        let [least, most] = unsafe {
-            let (mut low, mut high) = ([S::splat(0.0); 11], [S::splat(0.0); 11]);
+struct CompareRanges;
+
+impl Compiled for CompareRanges {
+    type Output = ();
+
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        let mut random = Random::new(5);
+        for _ in 0..50 {
+            let mut rows = || [(); 11].map(|()| [(); MOST_LANES].map(|()| random.signed()));
+            let (lo, hi) = (rows(), rows());
+            // SAFETY: the caller says that the processor has the set.
+            let [least, most] = unsafe {
+                let (mut low, mut high) = ([S::splat(0.0); 11], [S::splat(0.0); 11]);
+                for row in 0..11 {
+                    (low[row], high[row]) = (S::load(lo[row].as_ptr()), S::load(hi[row].as_ptr()));
+                }
+                bounds::ranges::<S, 11>(low, high)
+            };
             for row in 0..11 {
-                (low[row], high[row]) = (S::load(lo[row].as_ptr()), S::load(hi[row].as_ptr()));
+                let (lo, hi) = (lo[row][..S::N].iter(), hi[row][..S::N].iter());
+                assert_eq!(least.0[row], lo.copied().fold(f32::INFINITY, f32::min));
+                assert_eq!(most.0[row], hi.copied().fold(f32::NEG_INFINITY, f32::max));
             }
-            bounds::ranges::<S, 11>(low, high)
-        };
-        for row in 0..11 {
-            let (lo, hi) = (lo[row][..S::N].iter(), hi[row][..S::N].iter());
-            assert_eq!(least.0[row], lo.copied().fold(f32::INFINITY, f32::min));
-            assert_eq!(most.0[row], hi.copied().fold(f32::NEG_INFINITY, f32::max));
         }
     }
 }
@@ -215,16 +207,6 @@ unsafe fn compare_ranges<S: Simd>() {
 fn ranges_are_least_and_greatest() {
     for set in InstructionSet::available() {
         // SAFETY: the processor has it.
-        unsafe {
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx512 => compare_ranges::<Avx512>(),
-                #[cfg(target_arch = "x86_64")]
-                InstructionSet::Avx2 => compare_ranges::<Avx2>(),
-                #[cfg(target_arch = "aarch64")]
-                InstructionSet::Neon => compare_ranges::<crate::query::simd::Neon>(),
-                _ => compare_ranges::<Portable>(),
-            }
-        }
+        unsafe { set.run(CompareRanges) };
     }
 }

@@ -197,37 +197,29 @@ mod tests {
     //! Each operation of each set against what its description says, lane by lane.
 
     use splitplane_core::arithmetic::{Arithmetic, Strict};
+    use splitplane_test_support::random::Random;
 
     use super::*;
     use crate::query::InstructionSet;
 
-    struct Numbers(u32);
-
-    impl Numbers {
-        fn word(&mut self) -> u32 {
-            self.0 = self.0.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
-            self.0 >> 7
+    /// Few different ones, so that some are equal, and those that are no numbers among them.
+    fn float(random: &mut Random) -> f32 {
+        match random.below(16) {
+            0 => f32::NAN,
+            1 => f32::INFINITY,
+            2 => -0.0,
+            3 => 0.0,
+            k => k as f32 - 9.5,
         }
+    }
 
-        /// Few different ones, so that some are equal, and those that are no numbers among them.
-        fn float(&mut self) -> f32 {
-            match self.word() % 16 {
-                0 => f32::NAN,
-                1 => f32::INFINITY,
-                2 => -0.0,
-                3 => 0.0,
-                k => k as f32 - 9.5,
-            }
-        }
+    fn row(random: &mut Random) -> [f32; MOST_LANES] {
+        [(); MOST_LANES].map(|()| float(random))
+    }
 
-        fn row(&mut self) -> [f32; MOST_LANES] {
-            [(); MOST_LANES].map(|()| self.float())
-        }
-
-        /// Numbers of all bits, subnormal and infinite ones among them.
-        fn wide_row(&mut self) -> [f32; MOST_LANES] {
-            [(); MOST_LANES].map(|()| f32::from_bits(self.word() << 16 ^ self.word()))
-        }
+    /// Numbers of all bits, subnormal and infinite ones among them.
+    fn wide_row(random: &mut Random) -> [f32; MOST_LANES] {
+        [(); MOST_LANES].map(|()| f32::from_bits(random.bits()))
     }
 
     fn bits(row: &[f32]) -> Vec<u32> {
@@ -238,9 +230,9 @@ mod tests {
     /// The processor must have the set.
     #[cfg_attr(optimised, inline(always))]
     unsafe fn check<S: Simd>() {
-        let mut numbers = Numbers(S::N as u32);
+        let mut random = Random::new(S::N as u64);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
-            let (x, y) = (numbers.row(), numbers.row());
+            let (x, y) = (row(&mut random), row(&mut random));
             // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
             unsafe {
                 let (a, b) = (S::load(x.as_ptr()), S::load(y.as_ptr()));
@@ -260,14 +252,14 @@ mod tests {
                 assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
                 assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
                 assert_eq!(told(S::product_error(a, b)), each(|x, y| Strict::two_product(x, y).1));
-                let (p, q) = (numbers.wide_row(), numbers.wide_row());
+                let (p, q) = (wide_row(&mut random), wide_row(&mut random));
                 let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
                 let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
                 assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
                 let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
                 let mask = S::le(a, b);
                 assert_eq!(S::bits(mask), le);
-                let some = numbers.word() & ((1 << S::N) - 1);
+                let some = random.bits() & ((1 << S::N) - 1);
                 assert_eq!(S::bits(S::mask(some)), some);
                 assert_eq!(S::bits(S::and(mask, S::mask(some))), le & some);
                 let chosen: Vec<f32> =
@@ -285,7 +277,7 @@ mod tests {
                 assert_eq!(S::least(of, a) & of, expected & of);
 
                 let places: [u8; MOST_LANES] =
-                    core::array::from_fn(|_| (numbers.word() % (2 * S::N as u32)) as u8);
+                    core::array::from_fn(|_| random.below(2 * S::N) as u8);
                 let table = [&x[..S::N], &y[..S::N]].concat();
                 let found: Vec<f32> = (0..S::N).map(|i| table[places[i] as usize]).collect();
                 assert_eq!(told(S::look_up([a, b], S::places(places.as_ptr()))), bits(&found));
@@ -297,21 +289,19 @@ mod tests {
     /// The processor must have the set.
     #[cfg_attr(optimised, inline(always))]
     unsafe fn check_stacks<S: Simd>() {
-        let mut numbers = Numbers(S::N as u32 + 99);
+        let mut random = Random::new(S::N as u64 + 99);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
-            let children: [u32; MOST_LANES] = core::array::from_fn(|_| numbers.word());
-            let t = numbers.row().map(|x| if x.is_nan() { 4.0 } else { x.min(99.0) });
+            let children: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits());
+            let t = row(&mut random).map(|x| if x.is_nan() { 4.0 } else { x.min(99.0) });
             let mut order: [u8; MOST_LANES] = core::array::from_fn(|i| i as u8);
-            for i in (1..S::N).rev() {
-                order.swap(i, numbers.word() as usize % (i + 1));
-            }
-            let backwards = numbers.word().is_multiple_of(2);
+            random.shuffle(&mut order[..S::N]);
+            let backwards = random.below(2) == 0;
             let direction = Direction::new(S::N, backwards);
             // Full and empty masks too.
-            let mask = match numbers.word() % 8 {
+            let mask = match random.below(8) {
                 0 => 0,
                 1 => (1 << S::N) - 1,
-                _ => numbers.word() & ((1 << S::N) - 1),
+                _ => random.bits() & ((1 << S::N) - 1),
             };
             let mut places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
             if backwards {
@@ -340,7 +330,7 @@ mod tests {
                 }
 
                 // Entered at `t`, left at others: the same as pushing those that are met.
-                let exit = numbers.row();
+                let exit = row(&mut random);
                 let met: u32 = (0..S::N).map(|i| u32::from(t[i] <= exit[i]) << i).sum();
                 let places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
                 let places: Vec<usize> =
@@ -363,10 +353,10 @@ mod tests {
                     assert_eq!(last, children[place]);
                 }
 
-                let count = numbers.word() as usize % 41;
-                let mut t: [f32; 64] = core::array::from_fn(|_| numbers.float());
+                let count = random.below(41);
+                let mut t: [f32; 64] = core::array::from_fn(|_| float(&mut random));
                 let mut names: [u32; 64] = core::array::from_fn(|i| i as u32);
-                let stop = numbers.word() as f32 % 7.0 - 3.0;
+                let stop = random.below(7) as f32 - 3.0;
                 let kept: Vec<u32> = (0..count as u32).filter(|&i| t[i as usize] <= stop).collect();
                 let end = S::cull(names.as_mut_ptr(), t.as_mut_ptr(), count, stop);
                 assert_eq!(names[..end], kept);
