@@ -3,12 +3,13 @@
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::row::{Row, ZERO, load, snapped, store};
+use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
 use crate::query::leaf::{self, Best};
 use crate::query::record::Record;
 use crate::query::simd::{MOST_LANES, Simd};
 use crate::query::step::Octant;
+use crate::query::watertight::or_zero;
 
 /// What one triangle against all rays costs, and one ray against a whole block.
 const COST_OF_A_TRIANGLE: u32 = 2;
@@ -233,7 +234,8 @@ impl Group {
             let mut u = S::div(load::<S>(&self.v), det);
             let mut v = S::div(load::<S>(&self.w), det);
             if accuracy != Accuracy::Fast {
-                (u, v) = (snapped::<S>(u), snapped::<S>(v));
+                u = or_zero::<S>(u, f32::MIN_POSITIVE);
+                v = or_zero::<S>(v, f32::MIN_POSITIVE);
             }
             let (front, back) = ([load::<S>(&self.t), load::<S>(&self.triangle)], [u, v]);
             for (half, single) in singles.iter().enumerate() {

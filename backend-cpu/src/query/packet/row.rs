@@ -32,13 +32,3 @@ pub(super) unsafe fn put<S: Simd>(mask: S::Mask, row: &mut Row, x: S::Floats) {
     // SAFETY: as above.
     unsafe { store::<S>(row, S::select(mask, x, load::<S>(row))) }
 }
-
-/// 0 for what is below the normal range.
-///
-/// # Safety
-/// As for [`load`].
-#[cfg_attr(optimised, inline(always))]
-pub(super) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
-    // SAFETY: as above.
-    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
-}
