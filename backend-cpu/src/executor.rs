@@ -29,7 +29,7 @@ pub struct CpuExecutor<'a, A = Strict> {
     buffers: Buffers,
     memory: Memory,
     lookout: &'a Lookout<'a>,
-    /// T as the levels have it, where tasks build what has fewer references ([`cached::build_cached`]).
+    /// T as the levels have it, where tasks build what has fewer references ([`crate::cached::build_cached`]).
     cached: Option<u32>,
     /// Whether the tree is void since a cap might have bound.
     void: bool,

@@ -74,7 +74,7 @@ impl Group {
     /// The rays that meet a box, whose first coordinate is at `corner` and the others a row on each.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn meets<S: Simd>(
         &self,
@@ -102,7 +102,7 @@ impl Group {
     /// Tests some triangles of a block for some rays. True when a best hit changed.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
@@ -172,7 +172,7 @@ impl Group {
     /// Tests a block for one ray. True when its best hit changed.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn test_ray<S: Simd>(
         &mut self,

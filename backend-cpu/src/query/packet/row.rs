@@ -1,4 +1,4 @@
-//! A number of each ray of a packet.
+//! A number of each ray of a group.
 
 use crate::query::simd::{MOST_LANES, Simd};
 

@@ -1,4 +1,4 @@
-//! One triangle against all rays of a packet.
+//! One triangle against all rays of a group.
 
 use splitplane_core::intersect::STOP_SLACK;
 use splitplane_core::ray::{Culling, QueryOptions};
