@@ -527,7 +527,7 @@ mod tests {
         let count = references.len();
         let right_first = count + WIDTH;
         let mut columns = Columns::default();
-        columns.lengthen(right_first + count + TILE + WIDTH);
+        columns.lengthen(right_first + count + TILE + WIDTH).expect("memory");
         for (i, row) in references.iter().enumerate() {
             columns.set(i, row);
         }
