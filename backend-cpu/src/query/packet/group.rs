@@ -5,7 +5,7 @@ use splitplane_core::traverse::Query;
 
 use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
-use crate::query::leaf::{self, Best};
+use crate::query::leaf::{self, BestHit};
 use crate::query::record::Record;
 use crate::query::simd::{MOST_LANES, Simd};
 use crate::query::step::Octant;
@@ -199,13 +199,13 @@ impl Group {
 
     /// The best hit of a ray so far, but for its place in the triangle.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn best(&self, lane: usize) -> Best {
+    pub(super) fn best(&self, lane: usize) -> BestHit {
         let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
-        Best { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
+        BestHit { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
     }
 
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn set(&mut self, lane: usize, best: &Best) {
+    pub(super) fn set(&mut self, lane: usize, best: &BestHit) {
         self.t.0[lane] = best.hit.t;
         self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
         (self.v.0[lane], self.w.0[lane], self.det.0[lane]) = (best.hit.u, best.hit.v, 1.0);
