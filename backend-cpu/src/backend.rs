@@ -28,6 +28,16 @@ pub struct CpuBackend {
     set: InstructionSet,
 }
 
+/// A tree that was built, in memory that is kept, and what a layout for queries is made with.
+struct Built<'a> {
+    tree: KdTreeView<'a>,
+    summary: BuildSummary,
+    /// Snapped corners of the mesh.
+    triangles: &'a [Triangle],
+    memory: Memory,
+    scratch: &'a mut LayoutScratch,
+}
+
 impl Default for CpuBackend {
     fn default() -> CpuBackend {
         CpuBackend::with_instruction_set(InstructionSet::detect())
@@ -57,9 +67,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, &UNWATCHED, |tree, summary, _, memory, _| {
-            Ok((copied(&tree, &memory, &UNWATCHED)?, summary))
-        })
+        self.tree_under(mesh, options, &UNWATCHED)
     }
 
     /// As [`CpuBackend::build_tree`], telling `watch` how far it is; `watch` may end it.
@@ -72,9 +80,17 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        let look = Lookout::new(watch);
-        self.with_built(mesh, options, &look, |tree, summary, _, memory, _| {
-            Ok((copied(&tree, &memory, &look)?, summary))
+        self.tree_under(mesh, options, &Lookout::new(watch))
+    }
+
+    fn tree_under(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions,
+        look: &Lookout<'_>,
+    ) -> Result<(KdTree, BuildSummary), BuildError> {
+        self.with_built(mesh, options, look, |built| {
+            Ok((copied(&built.tree, &built.memory, look)?, built.summary))
         })
     }
 
@@ -111,7 +127,8 @@ impl CpuBackend {
         look: &Lookout<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, look, |tree, summary, triangles, mut memory, scratch| {
+        self.with_built(mesh, options, look, |built| {
+            let Built { tree, summary, triangles, mut memory, scratch } = built;
             begin_layout(look, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
             let tree = copied(&tree, &memory, look)?;
@@ -135,16 +152,12 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<(), BuildError> {
-        self.with_built(
-            mesh,
-            options,
-            &UNWATCHED,
-            |tree, summary, triangles, mut memory, scratch| {
-                memory.take(scratch.bytes())?;
-                let source = Source { mesh, triangles, layout: options.layout };
-                accelerator.replace(&tree, summary, source, (&mut memory, scratch))
-            },
-        )
+        self.with_built(mesh, options, &UNWATCHED, |built| {
+            let Built { tree, summary, triangles, mut memory, scratch } = built;
+            memory.take(scratch.bytes())?;
+            let source = Source { mesh, triangles, layout: options.layout };
+            accelerator.replace(&tree, summary, source, (&mut memory, scratch))
+        })
     }
 
     /// As [`CpuBackend::rebuild`], telling `watch` how far it is; `watch` may end it, and the accelerator is
@@ -165,7 +178,7 @@ impl CpuBackend {
         Ok(())
     }
 
-    /// Builds a tree and hands it over with its summary and the snapped corners. Where memory kept from
+    /// Builds a tree and hands it over. Where memory kept from
     /// earlier builds keeps this one from its limit, it is given back and all is done once more: what a
     /// limit allows does not depend on what was built before.
     fn with_built<T>(
@@ -173,13 +186,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         look: &Lookout<'_>,
-        mut then: impl FnMut(
-            KdTreeView<'_>,
-            BuildSummary,
-            &[Triangle],
-            Memory,
-            &mut LayoutScratch,
-        ) -> Result<T, BuildError>,
+        mut then: impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
@@ -207,13 +214,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         look: &Lookout<'_>,
-        then: &mut impl FnMut(
-            KdTreeView<'_>,
-            BuildSummary,
-            &[Triangle],
-            Memory,
-            &mut LayoutScratch,
-        ) -> Result<T, BuildError>,
+        then: &mut impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         let BuildOptions { config, max_memory, .. } = *options;
         let executor = |buffers| -> Result<CpuExecutor<'_>, BuildError> {
@@ -258,7 +259,8 @@ impl CpuBackend {
             small_roots: totals.small_roots,
             peak_bytes: memory.peak,
         };
-        then(tree, summary, &kept.triangles[..mesh.len()], memory, layout)
+        let triangles = &kept.triangles[..mesh.len()];
+        then(Built { tree, summary, triangles, memory, scratch: layout })
     }
 }
 

@@ -130,11 +130,13 @@ impl Memory {
     /// # Errors
     /// More memory than there is; the vector is then what it was.
     pub(crate) fn reserve<T>(&self, vector: &mut Vec<T>, length: usize) -> Result<(), BuildError> {
-        let held = self.held;
         let more = length.saturating_sub(vector.len());
-        vector
-            .try_reserve_exact(more)
-            .map_err(|_| BuildError::OutOfMemory { needed: held, limit: held })
+        vector.try_reserve_exact(more).map_err(|_| self.lacking())
+    }
+
+    /// The error where there is less memory than what is held and is to be.
+    pub(crate) fn lacking(&self) -> BuildError {
+        BuildError::OutOfMemory { needed: self.held, limit: self.held }
     }
 }
 

@@ -1,39 +1,34 @@
 //! Functions compiled for every instruction set.
 
-/// Defines a function that takes an instruction set first and runs its body as compiled for that set. The
-/// body is plain Rust; a compiler turns its loops into the vector instructions that it may use. The features
-/// named here must be among those that [`InstructionSet::available`](crate::query::InstructionSet::available)
-/// asks for.
+/// Defines a function that takes an instruction set first and runs its body as compiled for that set, which
+/// the body knows as `S`: a task of [`InstructionSet::run`](crate::query::InstructionSet::run). The body is
+/// plain Rust; a compiler turns its loops into the vector instructions that it may use.
 macro_rules! for_every_set {
     (
         $(#[$doc:meta])*
-        $visible:vis fn $name:ident($($argument:ident: $type:ty),* $(,)?) -> $out:ty $body:block
+        $visible:vis fn $name:ident<$set:ident>($($argument:ident: $type:ty),* $(,)?) -> $out:ty $body:block
     ) => {
         $(#[$doc])*
         #[allow(clippy::too_many_arguments, reason = "one more than the body needs")]
         $visible fn $name(set: $crate::query::InstructionSet, $($argument: $type),*) -> $out {
-            #[cfg_attr(optimised, inline(always))]
-            #[allow(clippy::unused_unit, reason = "the type is always written")]
-            fn plain($($argument: $type),*) -> $out $body
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-            fn wide_16($($argument: $type),*) -> $out {
-                plain($($argument),*)
+            /// The arguments.
+            struct Task<T>(T);
+            impl $crate::query::Compiled for Task<($($type,)*)> {
+                type Output = $out;
+
+                #[cfg_attr(optimised, inline(always))]
+                unsafe fn run<$set: $crate::query::Simd>(self) -> $out {
+                    // That references do not overlap is known of a function's arguments only.
+                    #[cfg_attr(optimised, inline(always))]
+                    #[allow(clippy::unused_unit, reason = "the type is always written")]
+                    #[allow(clippy::extra_unused_type_parameters, reason = "not all ask for the set")]
+                    fn plain<$set: $crate::query::Simd>($($argument: $type),*) -> $out $body
+                    let Task(($($argument,)*)) = self;
+                    plain::<$set>($($argument),*)
+                }
             }
-            #[cfg(target_arch = "x86_64")]
-            #[target_feature(enable = "avx2,bmi1,bmi2,popcnt")]
-            fn wide_8($($argument: $type),*) -> $out {
-                plain($($argument),*)
-            }
-            match set {
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: only sets that the processor has come here.
-                $crate::query::InstructionSet::Avx512 => unsafe { wide_16($($argument),*) },
-                #[cfg(target_arch = "x86_64")]
-                // SAFETY: as above.
-                $crate::query::InstructionSet::Avx2 => unsafe { wide_8($($argument),*) },
-                _ => plain($($argument),*),
-            }
+            // SAFETY: only sets that the processor has come here.
+            unsafe { set.run(Task(($($argument,)*))) }
         }
     };
 }

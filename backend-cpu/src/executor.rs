@@ -29,7 +29,7 @@ pub struct CpuExecutor<'a, A = Strict> {
     buffers: Buffers,
     memory: Memory,
     lookout: &'a Lookout<'a>,
-    /// T as the levels have it, where tasks build what has fewer references ([`cached::build_cached`]).
+    /// T as the levels have it, where tasks build what has fewer references ([`crate::cached::build_cached`]).
     cached: Option<u32>,
     /// Whether the tree is void since a cap might have bound.
     void: bool,
@@ -186,9 +186,11 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         let (b, m) = (&mut self.buffers, &mut self.memory);
         m.grow_watched(&mut b.small_sizes, roots, self.lookout)?;
         let before = b.bytes();
+        m.reserve(&mut b.subtrees, roots)?;
         b.subtrees.resize_with(roots.max(b.subtrees.len()), Subtrees::default);
+        m.reserve(&mut b.totals, roots)?;
         b.totals.resize(roots.max(b.totals.len()), Totals::default());
-        b.workers.prepare(rayon::current_num_threads());
+        b.workers.prepare(rayon::current_num_threads()).map_err(|_| m.lacking())?;
         let kept = u64::from(b.counters[Counter::Triangles] - b.counters[Counter::Dropped]);
         let caps = Caps::new(
             &self.config,
@@ -214,10 +216,11 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             &mut b.small_sizes[..roots],
             &mut b.totals[..roots],
             &mut b.subtrees[..roots],
-        );
+        )
+        .map_err(|_| m.lacking())?;
         self.void = caps.exceeded();
         b.voided = self.void.then_some((triangles, self.config));
-        b.workers.prepare(rayon::current_num_threads());
+        b.workers.prepare(rayon::current_num_threads()).map_err(|_| m.lacking())?;
         m.take(b.bytes() - before)
     }
 
@@ -434,6 +437,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 look.begin(Stage::SmallNodes, small as u64);
                 m.grow_watched(&mut b.small_sizes, small, look)?;
                 let batches = small.div_ceil(BATCH);
+                m.reserve(&mut b.subtrees, batches)?;
                 b.subtrees.resize_with(batches.max(b.subtrees.len()), Subtrees::default);
                 let before: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
                 k::build_small::run::<A>(
@@ -444,7 +448,8 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &b.small_references,
                     &mut b.small_sizes[..small],
                     &mut b.subtrees[..batches],
-                );
+                )
+                .map_err(|_| m.lacking())?;
                 let after: u64 = b.subtrees.iter().map(Subtrees::bytes).sum();
                 m.take(after - before)?;
                 look.finish();

@@ -1,7 +1,7 @@
 //! A limit on memory is held to the byte, and what counts against it is what is really allocated.
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicI64, Ordering::Relaxed};
+use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard};
 
 use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryLayout};
@@ -20,11 +20,13 @@ static PEAK: AtomicI64 = AtomicI64::new(0);
 static GRANTED: AtomicI64 = AtomicI64::new(i64::MAX);
 
 /// Bytes of a large request: pools and locks ask for less.
-const LARGE: usize = 1 << 13;
+static LARGE: AtomicUsize = AtomicUsize::new(1 << 13);
 
 /// Whether there is memory for a request.
 fn is_granted(size: usize) -> bool {
-    size < LARGE || GRANTED.load(Relaxed) == i64::MAX || GRANTED.fetch_sub(1, Relaxed) > 0
+    size < LARGE.load(Relaxed)
+        || GRANTED.load(Relaxed) == i64::MAX
+        || GRANTED.fetch_sub(1, Relaxed) > 0
 }
 
 fn change(bytes: i64) {
@@ -213,6 +215,35 @@ fn where_there_is_no_memory_nothing_is_lost() {
         assert!(refused >= if to == QueryLayout::Fast { 7 } else { 6 }, "{refused}");
         let new = CpuBackend::new().build_accelerator(&after, &second).expect("no limit");
         assert!(built.tree() == new.tree() && hits_of(&built, &rays) == hits_of(&new, &rays));
+    }
+}
+
+/// Whichever request of the builder is refused, an error says so.
+#[test]
+fn where_there_is_no_memory_no_tree_is_built() {
+    let _alone = alone();
+    let scene = scenes::sphere(100, [0.0; 3], 1.0);
+    let mesh = scene.mesh();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a thread");
+    for preset in [Preset::Fast, Preset::Balanced, Preset::Best] {
+        let options = options(preset, QueryLayout::Fast);
+        let build = || pool.install(|| CpuBackend::new().build_tree(&mesh, &options));
+        let expected = build().expect("no limit");
+        let mut refused = 0;
+        let built = loop {
+            // What a thread needs, whatever the mesh, is less.
+            LARGE.store(1 << 16, Relaxed);
+            GRANTED.store(refused, Relaxed);
+            let built = build();
+            GRANTED.store(i64::MAX, Relaxed);
+            LARGE.store(1 << 13, Relaxed);
+            let Err(error) = built else { break built };
+            let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
+            assert_eq!(needed, limit, "there was no limit");
+            refused += 1;
+        };
+        assert!(built.is_ok_and(|(tree, _)| tree == expected.0), "{preset:?}");
+        assert!(refused > 5, "{preset:?}: {refused}");
     }
 }
 

@@ -202,7 +202,7 @@ impl Search<'_> {
         let Bins { numbers, open, events, places, .. } = bins;
         let places = &places[..self.references.len()];
         let ranges = ranges(open);
-        gather(self.set, self.set, &ranges, self.references, places, numbers, open, events);
+        gather(self.set, &ranges, self.references, places, numbers, open, events);
         let mut first = 0;
         for (i, open) in bins.open.iter().enumerate() {
             if open.least < bins.open[first].least {
@@ -298,14 +298,14 @@ impl Search<'_> {
     ) -> Result<(), BuildError> {
         lengthen(self.ledger, &mut part.ends, open, 0)?;
         part.ends[..open].fill(0);
-        let all = count_events(self.set, self.set, ranges, places, numbers, &mut part.ends[..open]);
+        let all = count_events(self.set, ranges, places, numbers, &mut part.ends[..open]);
         lengthen(self.ledger, &mut part.events, all as usize, 0)?;
         let mut first = 0;
         for end in &mut part.ends[..open] {
             first += core::mem::replace(end, first);
         }
         let Part { events, ends, .. } = part;
-        place_events(self.set, self.set, ranges, references, places, numbers, ends, events);
+        place_events(self.set, ranges, references, places, numbers, ends, events);
         Ok(())
     }
 }
@@ -371,7 +371,7 @@ impl Bins {
 for_every_set! {
     /// Bounds the costs in every bin, and opens those that may hold the least split. Returns how many
     /// events they may have.
-    fn bound(
+    fn bound<S>(
         bins: &mut Bins,
         costs: &Costs,
         cell: &Cell,
@@ -468,8 +468,7 @@ for_every_set! {
 
 for_every_set! {
     /// Collects the events in open bins, bin by bin.
-    fn gather(
-        own_set: InstructionSet,
+    fn gather<S>(
         ranges: &Ranges,
         references: &[Reference],
         places: &[Places],
@@ -477,7 +476,7 @@ for_every_set! {
         open: &mut [Open],
         events: &mut [Event],
     ) -> () {
-        ranges.search(own_set, places, |reference, word| {
+        ranges.search::<S>(places, |reference, word| {
             let number = numbers[word % 4][usize::from(places[reference][word])];
             if let Some(open) = open.get_mut(number as usize)
                 && let Some(event) = event_of(&references[reference], word)
@@ -491,15 +490,14 @@ for_every_set! {
 
 for_every_set! {
     /// Counts the events in each open bin. Returns how many there are in all.
-    fn count_events(
-        own_set: InstructionSet,
+    fn count_events<S>(
         ranges: &Ranges,
         places: &[Places],
         numbers: &Numbers,
         counts: &mut [u32],
     ) -> u32 {
         let mut all = 0;
-        ranges.search(own_set, places, |reference, word| {
+        ranges.search::<S>(places, |reference, word| {
             let number = numbers[word % 4][usize::from(places[reference][word])];
             if let Some(count) = counts.get_mut(number as usize) {
                 *count += 1;
@@ -512,8 +510,7 @@ for_every_set! {
 
 for_every_set! {
     /// Puts the events in open bins where those of each bin end so far.
-    fn place_events(
-        own_set: InstructionSet,
+    fn place_events<S>(
         ranges: &Ranges,
         references: &[Reference],
         places: &[Places],
@@ -521,7 +518,7 @@ for_every_set! {
         ends: &mut [u32],
         events: &mut [Event],
     ) -> () {
-        ranges.search(own_set, places, |reference, word| {
+        ranges.search::<S>(places, |reference, word| {
             let number = numbers[word % 4][usize::from(places[reference][word])];
             if let Some(end) = ends.get_mut(number as usize) {
                 // Both faces of a planar reference are one event.

@@ -88,7 +88,7 @@ impl Borders {
 
 for_every_set! {
     /// Counts the faces in every bin, and notes where each reference's are.
-    pub(super) fn count_faces(
+    pub(super) fn count_faces<S>(
         grid: &Grid,
         references: &[Reference],
         faces: &mut Faces,

@@ -1,7 +1,7 @@
 //! Which faces lie in a range of bins, eight references at a time.
 
 use super::grid::Places;
-use crate::query::InstructionSet;
+use crate::query::Simd;
 
 /// References that are looked at together.
 pub(super) const AT_ONCE: usize = 8;
@@ -32,19 +32,14 @@ impl Ranges {
 
     /// Calls `found` with every word that is in its range: its reference's number and its own.
     #[cfg_attr(optimised, inline(always))]
-    pub fn search(
-        &self,
-        set: InstructionSet,
-        places: &[Places],
-        mut found: impl FnMut(usize, usize),
-    ) {
+    pub fn search<S: Simd>(&self, places: &[Places], mut found: impl FnMut(usize, usize)) {
         for (block, chunk) in places.chunks(AT_ONCE).enumerate() {
             let mut bits = match chunk.first_chunk() {
-                Some(chunk) => self.of(set, chunk),
+                Some(chunk) => self.of::<S>(chunk),
                 None => {
                     let mut whole = [[0; 8]; AT_ONCE];
                     whole[..chunk.len()].copy_from_slice(chunk);
-                    self.of(set, &whole) & ((1 << (8 * chunk.len())) - 1)
+                    self.of::<S>(&whole) & ((1 << (8 * chunk.len())) - 1)
                 }
             };
             while bits != 0 {
@@ -57,35 +52,19 @@ impl Ranges {
 
     /// The words of eight references that are in their ranges, a bit each.
     #[cfg_attr(optimised, inline(always))]
-    fn of(&self, set: InstructionSet, places: &[Places; AT_ONCE]) -> u64 {
-        match set {
-            #[cfg(target_arch = "x86_64")]
-            // SAFETY: only sets that the processor has come here.
-            InstructionSet::Avx512 => unsafe { self.of_64(places) },
-            _ => self.of_loops(places),
+    fn of<S: Simd>(&self, places: &[Places; AT_ONCE]) -> u64 {
+        #[cfg(target_arch = "x86_64")]
+        if S::AVX512 {
+            use core::arch::x86_64::*;
+            // SAFETY: what is compiled for a set runs where the processor has it. Loads of 64 bytes, as
+            // many as there are.
+            return unsafe {
+                let places = _mm512_loadu_si512(places.as_ptr().cast());
+                let first = _mm512_loadu_si512(self.first.as_ptr().cast());
+                let span = _mm512_loadu_si512(self.span.as_ptr().cast());
+                _mm512_mask_cmple_epu8_mask(self.there, _mm512_sub_epi8(places, first), span)
+            };
         }
-    }
-
-    /// By AVX-512BW.
-    ///
-    /// # Safety
-    /// The processor must have it.
-    #[cfg(target_arch = "x86_64")]
-    #[inline]
-    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-    unsafe fn of_64(&self, places: &[Places; AT_ONCE]) -> u64 {
-        use core::arch::x86_64::*;
-        // SAFETY: loads of 64 bytes, as many as there are.
-        unsafe {
-            let places = _mm512_loadu_si512(places.as_ptr().cast());
-            let first = _mm512_loadu_si512(self.first.as_ptr().cast());
-            let span = _mm512_loadu_si512(self.span.as_ptr().cast());
-            _mm512_mask_cmple_epu8_mask(self.there, _mm512_sub_epi8(places, first), span)
-        }
-    }
-
-    #[cfg_attr(optimised, inline(always))]
-    fn of_loops(&self, places: &[Places; AT_ONCE]) -> u64 {
         let mut bits = 0;
         for bit in 0..64 {
             let inside = places[bit / 8][bit % 8].wrapping_sub(self.first[bit]) <= self.span[bit];
@@ -98,7 +77,17 @@ impl Ranges {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::every_set::for_every_set;
+    use crate::query::InstructionSet;
     use splitplane_test_support::random::Random;
+
+    for_every_set! {
+        fn searched<S>(ranges: &Ranges, places: &[Places]) -> Vec<(usize, usize)> {
+            let mut found = Vec::new();
+            ranges.search::<S>(places, |i, word| found.push((i, word)));
+            found
+        }
+    }
 
     #[test]
     fn every_set_finds_what_is_in_range() {
@@ -122,9 +111,7 @@ mod tests {
                 }
             }
             for set in InstructionSet::available() {
-                let mut found = Vec::new();
-                Ranges::new(axes).search(set, &places, |i, word| found.push((i, word)));
-                assert_eq!(found, expected);
+                assert_eq!(searched(set, &Ranges::new(axes), &places), expected);
             }
         }
     }

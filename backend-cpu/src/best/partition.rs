@@ -17,7 +17,7 @@ for_every_set! {
     /// Moves the references of a node to the sides of a split: those that go right to the front of
     /// `references`, those that go left to `left`, which must be as long. Both keep their order. Returns
     /// how many go left and right.
-    pub(super) fn partition(
+    pub(super) fn partition<S>(
         clipped: bool,
         triangles: &[Triangle],
         cell: &Aabb,

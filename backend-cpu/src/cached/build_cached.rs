@@ -11,6 +11,7 @@
 
 use core::marker::PhantomData;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::collections::TryReserveError;
 use std::sync::Mutex;
 
 use rayon::prelude::*;
@@ -108,18 +109,22 @@ impl Workers {
 
     /// Makes as many as there are threads, each with as much room as any of them needed before, so that the
     /// next build of the kind allocates nothing, whichever takes what.
-    pub fn prepare(&mut self, threads: usize) {
-        let Ok(spare) = self.spare.get_mut() else { return };
+    ///
+    /// # Errors
+    /// Less memory than that room.
+    pub fn prepare(&mut self, threads: usize) -> Result<(), TryReserveError> {
+        let Ok(spare) = self.spare.get_mut() else { return Ok(()) };
         while spare.len() < threads {
             spare.push(Box::new(Worker::new()));
         }
         let rows = spare.iter().map(|worker| worker.columns.room()).max().unwrap_or(0);
         let listed = spare.iter().map(|worker| worker.references.capacity()).max().unwrap_or(0);
         for worker in spare {
-            worker.columns.lengthen(rows);
+            worker.columns.lengthen(rows)?;
             worker.references.clear();
-            worker.references.reserve_exact(listed);
+            worker.references.try_reserve_exact(listed)?;
         }
+        Ok(())
     }
 
     fn take(&self) -> Box<Worker> {
@@ -186,21 +191,23 @@ pub(crate) struct Inputs<'a> {
 }
 
 /// Builds the subtree of every root. `subtrees` and `totals` hold an element for each.
+///
+/// # Errors
+/// Less memory than that takes.
 pub(crate) fn run<A: Arithmetic>(
     inputs: &Inputs<'_>,
     workers: &Workers,
     sizes: &mut [Extent],
     totals: &mut [Totals],
     subtrees: &mut [Subtrees],
-) {
+) -> Result<(), TryReserveError> {
     let roots = inputs.roots.par_iter().zip(sizes).zip(totals).zip(subtrees);
-    roots.with_max_len(1).for_each(|(((root, size), totals), out)| {
-        out.nodes.clear();
-        out.references.clear();
+    roots.with_max_len(1).try_for_each(|(((root, size), totals), out)| {
+        out.clear();
         *totals = Totals::default();
         *size = Extent::default();
         if inputs.look.is_over() || inputs.caps.exceeded() {
-            return;
+            return Ok(());
         }
         let mut worker = workers.take();
         let one = OneRoot::<A> {
@@ -212,11 +219,12 @@ pub(crate) fn run<A: Arithmetic>(
             arithmetic: PhantomData,
         };
         // SAFETY: the executor holds only sets that the processor has.
-        unsafe { inputs.set.run(one) };
+        let done = unsafe { inputs.set.run(one) };
         workers.give_back(worker);
         *size = Extent { nodes: out.nodes.len() as u32, references: out.references.len() as u32 };
         inputs.look.advance(u64::from(root.count));
-    });
+        done
+    })
 }
 
 /// [`one_root`], for the lanes of each set.
@@ -230,16 +238,16 @@ struct OneRoot<'a, A> {
 }
 
 impl<A: Arithmetic> Compiled for OneRoot<'_, A> {
-    type Output = ();
+    type Output = Result<(), TryReserveError>;
 
     #[cfg_attr(optimised, inline(always))]
-    unsafe fn run<S: Simd>(self) {
+    unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let OneRoot { inputs, root, worker, totals, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
         if S::AVX512 {
             return one_root::<A, Avx512>(inputs, root, worker, totals, out);
         }
-        one_root::<A, Plain>(inputs, root, worker, totals, out);
+        one_root::<A, Plain>(inputs, root, worker, totals, out)
     }
 }
 
@@ -284,16 +292,14 @@ fn one_root<A: Arithmetic, L: Lanes>(
     worker: &mut Worker,
     totals: &mut Totals,
     out: &mut Subtrees,
-) {
+) -> Result<(), TryReserveError> {
     let count = root.count as usize;
     let references = &inputs.references[root.first as usize..][..count];
     if root.count > inputs.limit {
         totals.small_roots += 1;
-        out.nodes.push(KdNode::leaf(0, root.count));
-        out.references.extend(references.iter().map(|reference| reference.triangle));
-        return;
+        return out.leaf(0, references.iter().map(|reference| reference.triangle));
     }
-    worker.columns.lengthen(count + WIDTH);
+    worker.columns.lengthen(count + WIDTH)?;
     worker.columns.load(references);
     let level = inputs.level_starts.partition_point(|&start| start <= root.node) as u32;
     let costs = Costs::of(inputs.config);
@@ -306,12 +312,12 @@ fn one_root<A: Arithmetic, L: Lanes>(
         level,
         inseparable: false,
     };
-    Task { inputs, costs, worker, totals, out }.subtree::<A, L>(node);
+    Task { inputs, costs, worker, totals, out }.subtree::<A, L>(node)
 }
 
 impl Task<'_> {
     #[cfg_attr(optimised, inline(always))]
-    fn subtree<A: Arithmetic, L: Lanes>(&mut self, root: Node) {
+    fn subtree<A: Arithmetic, L: Lanes>(&mut self, root: Node) -> Result<(), TryReserveError> {
         // References that splits added, and nodes, since the caps were last told.
         let mut untold = [0u64; 2];
         self.worker.stack.clear();
@@ -319,15 +325,15 @@ impl Task<'_> {
         loop {
             if node.count > self.inputs.config.small_node_limit as usize {
                 if self.inputs.look.worked(2 * node.count as u64) {
-                    return;
+                    return Ok(());
                 }
                 self.totals.levels = self.totals.levels.max(node.level + 1);
-                let left = self.large::<A, L>(&node, &mut untold);
+                let left = self.large::<A, L>(&node, &mut untold)?;
                 if untold[0] + untold[1] > 1 << 10 {
                     let [references, nodes] = core::mem::take(&mut untold);
                     self.inputs.caps.add(references, nodes);
                     if self.inputs.caps.exceeded() {
-                        return;
+                        return Ok(());
                     }
                 }
                 if let Some(left) = left {
@@ -340,19 +346,19 @@ impl Task<'_> {
                 self.inputs.look.worked(256);
                 let Worker { root, columns, .. } = &mut *self.worker;
                 root.load_rows(columns, node.first, node.count);
-                root.build::<A, L>(&self.costs, &node.cell, node.depth, [0, 0], self.out);
+                root.build::<A, L>(&self.costs, &node.cell, node.depth, [0, 0], self.out)?;
             } else {
-                self.leaf(0);
+                self.empty_leaf()?;
             }
             node = loop {
                 match self.worker.stack.pop() {
                     None => {
                         self.inputs.caps.add(untold[0], untold[1]);
-                        return;
+                        return Ok(());
                     }
                     Some(Next::Empty { parent }) => {
                         self.right_child(parent);
-                        self.leaf(0);
+                        self.empty_leaf()?;
                     }
                     Some(Next::Right { node, from, parent }) => {
                         self.right_child(parent);
@@ -371,17 +377,17 @@ impl Task<'_> {
         &mut self,
         node: &Node,
         untold: &mut [u64; 2],
-    ) -> Option<Node> {
-        let decision = self.decide::<A>(node);
+    ) -> Result<Option<Node>, TryReserveError> {
+        let decision = self.decide::<A>(node)?;
         let mut cell = node.cell;
         let depth = node.depth + decision.cut_count;
         untold[1] += 2 * u64::from(decision.cut_count);
         for index in 0..decision.cut_count {
             let (side, position) = (decision.cut_side(index), decision.cuts[index as usize]);
-            let parent = self.interior(side / 2, position);
+            let parent = self.interior(side / 2, position)?;
             if side.is_multiple_of(2) {
                 cell.lo[side / 2] = position;
-                self.leaf(0);
+                self.empty_leaf()?;
                 self.right_child(parent);
             } else {
                 cell.hi[side / 2] = position;
@@ -390,13 +396,12 @@ impl Task<'_> {
         }
         if decision.axis == Decision::TRANSFER {
             self.totals.small_roots += 1;
-            self.leaf(node.count);
             let triangles = self.worker.columns.triangles(node.first, node.count);
-            self.out.references.extend_from_slice(triangles);
-            return None;
+            self.out.leaf(0, triangles.iter().copied())?;
+            return Ok(None);
         }
         let (axis, position) = (decision.axis as usize, decision.position);
-        self.worker.columns.lengthen(node.free + node.count + TILE + WIDTH);
+        self.worker.columns.lengthen(node.free + node.count + TILE + WIDTH)?;
         let Worker { columns, cut, .. } = &mut *self.worker;
         (cut.axis, cut.plane) = (axis, position);
         let triangles = self.inputs.config.clip.then_some(self.inputs.triangles);
@@ -412,7 +417,7 @@ impl Task<'_> {
         }
         untold[0] += (left + right).saturating_sub(node.count) as u64;
         untold[1] += 2;
-        let parent = self.interior(axis, position);
+        let parent = self.interior(axis, position)?;
         let (mut left_cell, mut right_cell) = (cell, cell);
         left_cell.hi[axis] = position;
         right_cell.lo[axis] = position;
@@ -427,12 +432,12 @@ impl Task<'_> {
         };
         let other = Node { count: right, free: node.free, cell: right_cell, ..child };
         self.worker.stack.push(Next::Right { node: other, from: node.free, parent });
-        Some(child)
+        Ok(Some(child))
     }
 
     /// What is done with a large node: up to the split what `split_large` and `split_binned` do.
     #[cfg_attr(optimised, inline(always))]
-    fn decide<A: Arithmetic>(&mut self, node: &Node) -> Decision {
+    fn decide<A: Arithmetic>(&mut self, node: &Node) -> Result<Decision, TryReserveError> {
         let Inputs { look, config, planes, .. } = *self.inputs;
         let Worker { columns, references, bins, .. } = &mut *self.worker;
         let tight = columns.bounds(node.first, node.count);
@@ -444,31 +449,31 @@ impl Task<'_> {
             inseparable: u32::from(node.inseparable),
             ..bytemuck::Zeroable::zeroed()
         };
-        match planes {
+        Ok(match planes {
             Planes::Median => {
                 if node.inseparable {
-                    columns.references(node.first, node.count, references);
+                    columns.references(node.first, node.count, references)?;
                 }
                 split_large::decide::<A>(look, config, &large, &tight, references)
             }
             Planes::Binned => {
                 let (decision, cell) = split_large::cut_empty_space::<A>(config, &large, &tight);
-                let Some(cell) = cell else { return decision };
+                let Some(cell) = cell else { return Ok(decision) };
                 count_bins::<A>(config.bins, columns, node, &tight, bins);
                 split_binned::split::<A>(config, &large, &cell, &tight, bins, decision)
             }
-        }
+        })
     }
 
-    /// Appends a leaf of references that are to follow.
-    fn leaf(&mut self, count: usize) {
-        self.out.nodes.push(KdNode::leaf(self.out.references.len() as u32, count as u32));
+    /// Appends a leaf of no references.
+    fn empty_leaf(&mut self) -> Result<(), TryReserveError> {
+        self.out.leaf(0, core::iter::empty())
     }
 
     /// Appends an interior node whose right child is not known yet.
-    fn interior(&mut self, axis: usize, position: f32) -> usize {
-        self.out.nodes.push(KdNode::interior(Axis::from_index(axis as u32), position, 0));
-        self.out.nodes.len() - 1
+    fn interior(&mut self, axis: usize, position: f32) -> Result<usize, TryReserveError> {
+        self.out.push(KdNode::interior(Axis::from_index(axis as u32), position, 0))?;
+        Ok(self.out.nodes.len() - 1)
     }
 
     /// The node that is appended next is this one's right child.

@@ -1,5 +1,7 @@
 //! References of the nodes of one task as a structure of arrays.
 
+use std::collections::TryReserveError;
+
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::layout::Reference;
 
@@ -36,13 +38,20 @@ impl Columns {
     }
 
     /// Makes room for so many rows, of which those there are stay.
-    pub fn lengthen(&mut self, rows: usize) {
-        if self.room() < rows {
+    ///
+    /// # Errors
+    /// Less memory than that.
+    pub fn lengthen(&mut self, rows: usize) -> Result<(), TryReserveError> {
+        let more = rows.saturating_sub(self.room());
+        if more > 0 {
             for column in &mut self.faces {
+                column.try_reserve(more)?;
                 column.resize(rows, 0.0);
             }
+            self.triangles.try_reserve(more)?;
             self.triangles.resize(rows, 0);
         }
+        Ok(())
     }
 
     /// Copies references to the front, where there must be room for them.
@@ -105,12 +114,22 @@ impl Columns {
     }
 
     /// Rows as references.
-    pub fn references(&self, first: usize, count: usize, out: &mut Vec<Reference>) {
+    ///
+    /// # Errors
+    /// Less memory than they take.
+    pub fn references(
+        &self,
+        first: usize,
+        count: usize,
+        out: &mut Vec<Reference>,
+    ) -> Result<(), TryReserveError> {
         out.clear();
+        out.try_reserve(count)?;
         out.extend((first..first + count).map(|index| {
             let Row { faces: [lx, ly, lz, hx, hy, hz], triangle } = self.get(index);
             Reference::new(&Aabb { lo: [lx, ly, lz], hi: [hx, hy, hz] }, triangle)
         }));
+        Ok(())
     }
 
     /// The bounds of some rows. Faces are never -0 and never NaN, so the order does not show.

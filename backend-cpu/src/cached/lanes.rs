@@ -442,6 +442,7 @@ impl Lanes for Avx512 {
 mod tests {
     use super::*;
     use crate::cached::columns::Row;
+    use crate::every_set::for_every_set;
     use crate::query::InstructionSet;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::triangle::Triangle;
@@ -485,34 +486,34 @@ mod tests {
         vec![out.lo[..count].to_vec(), out.hi[..count].to_vec(), planes]
     }
 
-    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-    fn small_operations() {
-        let mut numbers = Numbers(Random::new(1));
-        for _ in 0..2000 {
-            let (faces, mask) = (numbers.faces(), numbers.mask());
-            let (plane, count) = (numbers.next(), numbers.next() as usize * 4);
-            assert_eq!(Avx512::sides(&faces, count, plane), Plain::sides(&faces, count, plane));
-            let planes = core::array::from_fn(|_| numbers.next());
-            assert_eq!(Avx512::count(&faces, count, &planes), Plain::count(&faces, count, &planes));
-            assert_eq!(Avx512::outermost(&faces, mask), Plain::outermost(&faces, mask));
-            let (low, high) = (numbers.next(), numbers.next());
-            let expected = gathered::<Plain>(&faces, mask, low, high);
-            assert_eq!(gathered::<Avx512>(&faces, mask, low, high), expected);
-            // Against the rule itself: every face inside, once.
-            let chosen = (0..64).filter(|i| mask >> i & 1 == 1);
-            let mut all: Vec<f32> = chosen.flat_map(|i| [faces.lo[i], faces.hi[i]]).collect();
-            all.retain(|&face| low < face && face < high);
-            all.sort_by(f32::total_cmp);
-            all.dedup();
-            assert_eq!(expected[2], all);
+    for_every_set! {
+        fn small_operations<S>() -> () {
+            let mut numbers = Numbers(Random::new(1));
+            for _ in 0..2000 {
+                let (faces, mask) = (numbers.faces(), numbers.mask());
+                let (plane, count) = (numbers.next(), numbers.next() as usize * 4);
+                assert_eq!(Avx512::sides(&faces, count, plane), Plain::sides(&faces, count, plane));
+                let planes = core::array::from_fn(|_| numbers.next());
+                assert_eq!(Avx512::count(&faces, count, &planes), Plain::count(&faces, count, &planes));
+                assert_eq!(Avx512::outermost(&faces, mask), Plain::outermost(&faces, mask));
+                let (low, high) = (numbers.next(), numbers.next());
+                let expected = gathered::<Plain>(&faces, mask, low, high);
+                assert_eq!(gathered::<Avx512>(&faces, mask, low, high), expected);
+                // Against the rule itself: every face inside, once.
+                let chosen = (0..64).filter(|i| mask >> i & 1 == 1);
+                let mut all: Vec<f32> = chosen.flat_map(|i| [faces.lo[i], faces.hi[i]]).collect();
+                all.retain(|&face| low < face && face < high);
+                all.sort_by(f32::total_cmp);
+                all.dedup();
+                assert_eq!(expected[2], all);
+            }
         }
     }
 
     #[test]
     fn small_operations_are_the_plain_ones() {
         if avx512() {
-            // SAFETY: the processor has AVX-512.
-            unsafe { small_operations() };
+            small_operations(InstructionSet::Avx512);
         }
     }
 
@@ -526,7 +527,7 @@ mod tests {
         let count = references.len();
         let right_first = count + WIDTH;
         let mut columns = Columns::default();
-        columns.lengthen(right_first + count + TILE + WIDTH);
+        columns.lengthen(right_first + count + TILE + WIDTH).expect("memory");
         for (i, row) in references.iter().enumerate() {
             columns.set(i, row);
         }
@@ -582,14 +583,15 @@ mod tests {
         sides
     }
 
-    #[target_feature(enable = "avx512f,avx512dq,avx512bw,avx512vl,bmi1,bmi2,popcnt")]
-    fn divide_by_avx512(
-        references: &[Row],
-        triangles: Option<&[Triangle]>,
-        axis: usize,
-        plane: f32,
-    ) -> [Vec<Row>; 2] {
-        divided::<Avx512>(references, triangles, axis, plane)
+    for_every_set! {
+        fn divide_by_avx512<S>(
+            references: &[Row],
+            triangles: Option<&[Triangle]>,
+            axis: usize,
+            plane: f32,
+        ) -> [Vec<Row>; 2] {
+            divided::<Avx512>(references, triangles, axis, plane)
+        }
     }
 
     /// References of triangles of all kinds, some of them clipped before, divided at ordinary and extreme
@@ -628,8 +630,8 @@ mod tests {
                     let found = divided::<Plain>(&references, corners, axis, plane);
                     assert_eq!(found, expected, "{scale} {count} {turn}");
                     if avx512() {
-                        // SAFETY: the processor has AVX-512.
-                        let found = unsafe { divide_by_avx512(&references, corners, axis, plane) };
+                        let set = InstructionSet::Avx512;
+                        let found = divide_by_avx512(set, &references, corners, axis, plane);
                         assert_eq!(found, expected, "{scale} {count} {turn}");
                     }
                     let sides = expected.iter().map(Vec::len).sum::<usize>();

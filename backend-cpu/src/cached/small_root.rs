@@ -7,6 +7,8 @@
 //! most [`SMALL_ROOT_NODES`] nodes and [`SMALL_ROOT_REFERENCES`] references: a node whose split
 //! would exceed either becomes a leaf. Ties: least cost, then axis, then position.
 
+use std::collections::TryReserveError;
+
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, truncated};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
@@ -32,6 +34,40 @@ impl Subtrees {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         (self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4) as u64
+    }
+
+    /// No subtrees any more, in the same memory.
+    pub fn clear(&mut self) {
+        self.nodes.clear();
+        self.references.clear();
+    }
+
+    /// Appends a node.
+    ///
+    /// # Errors
+    /// No memory for it.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn push(&mut self, node: KdNode) -> Result<(), TryReserveError> {
+        self.nodes.try_reserve(1)?;
+        self.nodes.push(node);
+        Ok(())
+    }
+
+    /// Appends a leaf of these references, and them. Indices count from `base`: so many references.
+    ///
+    /// # Errors
+    /// No memory for it.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn leaf(
+        &mut self,
+        base: usize,
+        references: impl ExactSizeIterator<Item = u32>,
+    ) -> Result<(), TryReserveError> {
+        self.references.try_reserve(references.len())?;
+        let first = self.references.len() - base;
+        self.push(KdNode::leaf(first as u32, references.len() as u32))?;
+        self.references.extend(references);
+        Ok(())
     }
 }
 
@@ -95,6 +131,9 @@ impl Root {
 
     /// Appends the subtree of the references taken to `out`. Indices count from `base`: so many nodes and
     /// references.
+    ///
+    /// # Errors
+    /// Less memory than it takes.
     #[cfg_attr(optimised, inline(always))]
     pub fn build<A: Arithmetic, L: Lanes>(
         &mut self,
@@ -103,7 +142,7 @@ impl Root {
         depth: u32,
         base: [usize; 2],
         out: &mut Subtrees,
-    ) {
+    ) -> Result<(), TryReserveError> {
         let [first_node, first_reference] = base;
         let mask = TriangleMask::first(self.count as u32).bits();
         // Allocated so far, those pending included: what the caps of a root count.
@@ -135,7 +174,7 @@ impl Root {
                     nodes += 2;
                     references = after;
                     let axis = Axis::from_index(plane.axis as u32);
-                    out.nodes.push(KdNode::interior(axis, plane.position, 0));
+                    out.push(KdNode::interior(axis, plane.position, 0))?;
                     let (mut left_cell, mut right_cell) = (node.cell, node.cell);
                     left_cell.hi[plane.axis] = plane.position;
                     right_cell.lo[plane.axis] = plane.position;
@@ -148,15 +187,15 @@ impl Root {
                     continue;
                 }
             }
-            let first = (out.references.len() - first_reference) as u32;
-            out.nodes.push(KdNode::leaf(first, count));
             let mut rest = node.mask;
-            out.references.extend((0..count).map(|_| {
+            let references = (0..count).map(|_| {
                 let i = rest.trailing_zeros() as usize & 63;
                 rest &= rest.wrapping_sub(1);
                 self.triangles[i]
-            }));
+            });
+            out.leaf(first_reference, references)?;
         }
+        Ok(())
     }
 
     /// The split of least rank, if it costs less than a leaf.

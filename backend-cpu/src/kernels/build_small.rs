@@ -4,12 +4,12 @@
 //! Ties: least cost, then axis, then position. A root of more than T references is one leaf.
 
 use core::marker::PhantomData;
+use std::collections::TryReserveError;
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Extent, Reference, SmallRoot};
-use splitplane_core::node::KdNode;
 
 #[cfg(target_arch = "x86_64")]
 use crate::cached::lanes::Avx512;
@@ -22,6 +22,9 @@ use crate::query::{Compiled, InstructionSet, Simd};
 pub const BATCH: usize = 32;
 
 /// Runs the kernel. `subtrees` holds one element for each [`BATCH`] roots.
+///
+/// # Errors
+/// Less memory than the subtrees take.
 pub fn run<A: Arithmetic>(
     look: &Lookout<'_>,
     config: &BuildConfig,
@@ -30,22 +33,23 @@ pub fn run<A: Arithmetic>(
     references: &[Reference],
     sizes: &mut [Extent],
     subtrees: &mut [Subtrees],
-) {
-    roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).for_each(
+) -> Result<(), TryReserveError> {
+    roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).try_for_each(
         |((roots, sizes), out)| {
             if look.is_over() {
-                return;
+                return Ok(());
             }
             let count = roots.len() as u64;
             let batch =
                 Batch::<A> { config, roots, references, sizes, out, arithmetic: PhantomData };
             // SAFETY: the executor holds only sets that the processor has.
-            unsafe { set.run(batch) };
+            unsafe { set.run(batch) }?;
             look.advance(count);
             // A root takes some tens of microseconds.
             look.worked(256 * count);
+            Ok(())
         },
-    );
+    )
 }
 
 /// [`batch`], for the lanes of each set.
@@ -59,16 +63,16 @@ struct Batch<'a, A> {
 }
 
 impl<A: Arithmetic> Compiled for Batch<'_, A> {
-    type Output = ();
+    type Output = Result<(), TryReserveError>;
 
     #[cfg_attr(optimised, inline(always))]
-    unsafe fn run<S: Simd>(self) {
+    unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Batch { config, roots, references, sizes, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
         if S::AVX512 {
             return batch::<A, Avx512>(config, roots, references, sizes, out);
         }
-        batch::<A, Plain>(config, roots, references, sizes, out);
+        batch::<A, Plain>(config, roots, references, sizes, out)
     }
 }
 
@@ -80,9 +84,8 @@ fn batch<A: Arithmetic, L: Lanes>(
     references: &[Reference],
     sizes: &mut [Extent],
     out: &mut Subtrees,
-) {
-    out.nodes.clear();
-    out.references.clear();
+) -> Result<(), TryReserveError> {
+    out.clear();
     let costs = Costs::of(config);
     let mut scratch = Root::new();
     for (root, size) in roots.iter().zip(sizes) {
@@ -91,14 +94,14 @@ fn batch<A: Arithmetic, L: Lanes>(
         if root.count <= config.small_node_limit {
             scratch.load(mine);
             let base = [before.0, before.1];
-            scratch.build::<A, L>(&costs, &root.cell(), root.depth, base, out);
+            scratch.build::<A, L>(&costs, &root.cell(), root.depth, base, out)?;
         } else {
-            out.nodes.push(KdNode::leaf(0, root.count));
-            out.references.extend(mine.iter().map(|reference| reference.triangle));
+            out.leaf(before.1, mine.iter().map(|reference| reference.triangle))?;
         }
         *size = Extent {
             nodes: (out.nodes.len() - before.0) as u32,
             references: (out.references.len() - before.1) as u32,
         };
     }
+    Ok(())
 }

@@ -136,16 +136,16 @@ impl Triangles for Block<'_> {
 
 /// The best hit so far and what follows from it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Best {
+pub(crate) struct BestHit {
     /// The hit, in the caller's units.
     pub hit: Hit,
     /// Inner `t` beyond which nothing can precede it.
     pub stop: f32,
 }
 
-impl Best {
+impl BestHit {
     /// No hit yet.
-    pub const NONE: Best = Best { hit: Hit::MISS, stop: f32::INFINITY };
+    pub const NONE: BestHit = BestHit { hit: Hit::MISS, stop: f32::INFINITY };
 
     /// Takes a candidate if it is within the caller's limits and comes before. True when it does, and
     /// for any hit that is the end.
@@ -155,7 +155,7 @@ impl Best {
         let hit = Hit { t, triangle, u: found.u, v: found.v };
         let better = hit.precedes(&self.hit);
         if better {
-            *self = Best { hit, stop: ray.stop_after(found.t, t) };
+            *self = BestHit { hit, stop: ray.stop_after(found.t, t) };
         }
         better
     }
@@ -180,7 +180,7 @@ pub(crate) fn test_one(
     corners: &Triangle,
     triangle: u32,
     options: &QueryOptions,
-    best: &mut Best,
+    best: &mut BestHit,
 ) -> bool {
     if options.ignore == Some(triangle) {
         return false;
@@ -198,7 +198,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     record: &T,
     options: &QueryOptions,
     query: Query,
-    best: &mut Best,
+    best: &mut BestHit,
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
     let any = query == Query::Any;
@@ -250,7 +250,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     test_sifted(way, record, options, query, &sifted, best)
 }
 
-/// The rest of [`test`] where more than one triangle counts, or one that is to be looked at closely.
+/// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.
 #[inline(never)]
 fn test_sifted<T: Triangles>(
     way: &Way,
@@ -258,7 +258,7 @@ fn test_sifted<T: Triangles>(
     options: &QueryOptions,
     query: Query,
     sifted: &Met,
-    best: &mut Best,
+    best: &mut BestHit,
 ) -> bool {
     let ray = way.ray();
     // Those that are met first: they may spare the others.
@@ -320,7 +320,7 @@ struct Seen<S: Simd, T> {
 
 impl<S: Simd, T: Triangles> Seen<S, T> {
     /// # Safety
-    /// As for [`test`].
+    /// As for [`test()`].
     #[cfg_attr(optimised, inline(always))]
     unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
         // SAFETY: the caller's contract.
@@ -343,7 +343,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
     /// The greatest number of each triangle's corners.
     ///
     /// # Safety
-    /// As for [`test`].
+    /// As for [`test()`].
     #[cfg_attr(optimised, inline(always))]
     unsafe fn greatest(&self, vectors: Vectors<S>) -> S::Floats {
         // SAFETY: the caller's contract.
@@ -363,7 +363,7 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
 }
 
 /// # Safety
-/// As for [`test`].
+/// As for [`test()`].
 #[cfg_attr(optimised, inline(always))]
 unsafe fn coordinates<S: Simd, T: Triangles>(
     record: &T,
@@ -383,7 +383,7 @@ unsafe fn coordinates<S: Simd, T: Triangles>(
 /// The corners of all triangles, each on three axes.
 ///
 /// # Safety
-/// As for [`test`].
+/// As for [`test()`].
 #[cfg_attr(optimised, inline(always))]
 unsafe fn all_corners<S: Simd, T: Triangles>(
     record: &T,
@@ -452,7 +452,7 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
     unsafe fn run<S: Simd>(self) {
         let CloserLook { way, record, limit, met } = self;
         let ray = way.ray();
-        // SAFETY: the caller's contract, and that of [`test`].
+        // SAFETY: the caller's contract, and that of [`test()`].
         unsafe {
             let corners = all_corners::<S, T>(record, record.places::<S>());
             let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
@@ -476,7 +476,7 @@ unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
 /// Triangles that the fast test accepts, whichever way they face.
 ///
 /// # Safety
-/// As for [`test`].
+/// As for [`test()`].
 #[cfg_attr(optimised, inline(always))]
 unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.

@@ -14,7 +14,7 @@ const COORDINATES: usize = 9 * SOME;
 for_every_set! {
     /// The limits of some snapped triangles, without those that are dropped: as
     /// [`Limits::of`] one by one.
-    pub(crate) fn of(triangles: &[Triangle]) -> Limits {
+    pub(crate) fn of<S>(triangles: &[Triangle]) -> Limits {
         let (some, rest) = triangles.as_chunks::<SOME>();
         let mut all = one_by_one(rest);
         for some in some {

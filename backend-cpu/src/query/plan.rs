@@ -234,7 +234,7 @@ impl Branches<'_> {
 
 for_every_set! {
     /// See [`Planner::subtree`].
-    fn subtree(
+    fn subtree<S>(
         planner: &Planner, first: u32, nodes: &[KdNode], branches: &mut [Branch],
     ) -> Costs {
         let mut branches = Branches(first, branches);

@@ -7,7 +7,7 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
-use super::leaf::{Best, test_one};
+use super::leaf::{BestHit, test_one};
 use super::walk::walk;
 
 /// Traces one ray from the root.
@@ -19,7 +19,7 @@ pub(crate) fn trace(
     options: &QueryOptions,
     query: Query,
 ) -> Hit {
-    let mut best = Best::NONE;
+    let mut best = BestHit::NONE;
     let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else { return best.hit };
     let Some(interval) = ray.enter::<Strict>(&scene.bounds) else { return best.hit };
     walk(blocks.walk_nodes(), &ray, interval, |leaf| {

@@ -61,7 +61,7 @@ pub(crate) struct Reach {
 
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
-    #[inline]
+    #[cfg_attr(optimised, inline(always))]
     pub fn new(ray: &Way, bounds: &Aabb) -> Reach {
         let mut reach = 0.0f32;
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
@@ -99,7 +99,7 @@ impl ExactLane {
     }
 
     /// A ray about to start, if it can hit anything.
-    #[inline]
+    #[cfg_attr(optimised, inline(always))]
     pub fn new(ray: &Ray, way: &Way, bounds: &Aabb) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })

@@ -7,7 +7,7 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
-use super::leaf::Best;
+use super::leaf::BestHit;
 use super::leaves::{Indexed, Leaves, Packed};
 use super::prepare::Way;
 use super::prepare_one::Readiness;
@@ -106,7 +106,7 @@ impl Single<'_> {
         let Single { blocks, options, query, .. } = *self;
         let lines = blocks.wide.lines().as_ptr();
         let test = &Test { leaves, options, query };
-        let (mut room, mut best) = (L::room(), Best::NONE);
+        let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
         let tested = &mut Tested { test, room, way, best, exact: None };
         // SAFETY: the stack has the room.

@@ -3,7 +3,7 @@
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::traverse::Query;
 
-use super::leaf::{self, Best};
+use super::leaf::{self, BestHit};
 use super::leaves::Leaves;
 use super::prepare::Way;
 use super::sieve::ExactLane;
@@ -170,7 +170,7 @@ pub(crate) struct Tested<'a, L: Leaves> {
     pub test: &'a Test<'a, L>,
     pub room: &'a mut L::Room,
     pub way: &'a mut Way,
-    pub best: &'a mut Best,
+    pub best: &'a mut BestHit,
     pub exact: Option<&'a mut ExactLane>,
 }
 

@@ -15,7 +15,7 @@ use splitplane_core::traverse::Query;
 
 use super::blocks::Blocks;
 use super::exact;
-use super::leaf::Best;
+use super::leaf::BestHit;
 use super::leaves::{Indexed, Leaves, Packed};
 use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays, Way};
@@ -34,7 +34,7 @@ struct Lane {
     child: u32,
     /// Last entry of its stack.
     top: usize,
-    best: Best,
+    best: BestHit,
     exact: ExactLane,
 }
 
@@ -221,7 +221,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let room = blocks.wide.stack();
     let Flight { lanes, children, t, ready, ways, packet } = flight;
     if lanes.is_empty() {
-        let (way, best, exact) = (Way::none(), Best::NONE, ExactLane::idle());
+        let (way, best, exact) = (Way::none(), BestHit::NONE, ExactLane::idle());
         lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
     }
     if children.len() < room * FLIGHT {
@@ -256,7 +256,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             // SAFETY: the caller's contract.
             let Some(way) = (unsafe { supply.next::<S>(answers) }) else { continue };
             state.way = *way;
-            state.best = Best::NONE;
+            state.best = BestHit::NONE;
             if exactly {
                 let ray = &rays[way.index as usize];
                 let exact = ExactLane::new(ray, way, &scene.bounds);

@@ -1,5 +1,6 @@
 //! The reference loop over the tree's own nodes, leaf by leaf: for the rays that vectors are not made for,
-//! exact ones among them.
+//! exact ones among them. The loops of [`splitplane_core::traverse`] and [`splitplane_core::exact`] are the same
+//! on purpose: answers are held to theirs, and a loop in common would bring its mistakes to both sides.
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::config::MAX_DEPTH;

@@ -231,7 +231,9 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         if bits == 0 {
             return None;
         }
-        let (u, v, w) = (counts::<S>(u), counts::<S>(v), counts::<S>(w));
+        // Edge functions so small count as 0.
+        let u = or_zero::<S>(u, EDGE_LEAST);
+        let (v, w) = (or_zero::<S>(v, EDGE_LEAST), or_zero::<S>(w, EDGE_LEAST));
         let det = S::add(S::add(u, v), w);
         let (beside, ends) = extent::<S>(flat);
         bits &= !beside & faces::<S>(det, culling);
@@ -340,14 +342,14 @@ unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
     }
 }
 
-/// 0 for an edge function that counts as 0.
+/// 0 for what is nearer to 0 than `least`.
 ///
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(optimised, inline(always))]
-unsafe fn counts<S: Simd>(x: S::Floats) -> S::Floats {
+pub(crate) unsafe fn or_zero<S: Simd>(x: S::Floats, least: f32) -> S::Floats {
     // SAFETY: the caller's contract.
-    unsafe { S::keep(S::le(S::splat(EDGE_LEAST), S::abs(x)), x) }
+    unsafe { S::keep(S::le(S::splat(least), S::abs(x)), x) }
 }
 
 #[cfg(test)]

@@ -91,7 +91,7 @@ pub(super) unsafe fn greatest<S: Simd>(x: S::Floats) -> f32 {
 /// The least and greatest products of two intervals.
 ///
 /// # Safety
-/// As for [`load`].
+/// As for [`super::row::load`].
 #[cfg_attr(optimised, inline(always))]
 pub(super) unsafe fn products<S: Simd>([a, b]: [f32; 2], [c, d]: [S::Floats; 2]) -> [S::Floats; 2] {
     // SAFETY: as above.
@@ -106,7 +106,7 @@ pub(super) unsafe fn products<S: Simd>([a, b]: [f32; 2], [c, d]: [S::Floats; 2])
 /// The least of each triangle's corners.
 ///
 /// # Safety
-/// As for [`load`].
+/// As for [`super::row::load`].
 #[cfg_attr(optimised, inline(always))]
 pub(super) unsafe fn least<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> S::Floats {
     // SAFETY: as above.
@@ -119,7 +119,7 @@ pub(super) unsafe fn least<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> 
 /// The greatest of each triangle's corners.
 ///
 /// # Safety
-/// As for [`load`].
+/// As for [`super::row::load`].
 #[cfg_attr(optimised, inline(always))]
 pub(super) unsafe fn most<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> S::Floats {
     // SAFETY: as above.

@@ -3,12 +3,13 @@
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::row::{Row, ZERO, load, snapped, store};
+use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
-use crate::query::leaf::{self, Best};
+use crate::query::leaf::{self, BestHit};
 use crate::query::record::Record;
 use crate::query::simd::{MOST_LANES, Simd};
 use crate::query::step::Octant;
+use crate::query::watertight::or_zero;
 
 /// What one triangle against all rays costs, and one ray against a whole block.
 const COST_OF_A_TRIANGLE: u32 = 2;
@@ -73,7 +74,7 @@ impl Group {
     /// The rays that meet a box, whose first coordinate is at `corner` and the others a row on each.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn meets<S: Simd>(
         &self,
@@ -101,7 +102,7 @@ impl Group {
     /// Tests some triangles of a block for some rays. True when a best hit changed.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
@@ -171,7 +172,7 @@ impl Group {
     /// Tests a block for one ray. True when its best hit changed.
     ///
     /// # Safety
-    /// As for [`Packet::trace`].
+    /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
     pub(super) unsafe fn test_ray<S: Simd>(
         &mut self,
@@ -198,13 +199,13 @@ impl Group {
 
     /// The best hit of a ray so far, but for its place in the triangle.
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn best(&self, lane: usize) -> Best {
+    pub(super) fn best(&self, lane: usize) -> BestHit {
         let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
-        Best { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
+        BestHit { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
     }
 
     #[cfg_attr(optimised, inline(always))]
-    pub(super) fn set(&mut self, lane: usize, best: &Best) {
+    pub(super) fn set(&mut self, lane: usize, best: &BestHit) {
         self.t.0[lane] = best.hit.t;
         self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
         (self.v.0[lane], self.w.0[lane], self.det.0[lane]) = (best.hit.u, best.hit.v, 1.0);
@@ -233,7 +234,8 @@ impl Group {
             let mut u = S::div(load::<S>(&self.v), det);
             let mut v = S::div(load::<S>(&self.w), det);
             if accuracy != Accuracy::Fast {
-                (u, v) = (snapped::<S>(u), snapped::<S>(v));
+                u = or_zero::<S>(u, f32::MIN_POSITIVE);
+                v = or_zero::<S>(v, f32::MIN_POSITIVE);
             }
             let (front, back) = ([load::<S>(&self.t), load::<S>(&self.triangle)], [u, v]);
             for (half, single) in singles.iter().enumerate() {

@@ -99,7 +99,7 @@ impl Rays<'_> {
         }
     }
 
-    /// The packet's part of three rows.
+    /// The group's part of three rows.
     ///
     /// # Safety
     /// As for [`Rays::row`].

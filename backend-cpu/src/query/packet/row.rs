@@ -1,4 +1,4 @@
-//! A number of each ray of a packet.
+//! A number of each ray of a group.
 
 use crate::query::simd::{MOST_LANES, Simd};
 
@@ -31,14 +31,4 @@ pub(super) unsafe fn store<S: Simd>(row: &mut Row, x: S::Floats) {
 pub(super) unsafe fn put<S: Simd>(mask: S::Mask, row: &mut Row, x: S::Floats) {
     // SAFETY: as above.
     unsafe { store::<S>(row, S::select(mask, x, load::<S>(row))) }
-}
-
-/// 0 for what is below the normal range.
-///
-/// # Safety
-/// As for [`load`].
-#[cfg_attr(optimised, inline(always))]
-pub(super) unsafe fn snapped<S: Simd>(x: S::Floats) -> S::Floats {
-    // SAFETY: as above.
-    unsafe { S::keep(S::le(S::splat(f32::MIN_POSITIVE), S::abs(x)), x) }
 }

@@ -1,4 +1,4 @@
-//! One triangle against all rays of a packet.
+//! One triangle against all rays of a group.
 
 use splitplane_core::intersect::STOP_SLACK;
 use splitplane_core::ray::{Culling, QueryOptions};
@@ -6,13 +6,13 @@ use splitplane_core::traverse::Query;
 
 use super::Rays;
 use super::group::Group;
-use super::row::{Row, load, put, snapped};
+use super::row::{Row, load, put};
 use crate::query::fast;
 use crate::query::leaf::decide;
 use crate::query::plane::Plane;
 use crate::query::record::Record;
 use crate::query::simd::{Compiled, Simd};
-use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet};
+use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_zero};
 
 impl Group {
     /// Decides a triangle for some rays by the reference test; those whose best hit changed.
@@ -84,7 +84,7 @@ impl Group {
             // The caller's t: packets hold no moved rays.
             let most = S::splat(f32::MAX);
             let t = S::mul(inner, load::<S>(&self.outwards));
-            let t = snapped::<S>(S::min(S::max(t, S::splat(-f32::MAX)), most));
+            let t = or_zero::<S>(S::min(S::max(t, S::splat(-f32::MAX)), most), f32::MIN_POSITIVE);
             let within = S::le(rays.row::<S>(&rays.ready.limits[0]), t);
             let within = S::and(within, S::le(t, rays.row::<S>(&rays.ready.limits[1])));
             let met = met & S::bits(within);
