@@ -27,6 +27,9 @@ pub(crate) trait Triangles {
     /// The index of a triangle in the mesh.
     fn triangle(&self, index: usize) -> u32;
 
+    /// The indices of all.
+    fn triangles(&self) -> *const u32;
+
     /// The corners of a triangle.
     fn corners(&self, index: usize) -> Triangle;
 
@@ -61,6 +64,11 @@ impl Triangles for Record<'_> {
     #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Record::triangle(self, index)
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn triangles(&self) -> *const u32 {
+        Record::triangles(self)
     }
 
     #[cfg_attr(optimised, inline(always))]
@@ -108,6 +116,11 @@ impl Triangles for Block<'_> {
     #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Block::triangle(self, index)
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn triangles(&self) -> *const u32 {
+        self.words.as_ptr().wrapping_add(9 * self.stride).cast()
     }
 
     #[cfg_attr(optimised, inline(always))]
@@ -212,7 +225,11 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
         } else {
             let seen = Seen::<S, T>::new(way, record);
             // Of what follows the last triangle nothing counts.
-            let there = (1u32 << record.count()) - 1;
+            let mut there = (1u32 << record.count()) - 1;
+            if !any {
+                // A leaf behind the best hit often has its triangle too.
+                there &= !S::equal(record.triangles(), best.hit.triangle);
+            }
             let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
             let Some(meeting) = meeting else { return false };
             if meeting.met | meeting.unclear == 0 {

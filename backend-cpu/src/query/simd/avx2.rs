@@ -120,6 +120,14 @@ impl Simd for Avx2 {
         }
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let all = _mm256_loadu_si256(from.cast());
+            let equal = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(number as i32));
+            _mm256_movemask_ps(_mm256_castsi256_ps(equal)) as u32
+        }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
         unsafe {
             let mut end = 0;

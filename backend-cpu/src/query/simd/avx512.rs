@@ -99,6 +99,13 @@ impl Simd for Avx512 {
         }
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let all = _mm512_loadu_si512(from.cast());
+            u32::from(_mm512_cmpeq_epi32_mask(all, _mm512_set1_epi32(number as i32)))
+        }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
         unsafe {
             let mut end = 0;
