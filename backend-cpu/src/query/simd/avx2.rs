@@ -110,6 +110,10 @@ impl Simd for Avx2 {
         unsafe { _mm256_movemask_ps(mask) as u32 }
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn lane(of: __m256, lane: usize) -> f32 {
+        unsafe { _mm256_cvtss_f32(_mm256_permutevar8x32_ps(of, _mm256_set1_epi32(lane as i32))) }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn least(of: u32, a: __m256) -> u32 {
         unsafe {
             let a = _mm256_blendv_ps(_mm256_set1_ps(f32::INFINITY), a, Self::mask(of));

@@ -87,6 +87,10 @@ impl Simd for Avx512 {
         u32::from(mask)
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn lane(of: __m512, lane: usize) -> f32 {
+        unsafe { _mm512_cvtss_f32(_mm512_permutexvar_ps(_mm512_set1_epi32(lane as i32), of)) }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn least(of: u32, a: __m512) -> u32 {
         unsafe {
             let infinity = _mm512_set1_ps(f32::INFINITY);
