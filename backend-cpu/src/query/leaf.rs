@@ -249,7 +249,8 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
         // several, and nobody could foresee which.
         let nearest = if any { meeting.met } else { meeting.nearest() };
         // Nearly always there is one triangle that is nearer than all others.
-        let one = if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
+        let one =
+            if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
         if one && options.ignore.is_none() {
             let index = nearest.trailing_zeros() as usize % S::N;
             let inner = S::lane(meeting.t, index);

@@ -66,7 +66,8 @@ impl Packet {
         let one = rays.trailing_zeros() as usize;
         // Where rays go all ways two are enough to tell.
         let last = (u32::BITS - 1 - rays.leading_zeros()) as usize;
-        if (ready.octant[one] ^ ready.octant[last]) & 7 != 0 || ready.axes[one] != ready.axes[last] {
+        if (ready.octant[one] ^ ready.octant[last]) & 7 != 0 || ready.axes[one] != ready.axes[last]
+        {
             return false;
         }
         let (mut octants, mut axes) = (0, 0);
