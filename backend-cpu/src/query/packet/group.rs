@@ -5,7 +5,7 @@ use splitplane_core::traverse::Query;
 
 use super::row::{Row, ZERO, load, snapped, store};
 use super::{FEW, Rays};
-use crate::query::leaf::{self, Best};
+use crate::query::leaf::{Best, TestBlock};
 use crate::query::record::Record;
 use crate::query::simd::{MOST_LANES, Simd};
 use crate::query::step::Octant;
@@ -183,8 +183,10 @@ impl Group {
     ) -> bool {
         let mut best = self.best(lane);
         // SAFETY: the caller's contract.
-        let better =
-            unsafe { leaf::test::<S, _>(rays.way::<S>(lane), record, options, query, &mut best) };
+        let better = unsafe {
+            let way = rays.way::<S>(lane);
+            S::call(TestBlock { way, record, options, query, best: &mut best })
+        };
         if better {
             self.set(lane, &best);
             if query == Query::Any {
