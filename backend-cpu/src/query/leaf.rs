@@ -274,26 +274,6 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     }
 }
 
-/// [`test`] in a function of its own, for whoever seldom needs it.
-pub(crate) struct TestBlock<'a, T> {
-    pub way: &'a Way,
-    pub record: &'a T,
-    pub options: &'a QueryOptions,
-    pub query: Query,
-    pub best: &'a mut Best,
-}
-
-impl<T: Triangles> Compiled for TestBlock<'_, T> {
-    type Output = bool;
-
-    #[cfg_attr(optimised, inline(always))]
-    unsafe fn run<S: Simd>(self) -> bool {
-        let TestBlock { way, record, options, query, best } = self;
-        // SAFETY: the caller's contract.
-        unsafe { test::<S, T>(way, record, options, query, best) }
-    }
-}
-
 /// The rest of [`test`] where more than one triangle counts, or one that is to be looked at closely.
 #[inline(never)]
 fn test_sifted<T: Triangles>(
