@@ -2,8 +2,10 @@
 
 use core::marker::PhantomData;
 
-use splitplane_core::arithmetic::{Strict, power_of_two};
-use splitplane_core::intersect::{Candidate, PreparedRay, moeller_trumbore, watertight};
+use splitplane_core::arithmetic::{Strict, power_of_two, snap};
+use splitplane_core::intersect::{
+    Candidate, PreparedRay, STOP_SLACK, moeller_trumbore, watertight,
+};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
@@ -26,6 +28,9 @@ pub(crate) trait Triangles {
 
     /// The index of a triangle in the mesh.
     fn triangle(&self, index: usize) -> u32;
+
+    /// The indices of all.
+    fn triangles(&self) -> *const u32;
 
     /// The corners of a triangle.
     fn corners(&self, index: usize) -> Triangle;
@@ -61,6 +66,11 @@ impl Triangles for Record<'_> {
     #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Record::triangle(self, index)
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn triangles(&self) -> *const u32 {
+        Record::triangles(self)
     }
 
     #[cfg_attr(optimised, inline(always))]
@@ -108,6 +118,11 @@ impl Triangles for Block<'_> {
     #[cfg_attr(optimised, inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Block::triangle(self, index)
+    }
+
+    #[cfg_attr(optimised, inline(always))]
+    fn triangles(&self) -> *const u32 {
+        self.words.as_ptr().wrapping_add(9 * self.stride).cast()
     }
 
     #[cfg_attr(optimised, inline(always))]
@@ -202,52 +217,61 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
 ) -> bool {
     let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
     let any = query == Query::Any;
-    let (mut sifted, mut nearest);
     // SAFETY: the caller's contract.
     unsafe {
         if options.accuracy == Accuracy::Fast {
-            sifted = Met::NONE;
+            let mut sifted = Met::NONE;
             sifted.unclear = sift_fast::<S, T>(way, record, limit);
-            nearest = 0;
-        } else {
-            let seen = Seen::<S, T>::new(way, record);
-            // Of what follows the last triangle nothing counts.
-            let there = (1u32 << record.count()) - 1;
-            let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
-            let Some(meeting) = meeting else { return false };
+            return sifted.unclear != 0 && test_sifted(way, record, options, query, &sifted, best);
+        }
+        let seen = Seen::<S, T>::new(way, record);
+        // Of what follows the last triangle nothing counts.
+        let mut there = (1u32 << record.count()) - 1;
+        if !any {
+            // A leaf behind the best hit often has its triangle too.
+            there &= !S::equal(record.triangles(), best.hit.triangle);
+        }
+        let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
+        let Some(mut meeting) = meeting else { return false };
+        if meeting.met | meeting.unclear == 0 {
+            return false;
+        }
+        // For any hit those that are met come first.
+        if meeting.unclear != 0 && !(any && meeting.met != 0) {
+            let mut met = Met::of(&meeting);
+            S::call(CloserLook { way, record, limit, met: &mut met });
+            meeting = met.meeting();
             if meeting.met | meeting.unclear == 0 {
                 return false;
             }
-            sifted = Met::of(&meeting);
-            // Of registers, and whether or not there are several: half of the blocks that are met have
-            // several, and nobody could foresee which.
-            nearest = if any { meeting.met } else { meeting.nearest() };
-            // For any hit those that are met come first.
-            if meeting.unclear != 0 && !(any && meeting.met != 0) {
-                S::call(CloserLook { way, record, limit, met: &mut sifted });
-                nearest = if any { sifted.met } else { sifted.meeting::<S>().nearest() };
+        }
+        // Of registers, and whether or not there are several: half of the blocks that are met have
+        // several, and nobody could foresee which.
+        let nearest = if any { meeting.met } else { meeting.nearest() };
+        // Nearly always there is one triangle that is nearer than all others.
+        let one =
+            if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
+        if one && options.ignore.is_none() {
+            let index = nearest.trailing_zeros() as usize % S::N;
+            let inner = S::lane(meeting.t, index);
+            let t = inner * power_of_two(-way.exponent);
+            // What was flushed or clamped may be the same for others too.
+            if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
+                let det = S::lane(meeting.det, index);
+                let u = snap(S::lane(meeting.v, index) / det);
+                let v = snap(S::lane(meeting.w, index) / det);
+                let hit = Hit { t, triangle: record.triangle(index), u, v };
+                let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
+                if better {
+                    *best = Best { hit, stop: inner + inner.abs() * STOP_SLACK };
+                }
+                if better || !any {
+                    return better;
+                }
             }
         }
+        test_sifted(way, record, options, query, &Met::of(&meeting), best)
     }
-    // Nearly always there is nothing, or one triangle that is nearer than all others.
-    if sifted.met | sifted.unclear == 0 {
-        return false;
-    }
-    if any && sifted.met != 0 && options.ignore.is_none() {
-        let index = sifted.met.trailing_zeros() as usize % MOST_LANES;
-        if best.take(&way.ray(), &sifted.candidate(index), record.triangle(index)) {
-            return true;
-        }
-    } else if sifted.unclear == 0 && nearest.is_power_of_two() && options.ignore.is_none() {
-        let index = nearest.trailing_zeros() as usize % MOST_LANES;
-        let found = sifted.candidate(index);
-        // What was flushed or clamped may be the same for others too.
-        let magnitude = (found.t * power_of_two(-way.exponent)).abs();
-        if (f32::MIN_POSITIVE..f32::MAX).contains(&magnitude) {
-            return best.take(&way.ray(), &found, record.triangle(index));
-        }
-    }
-    test_sifted(way, record, options, query, &sifted, best)
 }
 
 /// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.

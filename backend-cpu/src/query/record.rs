@@ -111,6 +111,12 @@ impl<'a> Record<'a> {
         self.words.as_ptr().wrapping_add(self.before() + axis * self.corner_count()).cast()
     }
 
+    /// The triangles' indices in the mesh.
+    #[cfg_attr(optimised, inline(always))]
+    pub fn triangles(&self) -> *const u32 {
+        self.words.as_ptr().wrapping_add(self.before() - self.count())
+    }
+
     /// The index of a triangle in the mesh.
     #[cfg_attr(optimised, inline(always))]
     pub fn triangle(&self, index: usize) -> u32 {

@@ -7,7 +7,7 @@ use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
 use crate::query::leaf::{self, BestHit};
 use crate::query::record::Record;
-use crate::query::simd::{MOST_LANES, Simd};
+use crate::query::simd::{Compiled, MOST_LANES, Simd};
 use crate::query::step::Octant;
 use crate::query::watertight::or_zero;
 
@@ -121,12 +121,7 @@ impl Group {
             let singly =
                 many <= FEW || triangles.count_ones() * COST_OF_A_TRIANGLE > many * COST_OF_A_RAY;
             if singly && triangles != 0 {
-                while active != 0 {
-                    let lane = active.trailing_zeros() as usize;
-                    active &= active - 1;
-                    better |= self.test_ray::<S>(record, rays, lane, options, query);
-                }
-                return better;
+                return S::call(Singly { group: self, record, rays, active, options, query });
             }
             if !fast && triangles & triangles.wrapping_sub(1) != 0 {
                 // All edges first: nobody could foresee which triangles rays are within.
@@ -174,7 +169,7 @@ impl Group {
     /// # Safety
     /// As for [`super::Packet::trace`].
     #[cfg_attr(optimised, inline(always))]
-    pub(super) unsafe fn test_ray<S: Simd>(
+    unsafe fn test_ray<S: Simd>(
         &mut self,
         record: &Record<'_>,
         rays: &mut Rays<'_>,
@@ -248,5 +243,34 @@ impl Group {
             }
         }
         hits
+    }
+}
+
+/// Tests of a block for some rays, one after the other, in a function of their own: they would take
+/// registers from the loops around them.
+struct Singly<'a, 'b> {
+    group: &'a mut Group,
+    record: &'a Record<'a>,
+    rays: &'a mut Rays<'b>,
+    active: u32,
+    options: &'a QueryOptions,
+    query: Query,
+}
+
+impl Compiled for Singly<'_, '_> {
+    /// Whether a best hit changed.
+    type Output = bool;
+
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn run<S: Simd>(self) -> bool {
+        let Singly { group, record, rays, mut active, options, query } = self;
+        let mut better = false;
+        while active != 0 {
+            let lane = active.trailing_zeros() as usize;
+            active &= active - 1;
+            // SAFETY: the caller's contract.
+            better |= unsafe { group.test_ray::<S>(record, rays, lane, options, query) };
+        }
+        better
     }
 }

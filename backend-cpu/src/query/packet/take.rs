@@ -64,6 +64,12 @@ impl Packet {
     ) -> bool {
         let lanes = groups.start * S::N..groups.end * S::N;
         let one = rays.trailing_zeros() as usize;
+        // Where rays go all ways two are enough to tell.
+        let last = (u32::BITS - 1 - rays.leading_zeros()) as usize;
+        if (ready.octant[one] ^ ready.octant[last]) & 7 != 0 || ready.axes[one] != ready.axes[last]
+        {
+            return false;
+        }
         let (mut octants, mut axes) = (0, 0);
         for lane in lanes.clone() {
             let there = 0u32.wrapping_sub(rays >> lane & 1);

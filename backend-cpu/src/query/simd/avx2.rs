@@ -110,6 +110,10 @@ impl Simd for Avx2 {
         unsafe { _mm256_movemask_ps(mask) as u32 }
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn lane(of: __m256, lane: usize) -> f32 {
+        unsafe { _mm256_cvtss_f32(_mm256_permutevar8x32_ps(of, _mm256_set1_epi32(lane as i32))) }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn least(of: u32, a: __m256) -> u32 {
         unsafe {
             let a = _mm256_blendv_ps(_mm256_set1_ps(f32::INFINITY), a, Self::mask(of));
@@ -117,6 +121,14 @@ impl Simd for Avx2 {
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b01_00_11_10>(b));
             let b = _mm256_min_ps(b, _mm256_permute_ps::<0b10_11_00_01>(b));
             _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(a, b)) as u32
+        }
+    }
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let all = _mm256_loadu_si256(from.cast());
+            let equal = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(number as i32));
+            _mm256_movemask_ps(_mm256_castsi256_ps(equal)) as u32
         }
     }
     #[cfg_attr(optimised, inline(always))]

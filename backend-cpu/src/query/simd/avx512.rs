@@ -87,6 +87,10 @@ impl Simd for Avx512 {
         u32::from(mask)
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn lane(of: __m512, lane: usize) -> f32 {
+        unsafe { _mm512_cvtss_f32(_mm512_permutexvar_ps(_mm512_set1_epi32(lane as i32), of)) }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn least(of: u32, a: __m512) -> u32 {
         unsafe {
             let infinity = _mm512_set1_ps(f32::INFINITY);
@@ -96,6 +100,13 @@ impl Simd for Avx512 {
             let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b01_00_11_10>(b, b));
             let b = _mm512_min_ps(b, _mm512_shuffle_ps::<0b10_11_00_01>(b, b));
             u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b))
+        }
+    }
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let all = _mm512_loadu_si512(from.cast());
+            u32::from(_mm512_cmpeq_epi32_mask(all, _mm512_set1_epi32(number as i32)))
         }
     }
     #[cfg_attr(optimised, inline(always))]

@@ -102,9 +102,27 @@ pub(crate) trait Simd: Copy {
     unsafe fn bits(mask: Self::Mask) -> u32;
     /// The mask of such bits.
     unsafe fn mask(bits: u32) -> Self::Mask;
+    /// The number in a lane, which there must be.
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn lane(of: Self::Floats, lane: usize) -> f32 {
+        let mut row = [0.0; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe { Self::store(row.as_mut_ptr(), of) };
+        row[lane]
+    }
     /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;
+    /// Which of `N` numbers in memory are a given one, as bits.
+    #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        let mut bits = 0;
+        for i in 0..Self::N {
+            // SAFETY: the caller's contract.
+            bits |= u32::from(unsafe { *from.add(i) } == number) << i;
+        }
+        bits
+    }
     /// Keeps, of `count` entries, those with a `t` of at most `stop`, in their order; how many. Reads
     /// no more, but may write `N` entries more.
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize;
@@ -275,6 +293,12 @@ mod tests {
                 let least = least.fold(f32::INFINITY, f32::min);
                 let expected = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] == least) << i);
                 assert_eq!(S::least(of, a) & of, expected & of);
+
+                let lane = numbers.word() as usize % S::N;
+                assert_eq!(bits(&[S::lane(a, lane)]), bits(&[x[lane]]));
+                let names: [u32; MOST_LANES] = core::array::from_fn(|_| numbers.word() % 3);
+                let same = (0..S::N).map(|i| u32::from(names[i] == 1) << i).sum::<u32>();
+                assert_eq!(S::equal(names.as_ptr(), 1), same);
 
                 let places: [u8; MOST_LANES] =
                     core::array::from_fn(|_| random.below(2 * S::N) as u8);

@@ -118,6 +118,13 @@ impl Simd for Neon {
         }
     }
     #[cfg_attr(optimised, inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let number = vdupq_n_u32(number);
+            Self::bits(each!(|i: usize| vceqq_u32(vld1q_u32(from.add(4 * i)), number)))
+        }
+    }
+    #[cfg_attr(optimised, inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
         unsafe { Portable::cull(children, t, count, stop) }
     }
