@@ -263,7 +263,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
                 let hit = Hit { t, triangle: record.triangle(index), u, v };
                 let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
                 if better {
-                    *best = Best { hit, stop: inner + inner.abs() * STOP_SLACK };
+                    *best = BestHit { hit, stop: inner + inner.abs() * STOP_SLACK };
                 }
                 if better || !any {
                     return better;

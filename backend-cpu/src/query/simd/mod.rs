@@ -294,9 +294,9 @@ mod tests {
                 let expected = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] == least) << i);
                 assert_eq!(S::least(of, a) & of, expected & of);
 
-                let lane = numbers.word() as usize % S::N;
+                let lane = random.below(S::N);
                 assert_eq!(bits(&[S::lane(a, lane)]), bits(&[x[lane]]));
-                let names: [u32; MOST_LANES] = core::array::from_fn(|_| numbers.word() % 3);
+                let names: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits() % 3);
                 let same = (0..S::N).map(|i| u32::from(names[i] == 1) << i).sum::<u32>();
                 assert_eq!(S::equal(names.as_ptr(), 1), same);
 
