@@ -579,7 +579,7 @@ mod tests {
     /// levels. With room to spare it is not.
     #[test]
     fn caps_make_it_void() {
-        let scene = scenes::medley(9000, 1.0, 5);
+        let scene = scenes::medley(9000, 0.3, 5);
         let mesh = scene.mesh();
         let mut voids = 0;
         for preset in [Preset::Fast, Preset::Balanced] {
