@@ -4,8 +4,8 @@
 # The GPU tests need a GPU adapter. Where there is none and packages can be installed (Debian, Ubuntu),
 # this installs Mesa's software Vulkan. Where that fails too, the GPU tests are ignored, with the reason.
 #
-# Without arguments that select tests, the tests of the viewer run as well. They need a virtual display,
-# which is handled likewise.
+# Without arguments that select tests, those of stack use run again without optimisation, and the tests of
+# the viewer run as well. These need a virtual display, which is handled likewise.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -103,7 +103,7 @@ cargo test --workspace "$@"
 [ -z "$selects" ] || exit 0
 
 # Without optimisation values take the most stack, and most programs are first built so.
-stack=(--profile dev -p splitplane-cpu --features splitplane-core/alloc --test stack)
+stack=(--profile dev -p splitplane-cpu --test stack)
 say "cargo test ${stack[*]} ${lock[*]-}"
 cargo test "${stack[@]}" ${lock[@]+"${lock[@]}"}
 

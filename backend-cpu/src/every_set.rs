@@ -2,7 +2,8 @@
 
 /// Defines a function that takes an instruction set first and runs its body as compiled for that set, which
 /// the body knows as `S`: a task of [`InstructionSet::run`](crate::query::InstructionSet::run). The body is
-/// plain Rust; a compiler turns its loops into the vector instructions that it may use.
+/// plain Rust; a compiler turns its loops into the vector instructions that it may use. Callers have the set
+/// from [`InstructionSet::available`](crate::query::InstructionSet::available): others may not run here.
 macro_rules! for_every_set {
     (
         $(#[$doc:meta])*
@@ -16,10 +17,10 @@ macro_rules! for_every_set {
             impl $crate::query::Compiled for Task<($($type,)*)> {
                 type Output = $out;
 
-                #[cfg_attr(optimised, inline(always))]
+                #[cfg_attr(not(unoptimised), inline(always))]
                 unsafe fn run<$set: $crate::query::Simd>(self) -> $out {
                     // That references do not overlap is known of a function's arguments only.
-                    #[cfg_attr(optimised, inline(always))]
+                    #[cfg_attr(not(unoptimised), inline(always))]
                     #[allow(clippy::unused_unit, reason = "the type is always written")]
                     #[allow(clippy::extra_unused_type_parameters, reason = "not all ask for the set")]
                     fn plain<$set: $crate::query::Simd>($($argument: $type),*) -> $out $body

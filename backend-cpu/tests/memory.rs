@@ -207,6 +207,7 @@ fn where_there_is_no_memory_nothing_is_lost() {
             let Err(error) = rebuilt else { break built };
             let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
             assert_eq!(needed, limit, "there was no limit");
+            assert!(error.to_string().contains("no more memory"), "{error}");
             assert!(built.layout() == from && *built.tree() == tree, "{refused}");
             assert!(hits_of(&built, &rays) == hits, "{refused}");
             refused += 1;
@@ -218,7 +219,7 @@ fn where_there_is_no_memory_nothing_is_lost() {
     }
 }
 
-/// Whichever request of the builder is refused, an error says so.
+/// Whichever large request of the builder is refused, an error says so.
 #[test]
 fn where_there_is_no_memory_no_tree_is_built() {
     let _alone = alone();

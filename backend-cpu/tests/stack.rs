@@ -1,6 +1,7 @@
 //! Everything that the CPU does runs on threads with little stack: 512 KiB, a quarter of what threads have
 //! by default, since a host calls from wherever it is. A build that does not optimise needs most, as it gives
-//! each value a place of its own: `cargo test --profile dev -p splitplane-cpu --features splitplane-core/alloc --test stack`.
+//! each value a place of its own: `cargo test --profile dev -p splitplane-cpu --test stack`. With 384 KiB it is seen to
+//! overflow there.
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, Preset};

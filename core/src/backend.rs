@@ -365,12 +365,12 @@ pub enum BuildError {
     /// The configuration is out of range.
     #[error("the build configuration is invalid: {0}")]
     Config(#[from] ConfigError),
-    /// The build would hold more memory than allowed.
-    #[error("the build needs {needed} bytes, more than the limit of {limit}; raise the limit")]
+    /// The build would hold more memory than allowed, or than the system has.
+    #[error("{}", Lack { needed: *needed, limit: *limit })]
     OutOfMemory {
-        /// Bytes needed at the point where it stopped.
+        /// Bytes needed at the point where it stopped; where the system refused more, those held.
         needed: u64,
-        /// The limit.
+        /// The limit; where the system refused more, as many as are `needed`.
         limit: u64,
     },
     /// The watch ended the build.
@@ -448,6 +448,25 @@ pub enum BuildError {
         /// How long was waited, in whole seconds.
         seconds: u64,
     },
+}
+
+/// Why memory does not suffice.
+struct Lack {
+    needed: u64,
+    limit: u64,
+}
+
+impl core::fmt::Display for Lack {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Lack { needed, limit } = self;
+        if needed > limit {
+            return write!(
+                f,
+                "the build needs {needed} bytes, more than the limit of {limit}; raise the limit"
+            );
+        }
+        write!(f, "the system has no more memory for the build, which holds {needed} bytes")
+    }
 }
 
 /// A number that may not be known.

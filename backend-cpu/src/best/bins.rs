@@ -322,7 +322,7 @@ impl Part {
 }
 
 /// The event of a reference's face, by word; none for the upper face of one that is planar.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn event_of(reference: &Reference, word: usize) -> Option<Event> {
     let axis = word % 4;
     let (lo, hi) = (reference.lo[axis], reference.hi[axis]);

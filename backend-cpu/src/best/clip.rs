@@ -32,7 +32,7 @@ pub fn clip(
 }
 
 /// The corners of a triangle.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) fn points(corners: &Triangle) -> [Point; 3] {
     corners.map(|[x, y, z]| [f64::from(x), f64::from(y), f64::from(z), 0.0])
 }
@@ -50,7 +50,7 @@ pub(super) struct Clipper {
 }
 
 impl Clipper {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(cell: &Aabb, axis: usize, plane: f32) -> Clipper {
         let [mut lo, mut hi] = [[f64::NEG_INFINITY; 4], [f64::INFINITY; 4]];
         for k in 0..3 {
@@ -62,7 +62,7 @@ impl Clipper {
     }
 
     /// [`clip`] for a reference; whether there is such a part comes with it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn clip(
         &self,
         corners: &[Point; 3],
@@ -122,7 +122,7 @@ struct Polygon {
 
 impl Polygon {
     /// What lies on the side of a plane that `sign` points to.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn cut(&self, axis: usize, plane: f64, sign: f64, out: &mut Polygon) {
         out.count = 0;
         for i in 0..self.count.min(CORNERS) {
@@ -145,7 +145,7 @@ impl Polygon {
 
 /// Lower and upper ends, on each axis, of the parts of a polygon on both sides of a plane that is off by
 /// at most `error`.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn extents(corners: &[Point], axis: usize, plane: f64, error: f64) -> [[Point; 2]; 2] {
     let (below, above) = (plane + error, plane - error);
     let mut parts = [[[f64::INFINITY; 4], [f64::NEG_INFINITY; 4]]; 2];
@@ -168,7 +168,7 @@ fn extents(corners: &[Point], axis: usize, plane: f64, error: f64) -> [[Point; 2
 
 /// What the bounds of a reference have in common with extents, rounded outward, and with a side of a
 /// plane; whether there is any.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn within(
     [lo, hi]: &[Point; 2],
     errors: &Point,
@@ -192,7 +192,7 @@ fn within(
 }
 
 /// Widens extents to a point, if it is there.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn add([lo, hi]: &mut [Point; 2], point: &Point, there: bool) {
     for k in 0..4 {
         lo[k] = least(lo[k], if there { point[k] } else { f64::INFINITY });
@@ -200,7 +200,7 @@ fn add([lo, hi]: &mut [Point; 2], point: &Point, there: bool) {
     }
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn between(p: &Point, q: &Point, ratio: f64) -> Point {
     let mut out = [0.0; 4];
     for k in 0..4 {
@@ -209,19 +209,19 @@ fn between(p: &Point, q: &Point, ratio: f64) -> Point {
     out
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn least(a: f64, b: f64) -> f64 {
     if b < a { b } else { a }
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn greatest(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
 /// The greatest `f32` that is not above, 0 and numbers below 2^-126 apart: those go on to the next that
 /// is not subnormal, as everything that reaches a tree.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn down(x: f64) -> f32 {
     let near = x as f32;
     let bits = near.to_bits() as i32;
@@ -234,7 +234,7 @@ fn down(x: f64) -> f32 {
 }
 
 /// [`down`], the other way.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn up(x: f64) -> f32 {
     // 0 is not negated: the tree has no -0.
     0.0 - down(-x)

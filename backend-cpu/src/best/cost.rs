@@ -68,7 +68,7 @@ impl Costs {
     }
 
     /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn blocks(&self, n: u32) -> f64 {
         // Half a step above the quotient, which is thus at least 2^-7 from the next integer on either
         // side: two roundings of at most 2^-22 cannot carry it over.
@@ -76,7 +76,7 @@ impl Costs {
     }
 
     /// The cost of a leaf, times the half area of the root.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn leaf(&self, area: f64, n: u32) -> f64 {
         self.intersection * (self.blocks(n) * area)
     }
@@ -84,7 +84,7 @@ impl Costs {
     /// What a child of so many blocks is expected to cost, in blocks: itself up to four, beyond them
     /// `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
     /// numbers). Never falls, and is concave but for rounding: square roots round once.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected(&self, blocks: f64) -> f64 {
         if self.leaves {
             return blocks;
@@ -98,7 +98,7 @@ impl Costs {
     /// The cost of a split into leaves of these half areas and numbers of references, times the half
     /// area of the root; `step` is K_T times the half area of the node: Equation 6. Never falls when any
     /// of the four grows, because every operation rounds once and none has a negative operand.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = [self.blocks(counts[0]), self.blocks(counts[1])];
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
@@ -106,14 +106,14 @@ impl Costs {
 
     /// The same with children that cost what [`Costs::expected`] says: what planes are compared by. Up to
     /// four blocks in all it is [`Costs::split`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = counts.map(|n| self.expected_of(n));
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
     /// [`Costs::expected`] of the blocks of `n` references.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected_of(&self, n: u32) -> f64 {
         match self.known.get(n as usize) {
             Some(&known) => known,
@@ -122,19 +122,19 @@ impl Costs {
     }
 
     /// The cost of a split, less what an empty side is forgiven.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn forgive(&self, cost: f64, counts: [u32; 2]) -> f64 {
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
     }
 
     /// Whether [`Costs::expected_split`] is [`Costs::split`] for every split of so many references.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn few(&self, count: u32) -> bool {
         self.leaves || count <= 4 * self.width
     }
 
     /// The cost of a split from what its children cost, in blocks.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
         step + self.intersection * (blocks[0] * areas[0] + blocks[1] * areas[1])
     }
@@ -162,19 +162,19 @@ pub(super) struct AxisAreas {
 
 impl AxisAreas {
     /// Half areas left and right of a plane.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn at(&self, plane: f64) -> [f64; 2] {
         [self.below(plane), self.above(plane)]
     }
 
     /// Half area left of a plane.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn below(&self, plane: f64) -> f64 {
         (plane - self.lo) * self.slope + self.base
     }
 
     /// Half area right of a plane.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn above(&self, plane: f64) -> f64 {
         (self.hi - plane) * self.slope + self.base
     }
@@ -213,7 +213,7 @@ impl Cell {
     }
 
     /// Whether a plane lies strictly inside.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn contains(&self, axis: usize, position: f32) -> bool {
         self.bounds.lo[axis] < position && position < self.bounds.hi[axis]
     }
@@ -251,7 +251,7 @@ impl Best {
 
     /// Takes the better one of this and a plane with so many references that start before it, are planar
     /// in it, and end behind it: the least (cost, axis, position), planar references left on a tie.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn consider(
         &mut self,
         costs: &Costs,

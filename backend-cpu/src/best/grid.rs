@@ -47,7 +47,7 @@ impl Grid {
     }
 
     /// The bins of a reference's faces, by word: never falling with the position.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn bins_of(&self, reference: &Reference) -> [u32; 8] {
         let words: &[f32; 8] = bytemuck::cast_ref(reference);
         let mut bins = [0; 8];
@@ -77,7 +77,7 @@ pub(super) struct Borders {
 }
 
 impl Borders {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn of(&self, bin: usize) -> [f32; 2] {
         let bin = bin as i32 as f32;
         let low = (bin - 0.5) * self.width - self.slack;

@@ -54,7 +54,7 @@ pub(super) trait Lanes: Copy {
 pub(super) struct Loops(Row);
 
 impl Loops {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn map(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
         let mut out = self;
         for k in 0..LANES {
@@ -63,7 +63,7 @@ impl Loops {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn mask(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u16 {
         let mut out = 0;
         for k in 0..LANES {
@@ -72,7 +72,7 @@ impl Loops {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn permuted(self, from: impl Fn(usize) -> usize) -> Self {
         let mut out = self;
         for k in 0..LANES {
@@ -83,62 +83,62 @@ impl Loops {
 }
 
 impl Lanes for Loops {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn load(from: &Row) -> Self {
         Loops(*from)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn twice(from: &[f32; 8]) -> Self {
         Loops(core::array::from_fn(|k| from[k % 8]))
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn splat(x: f32) -> Self {
         Loops([x; LANES])
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn store(self, to: &mut Row) {
         *to = self.0;
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn plus(self, other: Self) -> Self {
         self.map(other, |a, b| a + b)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn minus(self, other: Self) -> Self {
         self.map(other, |a, b| a - b)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn times(self, other: Self) -> Self {
         self.map(other, |a, b| a * b)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn least(self, other: Self) -> Self {
         self.map(other, |a, b| if a < b { a } else { b })
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn greatest(self, other: Self) -> Self {
         self.map(other, |a, b| if a > b { a } else { b })
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn swapped(self) -> Self {
         self.permuted(|k| k ^ 8)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn crossed(self) -> Self {
         self.permuted(|k| k ^ 4)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn faces(self) -> Self {
         let mut out = self;
         for k in 0..LANES {
@@ -148,19 +148,19 @@ impl Lanes for Loops {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn halves(self, other: Self) -> Self {
         let mut out = self;
         out.0[8..].copy_from_slice(&other.0[8..]);
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn plus_where_less(self, a: Self, b: Self, more: Self) -> Self {
         self.plus(more.where_less(a, b, Loops::splat(0.0)))
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn where_less(self, a: Self, b: Self, other: Self) -> Self {
         let mut out = self;
         for k in 0..LANES {
@@ -169,23 +169,23 @@ impl Lanes for Loops {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn equal(self, other: Self) -> u16 {
         self.mask(other, |a, b| a == b)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn less(self, other: Self) -> u16 {
         self.mask(other, |a, b| a < b)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     #[allow(clippy::neg_cmp_op_on_partial_ord, reason = "true of what is no number")]
     fn not_above(self, other: Self) -> u16 {
         self.mask(other, |a, b| !(a > b))
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn least_lane(self) -> f32 {
         self.0.iter().fold(f32::INFINITY, |least, &x| if x < least { x } else { least })
     }
@@ -211,62 +211,62 @@ mod wide {
     pub struct Avx512(__m512);
 
     impl Lanes for Avx512 {
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn load(from: &Row) -> Self {
             unsafe { Avx512(_mm512_loadu_ps(from.as_ptr())) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn twice(from: &[f32; 8]) -> Self {
             unsafe { Avx512(_mm512_broadcast_f32x8(_mm256_loadu_ps(from.as_ptr()))) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn splat(x: f32) -> Self {
             unsafe { Avx512(_mm512_set1_ps(x)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn store(self, to: &mut Row) {
             unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn plus(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_add_ps(self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn minus(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_sub_ps(self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn times(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_mul_ps(self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn least(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_min_ps(self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn greatest(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_max_ps(self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn swapped(self) -> Self {
             unsafe { Avx512(_mm512_shuffle_f32x4::<0b01_00_11_10>(self.0, self.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn crossed(self) -> Self {
             unsafe { Avx512(_mm512_shuffle_f32x4::<0b10_11_00_01>(self.0, self.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn faces(self) -> Self {
             unsafe {
                 let sign = i32::MIN;
@@ -277,12 +277,12 @@ mod wide {
             }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn halves(self, other: Self) -> Self {
             unsafe { Avx512(_mm512_mask_blend_ps(0xff00, self.0, other.0)) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn plus_where_less(self, a: Self, b: Self, more: Self) -> Self {
             unsafe {
                 let mask = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a.0, b.0);
@@ -290,7 +290,7 @@ mod wide {
             }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn where_less(self, a: Self, b: Self, other: Self) -> Self {
             unsafe {
                 let mask = _mm512_cmp_ps_mask::<_CMP_LT_OQ>(a.0, b.0);
@@ -298,22 +298,22 @@ mod wide {
             }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn equal(self, other: Self) -> u16 {
             unsafe { _mm512_cmp_ps_mask::<_CMP_EQ_OQ>(self.0, other.0) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn less(self, other: Self) -> u16 {
             unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn not_above(self, other: Self) -> u16 {
             unsafe { _mm512_cmp_ps_mask::<_CMP_NGT_UQ>(self.0, other.0) }
         }
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         fn least_lane(self) -> f32 {
             unsafe { _mm512_reduce_min_ps(self.0) }
         }

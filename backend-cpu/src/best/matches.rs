@@ -31,7 +31,7 @@ impl Ranges {
     }
 
     /// Calls `found` with every word that is in its range: its reference's number and its own.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn search<S: Simd>(&self, places: &[Places], mut found: impl FnMut(usize, usize)) {
         for (block, chunk) in places.chunks(AT_ONCE).enumerate() {
             let mut bits = match chunk.first_chunk() {
@@ -51,7 +51,7 @@ impl Ranges {
     }
 
     /// The words of eight references that are in their ranges, a bit each.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn of<S: Simd>(&self, places: &[Places; AT_ONCE]) -> u64 {
         #[cfg(target_arch = "x86_64")]
         if S::AVX512 {

@@ -115,7 +115,7 @@ fn without(
 }
 
 /// Both parts of a straddling reference, as its bounds have them.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn halves(reference: &Reference, split: &Split) -> (Reference, Reference) {
     let (mut left, mut right) = (*reference, *reference);
     left.hi[split.axis] = split.position;

@@ -71,7 +71,7 @@ struct Search<'a> {
 impl Compiled for Search<'_> {
     type Output = Option<Split>;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Option<Split> {
         let Search { costs, cell, references, limit, small } = self;
         #[cfg(target_arch = "x86_64")]
@@ -82,7 +82,7 @@ impl Compiled for Search<'_> {
     }
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn best<V: Lanes>(
     costs: &Costs,
     cell: &Cell,
@@ -136,7 +136,7 @@ fn best<V: Lanes>(
 
 /// Copies references to rows, which they fill but for the last few; upper faces negated. Returns a bit
 /// for each axis that a reference is planar on.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn load<V: Lanes>(references: &[Reference], rows: &mut [Row]) -> u16 {
     let words: &mut [f32] = rows.as_flattened_mut();
     let (full, rest) = words.split_at_mut(references.len() * 8);
@@ -158,13 +158,13 @@ fn load<V: Lanes>(references: &[Reference], rows: &mut [Row]) -> u16 {
 }
 
 /// Where the number at a place in sorted order is: row and first lane of its column's half.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn place(sorted: usize) -> (usize, usize) {
     (sorted / (2 * OCTET) * OCTET + sorted % OCTET, sorted / OCTET % 2 * 8)
 }
 
 /// Sorts rows whose number is a multiple of [`OCTET`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn sort<V: Lanes>(rows: &mut [Row]) {
     let octets = rows.as_chunks_mut::<OCTET>().0;
     for octet in octets.iter_mut() {
@@ -213,20 +213,20 @@ macro_rules! exchange {
 }
 
 /// Sorts eight rows: [`NETWORK`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn sort_rows<V: Lanes>(rows: &mut [V; OCTET]) {
     exchange!(rows: 0 2, 1 3, 4 6, 5 7, 0 4, 1 5, 2 6, 3 7, 0 1, 2 3, 4 5, 6 7, 2 4, 3 5, 1 4, 3 6,
         1 2, 3 4, 5 6);
 }
 
 /// Sorts eight rows that first rise and then fall, or the other way round.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn sort_bitonic<V: Lanes>(rows: &mut [V; OCTET]) {
     exchange!(rows: 0 4, 1 5, 2 6, 3 7, 0 2, 1 3, 4 6, 5 7, 0 1, 2 3, 4 5, 6 7);
 }
 
 /// Sorts the columns of both halves, as one of 16: the upper half behind the lower one.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn sort_octet<V: Lanes>(octet: &mut [Row; OCTET]) {
     let mut rows: [V; OCTET] = core::array::from_fn(|i| V::load(&octet[i]));
     sort_rows(&mut rows);
@@ -241,7 +241,7 @@ fn sort_octet<V: Lanes>(octet: &mut [Row; OCTET]) {
 }
 
 /// Makes two sorted octets one of what is less and one of what is greater, both sorted.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn merge<V: Lanes>(low: &mut [Row; OCTET], high: &mut [Row; OCTET]) {
     let one: [V; OCTET] = core::array::from_fn(|i| V::load(&low[i]));
     let other: [V; OCTET] = core::array::from_fn(|i| V::load(&high[OCTET - 1 - i]).swapped());
@@ -261,7 +261,7 @@ fn merge<V: Lanes>(low: &mut [Row; OCTET], high: &mut [Row; OCTET]) {
 
 /// Bounds the costs of the planes in all rows from below, but for [`MARGIN`], in units of the cell's half
 /// area; infinite where a plane is not inside. Returns the least.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn bound<V: Lanes>(costs: &Costs, cell: &Cell, count: usize, small: &mut Small) -> f32 {
     let width = costs.width as usize;
     let blocks = count.div_ceil(width);
@@ -318,7 +318,7 @@ fn bound<V: Lanes>(costs: &Costs, cell: &Cell, count: usize, small: &mut Small) 
 }
 
 /// How many references start before a plane, and how many end behind it.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn count<V: Lanes>(rows: &[Row], axis: usize, position: f32) -> [u32; 2] {
     let mut plane = [f32::NEG_INFINITY; 8];
     (plane[axis], plane[axis + 4]) = (position, -position);
@@ -334,7 +334,7 @@ fn count<V: Lanes>(rows: &[Row], axis: usize, position: f32) -> [u32; 2] {
 }
 
 /// How many references are planar in a plane.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn count_planar<V: Lanes>(references: &[Reference], axis: usize, position: f32) -> u32 {
     let words: &[f32] = bytemuck::cast_slice(references);
     let (rows, rest) = words.as_chunks::<LANES>();

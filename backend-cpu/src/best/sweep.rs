@@ -20,13 +20,13 @@ pub(super) enum Face {
 }
 
 /// The event of a face.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) fn event(position: f32, face: Face) -> Event {
     u64::from(ordered_bits(position)) << 2 | face as u64
 }
 
 /// Where an event lies.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn position(event: Event) -> f32 {
     let ordered = (event >> 2) as u32;
     f32::from_bits(if ordered >> 31 == 1 { ordered & 0x7fff_ffff } else { !ordered })
@@ -34,7 +34,7 @@ fn position(event: Event) -> f32 {
 
 /// Sorts the events of a range of an axis and considers the plane of each. `started` references start
 /// before the range, `unfinished` ones do not end before it; both count those planar.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) fn sweep(
     costs: &Costs,
     cell: &Cell,

@@ -24,9 +24,9 @@ use crate::query::InstructionSet;
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
 
-/// Children of nodes below this depth are built one after the other: all threads have work long before, and
+/// Nodes below this depth are built one after the other: all threads have work long before, and
 /// tasks within tasks take a few times the stack.
-const DIVIDED: u32 = 24;
+const DIVIDED: u32 = 20;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
@@ -78,6 +78,13 @@ pub(super) struct Builder<'a> {
     /// How many workers there are.
     pub workers: AtomicUsize,
     pub look: &'a Lookout<'a>,
+}
+
+/// What becomes of a node before its children are built.
+enum Outcome {
+    /// Nothing is left to do: the subtree, and its cost.
+    Built(Built, f64),
+    Divided(Divided),
 }
 
 /// A node that is split.
@@ -185,8 +192,8 @@ impl Builder<'_> {
         node: &Node,
     ) -> Result<(Built, f64), BuildError> {
         match self.divide(list, count, node)? {
-            Ok(divided) => self.build_children(divided, count),
-            Err(built) => Ok(built),
+            Outcome::Divided(divided) => self.build_children(divided, count),
+            Outcome::Built(built, cost) => Ok((built, cost)),
         }
     }
 
@@ -197,11 +204,11 @@ impl Builder<'_> {
         mut list: Vec<Reference>,
         count: usize,
         node: &Node,
-    ) -> Result<Result<Divided, (Built, f64)>, BuildError> {
+    ) -> Result<Outcome, BuildError> {
         if count <= TASK {
             let built = self.with_worker(|worker| worker.task(self, &mut list, count, node));
             self.recycle(list);
-            return built.map(|(subtree, cost)| Err((Built::Whole(subtree), cost)));
+            return built.map(|(subtree, cost)| Outcome::Built(Built::Whole(subtree), cost));
         }
         let cell = Cell::new(&self.costs[0], &node.cell);
         let leaf = self.costs[0].leaf(cell.area, count as u32);
@@ -214,13 +221,13 @@ impl Builder<'_> {
             self.ledger.reserve(&mut all, count)?;
             all.extend(list[..count].iter().map(|reference| reference.triangle));
             self.recycle(list);
-            return Ok(Err((Built::Leaf(all), leaf)));
+            return Ok(Outcome::Built(Built::Leaf(all), leaf));
         };
         let split = decision.split;
         let (lists, counts) = self.partition(&node.cell, &split, list, count)?;
         self.look.check()?;
         let nodes = node.children(&decision, counts);
-        Ok(Ok(Divided { split, step: cell.step, leaf, lists, nodes, counts }))
+        Ok(Outcome::Divided(Divided { split, step: cell.step, leaf, lists, nodes, counts }))
     }
 
     /// Builds the children of a node of so many references, and what it is then.

@@ -240,7 +240,7 @@ struct OneRoot<'a, A> {
 impl<A: Arithmetic> Compiled for OneRoot<'_, A> {
     type Output = Result<(), TryReserveError>;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let OneRoot { inputs, root, worker, totals, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
@@ -285,7 +285,7 @@ struct Task<'a> {
 }
 
 /// Builds the subtree of one root.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn one_root<A: Arithmetic, L: Lanes>(
     inputs: &Inputs<'_>,
     root: &SmallRoot,
@@ -316,7 +316,7 @@ fn one_root<A: Arithmetic, L: Lanes>(
 }
 
 impl Task<'_> {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn subtree<A: Arithmetic, L: Lanes>(&mut self, root: Node) -> Result<(), TryReserveError> {
         // References that splits added, and nodes, since the caps were last told.
         let mut untold = [0u64; 2];
@@ -372,7 +372,7 @@ impl Task<'_> {
     }
 
     /// A node of more than T references: its cuts, then a leaf, or a split, of which the left child comes next.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn large<A: Arithmetic, L: Lanes>(
         &mut self,
         node: &Node,
@@ -436,7 +436,7 @@ impl Task<'_> {
     }
 
     /// What is done with a large node: up to the split what `split_large` and `split_binned` do.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn decide<A: Arithmetic>(&mut self, node: &Node) -> Result<Decision, TryReserveError> {
         let Inputs { look, config, planes, .. } = *self.inputs;
         let Worker { columns, references, bins, .. } = &mut *self.worker;
@@ -486,7 +486,7 @@ impl Task<'_> {
 }
 
 /// Counts by bins where the references of a node start and end.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn count_bins<A: Arithmetic>(
     count: u32,
     columns: &Columns,
@@ -543,7 +543,8 @@ mod tests {
     fn tasks_build_what_the_levels_build() {
         let plain = BuildConfig::default();
         let scenes = [(5000, 0.2), (3000, 0.02), (1200, 1.0), (50, 1.0)];
-        let scenes = scenes.map(|(count, size)| scenes::medley(count, size, 1).triangles());
+        let scenes =
+            scenes.map(|(count, size)| scenes::medley(count, size, count as u64).triangles());
         let mut same = scenes[1].clone();
         same.extend([scenes[1][7]; 1200]);
         for (scene, triangles) in scenes.iter().chain([&same]).enumerate() {

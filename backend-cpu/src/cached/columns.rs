@@ -69,7 +69,7 @@ impl Columns {
     }
 
     /// A row.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn get(&self, index: usize) -> Row {
         Row {
             faces: core::array::from_fn(|row| self.faces[row][index]),
@@ -78,7 +78,7 @@ impl Columns {
     }
 
     /// Overwrites a row.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn set(&mut self, index: usize, row: &Row) {
         for (column, face) in self.faces.iter_mut().zip(row.faces) {
             column[index] = face;
@@ -133,7 +133,7 @@ impl Columns {
     }
 
     /// The bounds of some rows. Faces are never -0 and never NaN, so the order does not show.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn bounds(&self, first: usize, count: usize) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for axis in 0..3 {
@@ -145,7 +145,7 @@ impl Columns {
 }
 
 /// Folds side by side, so that vector instructions serve.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn fold(values: &[f32], neutral: f32, f: impl Fn(f32, f32) -> f32) -> f32 {
     let mut lanes = [neutral; WIDTH];
     let mut blocks = values.chunks_exact(WIDTH);

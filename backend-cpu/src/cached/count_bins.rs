@@ -12,7 +12,7 @@ const BINS: usize = MAX_BINS as usize;
 const TABLES: usize = 4;
 
 /// How many references start in each bin of one axis, and how many end there.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn count_axis<A: Arithmetic>(
     bins: &BinAxis,
     lo: &[f32],

@@ -58,7 +58,7 @@ impl Parts {
 
     /// Adds the corner p and where the edge to q crosses the plane. One loop without loops or branches
     /// inside, so that vector instructions serve.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn edge<A: Arithmetic>(&mut self, p: &[[f32; WIDTH]; 3], q: &[[f32; WIDTH]; 3], plane: f32) {
         let [[least_0, least_1], [least_2, least_3]] = &mut self.least;
         let [[most_0, most_1], [most_2, most_3]] = &mut self.most;
@@ -90,7 +90,7 @@ impl Parts {
 
 /// Where an edge from p to q, on another axis, crosses the plane at this part of its length from the lower end:
 /// least and greatest, its error included. What widens no bounds where it does not cross.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn crossing<A: Arithmetic>(rising: bool, crosses: bool, ratio: f32, p: f32, q: f32) -> [f32; 2] {
     let (low, high) = if rising { (p, q) } else { (q, p) };
     let along = A::snapped_difference(high, low);
@@ -116,7 +116,7 @@ impl Cut {
 
     /// Cuts what the plane crosses among `count` references from `first`, at most [`TILE`]. Without
     /// triangles bounds are cut alone.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn tile<A: Arithmetic, L: Lanes>(
         &mut self,
         columns: &Columns,
@@ -165,7 +165,7 @@ impl Cut {
     }
 
     /// Cuts 16: the operations of [`splitplane_core::triangle::clip`] in their order, without branches.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn batch<A: Arithmetic>(&mut self, batch: &Batch, start: usize) {
         let [a, b, c] = &batch.corners;
         let mut parts = Parts::EMPTY;
@@ -203,7 +203,7 @@ impl Cut {
     }
 
     /// Both parts of the crossing reference of this number, and whether there is anything in them.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn parts(&self, reference: &Row, number: usize) -> [(Row, bool); 2] {
         let others = [(self.axis + 1) % 3, (self.axis + 2) % 3];
         let mut parts = [(*reference, true); 2];

@@ -92,7 +92,7 @@ pub(crate) trait Lanes {
 pub(crate) struct Plain;
 
 impl Lanes for Plain {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn sides(faces: &Faces, count: usize, plane: f32) -> [u64; 2] {
         let (mut left, mut right) = (0, 0);
         for j in 0..count.min(64) {
@@ -102,7 +102,7 @@ impl Lanes for Plain {
         [left, right]
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn gather(
         faces: &Faces,
         mask: u64,
@@ -129,7 +129,7 @@ impl Lanes for Plain {
         found
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn count(faces: &Faces, count: usize, planes: &[f32; WIDTH]) -> [[u32; WIDTH]; 2] {
         let (mut left, mut ended) = ([0u32; WIDTH], [0u32; WIDTH]);
         for j in 0..count.min(64) {
@@ -142,7 +142,7 @@ impl Lanes for Plain {
         [left, ended]
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn outermost(faces: &Faces, mask: u64) -> Outermost {
         let mut out = Outermost { lowest: f32::MAX, highest: -f32::MAX, first_end: f32::MAX };
         let mut rest = mask;
@@ -156,7 +156,7 @@ impl Lanes for Plain {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut Places) -> usize {
         let mut crossing = 0;
         for (i, (&lo, &hi)) in lo.iter().zip(hi).enumerate() {
@@ -166,7 +166,7 @@ impl Lanes for Plain {
         crossing
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn divide(
         columns: &mut Columns,
         cut: &Cut,
@@ -205,7 +205,7 @@ pub(crate) struct Avx512;
 
 #[cfg(target_arch = "x86_64")]
 impl Lanes for Avx512 {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn sides(faces: &Faces, count: usize, plane: f32) -> [u64; 2] {
         use core::arch::x86_64::*;
         let mut masks = [0u64; 2];
@@ -226,7 +226,7 @@ impl Lanes for Avx512 {
         masks.map(|mask| mask & first)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn gather(
         faces: &Faces,
         mask: u64,
@@ -283,7 +283,7 @@ impl Lanes for Avx512 {
         found
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn count(faces: &Faces, count: usize, planes: &[f32; WIDTH]) -> [[u32; WIDTH]; 2] {
         use core::arch::x86_64::*;
         let mut out = [[0u32; WIDTH]; 2];
@@ -305,7 +305,7 @@ impl Lanes for Avx512 {
         out
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn outermost(faces: &Faces, mask: u64) -> Outermost {
         use core::arch::x86_64::*;
         // SAFETY: as above; loads are of 16 of 64 floats.
@@ -329,7 +329,7 @@ impl Lanes for Avx512 {
         }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut Places) -> usize {
         use core::arch::x86_64::*;
         let count = lo.len().min(hi.len());
@@ -356,7 +356,7 @@ impl Lanes for Avx512 {
         crossing
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn divide(
         columns: &mut Columns,
         cut: &Cut,

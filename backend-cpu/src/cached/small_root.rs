@@ -46,7 +46,7 @@ impl Subtrees {
     ///
     /// # Errors
     /// No memory for it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn push(&mut self, node: KdNode) -> Result<(), TryReserveError> {
         self.nodes.try_reserve(1)?;
         self.nodes.push(node);
@@ -57,7 +57,7 @@ impl Subtrees {
     ///
     /// # Errors
     /// No memory for it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn leaf(
         &mut self,
         base: usize,
@@ -134,7 +134,7 @@ impl Root {
     ///
     /// # Errors
     /// Less memory than it takes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn build<A: Arithmetic, L: Lanes>(
         &mut self,
         costs: &Costs,
@@ -199,7 +199,7 @@ impl Root {
     }
 
     /// The split of least rank, if it costs less than a leaf.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn best_split<A: Arithmetic, L: Lanes>(
         &mut self,
         costs: &Costs,
@@ -237,7 +237,7 @@ impl Root {
     /// The split of a node that fits one block. With triangles on both sides a split costs no less
     /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
     /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn cut_empty<A: Arithmetic, L: Lanes>(
         &self,
         costs: &Costs,
@@ -304,14 +304,14 @@ struct Best {
 
 impl Best {
     /// Candidates must cost less than this.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn above(cost: u32) -> Best {
         // No candidate has this axis: none wins by a tie.
         Best { cost: [cost; WIDTH], axis: [3; WIDTH], position: [0.0; WIDTH] }
     }
 
     /// Takes a candidate for a lane if it is less. Candidates come in the order of their axes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn offer(&mut self, lane: usize, cost: u32, axis: u32, position: f32) {
         let tie = (cost == self.cost[lane])
             & (axis == self.axis[lane])
@@ -323,7 +323,7 @@ impl Best {
     }
 
     /// The least of all lanes, if any costs less than this.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn plane(&self, above: u32) -> Option<SplitPlane> {
         let least = self.cost.iter().fold(u32::MAX, |least, &cost| least.min(cost));
         if least >= above {
@@ -365,7 +365,7 @@ impl Costs {
     }
 
     /// `ceil(count / W)` for counts of at most 64.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn blocks(&self, count: u32) -> u32 {
         ((count + self.block_width - 1) * self.reciprocal) >> 16
     }
@@ -383,7 +383,7 @@ struct Block<'a> {
 
 /// Evaluates the planes of a block, all at once: loops without branches over arrays, which compilers turn
 /// into vector instructions.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn consider<A: Arithmetic, L: Lanes>(
     costs: &Costs,
     cell: &Aabb,

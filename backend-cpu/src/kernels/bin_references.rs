@@ -52,13 +52,13 @@ struct OneChunk<'a, A> {
 impl<A: Arithmetic> Compiled for OneChunk<'_, A> {
     type Output = ();
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         one_chunk::<A>(self.bins, self.tight, self.references, self.out);
     }
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn one_chunk<A: Arithmetic>(
     bins: u32,
     tight: &Aabb,

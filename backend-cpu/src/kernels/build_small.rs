@@ -65,7 +65,7 @@ struct Batch<'a, A> {
 impl<A: Arithmetic> Compiled for Batch<'_, A> {
     type Output = Result<(), TryReserveError>;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Batch { config, roots, references, sizes, out, .. } = self;
         #[cfg(target_arch = "x86_64")]
@@ -77,7 +77,7 @@ impl<A: Arithmetic> Compiled for Batch<'_, A> {
 }
 
 /// Builds the subtrees of a batch.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn batch<A: Arithmetic, L: Lanes>(
     config: &BuildConfig,
     roots: &[SmallRoot],

@@ -120,7 +120,7 @@ pub fn run<A: Arithmetic>(
 const EMPTY: [[f32; 4]; 2] = [[f32::MAX; 4], [-f32::MAX; 4]];
 
 /// Widens bounds of four columns, of which the last is noise: the shape of a vector register.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn enclose(bounds: &mut [[f32; 4]; 2], reference: &Reference) {
     let words: &[[f32; 4]; 2] = bytemuck::cast_ref(reference);
     for k in 0..4 {

@@ -49,7 +49,7 @@ fn decide<A: Arithmetic>(
 }
 
 /// The decision about a node after its cuts of empty space, which have left this cell.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn split<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,

@@ -42,7 +42,7 @@ impl WalkNode {
     }
 
     /// The references of a leaf of the tree itself.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
         &all[self.word as usize..][..(self.tagged >> WalkNode::SHIFT) as usize]
     }
@@ -274,7 +274,7 @@ impl Blocks {
     }
 
     /// The leaves of the compact layout.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn indexed(&self) -> Option<Indexed<'_>> {
         let mesh = self.mesh.as_ref()?;
         Some(Indexed { nodes: self.walk_nodes(), references: &self.tree.references, mesh })

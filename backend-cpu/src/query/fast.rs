@@ -8,7 +8,7 @@ use super::simd::Simd;
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn may_meet<S: Simd>(
     origin: [S::Floats; 3],
     direction: [S::Floats; 3],
@@ -34,7 +34,7 @@ pub(crate) unsafe fn may_meet<S: Simd>(
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn minus<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe { [S::sub(p[0], q[0]), S::sub(p[1], q[1]), S::sub(p[2], q[2])] }
@@ -42,7 +42,7 @@ unsafe fn minus<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3]
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
@@ -56,7 +56,7 @@ unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3]
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::add(S::add(S::mul(p[0], q[0]), S::mul(p[1], q[1])), S::mul(p[2], q[2])) }

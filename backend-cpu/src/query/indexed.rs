@@ -105,7 +105,7 @@ impl IndexedMesh {
     }
 
     /// The corners of a triangle.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn corners(&self, triangle: u32) -> Triangle {
         let triangle = triangle as usize;
         if self.indices.is_empty() {
@@ -116,7 +116,7 @@ impl IndexedMesh {
     }
 
     /// Puts at most [`MOST_LANES`] triangles together to a block.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut Room) -> Block<'b> {
         let words = &mut room.0;
         for (i, &triangle) in triangles.iter().enumerate().take(MOST_LANES) {

@@ -29,7 +29,7 @@ pub(crate) trait Triangles {
     /// The index of a triangle in the mesh.
     fn triangle(&self, index: usize) -> u32;
 
-    /// The indices of all.
+    /// The indices of all, at the start of a vector that may be read.
     fn triangles(&self) -> *const u32;
 
     /// The corners of a triangle.
@@ -58,33 +58,33 @@ pub(crate) trait Triangles {
 impl Triangles for Record<'_> {
     const VECTORS: usize = 2;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn count(&self) -> usize {
         Record::count(self)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Record::triangle(self, index)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn triangles(&self) -> *const u32 {
         Record::triangles(self)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn corners(&self, index: usize) -> Triangle {
         Record::corners(self, index)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::load(Record::coordinates(self, axis).wrapping_add(vector * S::N)) }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
         // SAFETY: the caller's contract.
         unsafe {
@@ -96,7 +96,7 @@ impl Triangles for Record<'_> {
         }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn of_corners<S: Simd>(
         [low, high, _]: Vectors<S>,
         places: [S::Places; 3],
@@ -110,40 +110,40 @@ impl Triangles for Record<'_> {
 impl Triangles for Block<'_> {
     const VECTORS: usize = 3;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn count(&self) -> usize {
         self.count
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn triangle(&self, index: usize) -> u32 {
         Block::triangle(self, index)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn triangles(&self) -> *const u32 {
         self.words.as_ptr().wrapping_add(9 * self.stride).cast()
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn corners(&self, index: usize) -> Triangle {
         Block::corners(self, index)
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
         let row = (3 * vector + axis) * self.stride;
         // SAFETY: the caller's contract.
         unsafe { S::load(self.words.as_ptr().wrapping_add(row)) }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
         // SAFETY: the caller's contract. Nothing is looked up.
         unsafe { [S::places([0; MOST_LANES].as_ptr()); 3] }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
         vectors
     }
@@ -164,7 +164,7 @@ impl BestHit {
 
     /// Takes a candidate if it is within the caller's limits and comes before. True when it does, and
     /// for any hit that is the end.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
         let Some(t) = ray.outer_t::<Strict>(found.t) else { return false };
         let hit = Hit { t, triangle, u: found.u, v: found.v };
@@ -207,7 +207,7 @@ pub(crate) fn test_one(
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     way: &Way,
     record: &T,
@@ -228,7 +228,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
         // Of what follows the last triangle nothing counts.
         let mut there = (1u32 << record.count()) - 1;
         if !any {
-            // A leaf behind the best hit often has its triangle too.
+            // A leaf behind the best hit often has its triangle too, and would give the same `t`.
             there &= !S::equal(record.triangles(), best.hit.triangle);
         }
         let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
@@ -318,7 +318,7 @@ pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn of_corners<S: Simd>(
     table: Table<S>,
     places: [S::Places; 3],
@@ -345,7 +345,7 @@ struct Seen<S: Simd, T> {
 impl<S: Simd, T: Triangles> Seen<S, T> {
     /// # Safety
     /// As for [`test()`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -368,7 +368,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
     ///
     /// # Safety
     /// As for [`test()`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn greatest(&self, vectors: Vectors<S>) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe {
@@ -380,7 +380,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe { [S::splat(x), S::splat(y), S::splat(z)] }
@@ -388,7 +388,7 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
 
 /// # Safety
 /// As for [`test()`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn coordinates<S: Simd, T: Triangles>(
     record: &T,
     [x, y, z]: [usize; 3],
@@ -408,7 +408,7 @@ unsafe fn coordinates<S: Simd, T: Triangles>(
 ///
 /// # Safety
 /// As for [`test()`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn all_corners<S: Simd, T: Triangles>(
     record: &T,
     places: [S::Places; 3],
@@ -428,7 +428,7 @@ unsafe fn all_corners<S: Simd, T: Triangles>(
 }
 
 impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
@@ -440,21 +440,21 @@ impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
         }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn depths(&self) -> [S::Floats; 3] {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
         unsafe { T::of_corners::<S>([a.depth, b.depth, c.depth], self.places) }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn reach(&self) -> S::Floats {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
         unsafe { self.greatest([a.reach(), b.reach(), c.reach()]) }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn width(&self, [low, high]: [S::Floats; 2]) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::magnitude(low, high) }
@@ -472,7 +472,7 @@ struct CloserLook<'a, T> {
 impl<T: Triangles> Compiled for CloserLook<'_, T> {
     type Output = ();
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         let CloserLook { way, record, limit, met } = self;
         let ray = way.ray();
@@ -490,7 +490,7 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
     let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
@@ -501,7 +501,7 @@ unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
 ///
 /// # Safety
 /// As for [`test()`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {

@@ -47,7 +47,7 @@ pub(crate) struct Packed<'a> {
 
 impl<'a> Packed<'a> {
     /// The blocks of a layout.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(blocks: &'a Blocks) -> Packed<'a> {
         Packed { words: &blocks.words }
     }
@@ -61,15 +61,15 @@ impl Leaves for Packed<'_> {
     where
         Self: 'b;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn room() {}
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn address(self, child: u32) -> *const u8 {
         self.words.as_ptr().wrapping_add((child as usize).wrapping_mul(UNIT_WORDS)).cast()
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn block<'b, S: Simd>(
         self,
         child: u32,
@@ -100,17 +100,17 @@ impl Leaves for Indexed<'_> {
     where
         Self: 'b;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn room() -> Room {
         Room::EMPTY
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn address(self, child: u32) -> *const u8 {
         self.nodes.as_ptr().wrapping_add(child as usize).cast()
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn block<'b, S: Simd>(
         self,
         child: u32,

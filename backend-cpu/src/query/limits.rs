@@ -33,7 +33,7 @@ fn one_by_one(triangles: &[Triangle]) -> Limits {
 /// The limits together with those of [`SOME`] triangles, given by their coordinates; `None` where one of them
 /// is dropped. Every number is compared with the one three places on, though only those of first and
 /// second corners mean anything: that is what vectors are good at.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn of_some(x: &[f32], limits: &Limits) -> Option<Limits> {
     let x = x.first_chunk::<COORDINATES>()?;
     let (mut bits, mut least) = ([limits.greatest.to_bits(); SOME], [limits.least; SOME]);

@@ -100,7 +100,7 @@ impl<'a> Packer<'a> {
 
     /// Writes indices and places of the corners for a block of `count` triangles, and says how many
     /// different corners there are; or how many triangles fit where these have too many.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn place(&mut self, references: &[u32], count: usize, out: &mut [u32]) -> Result<usize, usize> {
         // What an earlier block left in the table is behind the first corner.
         self.start += MOST_CORNERS as u64;
@@ -145,7 +145,7 @@ impl<'a> Packer<'a> {
 }
 
 /// A place in the table for a corner.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn slot(xy: u64, z: u32) -> usize {
     let mixed = (xy ^ u64::from(z).rotate_left(20)).wrapping_mul(0x9e37_79b9_7f4a_7c15);
     (mixed >> (64 - SLOT_BITS)) as usize

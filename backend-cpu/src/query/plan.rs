@@ -49,14 +49,14 @@ impl Branch {
     }
 
     /// The axis of the plane between the children; `None` for a leaf.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn axis(&self) -> Option<u8> {
         (self.plan[0] != Branch::LEAF).then_some(self.plan[0])
     }
 
     /// How many of some places, two at least, the left child takes; `None` where the branch had better be a
     /// node of its own.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn left_places(&self, places: usize) -> Option<usize> {
         let left = self.plan[places - 1];
         (left != Branch::ALONE).then_some(left.into())
@@ -144,7 +144,7 @@ impl Planner {
 
     /// Makes the branch of a node of its children's costs. What it costs takes the place of what the right
     /// child did; where one child is empty, it is the other one.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn join(
         &self,
         node: u32,
@@ -211,12 +211,12 @@ impl Planner {
 }
 
 /// One or the other, by a mask of ones or zeros.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn pick(mask: u32, one: u32, other: u32) -> u32 {
     one & mask | other & !mask
 }
 
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn pick_float(mask: u32, one: f32, other: f32) -> f32 {
     f32::from_bits(pick(mask, one.to_bits(), other.to_bits()))
 }
@@ -226,7 +226,7 @@ pub(crate) struct Branches<'a>(pub u32, pub &'a mut [Branch]);
 
 impl Branches<'_> {
     /// The branch of a node.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn branch(&mut self, node: u32) -> &mut Branch {
         &mut self.1[(node - self.0) as usize]
     }

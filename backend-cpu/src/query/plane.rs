@@ -25,7 +25,7 @@ impl<S: Simd> Plane<S> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn distance(&self) -> (S::Floats, u32) {
         // SAFETY: the caller's contract.
         unsafe {
@@ -55,7 +55,7 @@ impl<S: Simd> Plane<S> {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn length<S: Simd>([x, y, z]: [Double<S>; 3]) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::magnitude(S::magnitude(x.high, y.high), z.high) }
@@ -72,7 +72,7 @@ struct Double<S: Simd> {
 /// All methods: the processor must have the set.
 impl<S: Simd> Double<S> {
     /// From `from` to `to`, without error.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn edge(to: [S::Floats; 3], from: [S::Floats; 3]) -> [Double<S>; 3] {
         // SAFETY: the caller's contract.
         unsafe {
@@ -85,7 +85,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// `a - b` without error: Knuth's two-sum of `a` and `-b`.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn difference_of(a: S::Floats, b: S::Floats) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -97,7 +97,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// The product.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times(self, other: Double<S>) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -109,7 +109,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// The product with floats.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times_float(self, other: S::Floats) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -120,7 +120,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// The sum.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn plus(self, other: Double<S>) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -133,7 +133,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// The difference.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn minus(self, other: Double<S>) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -143,7 +143,7 @@ impl<S: Simd> Double<S> {
     }
 
     /// Dekker's fast two-sum: `high` is the greater.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn renormalised(high: S::Floats, low: S::Floats) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -241,7 +241,7 @@ mod tests {
     impl Compiled for &mut Planes {
         type Output = ();
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) {
             let mut random = Random::new(31);
             for round in 0..if cfg!(miri) { 40 } else { 20_000 } {

@@ -69,13 +69,13 @@ impl Way {
     }
 
     /// The axes that shearing calls x, y and z.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn axes(&self) -> [usize; 3] {
         AXES[self.axes as usize % AXES.len()]
     }
 
     /// The ray as the reference tests take it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn ray(&self) -> PreparedRay {
         let axes = self.axes();
         // By look-ups: numbers written one by one would be waited for where they are read together.
@@ -107,7 +107,7 @@ pub(crate) const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
 
 /// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
 /// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
     (enter <= t_min) & (exit < t_max)
 }
@@ -147,7 +147,7 @@ pub(crate) struct PreparedRays {
 const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == WAY_WORDS * 4 * CHUNK);
 
 /// The numbers of one lane.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
     [rows[0][lane], rows[1][lane], rows[2][lane]]
 }
@@ -182,7 +182,7 @@ impl PreparedRays {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn ways<S: Simd>(&self, ways: &mut [Way; CHUNK]) {
         for lane in (0..CHUNK).step_by(S::N) {
             // SAFETY: the caller's contract.
@@ -194,7 +194,7 @@ impl PreparedRays {
     ///
     /// # Safety
     /// The processor must have the set; there must be as many rays.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn some_ways<S: Simd>(&self, lane: usize, ways: &mut [Way; CHUNK]) {
         let rows = (&raw const *self).cast::<f32>();
         let to = ways.as_mut_ptr().cast::<f32>();
@@ -222,7 +222,7 @@ impl PreparedRays {
     }
 
     /// One of the rays, as the triangle tests take it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn ray(&self, lane: usize) -> PreparedRay {
         PreparedRay {
             origin: three(&self.origin, lane),
@@ -245,7 +245,7 @@ impl PreparedRays {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn fill<S: Simd>(
         &mut self,
         rays: &[Ray],
@@ -436,7 +436,7 @@ pub(super) mod tests {
     impl Compiled for Fill<'_> {
         type Output = (PreparedRays, [Way; CHUNK]);
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> (PreparedRays, [Way; CHUNK]) {
             let (mut lanes, mut ways) = (PreparedRays::NONE, [Way::none(); CHUNK]);
             // SAFETY: the caller's contract.

@@ -31,7 +31,7 @@ const MOST_POWER: u32 = 127 + 60;
 
 impl Way {
     /// Becomes the way of a ray, if it says so. The bounds must not be empty.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
         // Origin and lower limit, direction and upper limit.
         let [given_origin, given]: [[f32; 4]; 2] = bytemuck::cast(*ray);

@@ -45,7 +45,7 @@ impl Record<'_> {
 
 impl<'a> Record<'a> {
     /// The block that begins at a unit.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn at(words: &'a [u32], unit: u32) -> Record<'a> {
         Record { words: &words[unit as usize * UNIT_WORDS..] }
     }
@@ -54,26 +54,26 @@ impl<'a> Record<'a> {
     ///
     /// # Safety
     /// The unit must be that of a block.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> Record<'a> {
         // SAFETY: the caller's contract.
         Record { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
     }
 
     /// Triangles, 1 to 16.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn count(&self) -> usize {
         (self.words[0] & 0xff) as usize
     }
 
     /// Different corners, at most 32.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn corner_count(&self) -> usize {
         (self.words[0] >> 8 & 0xff) as usize
     }
 
     /// Words before the coordinates.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn before(&self) -> usize {
         (self.words[0] >> 16) as usize
     }
@@ -85,7 +85,7 @@ impl<'a> Record<'a> {
     }
 
     /// Places of the first, second or third corners, a byte each.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn places(&self, corner: usize) -> *const u8 {
         self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
     }
@@ -94,7 +94,7 @@ impl<'a> Record<'a> {
     ///
     /// # Safety
     /// The triangle must be one of the block's.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
         let first = self.places(0);
         // SAFETY: three times as many bytes as triangles follow the first word.
@@ -106,19 +106,19 @@ impl<'a> Record<'a> {
     }
 
     /// Coordinates of the different corners on an axis.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn coordinates(&self, axis: usize) -> *const f32 {
         self.words.as_ptr().wrapping_add(self.before() + axis * self.corner_count()).cast()
     }
 
     /// The triangles' indices in the mesh.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn triangles(&self) -> *const u32 {
         self.words.as_ptr().wrapping_add(self.before() - self.count())
     }
 
     /// The index of a triangle in the mesh.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn triangle(&self, index: usize) -> u32 {
         self.words[self.before() - self.count() + index]
     }

@@ -61,7 +61,7 @@ pub(crate) struct Reach {
 
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(ray: &Way, bounds: &Aabb) -> Reach {
         let mut reach = 0.0f32;
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
@@ -71,7 +71,7 @@ impl Reach {
     }
 
     /// The same from R and the inner limits.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn of(reach: f32, t_min: f32, t_max: f32) -> Reach {
         let edge = EDGE_ERROR * reach;
         Reach {
@@ -99,7 +99,7 @@ impl ExactLane {
     }
 
     /// A ray about to start, if it can hit anything.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(ray: &Ray, way: &Way, bounds: &Aabb) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })
@@ -116,7 +116,7 @@ impl ExactLane {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn test<S: Simd, T: Triangles>(
         &mut self,
         way: &Way,
@@ -185,7 +185,7 @@ pub(crate) fn inner_stop(t: f64, exponent: i32) -> f32 {
 ///
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
@@ -338,7 +338,7 @@ mod tests {
     impl Compiled for Sift<'_> {
         type Output = u32;
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> u32 {
             // SAFETY: the caller's contract.
             unsafe { sift::<S, _>(self.way, self.reach, self.block, self.limit) }

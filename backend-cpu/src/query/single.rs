@@ -32,7 +32,7 @@ pub(crate) struct Single<'a> {
 impl Compiled for Single<'_> {
     type Output = Hit;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Hit {
         if self.blocks.wide.lines().is_empty() {
             return Hit::MISS;
@@ -64,7 +64,7 @@ struct WithCare<'a>(Single<'a>);
 impl Compiled for WithCare<'_> {
     type Output = Hit;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Hit {
         let Single { blocks, scene, ray, options, query } = self.0;
         let mut hit = Hit::MISS;
@@ -79,7 +79,7 @@ impl Compiled for WithCare<'_> {
 impl Single<'_> {
     /// # Safety
     /// As for [`Compiled::run`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
         &self,
         leaves: L,
@@ -101,7 +101,7 @@ impl Single<'_> {
 
     /// # Safety
     /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn walk<S: Simd, L: Leaves>(&self, leaves: L, way: &mut Way, mut stack: Stack) -> Hit {
         let Single { blocks, options, query, .. } = *self;
         let lines = blocks.wide.lines().as_ptr();
@@ -155,7 +155,7 @@ mod tests {
     impl Compiled for Both<'_> {
         type Output = [Hit; 2];
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> [Hit; 2] {
             let Single { blocks, scene, ray, query, .. } = self.0;
             let (mut way, mut again) = (Way::none(), Way::none());

@@ -51,7 +51,7 @@ static OCTANTS_OF_8: [Octant; 16] = octants(8);
 static OCTANTS_OF_16: [Octant; 16] = octants(16);
 
 /// Octants for nodes of as many children as lanes.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
     if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 }
 }
@@ -69,7 +69,7 @@ impl Stack {
     ///
     /// # Safety
     /// There must be room for an entry.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn begin(&mut self) {
         // SAFETY: the caller's contract.
         unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
@@ -79,7 +79,7 @@ impl Stack {
     ///
     /// # Safety
     /// The processor must have the set; the stack must have room for 16 entries more.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
         // SAFETY: the caller's contract; the lowest entry stays.
         unsafe { S::cull(self.children.add(1), self.t.add(1), top, stop) }
@@ -92,7 +92,7 @@ impl Stack {
 /// # Safety
 /// The processor must have the set; the node must be one of the lines; the stack must have room for
 /// 16 entries more.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn step<S: Simd>(
     way: &Way,
     lines: *const Line,
@@ -133,7 +133,7 @@ pub(crate) unsafe fn step<S: Simd>(
 }
 
 /// Asks for the memory of a child.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
     let node = lines.wrapping_add((child as usize).wrapping_mul(S::N / 2)) as usize;
     let block = leaves.address(child & !LEAF_MARK) as usize;
@@ -143,13 +143,13 @@ pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: 
 }
 
 /// Asks for the memory of a child that is no node.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn ask_for_block<S: Simd, L: Leaves>(leaves: L, child: u32) {
     ask_for_lines::<S>(leaves.address(child & !LEAF_MARK));
 }
 
 /// Asks for as many lines as a node has, and most blocks.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 fn ask_for_lines<S: Simd>(at: *const u8) {
     for line in 0..S::N / 2 {
         prefetch(at.wrapping_add(64 * line));
@@ -181,7 +181,7 @@ pub(crate) struct TestChild<'a, 'b, L: Leaves>(pub u32, pub &'a mut Tested<'b, L
 impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
     type Output = bool;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
         let TestChild(child, Tested { test, room, way, best, exact }) = self;
         let Test { leaves, options, query } = **test;

@@ -79,7 +79,7 @@ pub(crate) enum Answers<'a> {
 }
 
 impl Answers<'_> {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn set(&mut self, index: usize, hit: Hit) {
         match self {
             Answers::Hits(hits) => hits[index] = hit,
@@ -93,7 +93,7 @@ impl Answers<'_> {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn set_group<S: Simd>(
         &mut self,
         start: usize,
@@ -143,7 +143,7 @@ pub(crate) struct Stream<'a> {
 impl Compiled for Stream<'_> {
     type Output = ();
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         let Stream { batch, mut answers } = self;
         // Taken out, and none where the thread is about to end.
@@ -175,14 +175,14 @@ enum Turn {
 
 impl Queues {
     /// Puts a lane where its child says: without a branch, since nobody could foresee it.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn put(&mut self, lane: usize, child: u32) {
         let queue = (child >> 31) as usize + usize::from(child == DONE);
         self.0 |= 1 << (16 * queue + lane);
     }
 
     /// Empties a queue.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn take(&mut self, turn: Turn) -> Members {
         let shift = 16 * turn as u32;
         let lanes = self.0 >> shift & 0xffff;
@@ -197,7 +197,7 @@ struct Members(u64);
 impl Iterator for Members {
     type Item = usize;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn next(&mut self) -> Option<usize> {
         let lane = self.0.trailing_zeros() as usize;
         self.0 &= self.0.wrapping_sub(1);
@@ -207,7 +207,7 @@ impl Iterator for Members {
 
 /// # Safety
 /// The processor must have the set, for whose width the layout was made.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn fly<S: Simd, L: Leaves>(
     batch: Batch<'_>,
     leaves: L,
@@ -330,7 +330,7 @@ impl Supply<'_> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&Way> {
         while self.left == 0 {
             let Batch { scene, rays, options, query, .. } = self.batch;
@@ -380,7 +380,7 @@ impl Supply<'_> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
         let Batch { blocks, scene, options, query, .. } = self.batch;
         // Packets test blocks as they are stored.

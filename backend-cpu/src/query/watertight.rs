@@ -26,7 +26,7 @@ pub(crate) struct Corner<S: Simd> {
 /// All methods: the processor must have the set.
 impl<S: Simd> Corner<S> {
     /// A corner at `at`, of rays from `origin`, all on the sheared axes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn new(
         at: [S::Floats; 3],
         origin: [S::Floats; 3],
@@ -43,7 +43,7 @@ impl<S: Simd> Corner<S> {
     }
 
     /// How far it is on the axis where it is farthest.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn reach(&self) -> S::Floats {
         let [x, y, z] = self.from;
         // SAFETY: the caller's contract.
@@ -51,7 +51,7 @@ impl<S: Simd> Corner<S> {
     }
 
     /// The same of its sheared coordinates.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn width(&self) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::magnitude(self.flat[0], self.flat[1]) }
@@ -122,7 +122,7 @@ impl Met {
     };
 
     /// The meeting.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn of<S: Simd>(meeting: &Meeting<S>) -> Met {
         let Meeting { met, unclear, t, v, w, det, depths: [nearest, farthest] } = *meeting;
         let mut rows = Met { met, unclear, ..Met::NONE };
@@ -139,7 +139,7 @@ impl Met {
     }
 
     /// What it is of.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
         let [nearest, farthest] = &self.depths;
         // SAFETY: as above.
@@ -157,7 +157,7 @@ impl Met {
     }
 
     /// The hit of a lane that is met.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn candidate(&self, lane: usize) -> Candidate {
         let [t, v, w, det] = [&self.t, &self.v, &self.w, &self.det].map(|row| row[lane]);
         // Snapped, as in the reference test.
@@ -170,7 +170,7 @@ impl Met {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn edges<S: Simd>([[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2]) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
@@ -186,7 +186,7 @@ unsafe fn edges<S: Simd>([[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2]) -> [
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn of_one_sign<S: Simd>([u, v, w]: [S::Floats; 3]) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
@@ -201,7 +201,7 @@ unsafe fn of_one_sign<S: Simd>([u, v, w]: [S::Floats; 3]) -> u32 {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn enclosed<S: Simd, V: View<S>>(view: &V) -> u32 {
     // SAFETY: the caller's contract.
     unsafe { of_one_sign::<S>(edges::<S>(view.flat())) }
@@ -212,7 +212,7 @@ pub(crate) unsafe fn enclosed<S: Simd, V: View<S>>(view: &V) -> u32 {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
     view: &V,
     of: u32,
@@ -264,7 +264,7 @@ impl<S: Simd> Meeting<S> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn nearest(&self) -> u32 {
         // SAFETY: the caller's contract.
         unsafe { self.met & S::least(self.met, self.t) }
@@ -274,7 +274,7 @@ impl<S: Simd> Meeting<S> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn look_closely(&mut self, plane: &Plane<S>, span: &Span<S>) {
         // SAFETY: the caller's contract.
         unsafe {
@@ -291,7 +291,7 @@ impl<S: Simd> Meeting<S> {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn held<S: Simd>(
     t: S::Floats,
     [nearest, farthest]: [S::Floats; 2],
@@ -309,7 +309,7 @@ unsafe fn held<S: Simd>(
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn extent<S: Simd>(
     [[ax, bx, cx], [ay, by, cy]]: [[S::Floats; 3]; 2],
 ) -> (u32, [S::Floats; 2]) {
@@ -328,7 +328,7 @@ unsafe fn extent<S: Simd>(
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
@@ -346,7 +346,7 @@ unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
 ///
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn or_zero<S: Simd>(x: S::Floats, least: f32) -> S::Floats {
     // SAFETY: the caller's contract.
     unsafe { S::keep(S::le(S::splat(least), S::abs(x)), x) }
@@ -467,7 +467,7 @@ mod tests {
     impl Compiled for &mut Meetings {
         type Output = ();
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) {
             let mut random = Random::new(5);
             let bounds = Aabb { lo: [-9.0; 3], hi: [9.0; 3] };

@@ -29,7 +29,7 @@ pub(crate) const LEAF_MARK: u32 = 1 << 31;
 const TASK: usize = 1 << 8;
 /// Nodes with so many above them are written by one task: all threads have work long before, and tasks within
 /// tasks take a few times the stack.
-const DIVIDED: usize = 10;
+const DIVIDED: usize = 8;
 
 /// 64 bytes.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
@@ -108,7 +108,7 @@ impl WideNodes {
     }
 
     /// The nodes, one after the other.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn lines(&self) -> &[Line] {
         &self.lines
     }

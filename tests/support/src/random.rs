@@ -36,12 +36,7 @@ impl Random {
         lo + (hi - lo) * self.unit()
     }
 
-    /// Uniform in `[0, 1)`, of the 2^24 floats that are equally far apart.
-    pub fn unit_f32(&mut self) -> f32 {
-        (self.bits() >> 8) as f32 / 16_777_216.0
-    }
-
-    /// Uniform in `[-1, 1)`, of 2^24 floats as above.
+    /// Uniform in `[-1, 1)`, of 2^24 floats that are equally far apart.
     pub fn signed(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / 8_388_608.0 - 1.0
     }

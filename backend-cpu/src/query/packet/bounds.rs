@@ -34,7 +34,7 @@ static ODD: [u8; MOST_LANES] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 2
 ///
 /// # Safety
 /// As for [`super::row::load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn ranges<S: Simd, const R: usize>(
     lo: [S::Floats; R],
     hi: [S::Floats; R],
@@ -72,7 +72,7 @@ pub(super) unsafe fn ranges<S: Simd, const R: usize>(
 ///
 /// # Safety
 /// As for [`super::row::load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn greatest<S: Simd>(x: S::Floats) -> f32 {
     let mut row = ZERO;
     // SAFETY: as above.
@@ -92,7 +92,7 @@ pub(super) unsafe fn greatest<S: Simd>(x: S::Floats) -> f32 {
 ///
 /// # Safety
 /// As for [`super::row::load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn products<S: Simd>([a, b]: [f32; 2], [c, d]: [S::Floats; 2]) -> [S::Floats; 2] {
     // SAFETY: as above.
     unsafe {
@@ -107,7 +107,7 @@ pub(super) unsafe fn products<S: Simd>([a, b]: [f32; 2], [c, d]: [S::Floats; 2])
 ///
 /// # Safety
 /// As for [`super::row::load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn least<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> S::Floats {
     // SAFETY: as above.
     unsafe {
@@ -120,7 +120,7 @@ pub(super) unsafe fn least<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> 
 ///
 /// # Safety
 /// As for [`super::row::load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn most<S: Simd>(table: Table<S>, places: [S::Places; 3]) -> S::Floats {
     // SAFETY: as above.
     unsafe {
@@ -137,7 +137,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn cull<S: Simd>(&self, record: &Record<'_>) -> u32 {
         // SAFETY: the caller's contract.
         unsafe {

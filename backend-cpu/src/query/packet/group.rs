@@ -75,7 +75,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn meets<S: Simd>(
         &self,
         rays: &Rays<'_>,
@@ -103,7 +103,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
         record: &Record<'_>,
@@ -168,7 +168,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn test_ray<S: Simd>(
         &mut self,
         record: &Record<'_>,
@@ -193,13 +193,13 @@ impl Group {
     }
 
     /// The best hit of a ray so far, but for its place in the triangle.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn best(&self, lane: usize) -> BestHit {
         let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
         BestHit { hit: Hit { t, triangle, ..Hit::MISS }, stop: self.beyond.0[lane] }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn set(&mut self, lane: usize, best: &BestHit) {
         self.t.0[lane] = best.hit.t;
         self.triangle.0[lane] = f32::from_bits(best.hit.triangle);
@@ -208,7 +208,7 @@ impl Group {
     }
 
     /// Whether a ray has a hit.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn is_hit(&self, lane: usize) -> bool {
         self.best(lane).hit.is_hit()
     }
@@ -217,7 +217,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn hits<S: Simd>(&self, accuracy: Accuracy) -> [Hit; MOST_LANES] {
         let [singles, pairs] = if S::N == 16 { &IN_TURN_OF_16 } else { &IN_TURN_OF_8 };
         let mut hits = [Hit::MISS; MOST_LANES];
@@ -261,7 +261,7 @@ impl Compiled for Singly<'_, '_> {
     /// Whether a best hit changed.
     type Output = bool;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
         let Singly { group, record, rays, mut active, options, query } = self;
         let mut better = false;

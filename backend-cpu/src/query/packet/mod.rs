@@ -79,7 +79,7 @@ impl Rays<'_> {
     ///
     /// # Safety
     /// The processor must have the set; `first` must leave as many lanes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn row<S: Simd>(&self, row: &PerRay<f32>) -> S::Floats {
         // SAFETY: the caller has the set; there are as many lanes from `first` on.
         unsafe { S::load(row.as_ptr().add(self.first)) }
@@ -89,7 +89,7 @@ impl Rays<'_> {
     ///
     /// # Safety
     /// As for [`Rays::row`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn span<S: Simd>(&self, beyond: &Row) -> Span<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -103,7 +103,7 @@ impl Rays<'_> {
     ///
     /// # Safety
     /// As for [`Rays::row`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn rows<S: Simd>(&self, [x, y, z]: &[PerRay<f32>; 3]) -> [S::Floats; 3] {
         // SAFETY: the caller's contract.
         unsafe { [self.row::<S>(x), self.row::<S>(y), self.row::<S>(z)] }
@@ -113,7 +113,7 @@ impl Rays<'_> {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn way<S: Simd>(&mut self, lane: usize) -> &Way {
         let group = 1 << (self.first / S::N);
         if self.written & group == 0 {
@@ -151,20 +151,20 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn hits<S: Simd>(&self, group: usize, accuracy: Accuracy) -> [Hit; MOST_LANES] {
         // SAFETY: the caller's contract.
         unsafe { self.groups[group].hits::<S>(accuracy) }
     }
 
     /// Whether a ray of a group has a hit.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn is_hit(&self, group: usize, lane: usize) -> bool {
         self.groups[group].is_hit(lane)
     }
 
     /// Whether rays stay together on their way, as far as could be seen: then packets may be large.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn keeps_together(&self) -> bool {
         self.met * ENOUGH_OF >= self.came * ENOUGH
     }
@@ -174,7 +174,7 @@ impl Packet {
     /// # Safety
     /// The processor must have the set, for whose width the layout was made; the rays must be those
     /// taken, in as many groups, and none of them wide.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
         blocks: &Blocks,
@@ -242,7 +242,7 @@ impl Packet {
     ///
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn last<S: Simd, const G: usize>(&self) -> f32 {
         // SAFETY: the caller's contract.
         unsafe {
@@ -259,7 +259,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn step<S: Simd>(
         &mut self,
         lines: *const Line,
@@ -312,7 +312,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn block<S: Simd, const G: usize>(
         &mut self,
         record: &Record<'_>,

@@ -11,7 +11,7 @@ pub(super) const ZERO: Row = Row([0.0; MOST_LANES]);
 
 /// # Safety
 /// The processor must have the set.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn load<S: Simd>(row: &Row) -> S::Floats {
     // SAFETY: the caller has the set; rows are of the most lanes.
     unsafe { S::load(row.0.as_ptr()) }
@@ -19,7 +19,7 @@ pub(super) unsafe fn load<S: Simd>(row: &Row) -> S::Floats {
 
 /// # Safety
 /// As for [`load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn store<S: Simd>(row: &mut Row, x: S::Floats) {
     // SAFETY: as above.
     unsafe { S::store(row.0.as_mut_ptr(), x) }
@@ -27,7 +27,7 @@ pub(super) unsafe fn store<S: Simd>(row: &mut Row, x: S::Floats) {
 
 /// # Safety
 /// As for [`load`].
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(super) unsafe fn put<S: Simd>(mask: S::Mask, row: &mut Row, x: S::Floats) {
     // SAFETY: as above.
     unsafe { store::<S>(row, S::select(mask, x, load::<S>(row))) }

@@ -26,7 +26,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn take_coherent<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
@@ -54,7 +54,7 @@ impl Packet {
     ///
     /// # Safety
     /// The processor must have the set; there must be as many lanes, and at least one ray.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn take<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
@@ -104,7 +104,7 @@ impl Packet {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn bound<S: Simd>(
         &mut self,
         ready: &PreparedRays,
@@ -153,7 +153,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`Packet::take`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn begin<S: Simd>(
         &mut self,
         ready: &PreparedRays,

@@ -83,7 +83,7 @@ struct Compare(InstructionSet);
 impl Compiled for Compare {
     type Output = ([usize; 2], usize);
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> ([usize; 2], usize) {
         let Compare(set) = self;
         let mut random = Random::new(77);
@@ -179,7 +179,7 @@ struct CompareRanges;
 impl Compiled for CompareRanges {
     type Output = ();
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         let mut random = Random::new(5);
         for _ in 0..50 {

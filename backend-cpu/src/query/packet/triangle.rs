@@ -16,7 +16,7 @@ use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_ze
 
 impl Group {
     /// Decides a triangle for some rays by the reference test; those whose best hit changed.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn decide(
         &mut self,
         record: &Record<'_>,
@@ -44,7 +44,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn within<S: Simd>(
         &self,
         record: &Record<'_>,
@@ -60,7 +60,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test<S: Simd>(
         &mut self,
         record: &Record<'_>,
@@ -123,7 +123,7 @@ impl Group {
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test_fast<S: Simd>(
         &self,
         record: &Record<'_>,
@@ -147,7 +147,7 @@ impl Group {
 ///
 /// # Safety
 /// The processor must have the set; the triangle must be one of the block's.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn corners<S: Simd>(
     record: &Record<'_>,
     index: usize,
@@ -173,7 +173,7 @@ struct Seen<S: Simd> {
 impl<S: Simd> Seen<S> {
     /// # Safety
     /// As for [`super::Packet::trace`]; the triangle must be one of the block's.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn new(rays: &Rays<'_>, axes: [usize; 3], record: &Record<'_>, index: usize) -> Seen<S> {
         // SAFETY: the caller's contract.
         unsafe {
@@ -191,26 +191,26 @@ impl<S: Simd> Seen<S> {
 }
 
 impl<S: Simd> View<S> for Seen<S> {
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
         [[a.flat[0], b.flat[0], c.flat[0]], [a.flat[1], b.flat[1], c.flat[1]]]
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn depths(&self) -> [S::Floats; 3] {
         let [a, b, c] = &self.corners;
         [a.depth, b.depth, c.depth]
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn reach(&self) -> S::Floats {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract.
         unsafe { S::max(a.reach(), S::max(b.reach(), c.reach())) }
     }
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn width(&self, _: [S::Floats; 2]) -> S::Floats {
         let [a, b, c] = &self.corners;
         // SAFETY: the caller's contract. The corners are at hand.
@@ -231,7 +231,7 @@ struct CloserLook<'a> {
 impl Compiled for CloserLook<'_> {
     type Output = ();
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         let ready = self.rays.ready;
         // SAFETY: the caller's contract; the triangle is one of the block's.

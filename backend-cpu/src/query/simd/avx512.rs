@@ -18,79 +18,79 @@ impl Simd for Avx512 {
     type Places = __m512i;
     type Mask = __mmask16;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn splat(x: f32) -> __m512 {
         unsafe { _mm512_set1_ps(x) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn load(from: *const f32) -> __m512 {
         unsafe { _mm512_loadu_ps(from) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn store(to: *mut f32, x: __m512) {
         unsafe { _mm512_storeu_ps(to, x) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn add(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_add_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn sub(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_sub_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mul(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_mul_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn div(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_div_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mul_sub(a: __m512, b: __m512, c: __m512) -> __m512 {
         unsafe { _mm512_fmsub_ps(a, b, c) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn min(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_min_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn max(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_max_ps(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn abs(a: __m512) -> __m512 {
         unsafe { _mm512_abs_ps(a) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn le(a: __m512, b: __m512) -> __mmask16 {
         unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
         a & b
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn keep(mask: __mmask16, a: __m512) -> __m512 {
         unsafe { _mm512_maskz_mov_ps(mask, a) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn select(mask: __mmask16, a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_mask_mov_ps(b, mask, a) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mask(bits: u32) -> __mmask16 {
         bits as __mmask16
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn bits(mask: __mmask16) -> u32 {
         u32::from(mask)
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn lane(of: __m512, lane: usize) -> f32 {
         unsafe { _mm512_cvtss_f32(_mm512_permutexvar_ps(_mm512_set1_epi32(lane as i32), of)) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn least(of: u32, a: __m512) -> u32 {
         unsafe {
             let infinity = _mm512_set1_ps(f32::INFINITY);
@@ -102,14 +102,14 @@ impl Simd for Avx512 {
             u32::from(_mm512_cmp_ps_mask::<_CMP_EQ_OQ>(a, b))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn equal(from: *const u32, number: u32) -> u32 {
         unsafe {
             let all = _mm512_loadu_si512(from.cast());
             u32::from(_mm512_cmpeq_epi32_mask(all, _mm512_set1_epi32(number as i32)))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
         unsafe {
             let mut end = 0;
@@ -131,15 +131,15 @@ impl Simd for Avx512 {
             end
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places(from: *const u8) -> __m512i {
         unsafe { _mm512_cvtepu8_epi32(_mm_loadu_si128(from.cast())) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn look_up([low, high]: [__m512; 2], at: __m512i) -> __m512 {
         unsafe { _mm512_permutex2var_ps(low, at, high) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
         unsafe {
             let quarters = [
@@ -167,7 +167,7 @@ impl Simd for Avx512 {
             }
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push(
         children: *const u32,
         t: __m512,
@@ -194,19 +194,19 @@ impl Simd for Avx512 {
             *children.add(*order.add(last) as usize)
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn product_error(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_fmsub_ps(a, b, _mm512_mul_ps(a, b)) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn call<T: Compiled>(task: T) -> T::Output {
         unsafe { in_its_own_function(task) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push_met(
         children: *const u32,
         enter: __m512,
@@ -257,7 +257,7 @@ unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
 ///
 /// # Safety
 /// The processor must have the set, the rows must be readable.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn fours(from: *const f32, stride: usize) -> [__m512; 4] {
     unsafe {
         let a = _mm512_loadu_ps(from);

@@ -20,7 +20,7 @@ pub(crate) struct Four(
 macro_rules! lane_by_lane {
     ($($(#[$doc:meta])* $name:ident, $by_sse:expr, $by_lane:expr;)*) => {$(
         $(#[$doc])*
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         pub fn $name(self, other: Four) -> Four {
             #[cfg(target_arch = "x86_64")]
             return Four(unsafe { $by_sse(self.0, other.0) });
@@ -62,7 +62,7 @@ impl Four {
     }
 
     /// Of a row.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn of(row: [f32; 4]) -> Four {
         #[cfg(target_arch = "x86_64")]
         return Four(unsafe { _mm_loadu_ps(row.as_ptr()) });
@@ -71,19 +71,19 @@ impl Four {
     }
 
     /// Of three, and 0.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn of_three([x, y, z]: [f32; 3]) -> Four {
         Four::of([x, y, z, 0.0])
     }
 
     /// The same number in all.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn splat(x: f32) -> Four {
         Four::of([x; 4])
     }
 
     /// As a row.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn row(self) -> [f32; 4] {
         #[cfg(target_arch = "x86_64")]
         {
@@ -96,14 +96,14 @@ impl Four {
     }
 
     /// The first three.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn three(self) -> [f32; 3] {
         let [x, y, z, _] = self.row();
         [x, y, z]
     }
 
     /// The sign bits, the first lowest.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn signs(self) -> u32 {
         #[cfg(target_arch = "x86_64")]
         return unsafe { _mm_movemask_ps(self.0) } as u32;
@@ -112,13 +112,13 @@ impl Four {
     }
 
     /// Magnitudes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn abs(self) -> Four {
         self.and(Four::splat(f32::from_bits(!0 >> 1)))
     }
 
     /// Differences of the bits, as whole numbers.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn minus_bits(self, other: Four) -> Four {
         #[cfg(target_arch = "x86_64")]
         return Four(unsafe {
@@ -132,13 +132,13 @@ impl Four {
     }
 
     /// 0 for what is less than a bound in magnitude.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn at_least(self, bound: f32) -> Four {
         self.and(Four::splat(bound).le(self.abs()))
     }
 
     /// The first three, turned: the second, third and first.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     fn turned(self) -> Four {
         #[cfg(target_arch = "x86_64")]
         return Four(unsafe { _mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0) });
@@ -147,14 +147,14 @@ impl Four {
     }
 
     /// The greatest of the first three, in the place of each of them.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn greatest_of_three(self) -> Four {
         let turned = self.turned();
         self.max(turned).max(turned.turned())
     }
 
     /// The least of the first three, in the place of each of them.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     pub fn least_of_three(self) -> Four {
         let turned = self.turned();
         self.min(turned).min(turned.turned())

@@ -103,7 +103,7 @@ pub(crate) trait Simd: Copy {
     /// The mask of such bits.
     unsafe fn mask(bits: u32) -> Self::Mask;
     /// The number in a lane, which there must be.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn lane(of: Self::Floats, lane: usize) -> f32 {
         let mut row = [0.0; MOST_LANES];
         // SAFETY: the caller's contract; no set has more lanes.
@@ -114,7 +114,7 @@ pub(crate) trait Simd: Copy {
     /// be among them.
     unsafe fn least(of: u32, a: Self::Floats) -> u32;
     /// Which of `N` numbers in memory are a given one, as bits.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn equal(from: *const u32, number: u32) -> u32 {
         let mut bits = 0;
         for i in 0..Self::N {
@@ -156,7 +156,7 @@ pub(crate) trait Simd: Copy {
 
     /// [`Simd::push`] for the children that are left no sooner than they are entered. The last one as
     /// there, and how many there are.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push_met(
         children: *const u32,
         enter: Self::Floats,
@@ -175,7 +175,7 @@ pub(crate) trait Simd: Copy {
     }
 
     /// The greater of two magnitudes.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
         // SAFETY: the caller's contract.
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
@@ -190,8 +190,9 @@ pub(crate) trait Compiled {
     /// What comes of it.
     type Output;
 
-    /// Does it. This, and all that it calls with the set, must be inlined always: a function of its own is
-    /// compiled for no set, and each of its operations would be a call.
+    /// Does it. This, and all that it calls with the set, must be inlined always, unless nothing is
+    /// optimised (`build.rs`): a function of its own is compiled for no set, and each of its operations would be a
+    /// call.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -199,7 +200,7 @@ pub(crate) trait Compiled {
 }
 
 /// Asks for the cache line at an address that need not be readable.
-#[cfg_attr(optimised, inline(always))]
+#[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn prefetch(at: *const u8) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a prefetch reads nothing and faults nowhere; SSE is part of x86-64.
@@ -246,7 +247,7 @@ mod tests {
 
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn check<S: Simd>() {
         let mut random = Random::new(S::N as u64);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
@@ -311,7 +312,7 @@ mod tests {
 
     /// # Safety
     /// The processor must have the set.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn check_stacks<S: Simd>() {
         let mut random = Random::new(S::N as u64 + 99);
         for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
@@ -401,7 +402,7 @@ mod tests {
     impl Compiled for Operations {
         type Output = ();
 
-        #[cfg_attr(optimised, inline(always))]
+        #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) {
             // SAFETY: the caller's contract.
             unsafe {

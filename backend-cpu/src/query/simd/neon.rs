@@ -27,63 +27,63 @@ impl Simd for Neon {
     type Places = [uint8x16_t; 2];
     type Mask = Mask;
 
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn splat(x: f32) -> Floats {
         unsafe { [vdupq_n_f32(x); 2] }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn load(from: *const f32) -> Floats {
         unsafe { each!(|i: usize| vld1q_f32(from.add(4 * i))) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn store(to: *mut f32, x: Floats) {
         unsafe {
             vst1q_f32(to, x[0]);
             vst1q_f32(to.add(4), x[1]);
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn add(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vaddq_f32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn sub(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vsubq_f32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mul(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vmulq_f32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn div(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vdivq_f32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mul_sub(a: Floats, b: Floats, c: Floats) -> Floats {
         unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(c[i]), a[i], b[i])) }
     }
     // Not `vminq_f32`: it gives no number where either is none.
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn min(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vbslq_f32(vcltq_f32(a[i], b[i]), a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn max(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vbslq_f32(vcgtq_f32(a[i], b[i]), a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn abs(a: Floats) -> Floats {
         unsafe { each!(|i: usize| vabsq_f32(a[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn le(a: Floats, b: Floats) -> Mask {
         unsafe { each!(|i: usize| vcleq_f32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn and(a: Mask, b: Mask) -> Mask {
         unsafe { each!(|i: usize| vandq_u32(a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn keep(mask: Mask, a: Floats) -> Floats {
         unsafe {
             each!(|i: usize| {
@@ -91,25 +91,25 @@ impl Simd for Neon {
             })
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn select(mask: Mask, a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vbslq_f32(mask[i], a[i], b[i])) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn bits(mask: Mask) -> u32 {
         unsafe {
             let (low, high) = (vld1q_u32(BITS.as_ptr()), vld1q_u32(BITS.as_ptr().add(4)));
             vaddvq_u32(vorrq_u32(vandq_u32(mask[0], low), vandq_u32(mask[1], high)))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn mask(bits: u32) -> Mask {
         unsafe {
             let all = vdupq_n_u32(bits);
             each!(|i: usize| vtstq_u32(all, vld1q_u32(BITS.as_ptr().add(4 * i))))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn least(of: u32, a: Floats) -> u32 {
         unsafe {
             let a = Self::select(Self::mask(of), a, Self::splat(f32::INFINITY));
@@ -117,18 +117,18 @@ impl Simd for Neon {
             Self::bits(each!(|i: usize| vceqq_f32(a[i], least)))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn equal(from: *const u32, number: u32) -> u32 {
         unsafe {
             let number = vdupq_n_u32(number);
             Self::bits(each!(|i: usize| vceqq_u32(vld1q_u32(from.add(4 * i)), number)))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
         unsafe { Portable::cull(children, t, count, stop) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn places(from: *const u8) -> [uint8x16_t; 2] {
         unsafe {
             let places = vld1_u8(from);
@@ -141,7 +141,7 @@ impl Simd for Neon {
             })
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn look_up([low, high]: [Floats; 2], at: [uint8x16_t; 2]) -> Floats {
         unsafe {
             let table = uint8x16x4_t(
@@ -153,11 +153,11 @@ impl Simd for Neon {
             each!(|i: usize| vreinterpretq_f32_u8(vqtbl4q_u8(table, at[i])))
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
         unsafe { Portable::transpose(from, stride, to, to_stride) }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push(
         children: *const u32,
         t: Floats,
@@ -174,7 +174,7 @@ impl Simd for Neon {
             Portable::push(children, numbers, mask, order, direction, to_children, to_t)
         }
     }
-    #[cfg_attr(optimised, inline(always))]
+    #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn product_error(a: Floats, b: Floats) -> Floats {
         unsafe { each!(|i: usize| vfmaq_f32(vnegq_f32(vmulq_f32(a[i], b[i])), a[i], b[i])) }
     }
