@@ -380,9 +380,10 @@ fn move_origin<A: Arithmetic>(
     (scale(shift, -power), moved)
 }
 
-/// `t`, and as much as interpolation may err.
+/// An inner `t`, and as much as interpolation may err: all of [`PreparedRay::stop_after`] for a ray that was not
+/// moved and a hit whose `t` is neither 0 nor clamped.
 #[inline(always)]
-fn stop_after(t: f32) -> f32 {
+pub fn stop_after(t: f32) -> f32 {
     t + t.abs() * STOP_SLACK
 }
 

@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{
-    Candidate, PreparedRay, STOP_SLACK, moeller_trumbore, watertight,
+    Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
 };
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
@@ -263,7 +263,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
                 let hit = Hit { t, triangle: record.triangle(index), u, v };
                 let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
                 if better {
-                    *best = BestHit { hit, stop: inner + inner.abs() * STOP_SLACK };
+                    *best = BestHit { hit, stop: stop_after(inner) };
                 }
                 if better || !any {
                     return better;
