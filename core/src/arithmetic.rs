@@ -200,6 +200,10 @@ pub fn ordered_bits(x: f32) -> u32 {
     if bits >> 31 == 0 { bits | 0x8000_0000 } else { !bits }
 }
 
+/// Products of doubles err by less than this part of their factors, with room for six of them and a
+/// direction of length up to 4.
+pub const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
+
 /// A sum of two floats that do not overlap: about 48 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct Double {
@@ -230,6 +234,13 @@ impl Double {
         low = A::sum(low, A::product(self.high, other.low));
         low = A::sum(low, A::product(self.low, other.high));
         renormalise::<A>(high, low)
+    }
+
+    /// The product with a float, to about 2^-46 of itself.
+    #[inline]
+    pub fn times_float<A: Arithmetic>(self, other: f32) -> Double {
+        let (high, low) = A::two_product(self.high, other);
+        renormalise::<A>(high, A::sum(low, A::product(self.low, other)))
     }
 
     /// The sum, to about 2^-46 of the greater operand.

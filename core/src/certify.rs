@@ -11,9 +11,9 @@
 //! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_traverse.wgsl`.
 
 use crate::aabb::{max, min};
-use crate::arithmetic::{Arithmetic, Double, exponent, snap};
+use crate::arithmetic::{Arithmetic, DOUBLE_NOISE, Double, exponent, snap};
 use crate::config::MAX_DEPTH;
-use crate::intersect::{DOUBLE_NOISE, EDGE_LEAST, PreparedRay, SceneScale, scale};
+use crate::intersect::{EDGE_LEAST, PreparedRay, SceneScale, scale};
 use crate::node::NodeKind;
 use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::traverse::{Query, Triangles};

@@ -1,0 +1,136 @@
+//! `t` and weights of triangles that interpolation by rounded edge functions does not serve: those seen
+//! at a grazing angle or from very near, slivers, and those whose edge the ray passes within rounding.
+
+use super::Candidate;
+use super::prepare::scale;
+use crate::aabb::{max, min};
+use crate::arithmetic::{Arithmetic, Double, exponent};
+use crate::triangle::Triangle;
+
+/// Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself. Images err by at most
+/// 4.1 u R + u P on either axis (u = 2^-24), which changes an edge function by 4 P times that; with its own
+/// roundings, 4.1 u P^2, and P <= 2.1 R that is 34 u R P. This is 64 u.
+const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
+
+/// Sheared coordinates from here on need no scaling: products of two, and what rounding leaves of these, are well above
+/// the least normal number.
+const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
+
+/// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
+/// edge, from which the ray is then less than 2^-21 away.
+const THIN: f32 = 4.768_371_6e-7; // 2^-21
+
+/// The least edge function that is robust, `area` being R P. Zero never is.
+#[inline(always)]
+pub fn robust_from<A: Arithmetic>(area: f32) -> f32 {
+    max(A::product(area, ROBUST), f32::MIN_POSITIVE)
+}
+
+/// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too.
+#[inline(always)]
+pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
+    min(min(u.abs(), v.abs()), w.abs()) >= robust_from::<A>(area)
+}
+
+/// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and products of
+/// about 46 bits. Images are not divided by the direction's largest component here, which spares rounding a slope;
+/// that changes all edge functions by one factor. `width` is the greatest sheared coordinate.
+///
+/// For triangles whose edges the ray passes by at least [`robust_from`]: the sum of the edge functions is then at least
+/// 2^-17 P^2 and errs by 2^-42 P^2.
+pub fn refined<A: Arithmetic>(
+    origin: &[f32; 3],
+    direction: &[f32; 3],
+    [kx, ky, kz]: [usize; 3],
+    triangle: &Triangle,
+    width: f32,
+) -> Candidate {
+    let (dx, dy, dz) = (direction[kx], direction[ky], direction[kz]);
+    let power = if width < WIDTH_LEAST { -exponent(width) } else { 0 };
+    let scaled = |x: Double| Double { high: scale(x.high, power), low: scale(x.low, power) };
+    let zero = Double::from_float(0.0);
+    let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
+    for (i, corner) in triangle.iter().enumerate() {
+        let from = |axis: usize| Double::difference_of::<A>(corner[axis], origin[axis]);
+        z[i] = from(kz);
+        x[i] = from(kx).times_float::<A>(dz).minus::<A>(z[i].times_float::<A>(dx));
+        y[i] = from(ky).times_float::<A>(dz).minus::<A>(z[i].times_float::<A>(dy));
+        if power != 0 {
+            (x[i], y[i]) = (scaled(x[i]), scaled(y[i]));
+        }
+    }
+    let edge = |a: usize, b: usize| x[a].times::<A>(y[b]).minus::<A>(y[a].times::<A>(x[b]));
+    let (u, v, w) = (edge(2, 1), edge(0, 2), edge(1, 0));
+    let det = u.plus::<A>(v).plus::<A>(w);
+    let sum = u.times::<A>(z[0]).plus::<A>(v.times::<A>(z[1])).plus::<A>(w.times::<A>(z[2]));
+    Candidate {
+        t: A::quotient(sum.high, det.times_float::<A>(dz).high),
+        u: A::quotient(v.high, det.high),
+        v: A::quotient(w.high, det.high),
+    }
+}
+
+/// Where the ray meets the image of a triangle, and the weights of that point. The image may be as thin as it likes;
+/// it has an area, whose sign is that of its front or back.
+///
+/// Both axes are scaled by powers of two so that coordinates are near 1, which changes neither weights nor `t`. Edge
+/// functions of about 46 bits then put the point within 2^-20 of the ray, where the area is at least [`THIN`];
+/// else the point of the longest edge that is nearest to the ray is as near.
+pub(super) fn careful<A: Arithmetic>(
+    flat: &[[f32; 2]; 3],
+    depths: &[f32; 3],
+    front: bool,
+) -> Candidate {
+    let greatest = |k: usize| max(max(flat[0][k].abs(), flat[1][k].abs()), flat[2][k].abs());
+    let powers = [-exponent(greatest(0)), -exponent(greatest(1))];
+    let flat = flat.map(|[x, y]| [scale(x, powers[0]), scale(y, powers[1])]);
+    let weight = |a: usize, b: usize| {
+        let (one, other) =
+            (product::<A>(flat[a][0], flat[b][1]), product::<A>(flat[a][1], flat[b][0]));
+        let edge = if front { one.minus::<A>(other) } else { other.minus::<A>(one) };
+        // The ray is inside or on the edge.
+        if edge.high > 0.0 { edge } else { Double::from_float(0.0) }
+    };
+    let weights = [weight(2, 1), weight(0, 2), weight(1, 0)];
+    let det = weights[0].plus::<A>(weights[1]).plus::<A>(weights[2]);
+    if det.high < THIN {
+        return on_longest_edge::<A>(&flat, depths);
+    }
+    let part = |i: usize| weights[i].times_float::<A>(depths[i]);
+    Candidate {
+        t: A::quotient(part(0).plus::<A>(part(1)).plus::<A>(part(2)).high, det.high),
+        u: A::quotient(weights[1].high, det.high),
+        v: A::quotient(weights[2].high, det.high),
+    }
+}
+
+/// The product without error.
+#[inline]
+fn product<A: Arithmetic>(a: f32, b: f32) -> Double {
+    let (high, low) = A::two_product(a, b);
+    Double { high, low }
+}
+
+/// The point of an image's longest edge that is nearest to the ray.
+fn on_longest_edge<A: Arithmetic>(flat: &[[f32; 2]; 3], depths: &[f32; 3]) -> Candidate {
+    let (mut longest, mut hit) = (0.0, Candidate { t: depths[0], u: 0.0, v: 0.0 });
+    for i in 0..3 {
+        let j = (i + 1) % 3;
+        let (p, q) = (flat[i], flat[j]);
+        let edge = [A::difference(q[0], p[0]), A::difference(q[1], p[1])];
+        let squared = A::snapped_sum(
+            A::snapped_product(edge[0], edge[0]),
+            A::snapped_product(edge[1], edge[1]),
+        );
+        if squared > longest {
+            longest = squared;
+            let along = product::<A>(edge[0], p[0]).plus::<A>(product::<A>(edge[1], p[1])).high;
+            let along = min(max(A::quotient(-along, squared), 0.0), 1.0);
+            let depth = A::product(along, A::difference(depths[j], depths[i]));
+            let mut weights = [0.0; 3];
+            (weights[i], weights[j]) = (A::difference(1.0, along), along);
+            hit = Candidate { t: A::sum(depths[i], depth), u: weights[1], v: weights[2] };
+        }
+    }
+    hit
+}

@@ -1,0 +1,116 @@
+use super::prepare::scale;
+use super::*;
+use crate::aabb::Aabb;
+use crate::arithmetic::{Hostile, Strict, power_of_two};
+use crate::ray::{Culling, Ray};
+use crate::triangle::Triangle;
+
+const TRIANGLE: Triangle = [[0.0, 0.0, -1.0], [1.0, 0.0, -1.0], [0.0, 1.0, -1.0]];
+
+fn scene(triangles: &[Triangle]) -> SceneScale {
+    let bounds = Aabb::of_points(triangles.as_flattened());
+    let limits = triangles.iter().fold(Limits::NONE, |l, t| l.union(Limits::of(t)));
+    SceneScale::new(bounds, &limits)
+}
+
+fn hit(triangle: &Triangle, ray: &Ray, culling: Culling) -> Option<f32> {
+    let prepared = PreparedRay::new::<Strict>(ray, &scene(&[*triangle]))?;
+    let hit = watertight::<Strict>(&prepared, triangle, culling)?;
+    let hostile = PreparedRay::new::<Hostile>(ray, &scene(&[*triangle]))?;
+    assert_eq!(watertight::<Hostile>(&hostile, triangle, culling), Some(hit));
+    prepared.outer_t::<Strict>(hit.t)
+}
+
+#[test]
+fn front_is_where_corners_run_counter_clockwise() {
+    let front = Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -4.0]);
+    let back = Ray::new([0.25, 0.25, -2.0], [0.0, 0.0, 0.5]);
+    assert_eq!(hit(&TRIANGLE, &front, Culling::None), Some(0.5));
+    assert_eq!(hit(&TRIANGLE, &back, Culling::None), Some(2.0));
+    assert_eq!(hit(&TRIANGLE, &front, Culling::Back), Some(0.5));
+    assert_eq!(hit(&TRIANGLE, &front, Culling::Front), None);
+    assert_eq!(hit(&TRIANGLE, &back, Culling::Back), None);
+    assert_eq!(hit(&TRIANGLE, &back, Culling::Front), Some(2.0));
+    let prepared = PreparedRay::new::<Strict>(&front, &scene(&[TRIANGLE])).unwrap();
+    for culling in [Culling::None, Culling::Back, Culling::Front] {
+        let fast = moeller_trumbore::<Strict>(&prepared, &TRIANGLE, culling);
+        assert_eq!(fast.is_some(), culling != Culling::Front);
+    }
+}
+
+#[test]
+fn weights_belong_to_the_second_and_third_corner() {
+    let ray = Ray::new([0.5, 0.125, 3.0], [0.0, 0.0, -1.0]);
+    let prepared = PreparedRay::new::<Strict>(&ray, &scene(&[TRIANGLE])).unwrap();
+    let hit = watertight::<Strict>(&prepared, &TRIANGLE, Culling::None).unwrap();
+    assert_eq!((hit.u, hit.v), (0.5, 0.125));
+}
+
+#[test]
+fn limits_are_closed() {
+    let ray =
+        |t_min, t_max| Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -4.0]).with_limits(t_min, t_max);
+    assert_eq!(hit(&TRIANGLE, &ray(0.5, 0.5), Culling::None), Some(0.5));
+    assert_eq!(hit(&TRIANGLE, &ray(0.5f32.next_up(), 1.0), Culling::None), None);
+    assert_eq!(hit(&TRIANGLE, &ray(-1.0, 0.5f32.next_down()), Culling::None), None);
+}
+
+#[test]
+fn every_scale_gives_the_same_hit() {
+    for power in (-120..=120).step_by(8) {
+        let triangle = TRIANGLE.map(|corner| corner.map(|x| scale(x, power)));
+        let ray = Ray::new([0.25, 0.25, 1.0].map(|x| scale(x, power)), [0.0, 0.0, -4.0]);
+        assert_eq!(hit(&triangle, &ray, Culling::None), Some(scale(0.5, power)), "2^{power}");
+    }
+}
+
+#[test]
+fn directions_of_any_length_serve() {
+    for power in (-126..=127).step_by(11) {
+        let length = power_of_two(power);
+        let ray = Ray::new([0.25, 0.25, 1.0], [0.0, 0.0, -length]);
+        let expected = scale(2.0, -power);
+        assert_eq!(hit(&TRIANGLE, &ray, Culling::None), Some(expected), "2^{power}");
+    }
+}
+
+#[test]
+fn far_origins_are_moved_without_losing_the_way() {
+    for distance in [1e3f32, 1e5, 1e7, 1e12] {
+        let ray = Ray::new([0.25, 0.25, distance], [0.0, 0.0, -1.0]);
+        let t = hit(&TRIANGLE, &ray, Culling::None).unwrap();
+        assert_eq!(t, distance + 1.0);
+    }
+}
+
+#[test]
+fn a_point_just_above_a_huge_triangle_is_above_it() {
+    // A tilted triangle 3,000 units wide, seen from 0.001 above: interpolation alone would err
+    // by more than that.
+    let triangle = [[-1500.0, -0.05, -1200.0], [1500.0, 0.3, -1100.0], [37.0, 0.1, 1300.0]];
+    for k in 0..100 {
+        let (u, v) = (0.1 + 0.008 * k as f64, 0.05);
+        let point: [f64; 3] = core::array::from_fn(|i| {
+            let [a, b, c] = triangle.map(|p: [f32; 3]| f64::from(p[i]));
+            a + u * (b - a) + v * (c - a)
+        });
+        let origin = [point[0] as f32, (point[1] + 0.001) as f32, point[2] as f32];
+        let ray = Ray::new(origin, [0.3, -1.0, 0.2]);
+        let t = hit(&triangle, &ray, Culling::None).expect("above");
+        assert!(t > 0.0 && t < 0.002, "{t}");
+    }
+}
+
+#[test]
+fn rays_that_can_hit_nothing() {
+    let none = |ray: Ray| PreparedRay::new::<Strict>(&ray, &scene(&[TRIANGLE])).is_none();
+    let good = Ray::new([0.0; 3], [1.0, 0.0, 0.0]);
+    assert!(!none(good));
+    assert!(none(Ray { direction: [0.0, -0.0, 1e-40], ..good }));
+    assert!(none(Ray { direction: [f32::NAN, 0.0, 1.0], ..good }));
+    assert!(none(Ray { origin: [f32::INFINITY, 0.0, 1.0], ..good }));
+    assert!(none(good.with_limits(1.0, 0.5)));
+    assert!(none(good.with_limits(f32::NAN, 1.0)));
+    assert!(none(good.with_limits(0.0, f32::NAN)));
+    assert!(!none(good.with_limits(f32::NEG_INFINITY, f32::INFINITY)));
+}
