@@ -457,10 +457,13 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn constants_are_the_cores() {
-    let constants: [(&str, f32); 9] = [
+    let constants: [(&str, f32); 12] = [
         ("PLANE_SLACK", intersect::PLANE_SLACK),
         ("STOP_SLACK", intersect::STOP_SLACK),
         ("EDGE_LEAST", intersect::EDGE_LEAST),
+        ("ROBUST", intersect::ROBUST),
+        ("SLIVER", intersect::SLIVER),
+        ("WIDTH_LEAST", intersect::WIDTH_LEAST),
         ("SLOPE_LEAST", intersect::SLOPE_LEAST),
         ("DIRECTION_LEAST", intersect::DIRECTION_LEAST),
         ("COORDINATE_MOST", intersect::COORDINATE_MOST),
@@ -534,15 +537,30 @@ fn planted_faults_are_seen() {
         ("edges swapped", "edge_function(seen.c, seen.b)", "edge_function(seen.b, seen.c)"),
         ("higher index wins", "triangle < best.triangle", "triangle > best.triangle"),
         ("open interval", "key <= ray.greatest_key", "key < ray.greatest_key"),
-        ("t is only interpolated", "if noise > product", "if false && noise > product"),
-        ("no plane for t", "if plane.some {", "if false {"),
-        ("t from the plane only", "if noise > product", "if true || noise > product"),
+        (
+            "t is only interpolated",
+            "if det != 0.0 && disorder <= product",
+            "if true || disorder <= product",
+        ),
+        (
+            "t is never interpolated",
+            "if det != 0.0 && disorder <= product",
+            "if false && disorder <= product",
+        ),
+        ("nothing is robust", "if is_robust(edges, area) {", "if false {"),
+        ("all is robust", "if is_robust(edges, area) {", "if true {"),
+        (
+            "zeros are inside",
+            "let signs = vec3<i32>(",
+            "return select(-1, 1, above);\n    let signs = vec3<i32>(",
+        ),
+        ("thin images have weights", "THIN: f32 = 0x1p-21f", "THIN: f32 = 0x1p-80f"),
         ("far origins stay", "if plane.moves {", "if false {"),
         ("no wide test", "if !ray.wide {", "if true {"),
         ("no slack of planes", "free_mul_add(abs(t), PLANE_SLACK, slack)", "0.0"),
         ("stops too early", "STOP_SLACK: f32 = 0x1p-13f", "STOP_SLACK: f32 = -0x1p-3f"),
         ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
-        ("weights swapped", "snap(quotient(edges.y, det))", "snap(quotient(edges.x, det))"),
+        ("weights swapped", "hit.u = quotient(edges.y, det)", "hit.u = quotient(edges.x, det)"),
         ("-0 below +0", "if bits == 0x80000000u {", "if false {"),
     ] {
         let faulty = source.replacen(right, wrong, 1);

@@ -138,6 +138,9 @@ fn square_root(x: f32) -> f32 {
     return bitcast<f32>((root_field << 23u) + (root - 0x800000u));
 }
 
+// Products of doubles err by less than this part of their factors.
+const DOUBLE_NOISE: f32 = 0x1p-40f;
+
 // A sum of two floats that do not overlap: about 48 bits.
 struct Double {
     high: f32,
@@ -191,6 +194,12 @@ fn double_times(a: Double, b: Double) -> Double {
     var low = sum(exact.low, product(a.high, b.low));
     low = sum(low, product(a.low, b.high));
     return renormalise(exact.high, low);
+}
+
+// The product with a float, to about 2^-46 of itself.
+fn double_times_float(a: Double, b: f32) -> Double {
+    let exact = two_product(a.high, b);
+    return renormalise(exact.high, sum(exact.low, product(a.low, b)));
 }
 
 // The sum, to about 2^-46 of the greater operand.

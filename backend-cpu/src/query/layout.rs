@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{BuildError, QueryLayout};
 use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::intersect::{longest_extent, widened};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::tree::KdTreeView;
@@ -279,12 +280,13 @@ fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
     (left, right)
 }
 
-/// The part of some triangles' bounds in their cell, or in their leaf's box.
+/// The part of some triangles' bounds in their cell, or in their leaf's box, widened by as much as rays that are rounded
+/// need for triangles of that size. So a large triangle widens the boxes of its own leaves, and no others.
 pub(crate) fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
     let part = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
-    if lost { *cell } else { part }
+    widened(if lost { cell } else { &part }, longest_extent(bounds))
 }
 
 /// What tasks read.

@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{
-    Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
+    Candidate, OFFSET_SLACK, PreparedRay, moeller_trumbore, stop_after, watertight,
 };
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
@@ -12,9 +12,9 @@ use splitplane_core::triangle::Triangle;
 
 use super::blocks::Block;
 use super::fast;
-use super::plane::Plane;
 use super::prepare::Way;
 use super::record::Record;
+use super::refined::Pairs;
 use super::simd::{Compiled, MOST_LANES, Simd};
 use super::watertight::{Corner, Met, Span, View, meet};
 
@@ -237,7 +237,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
             return false;
         }
         // For any hit those that are met come first.
-        if meeting.unclear != 0 && !(any && meeting.met != 0) {
+        if meeting.unclear & meeting.robust != 0 && !(any && meeting.met != 0) {
             let mut met = Met::of(&meeting);
             S::call(CloserLook { way, record, limit, met: &mut met });
             meeting = met.meeting();
@@ -254,7 +254,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
         if one && options.ignore.is_none() {
             let index = nearest.trailing_zeros() as usize % S::N;
             let inner = S::lane(meeting.t, index);
-            let t = inner * power_of_two(-way.exponent);
+            let t = (inner + way.offset) * power_of_two(-way.exponent);
             // What was flushed or clamped may be the same for others too.
             if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
                 let det = S::lane(meeting.det, index);
@@ -263,7 +263,8 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
                 let hit = Hit { t, triangle: record.triangle(index), u, v };
                 let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
                 if better {
-                    *best = BestHit { hit, stop: stop_after(inner) };
+                    let rounding = way.offset.abs() * OFFSET_SLACK;
+                    *best = BestHit { hit, stop: stop_after(inner) + rounding };
                 }
                 if better || !any {
                     return better;
@@ -404,24 +405,25 @@ unsafe fn coordinates<S: Simd, T: Triangles>(
     }
 }
 
-/// The corners of all triangles, each on three axes.
+/// The corners of all triangles, each on three axes, in this order.
 ///
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn all_corners<S: Simd, T: Triangles>(
     record: &T,
+    axes: [usize; 3],
     places: [S::Places; 3],
 ) -> [[S::Floats; 3]; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         let mut corners = [[S::splat(0.0); 3]; 3];
-        for axis in 0..3 {
+        for (k, axis) in axes.into_iter().enumerate() {
             let second = record.coordinates::<S>(axis, 1);
             let third = if T::VECTORS > 2 { record.coordinates::<S>(axis, 2) } else { second };
             let vectors = [record.coordinates::<S>(axis, 0), second, third];
             let [a, b, c] = T::of_corners::<S>(vectors, places);
-            (corners[0][axis], corners[1][axis], corners[2][axis]) = (a, b, c);
+            (corners[0][k], corners[1][k], corners[2][k]) = (a, b, c);
         }
         corners
     }
@@ -461,7 +463,7 @@ impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
     }
 }
 
-/// A look at the planes of the triangles that are unclear, seldom needed.
+/// A closer look at the triangles that are unclear, seldom needed.
 struct CloserLook<'a, T> {
     way: &'a Way,
     record: &'a T,
@@ -475,14 +477,15 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
         let CloserLook { way, record, limit, met } = self;
-        let ray = way.ray();
         // SAFETY: the caller's contract, and that of [`test()`].
         unsafe {
-            let corners = all_corners::<S, T>(record, record.places::<S>());
-            let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+            let axes = way.axes();
+            let corners = all_corners::<S, T>(record, axes, record.places::<S>());
+            let origin = each::<S>(way.origin);
+            let direction = each::<S>(axes.map(|axis| way.direction[axis]));
             let mut meeting = met.meeting::<S>();
-            let plane = Plane { origin, direction, corners };
-            meeting.look_closely(&plane, &span::<S>(way, limit));
+            let pairs = Pairs { origin, direction, corners };
+            meeting.look_closely(&pairs, &span::<S>(way, limit));
             *met = Met::of(&meeting);
         }
     }
@@ -507,7 +510,7 @@ unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) ->
     unsafe {
         let ray = way.ray();
         let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
-        let corners = all_corners::<S, T>(record, record.places::<S>());
+        let corners = all_corners::<S, T>(record, [0, 1, 2], record.places::<S>());
         let span = [S::splat(ray.t_min), S::splat(limit)];
         fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << record.count()) - 1)
     }

@@ -1,7 +1,7 @@
 //! Answering rays: the layouts that queries read, and the traversals over them.
 //!
 //! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
-//! (`watertight.rs`, `plane.rs`) does the operations of the reference in its order, and the fast test
+//! (`watertight.rs`, `refined.rs`) does the operations of the reference in its order, and the fast test
 //! (`fast.rs`) only sorts out triangles and leaves the others to the reference. In accuracy `exact` what
 //! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
 //!
@@ -23,11 +23,11 @@ mod order;
 mod pack;
 mod packet;
 mod plan;
-mod plane;
 mod prepare;
 mod prepare_one;
 mod record;
 mod reference;
+mod refined;
 mod sieve;
 mod simd;
 mod single;

@@ -3,7 +3,7 @@
 //! Loops without branches over arrays of 32, which compilers turn into vector instructions. The rare
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
 
-use splitplane_core::arithmetic::snap;
+use splitplane_core::arithmetic::{Strict, snap};
 use splitplane_core::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
     STOP_SLACK, SceneScale,
@@ -24,7 +24,7 @@ pub(crate) type PerRay<T> = [T; CHUNK];
 #[repr(C, align(64))]
 pub(crate) struct Way {
     pub reciprocal: [f32; 3],
-    /// Origin times reciprocal, with the slack of planes added, and with it taken away.
+    /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their triangles' sizes.
     pub near: [f32; 3],
     pub far: [f32; 3],
     pub enter: f32,
@@ -45,7 +45,8 @@ pub(crate) struct Way {
     pub slack: [f32; 3],
     /// The ray's place in its batch; [`Way::NO_RAY`] for none.
     pub index: u32,
-    padding: u32,
+    /// See [`PreparedRay::offset`].
+    pub offset: f32,
 }
 
 /// Words of a [`Way`].
@@ -60,6 +61,43 @@ pub(crate) static AXES: [[usize; 3]; 8] =
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
 impl Way {
+    /// The way of a ray that the core made ready, such as one that was moved; `None` where it comes nowhere near the
+    /// scene. Not of wide rays, nor of exponents beyond 126.
+    #[cold]
+    pub fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<Way> {
+        let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
+        let reach = enter.abs().max(exit.abs()) * WAY_SLACK;
+        let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
+        for axis in 0..3 {
+            let from = ray.origin[axis] * ray.reciprocal[axis];
+            let base = (scene.base_slack * ray.reciprocal[axis].abs()).min(f32::MAX);
+            let slack = (base + from.abs() * ORIGIN_SLACK) + reach;
+            (near[axis], far[axis]) = (from + slack, from - slack);
+            octant |= u32::from(ray.direction[axis] < 0.0) << axis;
+        }
+        let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
+        let main = ray.axes[2];
+        Some(Way {
+            reciprocal: ray.reciprocal,
+            near,
+            far,
+            enter,
+            stop: exit,
+            octant: octant | u32::from(solid) << 3,
+            origin: ray.axes.map(|axis| ray.origin[axis]),
+            shear: ray.shear,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            axes: main as u32 + 3 * (octant >> main & 1),
+            exponent: ray.exponent,
+            limits: ray.limits,
+            direction: ray.direction,
+            slack: ray.slack,
+            index: Way::NO_RAY,
+            offset: ray.offset,
+        })
+    }
+
     /// Not a place in a batch.
     pub const NO_RAY: u32 = u32::MAX;
 
@@ -91,7 +129,7 @@ impl Way {
             t_min: self.t_min,
             t_max: self.t_max,
             limits: self.limits,
-            offset: 0.0,
+            offset: self.offset,
             exponent: self.exponent,
             wide: false,
         }
@@ -133,7 +171,7 @@ pub(crate) struct PreparedRays {
     pub direction: [PerRay<f32>; 3],
     pub slack: [PerRay<f32>; 3],
     index: PerRay<u32>,
-    padding: PerRay<u32>,
+    offset: PerRay<f32>,
     // What else there is.
     pub origin: [PerRay<f32>; 3],
     /// 1 for a ray that may hit something.
@@ -171,7 +209,7 @@ impl PreparedRays {
         direction: [[0.0; CHUNK]; 3],
         slack: [[0.0; CHUNK]; 3],
         index: [0; CHUNK],
-        padding: [0; CHUNK],
+        offset: [0.0; CHUNK],
         origin: [[0.0; CHUNK]; 3],
         alive: [0; CHUNK],
         special: [0; CHUNK],
@@ -282,8 +320,9 @@ impl PreparedRays {
                 let o = snap(o);
                 let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
                 special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
-                self.origin[axis][i] = if o.abs() < ORIGIN_LEAST { 0.0 } else { o };
-                self.shifted[i] |= u32::from(o.abs() < ORIGIN_LEAST) & u32::from(o != 0.0);
+                let taken = if o.abs() < ORIGIN_LEAST { scene.origin_least } else { o };
+                self.origin[axis][i] = taken;
+                self.shifted[i] |= u32::from(o != taken);
                 let d = snap(d);
                 self.direction[axis][i] = d;
                 largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
@@ -331,7 +370,9 @@ impl PreparedRays {
                 let (enter, exit) = (self.enter[i].abs(), self.exit[i].abs());
                 let reach = if enter > exit { enter } else { exit } * WAY_SLACK;
                 let origin = self.origin[axis][i] * self.reciprocal[axis][i];
-                let slack = (self.slack[axis][i] + origin.abs() * ORIGIN_SLACK) + reach;
+                let slack = scene.base_slack * self.reciprocal[axis][i].abs();
+                let slack = if slack > f32::MAX { f32::MAX } else { slack };
+                let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;
                 self.near[axis][i] = origin + slack;
                 self.far[axis][i] = origin - slack;
             }

@@ -44,6 +44,8 @@ impl Way {
         let near = near.and(origin.le(Four::of_three(scene.near.hi)));
         let near = near.and(origin.abs().le(Four::splat(COORDINATE_MOST)));
         let origin = origin.at_least(ORIGIN_LEAST);
+        let is_least = origin.abs().le(Four::splat(0.0));
+        let origin = origin.or(Four::splat(scene.origin_least).and(is_least));
         let largest = magnitude.greatest_of_three();
         // The power of two in it, and its reciprocal.
         let back = largest.and(Four::splat(f32::INFINITY));
@@ -85,7 +87,8 @@ impl Way {
 
         let reach = if enter.abs() > exit.abs() { enter.abs() } else { exit.abs() } * WAY_SLACK;
         let from = origin.times(reciprocal);
-        let room = slack.plus(from.abs().times(Four::splat(ORIGIN_SLACK))).plus(Four::splat(reach));
+        let base = Four::splat(scene.base_slack).times(reciprocal.abs()).min(most);
+        let room = base.plus(from.abs().times(Four::splat(ORIGIN_SLACK))).plus(Four::splat(reach));
         let negative = direction.signs() & ALL_AXES;
         let is_largest = largest.le(magnitude).signs() & ALL_AXES;
         // The first of those that are the largest.
@@ -111,6 +114,7 @@ impl Way {
         self.limits = [ray.t_min, ray.t_max];
         self.direction = [x, y, z];
         self.slack = slack.three();
+        self.offset = 0.0;
         Readiness::Ready
     }
 }

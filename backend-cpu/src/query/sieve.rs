@@ -2,9 +2,13 @@
 //!
 //! It is the watertight test with room for every rounding, and lets go only what certainly is no hit;
 //! the rest is decided by [`splitplane_core::exact`]. u is 2^-24, R the greatest distance of the origin
-//! to any corner along an axis, P the greatest sheared coordinate of a triangle; the rays are those of
-//! the wide test: neither moved nor changed by being made ready, in scenes that are not wide, whose
+//! to any corner along an axis, P the greatest sheared coordinate of a triangle; scenes are not wide: their
 //! coordinates, distances and sheared products are 0 or well within the normal range.
+//!
+//! *Rays that are changed* by being made ready: an origin next to 0 is moved by 2^-60 or less, and one that is far away along
+//! the ray, where it is rounded once, by u M with M its greatest coordinate then. Both move a sheared coordinate by 2 u M or less, with
+//! M = 2^-36 for the former. R is taken that much longer, which allows for more than twice that; and `t` by 8 u M, besides what the
+//! sum with the offset rounds away.
 //!
 //! *Corners.* A sheared coordinate `(p_x - o_x) - s (p_z - o_z)` with |s| <= 1 errs by u R from its
 //! first difference, 3 u R from slope, difference and product, 2^-40 R for a slope taken as zero, and
@@ -27,7 +31,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::exact::{Best, ExactRay};
-use splitplane_core::intersect::{EDGE_LEAST, STOP_SLACK};
+use splitplane_core::intersect::{EDGE_LEAST, OFFSET_SLACK, STOP_SLACK};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -43,6 +47,8 @@ pub(crate) const CORNER_ERROR: f32 = 2.0 * ROUNDING;
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * ROUNDING;
 /// What products that underflow may add to the numerator of a distance.
 pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
+/// M of rays whose origin is next to 0, and of all others, since it is so little.
+const SHIFTED: f32 = 1.455_191_5e-11; // 2^-36
 /// The rounding error of 1.
 const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 
@@ -53,6 +59,10 @@ pub(crate) struct Reach {
     pub edge: f32,
     /// The part of it that does not depend on P.
     pub least: f32,
+    /// M, where the ray was changed.
+    pub moved: f32,
+    /// What `t` may be off by that.
+    pub late: f32,
     /// The ray's inner limits, widened.
     pub t_min: f32,
     /// See `t_min`.
@@ -63,11 +73,14 @@ impl Reach {
     /// The reach of a ray that is made ready and ordinary.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(ray: &Way, bounds: &Aabb) -> Reach {
-        let mut reach = 0.0f32;
+        let (mut reach, mut moved) = (0.0f32, 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
             reach = reach.max(bounds.hi[axis] - origin).max(origin - bounds.lo[axis]);
+            moved = moved.max(origin.abs());
         }
-        Reach::of(reach, ray.t_min, ray.t_max)
+        let moved = if ray.offset == 0.0 { SHIFTED } else { moved.max(SHIFTED) };
+        let late = 8.0 * ROUNDING * moved + ray.offset.abs() * OFFSET_SLACK;
+        Reach { moved, late, ..Reach::of(reach + moved, ray.t_min - late, ray.t_max + late) }
     }
 
     /// The same from R and the inner limits.
@@ -77,6 +90,8 @@ impl Reach {
         Reach {
             edge,
             least: edge * (CORNER_ERROR * reach) + EDGE_LEAST,
+            moved: 0.0,
+            late: 0.0,
             t_min: t_min - t_min.abs() * STOP_SLACK,
             t_max: t_max + t_max.abs() * STOP_SLACK,
         }
@@ -128,7 +143,7 @@ impl ExactLane {
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
         let bits = unsafe { sift::<S, T>(way, &self.reach, block, limit) };
-        bits != 0 && self.decide(block, bits, way.exponent, options, query, stop)
+        bits != 0 && self.decide(block, bits, way, options, query, stop)
     }
 
     /// Decides some triangles of a block.
@@ -137,7 +152,7 @@ impl ExactLane {
         &mut self,
         block: &T,
         mut bits: u32,
-        exponent: i32,
+        way: &Way,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,
@@ -157,7 +172,8 @@ impl ExactLane {
                 if query == Query::Any {
                     break;
                 }
-                *stop = inner_stop(self.best.stop(), exponent);
+                let outer = self.best.stop();
+                *stop = inner_stop(outer, way.exponent, way.offset) + self.reach.late;
             }
         }
         better
@@ -175,9 +191,10 @@ pub(crate) fn answer(best: &Best, query: Query) -> Hit {
 
 /// The inner `t` beyond which no cell can hold a hit at or before an outer one.
 #[inline]
-pub(crate) fn inner_stop(t: f64, exponent: i32) -> f32 {
+pub(crate) fn inner_stop(t: f64, exponent: i32, offset: f32) -> f32 {
     // Exact in `f64`, but for what is beyond all floats anyway.
-    let inner = (t * f64::from_bits(((exponent + 1023) as u64) << 52)) as f32;
+    let scaled = t * f64::from_bits(((exponent + 1023) as u64) << 52);
+    let inner = (scaled - f64::from(offset)) as f32;
     inner + inner.abs() * STOP_SLACK
 }
 
@@ -230,10 +247,14 @@ unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit
             return 0;
         }
         let [a, b, c] = T::of_corners::<S>(own, places);
-        let own = S::max(a, S::max(b, c));
+        let own = S::add(S::max(a, S::max(b, c)), S::splat(reach.moved));
         let room = S::add(S::mul(S::splat(CORNER_ERROR), own), width);
         let error = S::mul(S::mul(S::splat(EDGE_ERROR), own), room);
         let error = S::add(error, S::splat(EDGE_LEAST));
+        // Once more with the triangle's own distance: far triangles make that of the scene large.
+        let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
+        let above = S::le(error, S::max(u, S::max(v, w)));
+        bits &= !S::bits(S::and(below, above));
         let det = S::add(S::add(u, v), w);
         let size = S::abs(det);
         let sum = S::add(S::add(S::mul(u, da), S::mul(v, db)), S::mul(w, dc));
@@ -242,6 +263,7 @@ unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit
         let shift = S::div(S::add(S::mul(error, spread), S::splat(TINY)), size);
         let deepest = S::magnitude(nearest, farthest);
         let shift = S::add(S::mul(S::splat(DEPTH_ERROR), deepest), shift);
+        let shift = S::add(shift, S::splat(reach.late));
         let sure = S::le(S::mul(S::splat(8.0), error), size);
         let reached = S::and(S::le(t_min, S::add(t, shift)), S::le(S::sub(t, shift), limit));
         bits & (!S::bits(sure) | S::bits(reached))
@@ -376,7 +398,7 @@ mod tests {
                     .collect();
                 let nearest = found.iter().flatten().min_by(|a, b| a.compare_t(b));
                 let stop = nearest.map_or(f64::INFINITY, |met| met.t_interval().1);
-                let stop = inner_stop(stop, way.exponent);
+                let stop = inner_stop(stop, way.exponent, way.offset);
                 for limit in [lane.reach.t_max, lane.reach.t_max.min(stop)] {
                     let mut bits = 0;
                     for first in (0..count).step_by(set.lanes()) {

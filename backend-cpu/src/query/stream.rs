@@ -9,7 +9,8 @@
 
 use core::cell::RefCell;
 
-use splitplane_core::intersect::SceneScale;
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -312,6 +313,17 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
 }
 
+/// What becomes of a ray that needs care.
+enum Care {
+    /// It goes through the wide nodes.
+    Way(Way),
+    /// It is answered.
+    Answer(Hit),
+}
+
+/// Greatest exponent, either way, of directions that are scaled in one step.
+const MOST_EXPONENT: i32 = 126;
+
 /// Where lanes get their rays: made ready 32 at a time.
 struct Supply<'a> {
     batch: Batch<'a>,
@@ -355,20 +367,31 @@ impl Supply<'_> {
                 special |= (ready.special[lane] | (ready.shifted[lane] & shifts)) << lane;
                 alive |= (ready.alive[lane] & within) << lane;
             }
+            let there = u32::MAX >> (CHUNK - chunk.len());
             self.left = alive & !special;
-            let mut others = (u32::MAX >> (CHUNK - chunk.len())) & !self.left;
-            while others != 0 {
-                let lane = others.trailing_zeros() as usize;
-                others &= others - 1;
-                let alone = special >> lane & 1 != 0;
-                let hit = if alone { self.trace_one(&chunk[lane]) } else { Hit::MISS };
-                answers.set(start + lane, hit);
+            let mut missing = there & !alive & !special;
+            while missing != 0 {
+                let lane = missing.trailing_zeros() as usize;
+                missing &= missing - 1;
+                answers.set(start + lane, Hit::MISS);
             }
             // SAFETY: the caller's contract.
             unsafe { self.packets::<S>(start, answers) };
             if self.left != 0 {
                 // SAFETY: the caller's contract.
                 unsafe { self.ready.ways::<S>(self.ways) };
+            }
+            special &= there;
+            while special != 0 {
+                let lane = special.trailing_zeros() as usize;
+                special &= special - 1;
+                match self.with_care(&chunk[lane]) {
+                    Care::Way(way) => {
+                        self.ways[lane] = Way { index: (start + lane) as u32, ..way };
+                        self.left |= 1 << lane;
+                    }
+                    Care::Answer(hit) => answers.set(start + lane, hit),
+                }
             }
         }
         let lane = self.left.trailing_zeros() as usize;
@@ -419,12 +442,23 @@ impl Supply<'_> {
         }
     }
 
+    /// A ray that is not made ready in vectors: one that starts far away is moved, by the core, and goes the way of all
+    /// others then; the few that are left are traced alone.
     #[cold]
-    fn trace_one(&self, ray: &Ray) -> Hit {
+    fn with_care(&self, ray: &Ray) -> Care {
         let Batch { blocks, scene, options, query, .. } = self.batch;
-        if options.accuracy == Accuracy::Exact {
-            return exact::trace_in_f64(blocks, &scene.bounds, ray, options, query);
+        let prepared = PreparedRay::new::<Strict>(ray, scene);
+        if let Some(prepared) = prepared
+            && !prepared.wide
+            && prepared.exponent.abs() <= MOST_EXPONENT
+        {
+            let way = Way::of(&prepared, scene, query);
+            return way.map_or(Care::Answer(Hit::MISS), Care::Way);
         }
-        reference::trace(blocks, scene, ray, options, query)
+        Care::Answer(if options.accuracy == Accuracy::Exact {
+            exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
+        } else {
+            reference::trace(blocks, scene, ray, options, query)
+        })
     }
 }

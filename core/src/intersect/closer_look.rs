@@ -10,33 +10,28 @@ use crate::triangle::Triangle;
 /// Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself. Images err by at most
 /// 4.1 u R + u P on either axis (u = 2^-24), which changes an edge function by 4 P times that; with its own
 /// roundings, 4.1 u P^2, and P <= 2.1 R that is 34 u R P. This is 64 u.
-const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
+pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 
 /// Sheared coordinates from here on need no scaling: products of two, and what rounding leaves of these, are well above
 /// the least normal number.
-const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
+pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
 
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
 /// edge, from which the ray is then less than 2^-21 away.
 const THIN: f32 = 4.768_371_6e-7; // 2^-21
 
-/// The least edge function that is robust, `area` being R P. Zero never is.
-#[inline(always)]
-pub fn robust_from<A: Arithmetic>(area: f32) -> f32 {
-    max(A::product(area, ROBUST), f32::MIN_POSITIVE)
-}
-
-/// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too.
+/// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too. `area` is R P.
 #[inline(always)]
 pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
-    min(min(u.abs(), v.abs()), w.abs()) >= robust_from::<A>(area)
+    let least = min(min(u.abs(), v.abs()), w.abs());
+    least > 0.0 && A::product(area, ROBUST) <= least
 }
 
 /// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and products of
 /// about 46 bits. Images are not divided by the direction's largest component here, which spares rounding a slope;
 /// that changes all edge functions by one factor. `width` is the greatest sheared coordinate.
 ///
-/// For triangles whose edges the ray passes by at least [`robust_from`]: the sum of the edge functions is then at least
+/// For triangles whose edge functions are at least [`ROBUST`] R P: the sum of the edge functions is then at least
 /// 2^-17 P^2 and errs by 2^-42 P^2.
 pub fn refined<A: Arithmetic>(
     origin: &[f32; 3],

@@ -97,7 +97,7 @@ impl PreparedRay {
         let mut wide = scene.wide;
         if !wide {
             for x in &mut origin {
-                *x = if x.abs() < ORIGIN_LEAST { 0.0 } else { *x };
+                *x = if x.abs() < ORIGIN_LEAST { scene.origin_least } else { *x };
             }
             wide = origin.iter().any(|x| x.abs() > COORDINATE_MOST);
         }

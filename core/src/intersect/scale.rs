@@ -1,6 +1,9 @@
 //! The range of a scene's coordinates and sizes, and what queries make of it.
 
-use super::{COORDINATE_LEAST, COORDINATE_MOST, EXTENT_LEAST, FAR, SCENE_SLACK, SIZE_SLACK};
+use super::{
+    COORDINATE_LEAST, COORDINATE_MOST, EXTENT_LEAST, FAR, ORIGIN_LEAST, ORIGIN_SLACK, SCENE_SLACK,
+    SIZE_SLACK,
+};
 use crate::aabb::{Aabb, max, min};
 use crate::triangle::Triangle;
 
@@ -64,6 +67,11 @@ pub struct SceneScale {
     pub bounds: Aabb,
     /// Absolute slack of plane positions.
     pub slack: f32,
+    /// The same without the part that triangles' sizes need: for boxes that are [`widened`] by their own triangles'.
+    pub base_slack: f32,
+    /// What origin coordinates below [`ORIGIN_LEAST`] are taken for: 0, or where corners have coordinates so small
+    /// that their distance from 0 might vanish in a product, that least value itself. Not in wide scenes.
+    pub origin_least: f32,
     /// Origins within are not far: no closer look is needed.
     pub near: Aabb,
     /// True when exponents leave the range in which the plain test neither overflows nor meets
@@ -82,24 +90,38 @@ impl SceneScale {
             near.lo[axis] = (bounds.lo[axis] - reach).max(-f32::MAX);
             near.hi[axis] = (bounds.hi[axis] + reach).min(f32::MAX);
         }
+        // The bounds of a tree may be wider than its triangles, though no tree of ours has such.
+        let wide = limits.greatest > COORDINATE_MOST
+            || bounds.lo.iter().chain(&bounds.hi).any(|x| x.abs() > COORDINATE_MOST)
+            || extent < EXTENT_LEAST;
+        // The last part matters only next to the least normal numbers, where a device may flush
+        // halved positions and distances.
+        let least = if wide { 4.0 * f32::MIN_POSITIVE } else { ORIGIN_SLACK };
+        let base_slack = extent * SCENE_SLACK + least;
         SceneScale {
             bounds,
             near,
             // Each product is below its factor, and the sum of two such cannot overflow.
-            // The last part matters only next to the least normal numbers, where a device may flush
-            // halved positions and distances.
-            slack: limits.longest * SIZE_SLACK + extent * SCENE_SLACK + 4.0 * f32::MIN_POSITIVE,
-            // The bounds of a tree may be wider than its triangles, though no tree of ours has such.
-            wide: limits.greatest > COORDINATE_MOST
-                || bounds.lo.iter().chain(&bounds.hi).any(|x| x.abs() > COORDINATE_MOST)
-                || limits.least < COORDINATE_LEAST
-                || limits.shortest < EXTENT_LEAST,
+            slack: limits.longest * SIZE_SLACK + base_slack,
+            base_slack,
+            origin_least: if limits.least < COORDINATE_LEAST { ORIGIN_LEAST } else { 0.0 },
+            wide,
         }
     }
 }
 
+/// The box of a part of some triangles, widened by the slack that triangles need none of which is longer than `longest`
+/// on any axis. Rounded outward.
+pub fn widened(part: &Aabb, longest: f32) -> Aabb {
+    let slack = longest * SIZE_SLACK;
+    Aabb {
+        lo: part.lo.map(|x| (x - slack).next_down().max(-f32::MAX)),
+        hi: part.hi.map(|x| (x + slack).next_up().min(f32::MAX)),
+    }
+}
+
 /// The longest extent of a box, at most `f32::MAX`; 0 for an empty one.
-pub(super) fn longest_extent(bounds: &Aabb) -> f32 {
+pub fn longest_extent(bounds: &Aabb) -> f32 {
     let half = (0..3).map(|axis| bounds.half_extent(axis)).fold(0.0, max);
     min(half, 0.5 * f32::MAX) * 2.0
 }

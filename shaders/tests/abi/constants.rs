@@ -82,17 +82,24 @@ pub fn of_core() -> Known {
     of("../core/src")
 }
 
-/// The constants of the files of a folder, relative to this package.
+/// The constants of the files of a folder, relative to this package, and of the folders in it.
 pub fn of(folder: &str) -> Known {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
     let mut known = Known::new();
-    for entry in std::fs::read_dir(&folder).expect("a folder of sources") {
+    scan_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder), &mut known);
+    known
+}
+
+fn scan_folder(folder: &Path, known: &mut Known) {
+    for entry in std::fs::read_dir(folder).expect("a folder of sources") {
         let path = entry.expect("an entry of the folder").path();
-        if path.extension().is_some_and(|ending| ending == "rs") {
-            scan(&std::fs::read_to_string(&path).expect("a source file"), &mut known);
+        if path.is_dir() {
+            scan_folder(&path, known);
+        } else if path.extension().is_some_and(|ending| ending == "rs")
+            && path.file_name().is_none_or(|name| name != "tests.rs")
+        {
+            scan(&std::fs::read_to_string(&path).expect("a source file"), known);
         }
     }
-    known
 }
 
 /// Collects the constants of one file of Rust, up to its tests.

@@ -132,7 +132,7 @@ impl Packet {
         for axis in 0..3 {
             let (lo, hi) = (least[axis], most[axis]);
             let magnitude = if lo.abs() > hi.abs() { lo.abs() } else { hi.abs() };
-            let slack = scene.slack * (1.0 + 4.0 * PLANE_SLACK) + magnitude * ORIGIN_SLACK;
+            let slack = scene.base_slack * (1.0 + 4.0 * PLANE_SLACK) + magnitude * ORIGIN_SLACK;
             let (low, high) = (lo - slack, hi + slack);
             let backwards = self.octant >> axis & 1 != 0;
             (bounds.near[axis], bounds.far[axis]) =

@@ -9,8 +9,8 @@ use super::group::Group;
 use super::row::{Row, load, put};
 use crate::query::fast;
 use crate::query::leaf::decide;
-use crate::query::plane::Plane;
 use crate::query::record::Record;
+use crate::query::refined::Pairs;
 use crate::query::simd::{Compiled, Simd};
 use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_zero};
 
@@ -75,9 +75,9 @@ impl Group {
             let seen = Seen::<S>::new(rays, self.axes, record, index);
             let span = rays.span::<S>(&self.beyond);
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
-            if meeting.unclear != 0 {
-                let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
-                S::call(CloserLook { rays, record, index, beyond, met: &mut met });
+            if meeting.unclear & meeting.robust != 0 {
+                let (mut met, beyond, axes) = (Met::of(&meeting), &self.beyond, self.axes);
+                S::call(CloserLook { rays, record, index, axes, beyond, met: &mut met });
                 meeting = met.meeting();
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
@@ -218,11 +218,12 @@ impl<S: Simd> View<S> for Seen<S> {
     }
 }
 
-/// A look at a triangle's plane for the rays that are unclear.
+/// A closer look at a triangle for the rays that are unclear.
 struct CloserLook<'a> {
     rays: &'a Rays<'a>,
     record: &'a Record<'a>,
     index: usize,
+    axes: [usize; 3],
     /// See [`Group::beyond`].
     beyond: &'a Row,
     met: &'a mut Met,
@@ -236,13 +237,14 @@ impl Compiled for CloserLook<'_> {
         let ready = self.rays.ready;
         // SAFETY: the caller's contract; the triangle is one of the block's.
         unsafe {
-            let plane = Plane::<S> {
-                origin: self.rays.rows::<S>(&ready.origin),
-                direction: self.rays.rows::<S>(&ready.direction),
-                corners: corners::<S>(self.record, self.index, [0, 1, 2]),
+            let direction = self.rays.rows::<S>(&ready.direction);
+            let pairs = Pairs::<S> {
+                origin: self.rays.rows::<S>(&ready.sheared_origin),
+                direction: self.axes.map(|axis| direction[axis]),
+                corners: corners::<S>(self.record, self.index, self.axes),
             };
             let mut meeting = self.met.meeting::<S>();
-            meeting.look_closely(&plane, &self.rays.span::<S>(self.beyond));
+            meeting.look_closely(&pairs, &self.rays.span::<S>(self.beyond));
             *self.met = Met::of(&meeting);
         }
     }
