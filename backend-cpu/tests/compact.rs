@@ -51,7 +51,13 @@ fn compare(
             tree.closest_hits_singly(&rays[..few], &mut singly, &options).expect("equal lengths");
             (bits(&hits), bits(&singly))
         });
-        assert!(a.0 == b.0, "{what}: batch");
+        let differs = a.0.iter().zip(&b.0).position(|(a, b)| a != b);
+        if let Some(at) = differs {
+            let hit = |bits: [u32; 4]| {
+                (f32::from_bits(bits[0]), bits[1], f32::from_bits(bits[2]), f32::from_bits(bits[3]))
+            };
+            panic!("{what}: batch, ray {:?}: {:?} {:?}", rays[at], hit(a.0[at]), hit(b.0[at]));
+        }
         assert!(a.1 == b.1 && a.1[..] == a.0[..few], "{what}: singly");
         found += a.0.iter().filter(|hit| hit[1] != Hit::MISS.triangle).count();
         let [a, b] = [one, other].map(|tree| {

@@ -280,13 +280,18 @@ fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
     (left, right)
 }
 
-/// The part of some triangles' bounds in their cell, or in their leaf's box, widened by as much as rays that are rounded
-/// need for triangles of that size. So a large triangle widens the boxes of its own leaves, and no others.
-pub(crate) fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
+/// The part of a box in another one.
+pub(crate) fn part(cell: &Aabb, bounds: &Aabb) -> Aabb {
     let part = bounds.intersection(cell);
     // Whatever rounding did to a box: what the leaf has is not to be lost.
     let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
-    widened(if lost { cell } else { &part }, longest_extent(bounds))
+    if lost { *cell } else { part }
+}
+
+/// The part of some triangles' bounds in their cell, widened by as much as rays that are rounded
+/// need for triangles of that size. So a large triangle widens the boxes of its own leaves, and no others.
+fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
+    widened(&part(cell, bounds), longest_extent(bounds))
 }
 
 /// What tasks read.

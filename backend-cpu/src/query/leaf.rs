@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
 use splitplane_core::intersect::{
-    Candidate, OFFSET_SLACK, PreparedRay, moeller_trumbore, stop_after, watertight,
+    Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
 };
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
@@ -251,10 +251,11 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
         // Nearly always there is one triangle that is nearer than all others.
         let one =
             if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
-        if one && options.ignore.is_none() {
+        // Of moved rays different inner `t` may be one to the caller, or beyond the limits.
+        if one && options.ignore.is_none() && way.offset == 0.0 {
             let index = nearest.trailing_zeros() as usize % S::N;
             let inner = S::lane(meeting.t, index);
-            let t = (inner + way.offset) * power_of_two(-way.exponent);
+            let t = inner * power_of_two(-way.exponent);
             // What was flushed or clamped may be the same for others too.
             if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
                 let det = S::lane(meeting.det, index);
@@ -263,8 +264,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
                 let hit = Hit { t, triangle: record.triangle(index), u, v };
                 let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
                 if better {
-                    let rounding = way.offset.abs() * OFFSET_SLACK;
-                    *best = BestHit { hit, stop: stop_after(inner) + rounding };
+                    *best = BestHit { hit, stop: stop_after(inner) };
                 }
                 if better || !any {
                     return better;
