@@ -45,6 +45,8 @@ pub enum Fault {
     CountsNothing,
     /// A missed ray hits triangle 0 instead, for one ray in about 64.
     Phantom,
+    /// `t_min` and `t_max` are not looked at.
+    NoLimits,
 }
 
 /// A backend with a fault.
@@ -138,6 +140,7 @@ impl FaultyAccelerator {
             Fault::AcceptsNan if ray.t_min.is_nan() || ray.t_max.is_nan() => {
                 asked = asked.with_limits(0.0, f32::INFINITY);
             }
+            Fault::NoLimits => asked = asked.with_limits(f32::NEG_INFINITY, f32::INFINITY),
             _ => {}
         }
         let mut hit = self.inner.closest_hit(&asked, &options);

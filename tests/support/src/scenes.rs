@@ -17,11 +17,11 @@ pub struct Scene {
 }
 
 impl Scene {
-    fn indexed(name: &str, positions: Vec<[f32; 3]>, indices: Vec<[u32; 3]>) -> Scene {
+    pub(crate) fn indexed(name: &str, positions: Vec<[f32; 3]>, indices: Vec<[u32; 3]>) -> Scene {
         Scene { name: name.into(), positions, indices: Some(indices) }
     }
 
-    fn of_soup(name: &str, triangles: &[[[f32; 3]; 3]]) -> Scene {
+    pub(crate) fn of_soup(name: &str, triangles: &[[[f32; 3]; 3]]) -> Scene {
         Scene { name: name.into(), positions: triangles.as_flattened().to_vec(), indices: None }
     }
 
@@ -59,7 +59,7 @@ impl Scene {
 
 /// Cosine and sine of an angle from 0 to a whole turn, by Taylor's series: the functions of the
 /// standard library differ between platforms in the last place, and snapshots hold digests of trees.
-fn cos_sin(angle: f64) -> (f64, f64) {
+pub(crate) fn cos_sin(angle: f64) -> (f64, f64) {
     let x = angle - std::f64::consts::PI;
     let (mut cos, mut sin, mut term) = (0.0, 0.0, 1.0);
     for k in 0..40 {
