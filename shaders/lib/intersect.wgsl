@@ -16,7 +16,7 @@ const SLOPE_LEAST: f32 = 0x1p-40f;
 const DIRECTION_LEAST: f32 = 0x1p-80f;
 // In range: no coordinate above this, origins included.
 const COORDINATE_MOST: f32 = 0x1p+38f;
-// Origin coordinates below this are zero, in scenes that are in range.
+// Origin coordinates below this are taken for one value, in scenes that are in range.
 const ORIGIN_LEAST: f32 = 0x1p-60f;
 // Origins further than this many scene extents away are first moved along the ray.
 const FAR: f32 = 100.0;
@@ -41,7 +41,8 @@ struct Scene {
     // Always 0: what `opaque_zero` is set to.
     zero: u32,
     near_hi: vec3<f32>,
-    padding: u32,
+    // What origin coordinates below ORIGIN_LEAST are taken for.
+    origin_least: f32,
 }
 
 // A ray made ready: scaled, moved near the scene, sheared. See `PreparedRay` in Rust.
@@ -276,7 +277,8 @@ fn prepare_ray(ray: Ray) -> PreparedRay {
     }
     var wide = scene.wide != 0u;
     if !wide {
-        origin = select(origin, vec3<f32>(0.0), abs(origin) < vec3<f32>(ORIGIN_LEAST));
+        let small = abs(origin) < vec3<f32>(ORIGIN_LEAST);
+        origin = select(origin, vec3<f32>(scene.origin_least), small);
         wide = any(abs(origin) > vec3<f32>(COORDINATE_MOST));
     }
 

@@ -3,6 +3,8 @@
 
 // The error of an interpolated `t` is at most this part of `disorder / |det|`.
 const INTERPOLATION_ERROR: f32 = 0x1p-17f;
+// The power of two near which the largest distance is brought in wide scenes.
+const WIDE_POWER: i32 = 38;
 // Images with less area than this, per square of the greatest sheared coordinate, are looked at more closely.
 const SLIVER: f32 = 0x1p-8f;
 
@@ -166,7 +168,7 @@ fn watertight(ray: PreparedRay, triangle: Triangle, culling: u32) -> Candidate {
     if side == 0 || is_culled(side, culling) {
         return no_candidate();
     }
-    let power = min(min(a.power, b.power), c.power);
+    let power = min(min(a.power, b.power), c.power) + WIDE_POWER;
     seen = Sheared(
         scale3(a.away, power - a.power),
         scale3(b.away, power - b.power),

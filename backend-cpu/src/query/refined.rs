@@ -28,7 +28,34 @@ pub(crate) struct Refined<S: Simd> {
     pub det: S::Floats,
 }
 
+/// An edge function of two images.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn edge<S: Simd>(p: &[Double<S>; 3], q: &[Double<S>; 3]) -> Double<S> {
+    // SAFETY: the caller's contract.
+    unsafe { p[0].times(q[1]).minus(p[1].times(q[0])) }
+}
+
 impl<S: Simd> Pairs<S> {
+    /// Images of corners, times the direction's largest component, and their depths.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn image(&self, [x, y, z]: [S::Floats; 3]) -> [Double<S>; 3] {
+        let [ox, oy, oz] = self.origin;
+        let [dx, dy, dz] = self.direction;
+        // SAFETY: the caller's contract.
+        unsafe {
+            let z = Double::<S>::difference_of(z, oz);
+            let x = Double::<S>::difference_of(x, ox).times_float(dz);
+            let y = Double::<S>::difference_of(y, oy).times_float(dz);
+            [x.minus(z.times_float(dx)), y.minus(z.times_float(dy)), z]
+        }
+    }
+
     /// Where the rays meet the planes. For lanes that are robust, with sheared coordinates that need no scaling.
     ///
     /// # Safety
@@ -37,22 +64,14 @@ impl<S: Simd> Pairs<S> {
     pub unsafe fn refined(&self) -> Refined<S> {
         // SAFETY: the caller's contract.
         unsafe {
-            let [ox, oy, oz] = self.origin;
-            let [dx, dy, dz] = self.direction;
-            let image = |[x, y, z]: [S::Floats; 3]| {
-                let z = Double::<S>::difference_of(z, oz);
-                let x = Double::<S>::difference_of(x, ox).times_float(dz);
-                let y = Double::<S>::difference_of(y, oy).times_float(dz);
-                [x.minus(z.times_float(dx)), y.minus(z.times_float(dy)), z]
-            };
-            let [a, b, c] = self.corners;
-            let (a, b, c) = (image(a), image(b), image(c));
-            let edge =
-                |p: &[Double<S>; 3], q: &[Double<S>; 3]| p[0].times(q[1]).minus(p[1].times(q[0]));
+            // No closures: they would not have the set's instructions.
+            let a = self.image(self.corners[0]);
+            let b = self.image(self.corners[1]);
+            let c = self.image(self.corners[2]);
             let (u, v, w) = (edge(&c, &b), edge(&a, &c), edge(&b, &a));
             let det = u.plus(v).plus(w);
             let sum = u.times(a[2]).plus(v.times(b[2])).plus(w.times(c[2]));
-            let t = S::div(sum.high, det.times_float(dz).high);
+            let t = S::div(sum.high, det.times_float(self.direction[2]).high);
             Refined { t, v: v.high, w: w.high, det: det.high }
         }
     }

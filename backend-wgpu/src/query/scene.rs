@@ -4,7 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use splitplane_core::intersect::SceneScale;
 
 /// The uniform `scene` of a traversal: [`SceneScale`] in the layout of the WGSL struct `Scene` of
-/// `intersect.wgsl`. 64 bytes, no padding but the last word.
+/// `intersect.wgsl`. 64 bytes, no padding.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct SceneUniform {
@@ -22,8 +22,8 @@ pub struct SceneUniform {
     pub zero: u32,
     /// Upper corner of the box in which an origin is not far.
     pub near_hi: [f32; 3],
-    /// Not read.
-    pub padding: u32,
+    /// What origin coordinates next to 0 are taken for.
+    pub origin_least: f32,
 }
 
 impl From<&SceneScale> for SceneUniform {
@@ -36,7 +36,7 @@ impl From<&SceneScale> for SceneUniform {
             near_lo: scale.near.lo,
             zero: 0,
             near_hi: scale.near.hi,
-            padding: 0,
+            origin_least: scale.origin_least,
         }
     }
 }
@@ -72,7 +72,7 @@ mod tests {
                 vec![$((stringify!($field).to_string(), offset_of!(SceneUniform, $field))),*]
             };
         }
-        assert_eq!(found, expected!(lo slack hi wide near_lo zero near_hi padding));
+        assert_eq!(found, expected!(lo slack hi wide near_lo zero near_hi origin_least));
         assert_eq!(span as usize, size_of::<SceneUniform>());
     }
 }

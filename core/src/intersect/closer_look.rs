@@ -4,7 +4,7 @@
 use super::Candidate;
 use super::prepare::scale;
 use crate::aabb::{max, min};
-use crate::arithmetic::{Arithmetic, Double, exponent};
+use crate::arithmetic::{Arithmetic, Double, exponent, snap};
 use crate::triangle::Triangle;
 
 /// Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself. Images err by at most
@@ -19,6 +19,10 @@ pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
 /// edge, from which the ray is then less than 2^-21 away.
 const THIN: f32 = 4.768_371_6e-7; // 2^-21
+
+/// Coordinates below this, where the greatest is near 1, count as 0: products of two are then multiples of the least
+/// normal number, so that nothing is lost on devices that flush.
+const FLAT_LEAST: f32 = 9.094_947e-13; // 2^-40
 
 /// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too. `area` is R P.
 #[inline(always)]
@@ -78,7 +82,11 @@ pub(super) fn careful<A: Arithmetic>(
 ) -> Candidate {
     let greatest = |k: usize| max(max(flat[0][k].abs(), flat[1][k].abs()), flat[2][k].abs());
     let powers = [-exponent(greatest(0)), -exponent(greatest(1))];
-    let flat = flat.map(|[x, y]| [scale(x, powers[0]), scale(y, powers[1])]);
+    let coordinate = |x: f32, power: i32| {
+        let x = scale(x, power);
+        if x.abs() < FLAT_LEAST { 0.0 } else { x }
+    };
+    let flat = flat.map(|[x, y]| [coordinate(x, powers[0]), coordinate(y, powers[1])]);
     let weight = |a: usize, b: usize| {
         let (one, other) =
             (product::<A>(flat[a][0], flat[b][1]), product::<A>(flat[a][1], flat[b][0]));
@@ -120,7 +128,7 @@ fn on_longest_edge<A: Arithmetic>(flat: &[[f32; 2]; 3], depths: &[f32; 3]) -> Ca
         if squared > longest {
             longest = squared;
             let along = product::<A>(edge[0], p[0]).plus::<A>(product::<A>(edge[1], p[1])).high;
-            let along = min(max(A::quotient(-along, squared), 0.0), 1.0);
+            let along = snap(min(max(A::quotient(-along, squared), 0.0), 1.0));
             let depth = A::product(along, A::difference(depths[j], depths[i]));
             let mut weights = [0.0; 3];
             (weights[i], weights[j]) = (A::difference(1.0, along), along);

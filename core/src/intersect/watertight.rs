@@ -29,6 +29,9 @@ pub const INTERPOLATION_ERROR: f32 = 7.629_394_5e-6; // 2^-17
 /// weights from rounded edge functions err by up to 2^-22 over this part.
 pub const SLIVER: f32 = 0.003_906_25; // 2^-8
 
+/// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
+const WIDE_POWER: i32 = 38;
+
 /// The watertight test: where the ray meets the triangle within its limits.
 #[inline]
 pub fn watertight<A: Arithmetic>(
@@ -50,7 +53,8 @@ pub fn watertight<A: Arithmetic>(
 
 /// The test where exponents leave the range of the plain one. Each corner is scaled by a power of two so that its distance is near
 /// 1: its image then depends on ray and corner alone, and in an edge function the scales of two corners are one factor.
-/// What follows takes the triangle scaled as a whole; what that flushes moves `t` by nothing that counts.
+/// What follows takes the triangle scaled as a whole, to be as large as scenes that are not wide may be; what that flushes
+/// moves `t` by nothing that counts.
 fn watertight_wide<A: Arithmetic>(
     ray: &PreparedRay,
     triangle: &Triangle,
@@ -73,7 +77,7 @@ fn watertight_wide<A: Arithmetic>(
     if is_culled(front, culling) {
         return None;
     }
-    let power = powers[0].min(powers[1]).min(powers[2]);
+    let power = powers[0].min(powers[1]).min(powers[2]) + WIDE_POWER;
     for (i, own) in powers.into_iter().enumerate() {
         seen.from[i] = seen.from[i].map(|x| scale(x, power - own));
         seen.flat[i] = seen.flat[i].map(|x| scale(x, power - own));
