@@ -8,7 +8,7 @@ use splitplane_core::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
     STOP_SLACK, SceneScale,
 };
-use splitplane_core::ray::Ray;
+use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::traverse::Query;
 
 use super::simd::{MOST_LANES, Simd};
@@ -60,11 +60,32 @@ pub(crate) static AXES: [[usize; 3]; 8] =
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
+/// What becomes of a ray that is not made ready in vectors.
+pub(crate) enum Care {
+    /// It goes through the wide nodes.
+    Way(Way),
+    /// It is answered.
+    Answer(Hit),
+}
+
+/// Greatest exponent, either way, of directions that are scaled in one step.
+const MOST_EXPONENT: i32 = 126;
+
 impl Way {
-    /// The way of a ray that the core made ready, such as one that was moved; `None` where it comes nowhere near the
-    /// scene. Not of wide rays, nor of exponents beyond 126.
+    /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
     #[cold]
-    pub fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<Way> {
+    pub fn with_care(ray: &Ray, scene: &SceneScale, query: Query) -> Option<Care> {
+        let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else {
+            return Some(Care::Answer(Hit::MISS));
+        };
+        if ray.wide || ray.exponent.abs() > MOST_EXPONENT {
+            return None;
+        }
+        Some(Way::of(&ray, scene, query).map_or(Care::Answer(Hit::MISS), Care::Way))
+    }
+
+    /// The way of a ray that the core made ready; `None` where it comes nowhere near the scene.
+    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<Way> {
         let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
         let reach = enter.abs().max(exit.abs()) * WAY_SLACK;
         let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);

@@ -9,7 +9,7 @@ use splitplane_core::traverse::Query;
 use super::blocks::Blocks;
 use super::leaf::BestHit;
 use super::leaves::{Indexed, Leaves, Packed};
-use super::prepare::Way;
+use super::prepare::{Care, Way};
 use super::prepare_one::Readiness;
 use super::simd::{Compiled, Simd};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
@@ -38,10 +38,19 @@ impl Compiled for Single<'_> {
             return Hit::MISS;
         }
         let mut way = Way::none();
-        let readiness = match self.options.accuracy {
+        let mut readiness = match self.options.accuracy {
             Accuracy::Exact => Readiness::Special,
             _ => way.prepare(self.ray, self.scene, self.query),
         };
+        if let Readiness::Special = readiness
+            && self.options.accuracy != Accuracy::Exact
+        {
+            match Way::with_care(self.ray, self.scene, self.query) {
+                Some(Care::Way(moved)) => (way, readiness) = (moved, Readiness::Ready),
+                Some(Care::Answer(hit)) => return hit,
+                None => {}
+            }
+        }
         // SAFETY: the caller's contract.
         unsafe {
             match (readiness, self.blocks.indexed()) {

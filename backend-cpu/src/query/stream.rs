@@ -9,8 +9,7 @@
 
 use core::cell::RefCell;
 
-use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{PreparedRay, SceneScale};
+use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -19,7 +18,7 @@ use super::exact;
 use super::leaf::BestHit;
 use super::leaves::{Indexed, Leaves, Packed};
 use super::packet::Packet;
-use super::prepare::{CHUNK, PreparedRays, Way};
+use super::prepare::{CHUNK, Care, PreparedRays, Way};
 use super::reference;
 use super::sieve::ExactLane;
 use super::simd::{Compiled, Simd, prefetch};
@@ -313,17 +312,6 @@ unsafe fn fly<S: Simd, L: Leaves>(
     }
 }
 
-/// What becomes of a ray that needs care.
-enum Care {
-    /// It goes through the wide nodes.
-    Way(Way),
-    /// It is answered.
-    Answer(Hit),
-}
-
-/// Greatest exponent, either way, of directions that are scaled in one step.
-const MOST_EXPONENT: i32 = 126;
-
 /// Where lanes get their rays: made ready 32 at a time.
 struct Supply<'a> {
     batch: Batch<'a>,
@@ -447,18 +435,12 @@ impl Supply<'_> {
     #[cold]
     fn with_care(&self, ray: &Ray) -> Care {
         let Batch { blocks, scene, options, query, .. } = self.batch;
-        let prepared = PreparedRay::new::<Strict>(ray, scene);
-        if let Some(prepared) = prepared
-            && !prepared.wide
-            && prepared.exponent.abs() <= MOST_EXPONENT
-        {
-            let way = Way::of(&prepared, scene, query);
-            return way.map_or(Care::Answer(Hit::MISS), Care::Way);
-        }
-        Care::Answer(if options.accuracy == Accuracy::Exact {
-            exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
-        } else {
-            reference::trace(blocks, scene, ray, options, query)
+        Way::with_care(ray, scene, query).unwrap_or_else(|| {
+            Care::Answer(if options.accuracy == Accuracy::Exact {
+                exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
+            } else {
+                reference::trace(blocks, scene, ray, options, query)
+            })
         })
     }
 }

@@ -12,6 +12,7 @@
 use core::cmp::Ordering;
 
 use super::ExactRay;
+use super::doubled::{self, DOUBLED_ERROR, Doubled};
 use super::integer::{Integer, quotient};
 use crate::arithmetic::snap;
 use crate::ray::{Culling, Hit};
@@ -357,13 +358,34 @@ impl Meeting {
                 // Snapped, since a small one may be -0.
                 snap((self.weights[i] / self.sum) as f32).clamp(0.0, 1.0)
             } else {
-                self.weight_exactly(i)
+                self.weight_closely(i)
             }
         })
     }
 
+    /// A weight from sums of two `f64`, or where they do not tell it from whole numbers.
     #[cold]
-    fn weight_exactly(&self, i: usize) -> f32 {
+    pub(super) fn weight_closely(&self, i: usize) -> f32 {
+        let edge = |[p, q]: [usize; 2]| {
+            let from = |corner: usize| {
+                let (corner, origin) = (&self.corners[corner], &self.ray.origin);
+                core::array::from_fn(|k| Doubled::difference(corner[k], origin[k]))
+            };
+            doubled::triple(&self.ray.direction, &from(p), &from(q))
+        };
+        let [(u, a), (v, b), (w, c)] = Edges::ENDS.map(edge);
+        let sum = u.plus(v).plus(w);
+        let error = DOUBLED_ERROR * (a + b + c);
+        // As in `weights`, and the roundings of the quotient.
+        if 8.0 * error < sum.high.abs() * WEIGHT_ERROR {
+            let weight = if i == 0 { v } else { w };
+            return snap((weight.high / sum.high) as f32).clamp(0.0, 1.0);
+        }
+        self.weight_exactly(i)
+    }
+
+    #[cold]
+    pub(super) fn weight_exactly(&self, i: usize) -> f32 {
         let edges = Edges::new(&self.ray, &self.corners);
         let [u, v, w] = [0, 1, 2].map(|edge| edges.exactly(edge));
         let sum = u.plus(&v).plus(&w);

@@ -91,6 +91,30 @@ fn what_bounds_decide_is_right() {
 }
 
 /// A closed surface: the eight triangles around a vertex at the origin and their mirror images.
+/// Weights from sums of two `f64` are those of whole numbers, from origins that leave too few bits to `f64` alone.
+#[test]
+fn weights_of_far_hits_are_right() {
+    let mut numbers = Numbers(8);
+    let (mut met, mut close) = (0, 0);
+    for round in 0..40_000 {
+        let corners = numbers.triangle([2, 3][round % 2]);
+        let far = crate::arithmetic::power_of_two((round / 2 % 40) as i32);
+        let [a, b, c] = corners;
+        let direction = core::array::from_fn(|k| far * ((a[k] + b[k] + c[k]) / 3.0 - 2.0));
+        let Some(ray) = ExactRay::new(&Ray::new(direction.map(|x: f32| -x), direction)) else {
+            continue;
+        };
+        let Some(meeting) = meet(&ray, &corners, Culling::None) else { continue };
+        met += 1;
+        for i in 0..2 {
+            let (found, expected) = (meeting.weight_closely(i), meeting.weight_exactly(i));
+            assert!((found - expected).abs() <= 6e-8, "{ray:?} {corners:?}: {found} {expected}");
+            close += u32::from(meeting.weights()[i] == found);
+        }
+    }
+    assert!(met > 1_000 && close > met, "{met} {close}");
+}
+
 fn octahedron() -> Vec<Triangle> {
     let mut out = Vec::new();
     for octant in 0..8 {

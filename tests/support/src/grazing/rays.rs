@@ -324,11 +324,10 @@ impl Grazer {
 
     fn axis_parallel(&mut self) -> Ray {
         let axis = self.random.below(3);
-        let mut origin = [0.0; 3];
-        for k in 0..3 {
+        let mut origin = [0, 1, 2].map(|k| {
             let triangle = self.random.below(self.triangles.len());
-            origin[k] = self.random.pick(&self.triangles[triangle])[k];
-        }
+            self.random.pick(&self.triangles[triangle])[k]
+        });
         if self.random.below(4) > 0 {
             // In the plane, or on the line, of one corner.
             let triangle = self.random.below(self.triangles.len());
