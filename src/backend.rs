@@ -59,8 +59,8 @@ pub struct OpenOptions {
     /// and half an hour for software.
     pub timeout: Option<Duration>,
     /// How long a GPU's driver may take to open the device, and for the pipelines that are made then,
-    /// together; and for each one that is made later. When `None`, a minute; 20 seconds for drivers that
-    /// [`OpenOptions::probe`] tries.
+    /// together; and for each one that is made later. When `None`, a minute, half an hour for
+    /// Mesa's llvmpipe, and 20 seconds for drivers that [`OpenOptions::probe`] tries.
     ///
     /// A driver that takes longer ends in `OpenError::DriverLimit`, and [`BackendKind::Auto`] passes over it.
     /// But it compiles inside the process, in a thread that nothing can end, which goes on taking time and memory

@@ -1,10 +1,12 @@
 //! What adapters there are, which of them can be used, and which one to take.
 
+use std::time::Duration;
+
 use crate::bounded::{self, DriverLimit, Unfinished};
 use crate::error::{GpuError, OpenError};
 use crate::gpu::Gpu;
 use crate::needs;
-use crate::options::OpenOptions;
+use crate::options::{OpenOptions, default_driver_time};
 use crate::parity::Parity;
 
 /// The adapters that wgpu sees, in the order it reports them.
@@ -199,7 +201,12 @@ impl Adapter {
     /// llvmpipe. Whoever opens another adapter does well to try it in a process of its own first: see
     /// [`OpenOptions::driver_time`].
     pub fn is_trusted(&self) -> bool {
-        trusted(&self.info)
+        is_trusted(&self.info)
+    }
+
+    /// What [`OpenOptions::driver_time`] is for this adapter when it is not given.
+    pub fn default_driver_time(&self) -> Duration {
+        default_driver_time(&self.info)
     }
 
     /// Why it cannot be used; `None` when it can.
@@ -224,7 +231,7 @@ impl Adapter {
             limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
         }
         let adapter = self.adapter.clone();
-        let opened = bounded::run(&options.bounds(), None, move || {
+        let opened = bounded::run(&options.bounds(&self.info), None, move || {
             pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
                 label: Some("splitplane"),
                 required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -299,7 +306,7 @@ impl Adapter {
 const VENDORS: [u32; 6] = [0x10de, 0x1002, 0x8086, 0x106b, 0x5143, 0x13b5];
 
 /// Whether this driver may compile in the program's own process without having been tried in another.
-fn trusted(info: &wgpu::AdapterInfo) -> bool {
+pub(crate) fn is_trusted(info: &wgpu::AdapterInfo) -> bool {
     match info.device_type {
         wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu => {
             // Metal names no vendors; behind it are Apple's drivers, in a process of their own.
@@ -346,7 +353,7 @@ mod tests {
         use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, VirtualGpu};
         let trusted = |device_type, vendor, driver: &str, backend| {
             let info = wgpu::AdapterInfo::new(device_type, backend);
-            trusted(&wgpu::AdapterInfo { vendor, driver: driver.into(), ..info })
+            is_trusted(&wgpu::AdapterInfo { vendor, driver: driver.into(), ..info })
         };
         use wgpu::Backend::{Metal, Vulkan};
         assert!(trusted(DiscreteGpu, 0x10de, "NVIDIA", Vulkan));

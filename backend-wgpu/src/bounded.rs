@@ -16,18 +16,12 @@ const LOOK: Duration = Duration::from_millis(20);
 const STACK: usize = 8 << 20;
 
 /// What a driver may take.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bounds {
     /// For all the pipelines of an opening together, and for each one later.
     pub time: Duration,
     /// Bytes by which the memory of this process may grow meanwhile.
     pub memory: u64,
-}
-
-impl Default for Bounds {
-    fn default() -> Bounds {
-        Bounds { time: Duration::from_secs(60), memory: 2 << 30 }
-    }
 }
 
 /// The limit that a driver exceeded.

@@ -51,7 +51,7 @@ impl Gpu {
     pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, options: &OpenOptions) -> Gpu {
         let mut gpu = Gpu::borrow(device, queue);
         gpu.timeout = options.timeout.unwrap_or(gpu.timeout);
-        gpu.compiler = Arc::new(Compiler::new(options.bounds()));
+        gpu.compiler = Arc::new(Compiler::new(options.bounds(&gpu.info)));
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -68,7 +68,8 @@ impl Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
         let timeout = default_timeout(info.device_type);
-        let (health, compiler, last) = Default::default();
+        let compiler = Arc::new(Compiler::new(OpenOptions::default().bounds(&info)));
+        let (health, last) = Default::default();
         Gpu { device, queue, info, limits, health, timeout, compiler, last }
     }
 

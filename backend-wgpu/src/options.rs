@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::adapters::is_trusted;
 use crate::bounded::Bounds;
 
 /// How to open a device.
@@ -18,7 +19,7 @@ pub struct OpenOptions {
     pub timeout: Option<Duration>,
     /// How long the driver may take to open the device, for all the pipelines together that
     /// [`WgpuBackend::new`](crate::WgpuBackend::new) makes, and for each one that is made later. When
-    /// `None`, a minute. No time at all lets it compile nothing.
+    /// `None`, a minute, and half an hour for Mesa's llvmpipe. No time at all lets it compile nothing.
     ///
     /// A driver compiles inside the process, and nothing can end the thread in which it does: after
     /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and memory
@@ -33,12 +34,24 @@ pub struct OpenOptions {
 }
 
 impl OpenOptions {
-    pub(crate) fn bounds(&self) -> Bounds {
-        let Bounds { time, memory } = Bounds::default();
+    /// What the driver of this adapter may take.
+    pub(crate) fn bounds(&self, info: &wgpu::AdapterInfo) -> Bounds {
         Bounds {
-            time: self.driver_time.unwrap_or(time),
-            memory: self.driver_memory.unwrap_or(memory),
+            time: self.driver_time.unwrap_or_else(|| default_driver_time(info)),
+            memory: self.driver_memory.unwrap_or(DRIVER_MEMORY),
         }
+    }
+}
+
+/// By how much memory may grow while a driver compiles.
+const DRIVER_MEMORY: u64 = 2 << 30;
+
+/// How long the driver of this adapter may compile. Software shares the processors with whatever else runs:
+/// where it is known to come to an end, it is waited for as for its other work.
+pub(crate) fn default_driver_time(info: &wgpu::AdapterInfo) -> Duration {
+    match is_trusted(info) {
+        true => default_timeout(info.device_type),
+        false => Duration::from_secs(60),
     }
 }
 

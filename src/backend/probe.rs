@@ -20,7 +20,6 @@ use std::time::{Duration, Instant};
 /// What a driver may take that is tried because nobody knows it.
 const TIME: Duration = Duration::from_secs(20);
 /// What any driver may take.
-const TRUSTED_TIME: Duration = Duration::from_secs(60);
 const MEMORY: u64 = 2 << 30;
 /// Between two looks at the child.
 const LOOK: Duration = Duration::from_millis(20);
@@ -55,7 +54,7 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub(super) fn of(adapter: &Adapter, options: &OpenOptions) -> Bounds {
-        let time = if adapter.is_trusted() { TRUSTED_TIME } else { TIME };
+        let time = if adapter.is_trusted() { adapter.default_driver_time() } else { TIME };
         Bounds {
             time: options.driver_time.unwrap_or(time),
             memory: options.driver_memory.unwrap_or(MEMORY),

@@ -17,7 +17,7 @@ use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
-use splitplane_wgpu::{Gpu, GpuError, Parity, WgpuBackend};
+use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
 use std::time::Instant;
 
 /// Frames a second of an animation that does not say when its frames are.
