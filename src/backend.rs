@@ -5,18 +5,25 @@ mod connect;
 mod engine;
 #[cfg(feature = "wgpu")]
 mod gpu;
+#[cfg(feature = "wgpu")]
+mod probe;
 
 use splitplane_core::backend::Backend;
 use splitplane_core::config::Preset;
 use std::ffi::OsString;
 use std::fmt;
+use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 use thiserror::Error;
 
 pub use engine::{Engine, OpenedEngine};
+#[cfg(feature = "viewer")]
+pub(crate) use gpu::failed;
 #[cfg(feature = "wgpu")]
-pub use gpu::{adapters, open_gpu};
+pub use gpu::{adapters, adapters_with, open_gpu};
+#[cfg(feature = "wgpu")]
+pub use probe::answer_probe;
 
 /// A backend by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -51,6 +58,54 @@ pub struct OpenOptions {
     /// How long to wait for a device before it counts as hanging. When `None`, a minute for hardware
     /// and half an hour for software.
     pub timeout: Option<Duration>,
+    /// How long a GPU's driver may take to open the device, and for the pipelines that are made then,
+    /// together; and for each one that is made later. When `None`, a minute, half an hour for
+    /// Mesa's llvmpipe, and 20 seconds for drivers that [`OpenOptions::probe`] tries.
+    ///
+    /// A driver that takes longer ends in `OpenError::DriverLimit`, and [`BackendKind::Auto`] passes over it.
+    /// But it compiles inside the process, in a thread that nothing can end, which goes on taking time and memory
+    /// until it is done or the process ends. A probe keeps it out.
+    pub driver_time: Option<Duration>,
+    /// By how many bytes the memory that this process has for itself may grow while the driver does so.
+    /// When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no limit. On
+    /// Linux only: elsewhere there is none but that of time.
+    pub driver_memory: Option<u64>,
+    /// Tries adapters whose drivers nobody knows in a process of their own before they are opened in this
+    /// one. Hardware of the large vendors and Mesa's llvmpipe are opened at once. When `None`, all are.
+    pub probe: Option<Probe>,
+}
+
+/// A command that opens a GPU adapter in a process of its own, says what came of it, and ends:
+/// usually the program itself, with arguments by which it knows that it is to call
+/// `answer_probe` and no more.
+///
+/// ```no_run
+/// # #[cfg(feature = "wgpu")]
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use splitplane::backend::{Probe, answer_probe};
+/// use splitplane::{BackendKind, OpenOptions};
+///
+/// let arguments: Vec<_> = std::env::args_os().skip(1).collect();
+/// if arguments.first().is_some_and(|first| first == "try-adapter") {
+///     return Ok(answer_probe(&arguments[1..], &mut std::io::stdout())?);
+/// }
+/// let probe = Probe {
+///     program: std::env::current_exe()?,
+///     arguments: vec!["try-adapter".into()],
+/// };
+/// let options = OpenOptions { probe: Some(probe), ..OpenOptions::default() };
+/// let opened = BackendKind::Auto.open_with(&options)?;
+/// # Ok(())
+/// # }
+/// # #[cfg(not(feature = "wgpu"))]
+/// # fn main() {}
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Probe {
+    /// The program.
+    pub program: PathBuf,
+    /// Its first arguments. Behind them come those that name the adapter and the limits.
+    pub arguments: Vec<OsString>,
 }
 
 /// A backend, ready for work.
@@ -118,6 +173,21 @@ pub enum OpenError {
         adapter: String,
         /// What differs.
         difference: String,
+    },
+    /// The GPU adapter's driver took more than it may: see [`OpenOptions::driver_time`].
+    #[cfg(feature = "wgpu")]
+    #[error(
+        "the driver of the GPU adapter `{adapter}` ({driver}) did not finish {doing} within {limit}"
+    )]
+    DriverLimit {
+        /// The adapter's name.
+        adapter: String,
+        /// The driver's name.
+        driver: String,
+        /// What it was doing.
+        doing: String,
+        /// The limit.
+        limit: splitplane_wgpu::DriverLimit,
     },
     /// The device was lost or did not finish in time while it was opened.
     #[error("the GPU adapter `{adapter}` failed when it was opened: {reason}")]

@@ -690,6 +690,48 @@ fn adapters_are_listed_and_none_is_no_failure() {
     assert_ne!(adapter["parity"], "bitwise");
 }
 
+/// The adapter that computes nothing, with a driver that may take no time: the second process says so, and the
+/// device is not opened in this one.
+#[test]
+fn a_driver_that_takes_too_long_is_passed_over() {
+    let folder = square();
+    let limited = |arguments: &[&str], seconds: &str| {
+        let mut command = program_with_adapter(folder.path(), arguments);
+        command.env("SPLITPLANE_DRIVER_SECONDS", seconds);
+        command
+    };
+    let what = "did not finish opening a device within 0 seconds";
+    for verb in [
+        &["build", "square.obj", "--backend", "wgpu"][..],
+        &["render", "square.obj", "-o", "out.png", "--size", "8x8", "--backend", "wgpu"],
+        &["parity", "square.obj"],
+        &["paper", "--quick", "--backend", "wgpu", "--out", "paper"],
+        &["trade", "square.obj", "--quick", "--backends", "wgpu", "--out", "trade"],
+    ] {
+        let error = fails(limited(verb, "0"), 6, verb);
+        assert!(error.contains("`noop wgpu backend` (wgpu)") && error.contains(what), "{error}");
+    }
+    let listed = limited(&["adapters"], "0").output().unwrap();
+    assert_eq!(listed.status.code(), Some(0));
+    let listed = text(&listed.stdout);
+    assert!(listed.contains(&format!("cannot be used: its driver {what}")), "{listed}");
+    // `auto` opens no software, so it asks nothing of it.
+    let built = limited(&["build", "square.obj", "--json"], "0").output().unwrap();
+    assert_eq!(built.status.code(), Some(0), "{}", text(&built.stderr));
+    // With time it is tried, and refused for what it computes.
+    let error = fails(limited(&["build", "square.obj", "--backend", "wgpu"], "60"), 5, &["60"]);
+    assert!(error.contains("`noop wgpu backend`") && !error.contains("within"), "{error}");
+    let error = fails(limited(&["build", "square.obj"], "soon"), 2, &["soon"]);
+    assert!(error.contains("SPLITPLANE_DRIVER_SECONDS must be a whole number"), "{error}");
+}
+
+#[test]
+fn the_second_process_answers_no_one_else() {
+    let folder = folder();
+    assert!(fail(&folder, 2, &["__probe", "card"]).contains("only a probe"));
+    assert!(!succeed(&folder, &["--help"]).contains("__probe"));
+}
+
 #[cfg(unix)]
 #[test]
 fn ctrl_c_is_7_and_leaves_no_file() {

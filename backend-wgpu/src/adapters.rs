@@ -1,9 +1,12 @@
 //! What adapters there are, which of them can be used, and which one to take.
 
+use std::time::Duration;
+
+use crate::bounded::{self, DriverLimit, Unfinished};
 use crate::error::{GpuError, OpenError};
 use crate::gpu::Gpu;
 use crate::needs;
-use crate::options::OpenOptions;
+use crate::options::{OpenOptions, default_driver_time};
 use crate::parity::Parity;
 
 /// The adapters that wgpu sees, in the order it reports them.
@@ -194,6 +197,18 @@ impl Adapter {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
+    /// True for hardware of vendors whose drivers compile shaders of this size every day, and for Mesa's
+    /// llvmpipe. Whoever opens another adapter does well to try it in a process of its own first: see
+    /// [`OpenOptions::driver_time`].
+    pub fn is_trusted(&self) -> bool {
+        is_trusted(&self.info)
+    }
+
+    /// What [`OpenOptions::driver_time`] is for this adapter when it is not given.
+    pub fn default_driver_time(&self) -> Duration {
+        default_driver_time(&self.info)
+    }
+
     /// Why it cannot be used; `None` when it can.
     pub fn unusable(&self) -> Option<&str> {
         self.unusable.as_deref()
@@ -202,7 +217,7 @@ impl Adapter {
     /// Opens a device on this adapter.
     ///
     /// # Errors
-    /// An adapter that cannot be used, or that would not open.
+    /// An adapter that cannot be used, or that would not open; a driver that takes too much.
     pub fn open(&self, options: &OpenOptions) -> Result<Gpu, OpenError> {
         if let Some(reason) = &self.unusable {
             return Err(self.refuse(reason));
@@ -215,24 +230,43 @@ impl Adapter {
             limits.max_buffer_size = offered.max_buffer_size;
             limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
         }
-        let opened = pollster::block_on(self.adapter.request_device(&wgpu::DeviceDescriptor {
-            label: Some("splitplane"),
-            required_features: self.adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
-            required_limits: limits,
-            ..Default::default()
-        }));
-        let (device, queue) = opened.map_err(|error| self.refuse(&error.to_string()))?;
-        Ok(Gpu::own(device, queue, options.timeout))
+        let adapter = self.adapter.clone();
+        let opened = bounded::run(&options.bounds(&self.info), None, move || {
+            pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
+                label: Some("splitplane"),
+                required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
+                required_limits: limits,
+                ..Default::default()
+            }))
+        });
+        let (device, queue) = match opened {
+            Ok(opened) => opened.map_err(|error| self.refuse(&error.to_string()))?,
+            Err(Unfinished::NotStarted(reason)) => {
+                return Err(self.refuse(&format!("no thread can be started: {reason}")));
+            }
+            Err(Unfinished::Exceeded(limit)) => {
+                return Err(self.exceeds("opening a device".into(), limit));
+            }
+        };
+        Ok(Gpu::own(device, queue, options))
     }
 
     /// What is to be said about this adapter: opens it and runs `test` on the device.
     pub fn report(&self, test: impl Fn(&Gpu) -> Result<Parity, GpuError>) -> AdapterReport {
-        let limits = self.adapter.limits();
-        let tested = match self.open(&OpenOptions::default()) {
-            Ok(gpu) => test(&gpu).map_err(|error| format!("its self-test did not run: {error}")),
+        self.report_as(match self.open(&OpenOptions::default()) {
+            Ok(gpu) => test(&gpu).map_err(|error| match error {
+                GpuError::DriverLimit { .. } => error.to_string(),
+                error => format!("its self-test did not run: {error}"),
+            }),
             Err(OpenError::Unusable { reason, .. }) => Err(reason),
             Err(error) => Err(error.to_string()),
-        };
+        })
+    }
+
+    /// What is to be said about this adapter when this is what became of testing it, or why it cannot be
+    /// used. Opens nothing.
+    pub fn report_as(&self, tested: Result<Parity, String>) -> AdapterReport {
+        let limits = self.adapter.limits();
         let (parity, unusable) = match tested {
             Ok(parity) => (Some(parity), None),
             Err(reason) => (None, Some(reason)),
@@ -257,8 +291,29 @@ impl Adapter {
         }
     }
 
+    /// Its driver took more than it may.
+    pub fn exceeds(&self, doing: String, limit: DriverLimit) -> OpenError {
+        let (adapter, driver) = (self.info.name.clone(), self.info.driver.clone());
+        OpenError::DriverLimit { adapter, driver, doing, limit }
+    }
+
     fn refuse(&self, reason: &str) -> OpenError {
         OpenError::Unusable { adapter: self.info.name.clone(), reason: reason.to_owned() }
+    }
+}
+
+/// The PCI numbers of vendors of GPUs: NVIDIA, AMD, Intel, Apple, Qualcomm, ARM.
+const VENDORS: [u32; 6] = [0x10de, 0x1002, 0x8086, 0x106b, 0x5143, 0x13b5];
+
+/// Whether this driver may compile in the program's own process without having been tried in another.
+pub(crate) fn is_trusted(info: &wgpu::AdapterInfo) -> bool {
+    match info.device_type {
+        wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu => {
+            // Metal names no vendors; behind it are Apple's drivers, in a process of their own.
+            VENDORS.contains(&info.vendor) || info.backend == wgpu::Backend::Metal
+        }
+        wgpu::DeviceType::Cpu => info.driver == "llvmpipe",
+        wgpu::DeviceType::VirtualGpu | wgpu::DeviceType::Other => false,
     }
 }
 
@@ -291,6 +346,24 @@ mod tests {
             assert!(matches!(error, OpenError::WrongAdapter { .. }));
             assert!(text.contains(&format!("`{wrong}`")) && text.contains("2 `NVIDIA H200`"));
         }
+    }
+
+    #[test]
+    fn drivers_that_nobody_knows_are_not_trusted() {
+        use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, VirtualGpu};
+        let trusted = |device_type, vendor, driver: &str, backend| {
+            let info = wgpu::AdapterInfo::new(device_type, backend);
+            is_trusted(&wgpu::AdapterInfo { vendor, driver: driver.into(), ..info })
+        };
+        use wgpu::Backend::{Metal, Vulkan};
+        assert!(trusted(DiscreteGpu, 0x10de, "NVIDIA", Vulkan));
+        assert!(trusted(IntegratedGpu, 0x8086, "Intel open-source Mesa driver", Vulkan));
+        assert!(trusted(IntegratedGpu, 0, "", Metal));
+        assert!(trusted(Cpu, 0x10005, "llvmpipe", Vulkan));
+        assert!(!trusted(Cpu, 0x1ae0, "SwiftShader driver", Vulkan));
+        assert!(!trusted(DiscreteGpu, 0x1ae0, "new", Vulkan));
+        // Whatever passes commands on to a card may compile by itself.
+        assert!(!trusted(VirtualGpu, 0x10de, "venus", Vulkan));
     }
 
     #[test]

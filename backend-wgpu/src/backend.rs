@@ -82,14 +82,19 @@ pub struct WgpuBackend {
 
 impl WgpuBackend {
     /// A backend on this device. Runs a self-test: the guarded operations, a small build and some
-    /// rays, compared with the CPU's bits.
+    /// rays, compared with the CPU's bits. Only the pipelines that the self-test needs are made; those of
+    /// other queries follow when they are first used.
     ///
     /// # Errors
-    /// A device whose limits are too low, that fails, or whose trees are not valid.
+    /// A device whose limits are too low, that fails, or whose trees are not valid; a driver that takes too
+    /// long or too much memory for the pipelines.
     pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
         gpu.check_limits()?;
         let mut backend = WgpuBackend::untested(gpu, Kernels::default());
-        let parity = selftest::run(&backend)?;
+        let parity = {
+            let opening = backend.gpu().opening();
+            selftest::run(&backend).map_err(|error| opening.exceeded().unwrap_or(error))?
+        };
         backend.queries().set_parity(&parity);
         backend.parity = Some(parity);
         Ok(backend)

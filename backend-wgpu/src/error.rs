@@ -3,6 +3,8 @@
 use splitplane_core::backend::{BuildError, QueryError};
 use thiserror::Error;
 
+use crate::bounded::DriverLimit;
+
 /// Why no device was opened.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -25,6 +27,20 @@ pub enum OpenError {
         adapter: String,
         /// What it lacks, or what wgpu says.
         reason: String,
+    },
+    /// The adapter's driver took more than it may.
+    #[error(
+        "the driver of the GPU adapter `{adapter}` ({driver}) did not finish {doing} within {limit}"
+    )]
+    DriverLimit {
+        /// The adapter's name.
+        adapter: String,
+        /// The driver's name.
+        driver: String,
+        /// What it was doing.
+        doing: String,
+        /// The limit.
+        limit: DriverLimit,
     },
 }
 
@@ -78,6 +94,14 @@ pub enum GpuError {
         /// What the compiler says.
         reason: String,
     },
+    /// The driver took more than it may: see [`OpenOptions::driver_time`](crate::OpenOptions::driver_time).
+    #[error("the device's driver did not finish {doing} within {limit}")]
+    DriverLimit {
+        /// What it was doing.
+        doing: String,
+        /// The limit.
+        limit: DriverLimit,
+    },
     /// The driver ended a loop before its end, as Mesa's llvmpipe does after 65,535 rounds.
     #[error("the device's driver ended a loop before its end: {what} is too large for it")]
     Unfinished {
@@ -113,9 +137,10 @@ impl From<GpuError> for BuildError {
             }
             GpuError::OutOfMemory { what, needed } => BuildError::DeviceMemory { what, needed },
             GpuError::TimedOut { seconds } => BuildError::DeviceTimedOut { seconds },
-            GpuError::Shader { .. } | GpuError::Unfinished { .. } | GpuError::Refused(_) => {
-                BuildError::Device(error.to_string())
-            }
+            GpuError::Shader { .. }
+            | GpuError::DriverLimit { .. }
+            | GpuError::Unfinished { .. }
+            | GpuError::Refused(_) => BuildError::Device(error.to_string()),
         }
     }
 }
@@ -129,9 +154,10 @@ impl From<GpuError> for QueryError {
             }
             GpuError::OutOfMemory { what, needed } => QueryError::DeviceMemory { what, needed },
             GpuError::TimedOut { seconds } => QueryError::DeviceTimedOut { seconds },
-            GpuError::Shader { .. } | GpuError::Unfinished { .. } | GpuError::Refused(_) => {
-                QueryError::Device(error.to_string())
-            }
+            GpuError::Shader { .. }
+            | GpuError::DriverLimit { .. }
+            | GpuError::Unfinished { .. }
+            | GpuError::Refused(_) => QueryError::Device(error.to_string()),
         }
     }
 }

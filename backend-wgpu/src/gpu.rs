@@ -5,6 +5,8 @@ use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use crate::adapters::Adapters;
+use crate::bounded::Bounds;
+use crate::compiler::{Compiler, Opening};
 use crate::error::{GpuError, OpenError};
 use crate::health::Health;
 use crate::needs;
@@ -22,6 +24,8 @@ pub struct Gpu {
     limits: wgpu::Limits,
     health: Arc<Health>,
     timeout: Duration,
+    /// What the driver may take for pipelines, and which it has taken too much for; shared by clones.
+    compiler: Arc<Compiler>,
     /// The last submission that is complete; shared by clones. While it is held nobody else submits.
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
 }
@@ -30,7 +34,7 @@ impl Gpu {
     /// Opens a device without a window, on the adapter that [`Adapters::select`] takes.
     ///
     /// # Errors
-    /// No adapter, none of the name, or none that can be used.
+    /// No adapter, none of the name, none that can be used, or a driver that takes too much.
     pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
         Adapters::find().select(options.adapter.as_deref())?.open(options)
     }
@@ -44,9 +48,10 @@ impl Gpu {
     }
 
     /// A device that belongs to nobody else, so its callbacks are free to use.
-    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, timeout: Option<Duration>) -> Gpu {
+    pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, options: &OpenOptions) -> Gpu {
         let mut gpu = Gpu::borrow(device, queue);
-        gpu.timeout = timeout.unwrap_or(gpu.timeout);
+        gpu.timeout = options.timeout.unwrap_or(gpu.timeout);
+        gpu.compiler = Arc::new(Compiler::new(options.bounds(&gpu.info)));
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -63,13 +68,38 @@ impl Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
         let timeout = default_timeout(info.device_type);
+        let compiler = Arc::new(Compiler::new(OpenOptions::default().bounds(&info)));
         let (health, last) = Default::default();
-        Gpu { device, queue, info, limits, health, timeout, last }
+        Gpu { device, queue, info, limits, health, timeout, compiler, last }
     }
 
     /// The same device with another time-out.
     pub fn with_timeout(self, timeout: Duration) -> Gpu {
         Gpu { timeout, ..self }
+    }
+
+    /// The same device with other limits on what its driver may take to compile; see
+    /// [`OpenOptions::driver_time`] and [`OpenOptions::driver_memory`].
+    pub fn with_driver_limits(self, time: Duration, memory: u64) -> Gpu {
+        Gpu { compiler: Arc::new(Compiler::new(Bounds { time, memory })), ..self }
+    }
+
+    /// The same device with this call before the driver compiles a pipeline, in the same thread: for tests
+    /// that plant a driver which takes too much. It is given the pipeline's label.
+    #[doc(hidden)]
+    pub fn with_planted_driver(self, planted: impl Fn(&str) + Send + Sync + 'static) -> Gpu {
+        let compiler = Compiler::new(*self.compiler.bounds()).planted(planted);
+        Gpu { compiler: Arc::new(compiler), ..self }
+    }
+
+    /// Pipelines made so far, by this device and its clones.
+    pub fn pipelines_made(&self) -> u64 {
+        self.compiler.made()
+    }
+
+    /// From now on, until what is given is dropped, the limit of time holds for all pipelines together.
+    pub(crate) fn opening(&self) -> Opening<'_> {
+        self.compiler.opening()
     }
 
     /// How long to wait before the device counts as hanging.
@@ -176,13 +206,17 @@ impl Gpu {
 
     /// Compiles a compute pipeline with an automatic layout.
     ///
+    /// The driver compiles in a thread of its own, which is waited for within the limits of
+    /// [`OpenOptions::driver_time`] and [`OpenOptions::driver_memory`]. Beyond them the thread is left to
+    /// itself, since nothing can end it; as long as it goes on, the same pipeline is refused at once.
+    ///
     /// # Errors
-    /// Text that is no valid WGSL for this device; a lost device.
+    /// Text that is no valid WGSL for this device; a driver that takes too much; a lost device.
     pub fn pipeline(&self, label: &str, source: &str) -> Result<wgpu::ComputePipeline, GpuError> {
-        self.compile(label, source, None)
+        self.compiler.compile(self, label, source, None)
     }
 
-    /// Compiles a compute pipeline whose only bind group has this layout.
+    /// Compiles a compute pipeline whose only bind group has this layout. As [`Gpu::pipeline`].
     ///
     /// # Errors
     /// As for [`Gpu::pipeline`].
@@ -192,10 +226,11 @@ impl Gpu {
         source: &str,
         layout: &wgpu::BindGroupLayout,
     ) -> Result<wgpu::ComputePipeline, GpuError> {
-        self.compile(label, source, Some(layout))
+        self.compiler.compile(self, label, source, Some(layout))
     }
 
-    fn compile(
+    /// Compiles here and now, however long it takes.
+    pub(crate) fn compile_unbounded(
         &self,
         label: &str,
         source: &str,

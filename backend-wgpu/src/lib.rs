@@ -3,7 +3,9 @@
 
 pub mod adapters;
 pub mod backend;
+mod bounded;
 pub mod build;
+mod compiler;
 pub mod error;
 pub mod gpu;
 mod health;
@@ -15,6 +17,9 @@ pub mod selftest;
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
+pub use bounded::DriverLimit;
+#[doc(hidden)]
+pub use bounded::private_memory_of;
 pub use build::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
 pub use error::{GpuError, OpenError};
 pub use gpu::Gpu;

@@ -2,6 +2,9 @@
 
 use std::time::Duration;
 
+use crate::adapters::is_trusted;
+use crate::bounded::Bounds;
+
 /// How to open a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
@@ -14,6 +17,42 @@ pub struct OpenOptions {
     /// hardware and half an hour for software, which may take that long for what hardware does at
     /// once.
     pub timeout: Option<Duration>,
+    /// How long the driver may take to open the device, for all the pipelines together that
+    /// [`WgpuBackend::new`](crate::WgpuBackend::new) makes, and for each one that is made later. When
+    /// `None`, a minute, and half an hour for Mesa's llvmpipe. No time at all lets it compile nothing.
+    ///
+    /// A driver compiles inside the process, and nothing can end the thread in which it does: after
+    /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and memory
+    /// until it is done or the process ends. Who must be rid of it tries the adapter in a process of its own
+    /// first, and ends that. Adapters of the known vendors need none of this
+    /// ([`Adapter::is_trusted`](crate::adapters::Adapter::is_trusted)).
+    pub driver_time: Option<Duration>,
+    /// By how many bytes the memory that this process has for itself may grow while the driver does one
+    /// of these things. When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no
+    /// limit. On Linux only: elsewhere there is none but that of time.
+    pub driver_memory: Option<u64>,
+}
+
+impl OpenOptions {
+    /// What the driver of this adapter may take.
+    pub(crate) fn bounds(&self, info: &wgpu::AdapterInfo) -> Bounds {
+        Bounds {
+            time: self.driver_time.unwrap_or_else(|| default_driver_time(info)),
+            memory: self.driver_memory.unwrap_or(DRIVER_MEMORY),
+        }
+    }
+}
+
+/// By how much memory may grow while a driver compiles.
+const DRIVER_MEMORY: u64 = 2 << 30;
+
+/// How long the driver of this adapter may compile. Software shares the processors with whatever else runs:
+/// where it is known to come to an end, it is waited for as for its other work.
+pub(crate) fn default_driver_time(info: &wgpu::AdapterInfo) -> Duration {
+    match is_trusted(info) {
+        true => default_timeout(info.device_type),
+        false => Duration::from_secs(60),
+    }
 }
 
 /// How long to wait for a device of this type.

@@ -1,16 +1,57 @@
 //! Opening a GPU: the one that was asked for, or one good enough for `auto`.
 
 use super::connect::connect;
+use super::probe::{self, Bounds, Tried};
 use super::{Engine, OpenError, OpenOptions, OpenedEngine, in_environment};
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
-use splitplane_wgpu::{Adapters, Gpu, GpuError, Parity};
+use splitplane_wgpu::{Adapters, DriverLimit, Gpu, GpuError, Parity};
 
 /// A backend over a device, and what its self-test found.
 type Connected = (Engine, Parity);
 
 /// The GPU adapters of this machine, each opened and tested. None is no error.
 pub fn adapters() -> Vec<AdapterReport> {
-    splitplane_wgpu::adapters(|gpu| connect(gpu.clone()).map(|(_, parity)| parity))
+    adapters_with(&OpenOptions::default())
+}
+
+/// As [`adapters`]; with [`OpenOptions::probe`] each is tested in a process of its own, so that no driver can take
+/// this one down, and one that exceeds a limit is ended. Of the other options the driver's limits matter.
+pub fn adapters_with(options: &OpenOptions) -> Vec<AdapterReport> {
+    Adapters::find().list().iter().map(|adapter| report(adapter, options)).collect()
+}
+
+fn report(adapter: &Adapter, options: &OpenOptions) -> AdapterReport {
+    if let Some(reason) = adapter.unusable() {
+        return adapter.report_as(Err(reason.to_owned()));
+    }
+    let bounds = Bounds::of(adapter, options);
+    let tried = options.probe.as_ref().map_or(Tried::NotStarted, |probe| {
+        probe::run(probe, adapter.index(), adapter.name(), bounds)
+    });
+    adapter.report_as(match tried {
+        Tried::Parity(parity) => Ok(parity),
+        Tried::Failed(reason) | Tried::Died(reason) => Err(reason),
+        Tried::Exceeded { doing, limit } => Err(passed_over(&doing, limit)),
+        Tried::NotStarted => test_here(adapter, options),
+    })
+}
+
+/// Opens and tests an adapter in this process.
+fn test_here(adapter: &Adapter, options: &OpenOptions) -> Result<Parity, String> {
+    use splitplane_wgpu::OpenError::{DriverLimit, Unusable};
+    let gpu = adapter.open(&device_options(options)).map_err(|error| match error {
+        Unusable { reason, .. } => reason,
+        DriverLimit { doing, limit, .. } => passed_over(&doing, limit),
+        error => error.to_string(),
+    })?;
+    connect(gpu).map(|(_, parity)| parity).map_err(|error| match error {
+        GpuError::DriverLimit { doing, limit } => passed_over(&doing, limit),
+        error => format!("its self-test did not run: {error}"),
+    })
+}
+
+fn passed_over(doing: &str, limit: DriverLimit) -> String {
+    format!("its driver did not finish {doing} within {limit}")
 }
 
 /// Opens the device that [`super::BackendKind::Wgpu`] would, without a backend over it: for whoever
@@ -19,7 +60,10 @@ pub fn adapters() -> Vec<AdapterReport> {
 /// # Errors
 /// There is no such device, or it cannot be used.
 pub fn open_gpu(options: &OpenOptions) -> Result<Gpu, OpenError> {
-    Ok(Adapters::find().select(options.adapter.as_deref())?.open(&device_options(options))?)
+    let adapters = Adapters::find();
+    let adapter = adapters.select(options.adapter.as_deref())?;
+    probe::try_unknown(adapter, options)?;
+    Ok(adapter.open(&device_options(options))?)
 }
 
 /// Opens the GPU that was asked for, or the best one.
@@ -120,8 +164,9 @@ fn first_bitwise(
 }
 
 fn open_adapter(adapter: &Adapter, options: &OpenOptions) -> Result<Connected, OpenError> {
+    probe::try_unknown(adapter, options)?;
     let gpu = adapter.open(&device_options(options))?;
-    connect(gpu).map_err(|error| failed(adapter.name(), &error))
+    connect(gpu).map_err(|error| failed(adapter.name(), &adapter.info().driver, &error))
 }
 
 /// What is asked of a device once its adapter is chosen.
@@ -130,13 +175,19 @@ fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
         adapter: None,
         default_limits: options.default_limits,
         timeout: options.timeout,
+        driver_time: options.driver_time,
+        driver_memory: options.driver_memory,
     }
 }
 
 /// Why an adapter that opened is no backend.
-fn failed(adapter: &str, error: &GpuError) -> OpenError {
+pub(crate) fn failed(adapter: &str, driver: &str, error: &GpuError) -> OpenError {
     let (adapter, reason) = (adapter.to_owned(), error.to_string());
     match error {
+        GpuError::DriverLimit { doing, limit } => {
+            let (driver, doing) = (driver.to_owned(), doing.clone());
+            OpenError::DriverLimit { adapter, driver, doing, limit: *limit }
+        }
         GpuError::Lost { .. } | GpuError::TimedOut { .. } => {
             OpenError::DeviceFailed { adapter, reason }
         }
@@ -154,6 +205,9 @@ impl From<splitplane_wgpu::OpenError> for OpenError {
             splitplane_wgpu::OpenError::Unusable { adapter, reason } => {
                 OpenError::Unusable { adapter, reason }
             }
+            splitplane_wgpu::OpenError::DriverLimit { adapter, driver, doing, limit } => {
+                OpenError::DriverLimit { adapter, driver, doing, limit }
+            }
             other => OpenError::Unusable { adapter: "GPU".into(), reason: other.to_string() },
         }
     }
@@ -167,6 +221,11 @@ mod tests {
         Candidate { name, software: false, unusable: None }
     }
 
+    fn endless() -> GpuError {
+        let limit = DriverLimit::Time(std::time::Duration::from_secs(20));
+        GpuError::DriverLimit { doing: "compiling `closest_hit`".into(), limit }
+    }
+
     /// Any backend will do: what is tested is which one is taken.
     fn connected(parity: Parity) -> Result<Connected, OpenError> {
         Ok((Engine::Cpu(splitplane_cpu::CpuBackend::new()), parity))
@@ -178,20 +237,23 @@ mod tests {
             Candidate { unusable: Some("it has no compute shaders"), ..candidate("old") },
             candidate("odd"),
             candidate("broken"),
+            candidate("endless"),
             candidate("good"),
             candidate("good too"),
         ];
         let opened = first_bitwise(&candidates, Vec::new(), |index| match index {
             1 => connected(Parity::Structural("quotients".into())),
-            2 => Err(failed("broken", &GpuError::Lost { reason: "gone".into() })),
-            3 => connected(Parity::Bitwise),
+            2 => Err(failed("broken", "beta", &GpuError::Lost { reason: "gone".into() })),
+            3 => Err(failed("endless", "beta", &endless())),
+            4 => connected(Parity::Bitwise),
             other => panic!("{other} is opened without need"),
         });
         assert_eq!(
             opened.unwrap().reason,
             "auto: `good` is hardware; parity: bitwise; `old` cannot be used: it has no compute \
              shaders; `odd` differs from the CPU in some bits (quotients); the GPU adapter \
-             `broken` failed when it was opened: the device was lost: gone"
+             `broken` failed when it was opened: the device was lost: gone; the driver of the GPU \
+             adapter `endless` (beta) did not finish compiling `closest_hit` within 20 seconds"
         );
     }
 
@@ -233,9 +295,9 @@ mod tests {
 
     #[test]
     fn a_device_that_fails_is_told_from_one_that_cannot_be_used() {
-        let timed_out = failed("slow", &GpuError::TimedOut { seconds: 60 });
+        let timed_out = failed("slow", "beta", &GpuError::TimedOut { seconds: 60 });
         assert!(matches!(timed_out, OpenError::DeviceFailed { .. }));
-        let refused = failed("odd", &GpuError::Refused("no".into()));
+        let refused = failed("odd", "beta", &GpuError::Refused("no".into()));
         assert!(matches!(refused, OpenError::Unusable { .. }));
     }
 }

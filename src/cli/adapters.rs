@@ -36,8 +36,10 @@ mod list {
     use super::super::failure::Failure;
     use super::super::output;
     use super::super::prepared::print_json;
+    use super::super::probe;
     use serde::Serialize;
-    use splitplane::backend::adapters;
+    use splitplane::OpenOptions;
+    use splitplane::backend::adapters_with;
     use splitplane::gpu::{AdapterReport, Parity};
 
     #[derive(Serialize)]
@@ -121,7 +123,8 @@ mod list {
     }
 
     pub(super) fn print(json: bool) -> Result<(), Failure> {
-        let adapters: Vec<Adapter> = adapters().into_iter().map(Adapter::from).collect();
+        let reports = adapters_with(&probe::limited(OpenOptions::default()));
+        let adapters: Vec<Adapter> = reports.into_iter().map(Adapter::from).collect();
         if json {
             return print_json(&Report { adapters });
         }

@@ -97,6 +97,8 @@ impl From<OpenError> for Failure {
             | OpenError::WrongAdapter { .. }
             | OpenError::Unusable { .. }
             | OpenError::Structural { .. } => NO_GPU,
+            #[cfg(feature = "wgpu")]
+            OpenError::DriverLimit { .. } => DEVICE,
             OpenError::DeviceFailed { .. } => DEVICE,
             _ => USAGE,
         };

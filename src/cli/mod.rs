@@ -16,6 +16,7 @@ mod paper;
 mod parity;
 mod percentiles;
 mod prepared;
+mod probe;
 mod progress;
 mod query;
 pub(crate) mod ray_file;
@@ -70,6 +71,8 @@ enum Verb {
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
+    #[command(name = probe::VERB, hide = true)]
+    Probe(probe::Arguments),
 }
 
 impl Cli {
@@ -78,6 +81,7 @@ impl Cli {
     /// # Errors
     /// Wrong usage.
     pub(crate) fn check(&self) -> Result<(), failure::Failure> {
+        probe::check()?;
         let common = match &self.verb {
             None => &self.render.common,
             Some(Verb::Render(arguments)) => &arguments.common,
@@ -87,7 +91,9 @@ impl Cli {
             Some(Verb::Query(arguments)) => &arguments.common,
             Some(Verb::Verify(arguments)) => &arguments.common,
             Some(Verb::Parity(arguments)) => &arguments.common,
-            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_)) => return Ok(()),
+            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_) | Verb::Probe(_)) => {
+                return Ok(());
+            }
             #[cfg(feature = "viewer")]
             Some(Verb::View(arguments)) => &arguments.common,
         };
@@ -123,6 +129,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
+        Some(Verb::Probe(arguments)) => probe::run(&arguments),
     });
     match done {
         Ok(()) => {

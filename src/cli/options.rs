@@ -92,12 +92,12 @@ impl AccuracyName {
 
 impl Common {
     pub(super) fn open_options(&self) -> OpenOptions {
-        OpenOptions {
+        super::probe::limited(OpenOptions {
             adapter: self.adapter.clone(),
             allow_structural: self.allow_structural,
             preset: self.preset(),
             ..OpenOptions::default()
-        }
+        })
     }
 
     fn preset(&self) -> Preset {

@@ -140,11 +140,11 @@ impl Arguments {
     }
 
     fn open_options(&self) -> OpenOptions {
-        OpenOptions {
+        super::probe::limited(OpenOptions {
             adapter: self.adapter.clone(),
             allow_structural: self.allow_structural,
             ..OpenOptions::default()
-        }
+        })
     }
 
     fn settings(&self, gpu: bool) -> Result<Settings, Failure> {

@@ -286,11 +286,11 @@ impl Arguments {
     }
 
     fn open_options(&self) -> OpenOptions {
-        OpenOptions {
+        super::probe::limited(OpenOptions {
             adapter: self.adapter.clone(),
             allow_structural: self.allow_structural,
             ..OpenOptions::default()
-        }
+        })
     }
 
     fn fixed(&self) -> Fixed {

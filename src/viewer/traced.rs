@@ -5,7 +5,7 @@ use super::source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
     FrameSource, FrameTarget, Opening, TreeReport,
 };
-use crate::backend::{BackendKind, Engine, OpenError, OpenOptions};
+use crate::backend::{BackendKind, Engine, OpenError, OpenOptions, failed};
 use crate::picture::{Aov, HeatMap, Quantity};
 use crate::render::{MAX_DEPTH, Outputs, RenderSettings, Size};
 use crate::scene::{Animation, Change, Placement, Scene, View};
@@ -17,7 +17,7 @@ use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
-use splitplane_wgpu::{Gpu, GpuError, Parity, WgpuBackend};
+use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
 use std::time::Instant;
 
 /// Frames a second of an animation that does not say when its frames are.
@@ -93,8 +93,8 @@ impl TracedSource {
             return Ok(None);
         }
         let gpu = Gpu::borrow(target.device.clone(), target.queue.clone());
-        let adapter = gpu.info().name.clone();
-        let backend = WgpuBackend::new(gpu).map_err(|error| refused(&adapter, &error))?;
+        let (adapter, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
+        let backend = WgpuBackend::new(gpu).map_err(|error| failed(&adapter, &driver, &error))?;
         let parity = backend.parity().cloned();
         match &parity {
             Some(Parity::Structural(difference)) if !self.open.allow_structural => {
@@ -415,16 +415,6 @@ impl FrameSource for TracedSource {
 
     fn tree(&self) -> Option<&KdTree> {
         Some(self.tracer().accelerator().ok()?.tree())
-    }
-}
-
-fn refused(adapter: &str, error: &GpuError) -> OpenError {
-    let (adapter, reason) = (adapter.to_owned(), error.to_string());
-    match error {
-        GpuError::Lost { .. } | GpuError::TimedOut { .. } => {
-            OpenError::DeviceFailed { adapter, reason }
-        }
-        _ => OpenError::Unusable { adapter, reason },
     }
 }
 

@@ -1,0 +1,198 @@
+//! Work of a driver in a thread of its own, waited for no longer than its limits allow.
+//!
+//! Drivers compile inside the process, in a call that takes as long and as much as it likes. The thread
+//! that makes the call cannot be ended: when a limit is exceeded, it is left to itself.
+
+use std::fmt;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Between two looks at memory and time, while nothing comes.
+const LOOK: Duration = Duration::from_millis(20);
+
+/// Compilers recurse. On a main thread they have this much.
+const STACK: usize = 8 << 20;
+
+/// What a driver may take.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Bounds {
+    /// For all the pipelines of an opening together, and for each one later.
+    pub time: Duration,
+    /// Bytes by which the memory of this process may grow meanwhile.
+    pub memory: u64,
+}
+
+/// The limit that a driver exceeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DriverLimit {
+    /// It may take so long.
+    Time(Duration),
+    /// Memory may grow by so many bytes meanwhile.
+    Memory(u64),
+}
+
+impl fmt::Display for DriverLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DriverLimit::Time(time) => write!(f, "{} seconds", time.as_secs_f64()),
+            DriverLimit::Memory(bytes) => write!(f, "{bytes} bytes of memory"),
+        }
+    }
+}
+
+/// Why work has no outcome.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Unfinished {
+    Exceeded(DriverLimit),
+    /// There is no thread for it.
+    NotStarted(String),
+}
+
+/// The outcome of `work`, or the limit that it exceeded. No time at all starts nothing. `until` is an end
+/// that may come before the limit of time.
+pub(crate) fn run<T: Send + 'static>(
+    bounds: &Bounds,
+    until: Option<Instant>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Unfinished> {
+    run_metered(bounds, until, private_memory, work)
+}
+
+fn run_metered<T: Send + 'static>(
+    bounds: &Bounds,
+    until: Option<Instant>,
+    mut memory: impl FnMut() -> Option<u64>,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Unfinished> {
+    let start = Instant::now();
+    // A limit beyond what an instant can hold is none.
+    let ends = [start.checked_add(bounds.time), until].into_iter().flatten().min();
+    let left = || ends.map(|end| end.saturating_duration_since(Instant::now()));
+    let over = Unfinished::Exceeded(DriverLimit::Time(bounds.time));
+    if bounds.time.is_zero() || left().is_some_and(|left| left.is_zero()) {
+        return Err(over);
+    }
+    let before = memory();
+    let (send, receive) = mpsc::channel();
+    thread::Builder::new()
+        .name("splitplane driver".into())
+        .stack_size(STACK)
+        .spawn(move || {
+            // Nobody listens when it took too long.
+            let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
+        })
+        .map_err(|error| Unfinished::NotStarted(error.to_string()))?;
+    loop {
+        let pause = left().map_or(LOOK, |left| left.min(LOOK));
+        match receive.recv_timeout(pause) {
+            Ok(Ok(out)) => return Ok(out),
+            Ok(Err(panic)) => resume_unwind(panic),
+            Err(RecvTimeoutError::Disconnected) => unreachable!("it sends before it ends"),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+        if let (Some(before), Some(now)) = (before, memory())
+            && now.saturating_sub(before) > bounds.memory
+        {
+            return Err(Unfinished::Exceeded(DriverLimit::Memory(bounds.memory)));
+        }
+        if left().is_some_and(|left| left.is_zero()) {
+            return Err(over);
+        }
+    }
+}
+
+/// Bytes of memory that this process has for itself; `None` where the system does not say.
+fn private_memory() -> Option<u64> {
+    private_memory_of("self")
+}
+
+/// Bytes of memory that a process has for itself, without what files are mapped to; `None` where the
+/// system does not say. Linux does.
+#[doc(hidden)]
+pub fn private_memory_of(process: &str) -> Option<u64> {
+    if !cfg!(target_os = "linux") {
+        return None;
+    }
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("RssAnon:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kibibytes.checked_mul(1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FOREVER: Duration = Duration::MAX;
+
+    /// Work that lasts until the sender is dropped.
+    fn stalled() -> (mpsc::Sender<()>, impl FnOnce() + Send) {
+        let (release, stall) = mpsc::channel::<()>();
+        (release, move || {
+            let _ = stall.recv();
+        })
+    }
+
+    #[test]
+    fn what_ends_gives_its_outcome() {
+        let bounds = Bounds { time: FOREVER, memory: u64::MAX };
+        assert_eq!(run(&bounds, None, || 7), Ok(7));
+        let raised = catch_unwind(|| run(&bounds, None, || panic!("of the driver's own")));
+        assert_eq!(raised.unwrap_err().downcast_ref(), Some(&"of the driver's own"));
+    }
+
+    #[test]
+    fn what_lasts_too_long_is_left() {
+        let bounds = Bounds { time: Duration::from_millis(30), memory: u64::MAX };
+        let (_release, work) = stalled();
+        let limit = DriverLimit::Time(bounds.time);
+        assert_eq!(run(&bounds, None, work), Err(Unfinished::Exceeded(limit)));
+        // The end of something larger comes before its own.
+        let bounds = Bounds { time: FOREVER, ..bounds };
+        let (_release, work) = stalled();
+        let until = Some(Instant::now() + Duration::from_millis(30));
+        let limit = DriverLimit::Time(FOREVER);
+        assert_eq!(run(&bounds, until, work), Err(Unfinished::Exceeded(limit)));
+    }
+
+    #[test]
+    fn nothing_is_begun_without_time() {
+        let none = Bounds { time: Duration::ZERO, memory: u64::MAX };
+        let some = Bounds { time: FOREVER, ..none };
+        for (bounds, until) in [(none, None), (some, Some(Instant::now()))] {
+            let (send, begun) = mpsc::channel();
+            let out = run(&bounds, until, move || send.send(()));
+            assert!(matches!(out, Err(Unfinished::Exceeded(DriverLimit::Time(_)))), "{out:?}");
+            // Not even later: what would send is gone.
+            assert_eq!(begun.recv(), Err(mpsc::RecvError));
+        }
+    }
+
+    #[test]
+    fn what_takes_too_much_memory_is_left_at_the_first_look_that_sees_it() {
+        let bounds = Bounds { time: FOREVER, memory: 50 };
+        let (_release, work) = stalled();
+        let mut looks = 0;
+        // Memory that is given back, or what the process had before, does not count.
+        let meter = || {
+            looks += 1;
+            Some([1000, 900, 1050, 1051, 9000][looks - 1])
+        };
+        let out = run_metered(&bounds, None, meter, work);
+        assert_eq!(out, Err(Unfinished::Exceeded(DriverLimit::Memory(50))));
+        assert_eq!(looks, 4);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn memory_of_this_process_is_known() {
+        let before = private_memory().unwrap();
+        let held = std::hint::black_box(vec![1u8; 64 << 20]);
+        assert!(private_memory().unwrap() > before.min(64 << 20));
+        drop(held);
+        assert_eq!(private_memory_of("no process"), None);
+    }
+}

@@ -1,0 +1,142 @@
+//! The driver's compiler, within limits.
+
+use std::fmt;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::Instant;
+
+use crate::bounded::{self, Bounds, Unfinished};
+use crate::error::GpuError;
+use crate::gpu::Gpu;
+
+/// What the driver of a device may take for pipelines, and which of them it took too much for.
+#[derive(Default)]
+pub(crate) struct Compiler {
+    bounds: Bounds,
+    /// An opening that is under way.
+    opening: Mutex<Option<UnderWay>>,
+    given_up: Mutex<Vec<GivenUp>>,
+    made: AtomicU64,
+    /// What runs before the driver: tests plant one that takes too much by it.
+    planted: Option<Arc<dyn Fn(&str) + Send + Sync>>,
+}
+
+/// What is known of an opening.
+#[derive(Clone, Debug)]
+struct UnderWay {
+    until: Option<Instant>,
+    /// The first limit that was exceeded.
+    exceeded: Option<GpuError>,
+}
+
+/// A pipeline that the driver took too much for.
+struct GivenUp {
+    source: String,
+    error: GpuError,
+    /// Gone when the driver is done with it after all.
+    under_way: Weak<()>,
+}
+
+/// While it lives, the limit of time holds for all pipelines together.
+pub(crate) struct Opening<'a> {
+    compiler: &'a Compiler,
+}
+
+impl Opening<'_> {
+    /// The first limit that the driver exceeded meanwhile. What a build reports has no type for it.
+    pub(crate) fn exceeded(&self) -> Option<GpuError> {
+        lock(&self.compiler.opening).as_ref()?.exceeded.clone()
+    }
+}
+
+impl Drop for Opening<'_> {
+    fn drop(&mut self) {
+        *lock(&self.compiler.opening) = None;
+    }
+}
+
+impl Compiler {
+    pub(crate) fn new(bounds: Bounds) -> Compiler {
+        Compiler { bounds, ..Compiler::default() }
+    }
+
+    pub(crate) fn planted(self, planted: impl Fn(&str) + Send + Sync + 'static) -> Compiler {
+        Compiler { planted: Some(Arc::new(planted)), ..self }
+    }
+
+    pub(crate) fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    pub(crate) fn made(&self) -> u64 {
+        self.made.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn opening(&self) -> Opening<'_> {
+        let until = Instant::now().checked_add(self.bounds.time);
+        *lock(&self.opening) = Some(UnderWay { until, exceeded: None });
+        Opening { compiler: self }
+    }
+
+    /// Compiles in a thread of the driver's own.
+    pub(crate) fn compile(
+        &self,
+        gpu: &Gpu,
+        label: &str,
+        source: &str,
+        layout: Option<&wgpu::BindGroupLayout>,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        self.refuse_given_up(source)?;
+        let token = Arc::new(());
+        let under_way = Arc::downgrade(&token);
+        let work = {
+            let (gpu, planted, layout) = (gpu.clone(), self.planted.clone(), layout.cloned());
+            let (label, source) = (label.to_owned(), source.to_owned());
+            move || {
+                let _token = token;
+                if let Some(planted) = planted {
+                    planted(&label);
+                }
+                gpu.compile_unbounded(&label, &source, layout.as_ref())
+            }
+        };
+        let until = lock(&self.opening).as_ref().and_then(|opening| opening.until);
+        match bounded::run(&self.bounds, until, work) {
+            Ok(made) => {
+                self.made.fetch_add(u64::from(made.is_ok()), Ordering::Relaxed);
+                made
+            }
+            Err(Unfinished::NotStarted(reason)) => {
+                Err(GpuError::Refused(format!("no thread can be started to compile: {reason}")))
+            }
+            Err(Unfinished::Exceeded(limit)) => {
+                let doing = format!("compiling `{label}`");
+                let error = GpuError::DriverLimit { doing, limit };
+                if let Some(opening) = &mut *lock(&self.opening) {
+                    opening.exceeded.get_or_insert_with(|| error.clone());
+                }
+                let (source, given) = (source.to_owned(), error.clone());
+                lock(&self.given_up).push(GivenUp { source, error, under_way });
+                Err(given)
+            }
+        }
+    }
+
+    /// Refuses what the driver is still at: asking again would only start another thread.
+    fn refuse_given_up(&self, source: &str) -> Result<(), GpuError> {
+        let mut given_up = lock(&self.given_up);
+        given_up.retain(|one| one.under_way.strong_count() > 0);
+        let known = given_up.iter().find(|one| one.source == source);
+        known.map_or(Ok(()), |one| Err(one.error.clone()))
+    }
+}
+
+impl fmt::Debug for Compiler {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Compiler").field("bounds", &self.bounds).field("made", &self.made).finish()
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
