@@ -343,7 +343,8 @@ impl CpuBackend {
                 return counts;
             }
             for (i, triangle) in triangles.iter_mut().enumerate() {
-                let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(piece * PIECE + i));
+                let Prepared { corners, kept, snapped } =
+                    prepare(&mesh.triangle(piece * PIECE + i));
                 *triangle = corners;
                 counts = [counts[0] + u32::from(!kept), counts[1] + u32::from(snapped)];
             }

@@ -384,7 +384,10 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 // For all that the active nodes can become, since nothing can fail on the way.
                 let [top, small, next] = k::allocate_children::most(&b.decisions[..active]);
                 m.double_room(&mut b.top_nodes, b.counters[Counter::TopNodes] as usize + top)?;
-                m.double_room(&mut b.small_roots, b.counters[Counter::SmallRoots] as usize + small)?;
+                m.double_room(
+                    &mut b.small_roots,
+                    b.counters[Counter::SmallRoots] as usize + small,
+                )?;
                 m.double_room(&mut b.next_nodes, next)?;
                 m.double_room(&mut b.level_starts, b.counters[Counter::Levels] as usize + 1)?;
                 let mut lists = Lists {

@@ -294,8 +294,7 @@ impl CpuAccelerator {
 /// could end the process.
 fn trim(crossings: &mut Vec<Crossing>) {
     let mut shorter = Vec::new();
-    if crossings.len() < crossings.capacity()
-        && shorter.try_reserve_exact(crossings.len()).is_ok()
+    if crossings.len() < crossings.capacity() && shorter.try_reserve_exact(crossings.len()).is_ok()
     {
         shorter.extend_from_slice(crossings);
         *crossings = shorter;
