@@ -128,7 +128,7 @@ impl HostScene<'_> {
                 };
             }
             asking.is_over();
-            Ok(())
+            Ok::<(), QueryError>(())
         };
         let tasks = rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).zip(&mut parts);
         tasks.enumerate().try_for_each(task)?;
