@@ -15,7 +15,7 @@ use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::{Stage, Watch};
 
 use crate::best;
-use crate::buffers::{Buffers, Memory};
+use crate::buffers::{Buffers, Memory, boxed};
 use crate::executor::CpuExecutor;
 use crate::lookout::{self, Lookout, UNWATCHED};
 use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
@@ -192,7 +192,8 @@ impl CpuBackend {
         // A poisoned lock means that another build panicked; its scratch is not needed.
         let kept = self.scratch.lock().map_or(None, |mut kept| kept.take());
         let is_kept = kept.is_some();
-        let mut kept = kept.unwrap_or_default();
+        let new = || boxed(Default::default).map_err(|_| Memory::default().lacking());
+        let mut kept = kept.map_or_else(new, Ok)?;
         let mut out = self.build_with(&mut kept, mesh, options, look, &mut then);
         if is_kept && matches!(out, Err(BuildError::OutOfMemory { .. })) {
             *kept = Default::default();
@@ -279,7 +280,7 @@ impl Backend for CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        Ok(Box::new(self.build_accelerator(mesh, options)?))
+        in_box(self.build_accelerator(mesh, options)?)
     }
 
     /// Asks the watch after every few thousand triangles' worth of work, one thread at a time, so `done`
@@ -292,7 +293,7 @@ impl Backend for CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        Ok(Box::new(self.build_accelerator_watched(mesh, options, watch)?))
+        in_box(self.build_accelerator_watched(mesh, options, watch)?)
     }
 
     fn load(
@@ -332,37 +333,36 @@ impl CpuBackend {
         })
         .map_err(|violation| wrong(violation.to_string()))?;
         look.check()?;
-        let bytes = mesh.len() * (size_of::<Triangle>() + size_of::<Prepared>());
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
-        memory.take(bytes as u64 + tree_bytes(&tree.view()))?;
-        let mut prepared = Vec::new();
-        memory.reserve(&mut prepared, mesh.len())?;
-        let nothing = Prepared { corners: [[0.0; 3]; 3], kept: false, snapped: false };
-        lookout::resize(look, &mut prepared, mesh.len(), &nothing);
-        look.check()?;
-        prepared.par_chunks_mut(PIECE).enumerate().for_each(|(piece, prepared)| {
-            if look.worked(prepared.len() as u64) {
-                return;
+        memory.take(tree_bytes(&tree.view()))?;
+        let mut triangles: Vec<Triangle> = Vec::new();
+        memory.grow_watched(&mut triangles, mesh.len(), look)?;
+        let pieces = triangles.par_chunks_mut(PIECE).enumerate().map(|(piece, triangles)| {
+            let mut counts = [0; 2];
+            if look.worked(triangles.len() as u64) {
+                return counts;
             }
-            for (i, prepared) in prepared.iter_mut().enumerate() {
-                *prepared = prepare(&mesh.triangle(piece * PIECE + i));
+            for (i, triangle) in triangles.iter_mut().enumerate() {
+                let Prepared { corners, kept, snapped } =
+                    prepare(&mesh.triangle(piece * PIECE + i));
+                *triangle = corners;
+                counts = [counts[0] + u32::from(!kept), counts[1] + u32::from(snapped)];
             }
-            look.advance(prepared.len() as u64);
+            look.advance(triangles.len() as u64);
+            counts
         });
+        let [dropped, snapped] =
+            pieces.reduce(|| [0; 2], |one, other| [one[0] + other[0], one[1] + other[1]]);
         look.finish();
         look.check()?;
-        let count = |test: fn(&Prepared) -> bool| {
-            prepared.iter().filter(|triangle| test(triangle)).count() as u32
-        };
         let summary = BuildSummary {
             triangles: mesh.len() as u32,
-            dropped: count(|triangle| !triangle.kept),
-            snapped: count(|triangle| triangle.snapped),
+            dropped,
+            snapped,
             large_levels: 0,
             small_roots: 0,
             peak_bytes: memory.peak,
         };
-        let triangles: Vec<Triangle> = prepared.into_iter().map(|p| p.corners).collect();
         begin_layout(look, &tree.view());
         let mut scratch = LayoutScratch::default();
         let source = Source { mesh, triangles: &triangles, layout: options.layout };
@@ -370,7 +370,19 @@ impl CpuBackend {
         let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
         look.finish();
         look.check()?;
-        Ok(Box::new(loaded))
+        in_box(loaded)
+    }
+}
+
+/// An accelerator whose kind the caller need not know.
+///
+/// # Errors
+/// No memory for the box.
+fn in_box(accelerator: CpuAccelerator) -> Result<Box<dyn Accelerator>, BuildError> {
+    let held = accelerator.bytes();
+    match boxed(|| accelerator) {
+        Ok(accelerator) => Ok(accelerator),
+        Err(_) => Err(BuildError::OutOfMemory { needed: held, limit: held }),
     }
 }
 

@@ -1,5 +1,7 @@
 //! The typed arena that kernels work on, kept between builds.
 
+use std::collections::TryReserveError;
+
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;
@@ -125,6 +127,22 @@ impl Memory {
         self.reserve(vector, length)
     }
 
+    /// As [`Memory::make_room`], for lists that become longer from step to step: where there is not enough
+    /// room, at least twice what there was.
+    ///
+    /// # Errors
+    /// As for [`Memory::make_room`].
+    pub(crate) fn double_room<T>(
+        &mut self,
+        vector: &mut Vec<T>,
+        length: usize,
+    ) -> Result<(), BuildError> {
+        if length <= vector.capacity() {
+            return Ok(());
+        }
+        self.make_room(vector, length.max(2 * vector.capacity()))
+    }
+
     /// Makes room for `length` elements in all, and no more where it is made, which has been accounted for.
     ///
     /// # Errors
@@ -138,6 +156,19 @@ impl Memory {
     pub(crate) fn lacking(&self) -> BuildError {
         BuildError::OutOfMemory { needed: self.held, limit: self.held }
     }
+}
+
+/// As [`Box::new`], of what is not made where there is no memory for it.
+///
+/// # Errors
+/// Less memory than that.
+pub(crate) fn boxed<T>(make: impl FnOnce() -> T) -> Result<Box<T>, TryReserveError> {
+    let mut one = Vec::new();
+    one.try_reserve_exact(1)?;
+    one.push(make());
+    let one = Box::into_raw(one.into_boxed_slice());
+    // SAFETY: a slice of one element has the layout of the element.
+    Ok(unsafe { Box::from_raw(one.cast::<T>()) })
 }
 
 /// Bytes that a vector has room for.

@@ -381,7 +381,15 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 );
             }
             Kernel::AllocateChildren => {
-                let before = b.bytes();
+                // For all that the active nodes can become, since nothing can fail on the way.
+                let [top, small, next] = k::allocate_children::most(&b.decisions[..active]);
+                m.double_room(&mut b.top_nodes, b.counters[Counter::TopNodes] as usize + top)?;
+                m.double_room(
+                    &mut b.small_roots,
+                    b.counters[Counter::SmallRoots] as usize + small,
+                )?;
+                m.double_room(&mut b.next_nodes, next)?;
+                m.double_room(&mut b.level_starts, b.counters[Counter::Levels] as usize + 1)?;
                 let mut lists = Lists {
                     next: &mut b.next_nodes,
                     small: &mut b.small_roots,
@@ -396,7 +404,6 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut lists,
                     &mut b.counters,
                 );
-                m.take(b.bytes() - before)?;
                 look.advance(1);
             }
             Kernel::ScatterReferences => {

@@ -219,8 +219,7 @@ fn where_there_is_no_memory_nothing_is_lost() {
     }
 }
 
-/// Whichever large request of the builder is refused, an error says so. In larger scenes the list of the
-/// large-node stage's nodes would be one too, which still ends the process.
+/// Whichever large request of the builder is refused, an error says so. (`refusals.rs` refuses all others too.)
 #[test]
 fn where_there_is_no_memory_no_tree_is_built() {
     let _alone = alone();

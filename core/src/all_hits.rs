@@ -1,5 +1,6 @@
 //! All hits of a ray, in order, each crossing of a surface once.
 
+use alloc::collections::TryReserveError;
 use alloc::vec::Vec;
 
 use crate::backend::{QueryError, go_on_tracing};
@@ -44,16 +45,31 @@ impl AllHits {
         AllHits { starts: alloc::vec![0], crossings: Vec::new(), answered_by_cpu: 0 }
     }
 
+    /// The answer to no rays, with room for so many.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for that.
+    pub fn with_room(rays: usize) -> Result<AllHits, QueryError> {
+        let mut starts = Vec::new();
+        let length = rays.saturating_add(1);
+        let bytes = length.saturating_mul(size_of::<usize>()) as u64;
+        starts.try_reserve_exact(length).map_err(|_| refused(bytes))?;
+        starts.push(0);
+        Ok(AllHits { starts, crossings: Vec::new(), answered_by_cpu: 0 })
+    }
+
     /// The crossings of rays, one ray after the other: the reference. Without a limit of memory.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no more memory.
     pub fn one_by_one(
         tree: &KdTreeView<'_>,
         triangles: &(impl Triangles + ?Sized),
         rays: &[Ray],
         options: &QueryOptions,
-    ) -> AllHits {
+    ) -> Result<AllHits, QueryError> {
         let options = QueryOptions { max_memory: None, ..*options };
-        // Without a limit and a watch nothing ends it.
-        AllHits::one_by_one_watched(tree, triangles, rays, &options, &()).unwrap_or_default()
+        AllHits::one_by_one_watched(tree, triangles, rays, &options, &())
     }
 
     /// The crossings of rays, one ray after the other, told to a watch.
@@ -68,9 +84,8 @@ impl AllHits {
         watch: &dyn Watch,
     ) -> Result<AllHits, QueryError> {
         let total = rays.len() as u64;
-        let mut all = AllHits::none();
         check_bytes((rays.len() * size_of::<usize>()) as u64, options)?;
-        all.starts.reserve_exact(rays.len());
+        let mut all = AllHits::with_room(rays.len())?;
         let mut collector = Collector::default();
         for (number, ray) in rays.iter().enumerate() {
             if number % BETWEEN == 0 {
@@ -86,7 +101,8 @@ impl AllHits {
             ended?;
             let grown = collector.growth(&all.crossings);
             check_bytes(held + collector.bytes() + grown, options)?;
-            collector.finish(&mut all.crossings);
+            let all_held = |error: QueryError| error.beside(held, options.max_memory);
+            collector.finish(&mut all.crossings).map_err(all_held)?;
             all.starts.push(all.crossings.len());
         }
         go_on_tracing(watch, total, total)?;
@@ -110,11 +126,18 @@ impl AllHits {
     }
 
     /// Adds the answers to more rays behind those to the rays so far.
-    pub fn append(&mut self, more: AllHits) {
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for both; nothing is added then.
+    pub fn append(&mut self, more: AllHits) -> Result<(), QueryError> {
+        let bytes = self.bytes() + more.bytes();
+        self.starts.try_reserve(more.rays()).map_err(|_| refused(bytes))?;
+        self.crossings.try_reserve(more.crossings.len()).map_err(|_| refused(bytes))?;
         let first = self.crossings.len();
         self.starts.extend(more.starts.iter().skip(1).map(|start| first + start));
         self.crossings.extend(more.crossings);
         self.answered_by_cpu += more.answered_by_cpu;
+        Ok(())
     }
 }
 
@@ -133,21 +156,29 @@ pub fn check_bytes(needed: u64, options: &QueryOptions) -> Result<(), QueryError
     }
 }
 
+/// The error where the system has less memory than the answers need: so many bytes are held or were asked for.
+pub fn refused(bytes: u64) -> QueryError {
+    QueryError::OutOfMemory { needed: bytes, limit: bytes }
+}
+
 /// The crossings of one ray between its limits, in order of (exact distance, triangle), added to `out`.
 /// They are exact whatever accuracy the options name: see [`crate::exact`]. A ray through an edge or a
 /// vertex crosses the surface there once, or not at all where the surface turns back.
 ///
 /// `tree` must be valid (see [`crate::validate`]).
+///
+/// # Errors
+/// [`QueryError::OutOfMemory`] where the system has no memory for them; nothing is added then.
 pub fn all_hits(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
     options: &QueryOptions,
     out: &mut Vec<Crossing>,
-) {
+) -> Result<(), QueryError> {
     let mut collector = Collector::default();
     collect(tree, triangles, ray, options, &mut collector, |_| true);
-    collector.finish(out);
+    collector.finish(out)
 }
 
 /// Collects what a ray crosses; `go_on` is asked as by [`Collector::test_while`].
@@ -170,6 +201,8 @@ pub struct Collector {
     found: Vec<(Meeting, u32)>,
     tests: u32,
     ended: bool,
+    /// Whether the system refused memory.
+    refused: bool,
 }
 
 impl Collector {
@@ -178,7 +211,8 @@ impl Collector {
 
     /// Tests a triangle (snapped corners), which may come more than once. Every few hundred triangles, and before
     /// it takes more memory, asks whether to go on holding so many bytes. Gives the `t` beyond which no
-    /// triangle is of interest: none at all after a no, until [`Collector::finish`].
+    /// triangle is of interest: none at all after a no, or where the system has no more memory, until
+    /// [`Collector::finish`].
     #[inline]
     pub fn test_while(
         &mut self,
@@ -194,9 +228,10 @@ impl Collector {
         if let Some(met) = cross(ray, corners, culling)
             && met.is_within_limits()
         {
-            self.ended = !make_room(&mut self.found, each_once, go_on);
-            if !self.ended {
-                self.found.push((met, triangle));
+            match make_room(&mut self.found, each_once, go_on) {
+                Ok(true) => self.found.push((met, triangle)),
+                Ok(false) => self.ended = true,
+                Err(_) => (self.ended, self.refused) = (true, true),
             }
         }
         self.tests = self.tests.wrapping_add(1);
@@ -223,13 +258,23 @@ impl Collector {
 
     /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray. After a no
     /// adds nothing.
-    pub fn finish(&mut self, out: &mut Vec<Crossing>) {
-        if self.ended {
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for what was found, or had none for it on the
+    /// way; adds nothing then. The bytes are those held here, and those that `out` would take.
+    pub fn finish(&mut self, out: &mut Vec<Crossing>) -> Result<(), QueryError> {
+        let (ended, was_refused) = (self.ended, self.refused);
+        (self.ended, self.refused) = (false, false);
+        if ended {
             self.found.clear();
-            self.ended = false;
-            return;
+            return if was_refused { Err(refused(self.bytes())) } else { Ok(()) };
         }
         each_once(&mut self.found);
+        if out.try_reserve(self.found.len()).is_err() {
+            let bytes = self.bytes() + self.growth(out);
+            self.found.clear();
+            return Err(refused(bytes));
+        }
         // In place: a stable sort would take memory that nobody counts.
         self.found
             .sort_unstable_by(|(a, first), (b, second)| a.compare_t(b).then(first.cmp(second)));
@@ -238,6 +283,7 @@ impl Collector {
             front: met.is_front(),
         };
         out.extend(self.found.drain(..).map(crossing));
+        Ok(())
     }
 }
 
@@ -249,24 +295,27 @@ fn each_once(found: &mut Vec<(Meeting, u32)>) {
 
 /// Makes room for one more: by leaving out what is there twice, or, where that leaves more than half, by
 /// twice the room, if `go_on` agrees to so many bytes. False if it does not.
+///
+/// # Errors
+/// The system has no memory for twice the room.
 pub(crate) fn make_room<T>(
     list: &mut Vec<T>,
     each_once: impl FnOnce(&mut Vec<T>),
     go_on: &mut impl FnMut(u64) -> bool,
-) -> bool {
+) -> Result<bool, TryReserveError> {
     let room = list.capacity();
     if list.len() < room {
-        return true;
+        return Ok(true);
     }
     each_once(list);
     if list.len() < room.div_ceil(2) {
-        return true;
+        return Ok(true);
     }
     let more = (2 * room).max(32);
     // Until the old room is given back both are held.
     if !go_on(((room + more) * size_of::<T>()) as u64) {
-        return false;
+        return Ok(false);
     }
-    list.reserve_exact(more - list.len());
-    true
+    list.try_reserve_exact(more - list.len())?;
+    Ok(true)
 }

@@ -1,6 +1,6 @@
 //! The seam between backends: object-safe traits at batch level.
 
-use crate::all_hits::AllHits;
+use crate::all_hits::{AllHits, refused};
 use crate::config::{BuildConfig, ConfigError, Preset};
 use crate::inside::{self, Located};
 use crate::mesh::Mesh;
@@ -187,7 +187,7 @@ pub trait Accelerator: Send + Sync {
     /// [`crate::all_hits`]. They are exact whatever accuracy the options name.
     ///
     /// # Errors
-    /// More memory than [`QueryOptions::max_memory`] allows; a device that fails.
+    /// More memory than [`QueryOptions::max_memory`] allows, or than the system has; a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError>;
 
     /// As [`Accelerator::all_hits`], telling `watch` how far it is; `watch` may end it.
@@ -208,12 +208,7 @@ pub trait Accelerator: Send + Sync {
             go_on_tracing(watch, (slice << 12) as u64, total)?;
             let room = options.max_memory.map(|limit| limit.saturating_sub(all.bytes()));
             let part = self.all_hits(rays, &QueryOptions { max_memory: room, ..*options });
-            all.append(part.map_err(|error| match (error, options.max_memory) {
-                (QueryError::OutOfMemory { needed, .. }, Some(limit)) => {
-                    QueryError::OutOfMemory { needed: needed + all.bytes(), limit }
-                }
-                (error, _) => error,
-            })?);
+            all.append(part.map_err(|error| error.beside(all.bytes(), options.max_memory))?)?;
         }
         go_on_tracing(watch, total, total)?;
         Ok(all)
@@ -222,7 +217,7 @@ pub trait Accelerator: Send + Sync {
     /// Where points lie to the surface that the triangles make: see [`crate::inside`].
     ///
     /// # Errors
-    /// A device that fails.
+    /// More memory than the system has; a device that fails.
     fn locate(&self, points: &[[f32; 3]]) -> Result<Located, QueryError> {
         self.locate_watched(points, None, &())
     }
@@ -273,7 +268,7 @@ fn in_slices<T>(
     let mut done = 0;
     for (rays, results) in rays.chunks(SLICE).zip(results.chunks_mut(SLICE)) {
         go_on_tracing(watch, done as u64, total as u64)?;
-        all.append(answer(rays, results)?, done);
+        all.append(answer(rays, results)?, done)?;
         done += rays.len();
     }
     go_on_tracing(watch, done as u64, total as u64)?;
@@ -282,10 +277,18 @@ fn in_slices<T>(
 
 impl QueryReport {
     /// Adds the report on a part of the batch that begins at ray `first`, behind all parts before.
-    pub fn append(&mut self, part: QueryReport, first: usize) {
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for the list of flagged rays; nothing is added
+    /// then.
+    pub fn append(&mut self, part: QueryReport, first: usize) -> Result<(), QueryError> {
+        let places = self.flagged.len() + part.flagged.len();
+        let refused = |_| refused((places * size_of::<usize>()) as u64);
+        self.flagged.try_reserve(part.flagged.len()).map_err(refused)?;
+        self.flagged.extend(part.flagged.iter().map(|place| first + place));
         self.undecided += part.undecided;
         self.unfinished += part.unfinished;
-        self.flagged.extend(part.flagged.iter().map(|place| first + place));
+        Ok(())
     }
 }
 
@@ -469,6 +472,42 @@ impl core::fmt::Display for Lack {
     }
 }
 
+/// Why memory does not suffice for the answers to a batch.
+struct Crossings(Lack);
+
+impl core::fmt::Display for Crossings {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Crossings(Lack { needed, limit }) = self;
+        if needed > limit {
+            return write!(
+                f,
+                "the crossings take {needed} bytes or more, over the limit of {limit}; raise the limit, or ask for fewer rays at a time"
+            );
+        }
+        write!(
+            f,
+            "the system has no more memory for the answers, which take {needed} bytes so far; ask for fewer rays at a time"
+        )
+    }
+}
+
+impl QueryError {
+    /// The error of a part of a batch, for the whole: so many bytes are held beside the part, under the limit
+    /// of the whole.
+    #[must_use]
+    pub(crate) fn beside(self, held: u64, whole: Option<u64>) -> QueryError {
+        match (self, whole) {
+            (QueryError::OutOfMemory { needed, limit }, _) if needed <= limit => {
+                refused(needed + held)
+            }
+            (QueryError::OutOfMemory { needed, .. }, Some(limit)) => {
+                QueryError::OutOfMemory { needed: needed + held, limit }
+            }
+            (error, _) => error,
+        }
+    }
+}
+
 /// A number that may not be known.
 struct Amount(u64);
 
@@ -492,14 +531,12 @@ pub enum QueryError {
         /// Room for results.
         results: usize,
     },
-    /// All hits would take more memory than allowed.
-    #[error(
-        "the crossings take {needed} bytes or more, over the limit of {limit}; raise the limit, or ask for fewer rays at a time"
-    )]
+    /// The answers would take more memory than allowed, or than the system has.
+    #[error("{}", Crossings(Lack { needed: *needed, limit: *limit }))]
     OutOfMemory {
-        /// Bytes needed at the point where it stopped.
+        /// Bytes needed at the point where it stopped; where the system refused more, those held.
         needed: u64,
-        /// The limit.
+        /// The limit; where the system refused more, as many as are `needed`.
         limit: u64,
     },
     /// The watch ended the batch.

@@ -14,10 +14,9 @@
 
 use core::ops::ControlFlow;
 
-use alloc::vec;
 use alloc::vec::Vec;
 
-use crate::all_hits::{Collector, check_bytes, make_room};
+use crate::all_hits::{Collector, check_bytes, make_room, refused};
 use crate::backend::{Accelerator, QueryError, go_on_tracing};
 use crate::exact::{self, ExactRay, cross, meet};
 use crate::ray::{Accuracy, Culling, QueryOptions, Ray};
@@ -94,12 +93,16 @@ impl Locator {
     /// ray may meet to a test, as often as it likes. Every few hundred triangles, and before it takes
     /// more memory, asks `go_on` whether to go on holding so many bytes; after a no, what it gives is of no
     /// use.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for the crossings; the bytes are those held
+    /// here.
     pub fn winding(
         &mut self,
         point: [f32; 3],
         visit: impl Fn(&Ray, &mut Test<'_>),
         go_on: &mut impl FnMut(u64) -> bool,
-    ) -> Option<i32> {
+    ) -> Result<Option<i32>, QueryError> {
         let Locator { crossed, tests } = self;
         crossed.clear();
         let mut is_due = || {
@@ -118,9 +121,10 @@ impl Locator {
                 if ended { f64::NEG_INFINITY } else { f64::INFINITY }
             });
             if ended {
-                return None;
+                return Ok(None);
             }
         }
+        let mut was_refused = false;
         visit(&Ray::new(point, DIRECTION), &mut |ray, corners, triangle| {
             if ended {
                 return f64::NEG_INFINITY;
@@ -128,17 +132,21 @@ impl Locator {
             if let Some(met) = cross(ray, corners, Culling::None)
                 && met.is_within_limits()
             {
-                ended = !make_room(crossed, each_once, go_on);
-                if !ended {
-                    crossed.push(triangle << 1 | u32::from(met.is_front()));
+                match make_room(crossed, each_once, go_on) {
+                    Ok(true) => crossed.push(triangle << 1 | u32::from(met.is_front())),
+                    Ok(false) => ended = true,
+                    Err(_) => (ended, was_refused) = (true, true),
                 }
             }
             ended = ended || is_due() && !go_on(bytes(crossed.capacity()));
             if ended { f64::NEG_INFINITY } else { f64::INFINITY }
         });
+        if was_refused {
+            return Err(refused(bytes(crossed.capacity())));
+        }
         each_once(crossed);
         // A ray from within leaves through backs.
-        Some(crossed.iter().map(|crossing| if crossing & 1 == 1 { -1 } else { 1 }).sum())
+        Ok(Some(crossed.iter().map(|crossing| if crossing & 1 == 1 { -1 } else { 1 }).sum()))
     }
 }
 
@@ -167,6 +175,18 @@ pub fn check_points(points: usize, max_memory: Option<u64>) -> Result<u64, Query
     Ok(bytes)
 }
 
+/// The windings of so many points, all of them 0 so far, for which [`check_points`] has accounted.
+///
+/// # Errors
+/// [`QueryError::OutOfMemory`] where the system has no memory for them.
+pub fn no_windings(points: usize) -> Result<Vec<Option<i32>>, QueryError> {
+    let mut windings = Vec::new();
+    let bytes = points.saturating_mul(size_of::<Option<i32>>()) as u64;
+    windings.try_reserve_exact(points).map_err(|_| refused(bytes))?;
+    windings.resize(points, Some(0));
+    Ok(windings)
+}
+
 /// Where points lie, one after the other: the reference, which backends on devices answer from too.
 ///
 /// `tree` must be valid (see [`crate::validate`]).
@@ -183,7 +203,7 @@ pub fn one_by_one(
     let (total, options) = (points.len() as u64, QueryOptions::default());
     let held = check_points(points.len(), max_memory)?;
     let limit = QueryOptions { max_memory, ..options };
-    let mut located = Located { windings: vec![Some(0); points.len()], answered_by_cpu: 0 };
+    let mut located = Located { windings: no_windings(points.len())?, answered_by_cpu: 0 };
     let mut locator = Locator::default();
     for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
         let mut ended = go_on_tracing(watch, done as u64, total);
@@ -191,11 +211,12 @@ pub fn one_by_one(
             let visit = |ray: &Ray, test: &mut Test<'_>| {
                 exact::visit(tree, triangles, ray, &options, &mut (), test);
             };
-            *winding = locator.winding(point, visit, &mut |bytes| {
+            let wound = locator.winding(point, visit, &mut |bytes| {
                 ended = check_bytes(held + bytes, &limit)
                     .and_then(|()| go_on_tracing(watch, done as u64, total));
                 ended.is_ok()
             });
+            *winding = wound.map_err(|error| error.beside(held, max_memory))?;
         }
         ended?;
     }
@@ -219,7 +240,7 @@ pub fn locate_along(
 ) -> Result<Located, QueryError> {
     let total = points.len() as u64;
     let held = check_points(points.len(), max_memory)?;
-    let mut located = Located { windings: vec![Some(0); points.len()], answered_by_cpu: 0 };
+    let mut located = Located { windings: no_windings(points.len())?, answered_by_cpu: 0 };
     let exactly = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
     let room = max_memory.map(|limit| limit - held);
     let all = QueryOptions { max_memory: room, ..QueryOptions::default() };
@@ -237,12 +258,7 @@ pub fn locate_along(
         }
         let met = accelerator
             .all_hits_watched(&[Ray::new(point, direction)], &all, &watch)
-            .map_err(|error| match (watch.place(error), max_memory) {
-                (QueryError::OutOfMemory { needed, .. }, Some(limit)) => {
-                    QueryError::OutOfMemory { needed: needed + held, limit }
-                }
-                (error, _) => error,
-            })?;
+            .map_err(|error| watch.place(error).beside(held, max_memory))?;
         // A ray from within leaves through backs.
         let sign = |front: bool| if front { -1 } else { 1 };
         *winding = Some(met.crossings.iter().map(|met| sign(met.front)).sum());

@@ -1,6 +1,8 @@
 //! The finished tree: one preorder array of nodes and one array of triangle references.
 
 use crate::aabb::Aabb;
+#[cfg(feature = "alloc")]
+use crate::backend::BuildError;
 use crate::config::BuildConfig;
 use crate::digest::{Digest, Xxh64};
 use crate::node::{KdNode, NodeKind};
@@ -120,6 +122,26 @@ impl KdTree {
     }
 }
 
+#[cfg(feature = "alloc")]
+impl KdTreeView<'_> {
+    /// A tree of its own with the same content.
+    ///
+    /// # Errors
+    /// [`BuildError::OutOfMemory`] where the system has no memory for it.
+    pub fn to_tree(&self) -> Result<KdTree, BuildError> {
+        let (mut nodes, mut references) = (Vec::new(), Vec::new());
+        let bytes = (size_of_val(self.nodes) + size_of_val(self.references)) as u64;
+        let refused = |_| BuildError::OutOfMemory { needed: bytes, limit: bytes };
+        nodes.try_reserve_exact(self.nodes.len()).map_err(refused)?;
+        references.try_reserve_exact(self.references.len()).map_err(refused)?;
+        nodes.extend_from_slice(self.nodes);
+        references.extend_from_slice(self.references);
+        let KdTreeView { bounds, triangles, config, .. } = *self;
+        Ok(KdTree { nodes, references, bounds, triangles, config })
+    }
+}
+
+/// Without memory for the copy this ends the process; [`KdTreeView::to_tree`] gives an error.
 #[cfg(feature = "alloc")]
 impl From<KdTreeView<'_>> for KdTree {
     fn from(view: KdTreeView<'_>) -> KdTree {

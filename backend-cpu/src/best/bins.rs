@@ -141,6 +141,9 @@ pub(super) fn best_split(
         count_faces(set, &search.grid, references, &mut bins.faces, &mut bins.places);
     }
     look.check()?;
+    // Any bin may turn out to be open.
+    bins.open.clear();
+    ledger.reserve(&mut bins.open, 3 * count)?;
     let events = bound(set, bins, costs, cell, &search.grid, references.len() as u32, limit);
     if bins.open.is_empty() {
         return Ok(None);
@@ -240,7 +243,7 @@ impl Search<'_> {
         })?;
         self.look.check()?;
         let mut events = &mut bins.events[..];
-        let mut lists = Vec::with_capacity(open.len());
+        let mut lists = self.ledger.passing(open.len())?;
         for (number, open) in open.iter().enumerate() {
             let end = bins.open.get(number + 1).map_or(all, |next| next.first as usize);
             let (list, rest) = events.split_at_mut(end - open.first as usize);

@@ -1,11 +1,13 @@
 //! Finished subtrees, and the canonical arrays they become.
 
 use core::ops::Range;
+use std::collections::TryReserveError;
 
 use splitplane_core::backend::BuildError;
 use splitplane_core::node::{Axis, KdNode, NodeKind};
 
 use super::subtree::{Worker, union};
+use crate::buffers::boxed;
 use crate::lookout::Lookout;
 use crate::query::WalkNode;
 
@@ -44,16 +46,27 @@ pub(super) struct Parts {
 
 impl Built {
     /// A node with two children.
-    pub fn split(axis: Axis, position: f32, left: Built, right: Built) -> Built {
+    ///
+    /// # Errors
+    /// No memory for it.
+    pub fn split(
+        axis: Axis,
+        position: f32,
+        left: Built,
+        right: Built,
+    ) -> Result<Built, TryReserveError> {
         let nodes = 1 + left.nodes() + right.nodes();
         let references = left.references() + right.references();
-        Built::Split(Box::new(Parts { axis, position, left, right, nodes, references }))
+        boxed(|| Parts { axis, position, left, right, nodes, references }).map(Built::Split)
     }
 
     /// A leaf of all that its children's leaves have: so many references.
-    pub fn retracted(left: Built, right: Built, references: u64) -> Built {
+    ///
+    /// # Errors
+    /// No memory for it.
+    pub fn retracted(left: Built, right: Built, references: u64) -> Result<Built, TryReserveError> {
         let (axis, position) = (Axis::X, 0.0);
-        Built::Retracted(Box::new(Parts { axis, position, left, right, nodes: 1, references }))
+        boxed(|| Parts { axis, position, left, right, nodes: 1, references }).map(Built::Retracted)
     }
 
     /// How many nodes it has.
@@ -75,15 +88,18 @@ impl Built {
     }
 
     /// Appends the references of all leaves.
-    fn collect(&self, workers: &[&Worker], out: &mut Vec<u32>) {
-        match self {
-            Built::Whole(subtree) => out.extend_from_slice(subtree.references_in(workers)),
+    fn collect(&self, workers: &[&Worker], out: &mut Vec<u32>) -> Result<(), TryReserveError> {
+        let references = match self {
+            Built::Whole(subtree) => subtree.references_in(workers),
             Built::Split(parts) | Built::Retracted(parts) => {
-                parts.left.collect(workers, out);
-                parts.right.collect(workers, out);
+                parts.left.collect(workers, out)?;
+                return parts.right.collect(workers, out);
             }
-            Built::Leaf(references) => out.extend_from_slice(references),
-        }
+            Built::Leaf(references) => references,
+        };
+        out.try_reserve(references.len())?;
+        out.extend_from_slice(references);
+        Ok(())
     }
 
     /// Bytes held.
@@ -111,14 +127,17 @@ impl Built {
 
     /// Writes the subtree to arrays of its size, as the canonical tree has it. `workers` are all that
     /// took part, by number.
+    ///
+    /// # Errors
+    /// Less memory than putting leaves together takes.
     pub fn emit(
         &self,
         look: &Lookout<'_>,
         workers: &[&Worker],
         nodes: &mut [KdNode],
         references: &mut [u32],
-    ) {
-        self.emit_at(look, workers, nodes, references, [0, 0]);
+    ) -> Result<(), TryReserveError> {
+        self.emit_at(look, workers, nodes, references, [0, 0])
     }
 
     /// Writes the subtree to arrays of its size, which begin at these indices of the tree: of nodes and
@@ -130,9 +149,9 @@ impl Built {
         nodes: &mut [KdNode],
         references: &mut [u32],
         first: [u32; 2],
-    ) {
+    ) -> Result<(), TryReserveError> {
         if look.is_over() {
-            return;
+            return Ok(());
         }
         let [first_node, first_reference] = first;
         match self {
@@ -154,22 +173,23 @@ impl Built {
             Built::Split(parts) => {
                 look.advance(1);
                 let (left_nodes, left_references) = (parts.left.nodes(), parts.left.references());
-                let Some((root, nodes)) = nodes.split_first_mut() else { return };
+                let Some((root, nodes)) = nodes.split_first_mut() else { return Ok(()) };
                 let right_node = first_node + 1 + left_nodes as u32;
                 *root = KdNode::interior(parts.axis, parts.position, right_node);
                 let (nodes, far_nodes) = nodes.split_at_mut(left_nodes as usize);
                 let (references, far) = references.split_at_mut(left_references as usize);
                 let near_first = [first_node + 1, first_reference];
                 let far_first = [right_node, first_reference + left_references as u32];
-                rayon::join(
+                let (left, right) = rayon::join(
                     || parts.left.emit_at(look, workers, nodes, references, near_first),
                     || parts.right.emit_at(look, workers, far_nodes, far, far_first),
                 );
+                left.and(right)?;
             }
             Built::Leaf(_) | Built::Retracted(_) => {
                 look.advance(1);
                 let mut all = Vec::new();
-                self.collect(workers, &mut all);
+                self.collect(workers, &mut all)?;
                 union(&mut all, 0);
                 // Every reference of the node is in some leaf below it.
                 for (out, triangle) in references.iter_mut().zip(&all) {
@@ -180,6 +200,7 @@ impl Built {
                 }
             }
         }
+        Ok(())
     }
 }
 

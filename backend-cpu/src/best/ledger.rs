@@ -62,9 +62,23 @@ impl Ledger {
             wanted = needed;
             self.take((wanted - before) as u64 * size)?;
         }
+        vector.try_reserve_exact(wanted - vector.len()).map_err(|_| self.lacking())
+    }
+
+    /// Makes room for a list of so many that is gone before its maker returns: kilobytes, which do not
+    /// count.
+    ///
+    /// # Errors
+    /// Less memory than that.
+    pub fn passing<T>(&self, length: usize) -> Result<Vec<T>, BuildError> {
+        let mut list = Vec::new();
+        list.try_reserve_exact(length).map_err(|_| self.lacking())?;
+        Ok(list)
+    }
+
+    /// The error where there is less memory than what is held and is to be.
+    pub fn lacking(&self) -> BuildError {
         let held = self.held.load(Relaxed);
-        vector
-            .try_reserve_exact(wanted - vector.len())
-            .map_err(|_| BuildError::OutOfMemory { needed: held, limit: held })
+        BuildError::OutOfMemory { needed: held, limit: held }
     }
 }

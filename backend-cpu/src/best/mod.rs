@@ -125,9 +125,9 @@ pub(crate) fn build(
     look.begin(Stage::Output, nodes as u64);
     memory.grow_watched(&mut buffers.nodes, nodes, look)?;
     memory.grow_watched(&mut buffers.leaf_references, references, look)?;
-    let workers = buffers.best.workers();
+    let workers = buffers.best.workers().map_err(|_| memory.lacking())?;
     let out = (&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
-    built.emit(look, &workers, out.0, out.1);
+    built.emit(look, &workers, out.0, out.1).map_err(|_| memory.lacking())?;
     look.finish();
     look.check()?;
     // What has been emitted is dropped here.

@@ -1,6 +1,7 @@
 //! The nodes above the subtrees that one thread builds.
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::collections::TryReserveError;
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Zeroable;
@@ -18,6 +19,7 @@ use super::ledger::Ledger;
 use super::node::{Decision, Node};
 use super::partition::partition;
 use super::subtree::Worker;
+use crate::buffers::boxed;
 use crate::lookout::{self, Lookout};
 use crate::query::InstructionSet;
 
@@ -49,10 +51,16 @@ impl Scratch {
     }
 
     /// All workers by number, when none is at work.
-    pub(super) fn workers(&mut self) -> Vec<&Worker> {
+    ///
+    /// # Errors
+    /// Less memory than a list of them takes.
+    pub(super) fn workers(&mut self) -> Result<Vec<&Worker>, TryReserveError> {
         let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
         workers.sort_unstable_by_key(|worker| worker.number);
-        workers.iter().map(|worker| &**worker).collect()
+        let mut all = Vec::new();
+        all.try_reserve_exact(workers.len())?;
+        all.extend(workers.iter().map(|worker| &**worker));
+        Ok(all)
     }
 
     /// Bytes held.
@@ -107,13 +115,13 @@ fn joined(
     count: usize,
     (left, left_cost): (Built, f64),
     (right, right_cost): (Built, f64),
-) -> (Built, f64) {
+) -> Result<(Built, f64), TryReserveError> {
     let cost = step + left_cost + right_cost;
     if cost < leaf {
         let axis = Axis::from_index(split.axis as u32);
-        return (Built::split(axis, split.position, left, right), cost);
+        return Ok((Built::split(axis, split.position, left, right)?, cost));
     }
-    (Built::retracted(left, right, count as u64), leaf)
+    Ok((Built::retracted(left, right, count as u64)?, leaf))
 }
 
 impl Builder<'_> {
@@ -153,8 +161,11 @@ impl Builder<'_> {
         node.decide(self.costs, self.set, cell, references, bins, self.ledger, self.look)
     }
 
+    /// Keeps a list; one that there is no room for is let go.
     fn recycle(&self, list: Vec<Reference>) {
-        if let Ok(mut lists) = self.scratch.lists.lock() {
+        if let Ok(mut lists) = self.scratch.lists.lock()
+            && lists.try_reserve(1).is_ok()
+        {
             lists.push(list);
         }
     }
@@ -171,16 +182,27 @@ impl Builder<'_> {
         };
         let out = work(&mut worker);
         if let Ok(mut workers) = self.scratch.workers.lock() {
+            // There is room: see `Builder::worker`.
             workers.push(worker);
         }
         out
     }
 
-    /// One more worker. Unless it is optimised this takes room on the stack for all that a worker is, which
-    /// is not to be there while the worker works.
+    /// One more worker, and room for it where all workers go in the end, since subtrees are in them. Unless it is
+    /// optimised this takes room on the stack for all that a worker is, which is not to be there while the
+    /// worker works.
     fn worker(&self) -> Result<Box<Worker>, BuildError> {
         self.ledger.take(size_of::<Worker>() as u64)?;
-        Ok(Box::new(Worker::new(self.workers.fetch_add(1, Relaxed))))
+        let number = self.workers.fetch_add(1, Relaxed);
+        let made = boxed(|| Worker::new(number)).and_then(|worker| {
+            // A poisoned lock means that another thread panicked, which ends the build.
+            if let Ok(mut workers) = self.scratch.workers.lock() {
+                let more = number + 1 - workers.len().min(number);
+                workers.try_reserve(more)?;
+            }
+            Ok(worker)
+        });
+        made.map_err(|_| self.ledger.lacking())
     }
 
     /// Builds the subtree of a node whose references are the first `count` of a list. Returns it with its
@@ -241,7 +263,7 @@ impl Builder<'_> {
         let right = || self.build(right, counts[1], &nodes[1]);
         let (left, right) =
             if nodes[0].depth <= DIVIDED { rayon::join(left, right) } else { (left(), right()) };
-        Ok(joined(&split, [step, leaf], count, left?, right?))
+        joined(&split, [step, leaf], count, left?, right?).map_err(|_| self.ledger.lacking())
     }
 
     /// [`partition`]. Returns what goes left, what goes right, and how many either are.
@@ -265,16 +287,17 @@ impl Builder<'_> {
             return Ok(([left, list], counts));
         }
         // In parts, which are then put together; they differ in length.
-        let counts: Vec<[usize; 2]> = list[..count]
+        let mut counts: Vec<[usize; 2]> = self.ledger.passing(count.div_ceil(CHUNK))?;
+        list[..count]
             .par_chunks_mut(CHUNK)
             .zip(left[..count].par_chunks_mut(CHUNK))
             .map(|(references, left)| move_some(references, left))
-            .collect();
+            .collect_into_vec(&mut counts);
         let sides = [0, 1].map(|side| counts.iter().map(|counts| counts[side]).sum::<usize>());
         let together = |list: Vec<Reference>, side: usize| -> Result<_, BuildError> {
             let mut out = self.list(sides[side])?;
             let mut rest = &mut out[..];
-            let mut parts = Vec::with_capacity(counts.len());
+            let mut parts = self.ledger.passing(counts.len())?;
             for (from, counts) in list.chunks(CHUNK).zip(&counts) {
                 let to;
                 (to, rest) = rest.split_at_mut(counts[side]);

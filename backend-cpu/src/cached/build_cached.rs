@@ -30,6 +30,7 @@ use super::cut::{Cut, TILE};
 use super::lanes::Avx512;
 use super::lanes::{Lanes, Plain, WIDTH};
 use super::small_root::{Costs, Root, Subtrees};
+use crate::buffers::boxed;
 use crate::kernels::{split_binned, split_large};
 use crate::lookout::Lookout;
 use crate::query::{Compiled, InstructionSet, Simd};
@@ -114,8 +115,9 @@ impl Workers {
     /// Less memory than that room.
     pub fn prepare(&mut self, threads: usize) -> Result<(), TryReserveError> {
         let Ok(spare) = self.spare.get_mut() else { return Ok(()) };
+        spare.try_reserve_exact(threads.saturating_sub(spare.len()))?;
         while spare.len() < threads {
-            spare.push(Box::new(Worker::new()));
+            spare.push(Worker::new()?);
         }
         let rows = spare.iter().map(|worker| worker.columns.room()).max().unwrap_or(0);
         let listed = spare.iter().map(|worker| worker.references.capacity()).max().unwrap_or(0);
@@ -127,14 +129,17 @@ impl Workers {
         Ok(())
     }
 
-    fn take(&self) -> Box<Worker> {
+    fn take(&self) -> Result<Box<Worker>, TryReserveError> {
         // A poisoned lock means that another thread panicked; a new one serves.
         let spare = self.spare.lock().map_or(None, |mut spare| spare.pop());
-        spare.unwrap_or_else(|| Box::new(Worker::new()))
+        spare.map_or_else(Worker::new, Ok)
     }
 
+    /// Keeps a worker; one that there is no room for is let go.
     fn give_back(&self, worker: Box<Worker>) {
-        if let Ok(mut spare) = self.spare.lock() {
+        if let Ok(mut spare) = self.spare.lock()
+            && spare.try_reserve(1).is_ok()
+        {
             spare.push(worker);
         }
     }
@@ -153,16 +158,19 @@ struct Worker {
 }
 
 impl Worker {
-    fn new() -> Worker {
-        Worker {
+    /// One more, of which nothing is large that its box does not hold.
+    fn new() -> Result<Box<Worker>, TryReserveError> {
+        let mut stack = Vec::new();
+        // A cut or a split each for every level.
+        stack.try_reserve_exact(MAX_DEPTH as usize + 2)?;
+        boxed(|| Worker {
             columns: Columns::default(),
             cut: Cut::new(),
             root: Root::new(),
             bins: NodeBins::EMPTY,
             references: Vec::new(),
-            // A cut or a split each for every level.
-            stack: Vec::with_capacity(MAX_DEPTH as usize + 2),
-        }
+            stack,
+        })
     }
 
     fn bytes(&self) -> u64 {
@@ -209,7 +217,7 @@ pub(crate) fn run<A: Arithmetic>(
         if inputs.look.is_over() || inputs.caps.exceeded() {
             return Ok(());
         }
-        let mut worker = workers.take();
+        let mut worker = workers.take()?;
         let one = OneRoot::<A> {
             inputs,
             root,

@@ -23,7 +23,14 @@ pub struct Lists<'a> {
     pub growth: &'a mut u64,
 }
 
-/// Runs the kernel.
+/// What a level adds to the lists at most, whatever caps do: top nodes, small roots and next nodes.
+pub fn most(decisions: &[Decision]) -> [usize; 3] {
+    let children = 2 * decisions.len();
+    let cuts: usize = decisions.iter().map(|decision| 2 * decision.cut_count as usize).sum();
+    [cuts + children, children, children]
+}
+
+/// Runs the kernel. The lists have room for what [`most`] says.
 pub fn run(
     config: &BuildConfig,
     active: &[LargeNode],

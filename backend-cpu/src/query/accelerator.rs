@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes};
+use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes, refused};
 use splitplane_core::backend::{
     Accelerator, BuildError, BuildSummary, QueryError, QueryLayout, QueryReport,
 };
@@ -203,13 +203,18 @@ impl CpuAccelerator {
         look: &Lookout<'_>,
     ) -> Result<AllHits, QueryError> {
         look.begin(Stage::Rays, rays.len() as u64);
-        let starts = (rays.len() * size_of::<usize>()) as u64;
-        let held = AtomicU64::new(starts);
-        check_bytes(starts, options)?;
-        let parts = rays.par_chunks(FEW).map(|rays| {
+        // The starts of all, and what is told of each part.
+        let tasks = rays.len().div_ceil(FEW);
+        let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
+        let held = AtomicU64::new(lists);
+        let lacking = || refused(held.load(Relaxed));
+        check_bytes(lists, options)?;
+        let mut parts: Vec<Option<AllHits>> = Vec::new();
+        parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
+        parts.resize(tasks, None);
+        rays.par_chunks(FEW).zip(&mut parts).try_for_each(|(rays, out)| {
             let mut share = Share { held: &held, own: 0, max_memory: options.max_memory };
-            let mut part = AllHits::none();
-            part.starts.reserve_exact(rays.len());
+            let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
             let mut collector = Collector::default();
             let (blocks, bounds) = (&self.blocks, &self.blocks.tree.bounds);
             for ray in rays {
@@ -227,20 +232,21 @@ impl CpuAccelerator {
                 ended?;
                 let grown = collector.growth(&part.crossings);
                 share.hold(beside + collector.bytes() + grown)?;
-                collector.finish(&mut part.crossings);
+                collector.finish(&mut part.crossings).map_err(|_| lacking())?;
                 part.starts.push(part.crossings.len());
             }
-            part.crossings.shrink_to_fit();
+            drop(collector);
+            trim(&mut part.crossings);
             share.hold(part.bytes() + size_of_val(&part.crossings[..]) as u64)?;
             look.advance(rays.len() as u64);
             look.worked(DUE);
-            look.check_batch().map(|()| part)
-        });
-        let parts = parts.collect::<Result<Vec<AllHits>, QueryError>>()?;
-        let mut all = AllHits::none();
-        all.starts.reserve_exact(rays.len());
-        all.crossings.reserve_exact(parts.iter().map(|part| part.crossings.len()).sum());
-        parts.into_iter().for_each(|part| all.append(part));
+            *out = Some(part);
+            look.check_batch()
+        })?;
+        let mut all = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
+        let crossings = parts.iter().flatten().map(|part| part.crossings.len()).sum();
+        all.crossings.try_reserve_exact(crossings).map_err(|_| lacking())?;
+        parts.into_iter().flatten().try_for_each(|part| all.append(part))?;
         look.finish();
         look.check_batch().map(|()| all)
     }
@@ -255,7 +261,7 @@ impl CpuAccelerator {
         look.begin(Stage::Rays, points.len() as u64);
         let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
         look.check_batch()?;
-        let mut windings = vec![Some(0); points.len()];
+        let mut windings = inside::no_windings(points.len())?;
         let options = QueryOptions::default();
         let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
         tasks.try_for_each(|(points, windings)| {
@@ -267,12 +273,13 @@ impl CpuAccelerator {
                 let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
                     exact::visit(&self.blocks, &self.blocks.tree.bounds, ray, &options, test);
                 };
-                *winding = locator.winding(point, visit, &mut |bytes| {
+                let wound = locator.winding(point, visit, &mut |bytes| {
                     look.worked(DUE / 8);
                     ended = look.check_batch().and_then(|()| share.hold(bytes));
                     ended.is_ok()
                 });
                 ended?;
+                *winding = wound.map_err(|_| refused(held.load(Relaxed)))?;
                 look.advance(1);
                 look.worked(DUE / 64);
             }
@@ -280,6 +287,17 @@ impl CpuAccelerator {
         })?;
         look.finish();
         look.check_batch().map(|()| Located { windings, answered_by_cpu: 0 })
+    }
+}
+
+/// Gives back what a list has to spare, as long as there is memory for a shorter one: shrinking it where it is
+/// could end the process.
+fn trim(crossings: &mut Vec<Crossing>) {
+    let mut shorter = Vec::new();
+    if crossings.len() < crossings.capacity() && shorter.try_reserve_exact(crossings.len()).is_ok()
+    {
+        shorter.extend_from_slice(crossings);
+        *crossings = shorter;
     }
 }
 

@@ -15,7 +15,7 @@ use splitplane_core::watch::Watch;
 
 use super::batch::Marked;
 use super::pipelines::Queries;
-use super::settle::{Asking, HostScene};
+use super::settle::{Asking, HostScene, list};
 use super::tree::DeviceTree;
 use crate::error::GpuError;
 
@@ -121,7 +121,7 @@ impl WgpuAccelerator {
                     hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
                     marked = Marked::default();
                 }
-                marked.undecided = self.host_scene().settle(rays, hits, options, asking);
+                marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;
             }
             for &ray in &marked.unfinished {
                 asking.check()?;
@@ -144,11 +144,12 @@ impl WgpuAccelerator {
                 queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
             if options.accuracy == Accuracy::Exact {
                 if !queries.is_certain() {
-                    marked = Marked { undecided: (0..rays.len()).collect(), ..Marked::default() };
+                    marked = Marked { undecided: list(rays.len())?, ..Marked::default() };
+                    marked.undecided.extend(0..rays.len());
                 }
                 if options.undecided == Undecided::Redo {
                     let undecided = &marked.undecided;
-                    self.host_scene().settle_any(rays, undecided, occluded, options, asking);
+                    self.host_scene().settle_any(rays, undecided, occluded, options, asking)?;
                 }
             }
             for &ray in &marked.unfinished {
@@ -194,7 +195,7 @@ fn in_slices<T>(
         })?;
         // Before these rays count as done.
         asking.check()?;
-        report.append(part, slice * SLICE);
+        report.append(part, slice * SLICE)?;
         asking.advance(rays.len());
     }
     asking.check()?;

@@ -139,11 +139,12 @@ impl Queries {
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
             for (place, hit) in hits.iter().enumerate() {
                 match hit.triangle {
-                    UNFINISHED => out.unfinished.push(first + place),
-                    UNDECIDED_HIT => out.undecided.push(first + place),
+                    UNFINISHED => push(&mut out.unfinished, first + place)?,
+                    UNDECIDED_HIT => push(&mut out.undecided, first + place)?,
                     _ => {}
                 }
             }
+            Ok(())
         })?;
         Ok(out)
     }
@@ -181,11 +182,12 @@ impl Queries {
                 occluded[place] = false;
                 match u32::from_ne_bytes(word) {
                     1 => occluded[place] = true,
-                    2 => out.unfinished.push(place),
-                    3 => out.undecided.push(place),
+                    2 => push(&mut out.unfinished, place)?,
+                    3 => push(&mut out.undecided, place)?,
                     _ => {}
                 }
             }
+            Ok(())
         })?;
         Ok(out)
     }
@@ -205,7 +207,7 @@ impl Queries {
         options: &QueryOptions,
         query: Query,
         watch: Option<&dyn Watch>,
-        mut answer: impl FnMut(Range<usize>, &[u8]),
+        mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), DeviceQueryError>,
     ) -> Result<(), DeviceQueryError> {
         let ask = |done: usize| go_on(watch, done, rays.len());
         let most = self.slice_limit();
@@ -241,7 +243,7 @@ impl Queries {
             // Copied while the device works on the next slice.
             if let Some((range, bytes, _)) = done {
                 answered = range.end;
-                answer(range, &bytes);
+                answer(range, &bytes)?;
                 ask(answered)?;
             }
         }
@@ -326,6 +328,14 @@ fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), Dev
         true => Err(DeviceQueryError::Cancelled { done, total }),
         false => Ok(()),
     }
+}
+
+/// Adds a place to a list.
+fn push(places: &mut Vec<usize>, place: usize) -> Result<(), DeviceQueryError> {
+    let needed = ((places.len() + 1) * size_of::<usize>()) as u64;
+    places.try_reserve(1).map_err(|_| DeviceQueryError::HostMemory { needed })?;
+    places.push(place);
+    Ok(())
 }
 
 fn same_length(rays: usize, results: usize) -> Result<(), DeviceQueryError> {

@@ -1,5 +1,6 @@
 //! Why a query on a device did not give answers.
 
+use splitplane_core::all_hits::refused;
 use splitplane_core::backend::QueryError;
 use thiserror::Error;
 
@@ -70,6 +71,12 @@ pub enum DeviceQueryError {
         /// Rays of the batch.
         total: u64,
     },
+    /// The system has no more memory for what is told of the rays.
+    #[error("the system has no more memory for the answers, which take {needed} bytes so far")]
+    HostMemory {
+        /// Bytes held or asked for.
+        needed: u64,
+    },
     /// The device failed.
     #[error(transparent)]
     Gpu(#[from] GpuError),
@@ -82,6 +89,7 @@ impl From<DeviceQueryError> for QueryError {
                 QueryError::LengthMismatch { rays, results }
             }
             DeviceQueryError::Cancelled { done, total } => QueryError::Cancelled { done, total },
+            DeviceQueryError::HostMemory { needed } => refused(needed),
             DeviceQueryError::Gpu(error) => error.into(),
             other => QueryError::Device(other.to_string()),
         }

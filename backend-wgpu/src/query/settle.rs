@@ -5,6 +5,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
+use splitplane_core::all_hits::refused;
 use splitplane_core::backend::QueryError;
 use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::exact::{self, ExactRay, meet};
@@ -96,15 +97,20 @@ impl HostScene<'_> {
     /// and weights are computed from it. Other rays are traced again, or left marked, as the options
     /// say. Gives the places of undecided rays, in ascending order. `asking` may end it at any ray that is
     /// traced again; then the answers are of no use.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] where the system has no memory for the places.
     pub(super) fn settle(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
         options: &QueryOptions,
         asking: &Asking<'_>,
-    ) -> Vec<usize> {
-        let task = |(first, (rays, hits)): (usize, (&[Ray], &mut [Hit]))| {
-            let mut undecided = Vec::new();
+    ) -> Result<Vec<usize>, QueryError> {
+        let mut parts: Vec<Vec<usize>> = list(rays.len().div_ceil(TASK))?;
+        parts.resize_with(rays.len().div_ceil(TASK), Vec::new);
+        let task = |(first, ((rays, hits), undecided)): (usize, (_, &mut Vec<usize>))| {
+            let (rays, hits): (&[Ray], &mut [Hit]) = (rays, hits);
             for (place, (ray, hit)) in rays.iter().zip(hits).enumerate() {
                 if hit.triangle == Hit::MISS.triangle || hit.triangle == UNFINISHED {
                     continue;
@@ -113,6 +119,7 @@ impl HostScene<'_> {
                     *hit = exact;
                     continue;
                 }
+                undecided.try_reserve(1).map_err(|_| no_room_for(undecided.len() + 1))?;
                 undecided.push(first * TASK + place);
                 *hit = match options.undecided {
                     Undecided::Redo if asking.is_over() => break,
@@ -121,14 +128,20 @@ impl HostScene<'_> {
                 };
             }
             asking.is_over();
-            undecided
+            Ok::<(), QueryError>(())
         };
-        let tasks = rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).enumerate();
-        tasks.map(task).collect::<Vec<_>>().concat()
+        let tasks = rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).zip(&mut parts);
+        tasks.enumerate().try_for_each(task)?;
+        let mut undecided = list(parts.iter().map(Vec::len).sum())?;
+        parts.iter().for_each(|part| undecided.extend_from_slice(part));
+        Ok(undecided)
     }
 
     /// Traces the rays at these places again, on the CPU: whether they hit anything. As for
     /// [`HostScene::settle`], `asking` may end it.
+    ///
+    /// # Errors
+    /// As for [`HostScene::settle`].
     pub(super) fn settle_any(
         &self,
         rays: &[Ray],
@@ -136,14 +149,16 @@ impl HostScene<'_> {
         occluded: &mut [bool],
         options: &QueryOptions,
         asking: &Asking<'_>,
-    ) {
+    ) -> Result<(), QueryError> {
         let again = |&place: &usize| {
             !asking.is_over() && self.trace(&rays[place], options, Query::Any).is_hit()
         };
-        let answers: Vec<bool> = places.par_iter().map(again).collect();
+        let mut answers: Vec<bool> = list(places.len())?;
+        places.par_iter().map(again).collect_into_vec(&mut answers);
         for (&place, answer) in places.iter().zip(answers) {
             occluded[place] = answer;
         }
+        Ok(())
     }
 
     /// Where a ray meets a triangle that a device named. `None` where it names none, and where the ray
@@ -157,6 +172,21 @@ impl HostScene<'_> {
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
         exact::trace(&self.tree, self.triangles, ray, options, query, &mut ())
     }
+}
+
+/// An empty list with room for so many.
+///
+/// # Errors
+/// [`QueryError::OutOfMemory`] where the system has no memory for it.
+pub(super) fn list<T>(length: usize) -> Result<Vec<T>, QueryError> {
+    let mut list = Vec::new();
+    list.try_reserve_exact(length).map_err(|_| no_room_for(length))?;
+    Ok(list)
+}
+
+/// The error where there is no memory for so many places.
+fn no_room_for(places: usize) -> QueryError {
+    refused(places.saturating_mul(size_of::<usize>()) as u64)
 }
 
 #[cfg(test)]
@@ -193,7 +223,8 @@ mod tests {
             let options = QueryOptions { undecided, ..QueryOptions::default() };
             let mut hits = device;
             let unwatched = Asking::new(None, rays.len());
-            assert_eq!(scene.settle(&rays, &mut hits, &options, &unwatched), [1, 2, 4, 5]);
+            let undecided = scene.settle(&rays, &mut hits, &options, &unwatched);
+            assert_eq!(undecided.unwrap(), [1, 2, 4, 5]);
             let expected = |ray| exact::closest_hit(&tree.view(), &triangles[..], ray, &options);
             assert_eq!(hits[0].some(), expected(&rays[0]));
             assert_eq!(hits[3].triangle, UNFINISHED);
@@ -231,14 +262,14 @@ mod tests {
             let (watch, mut hits) = (Third(AtomicU64::new(0)), [marked; 1_000]);
             let asking = Asking::new(Some(&watch), 1_000);
             asking.advance(5);
-            scene.settle(&rays, &mut hits, &options, &asking);
+            scene.settle(&rays, &mut hits, &options, &asking).unwrap();
             assert_eq!(asking.check(), Err(ended.clone()));
             assert_eq!(hits.iter().filter(|hit| hit.triangle == 0).count(), 2);
             let (watch, mut occluded) = (Third(AtomicU64::new(0)), [false; 1_000]);
             let asking = Asking::new(Some(&watch), 1_000);
             asking.advance(5);
             let places: Vec<usize> = (0..1_000).collect();
-            scene.settle_any(&rays, &places, &mut occluded, &options, &asking);
+            scene.settle_any(&rays, &places, &mut occluded, &options, &asking).unwrap();
             assert_eq!(asking.check(), Err(ended.clone()));
             assert_eq!(occluded.iter().filter(|hit| **hit).count(), 2);
         });

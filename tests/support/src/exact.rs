@@ -138,7 +138,7 @@ impl Accelerator for ExactAccelerator {
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        Ok(AllHits::one_by_one(&tree, triangles, rays, options))
+        AllHits::one_by_one(&tree, triangles, rays, options)
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

@@ -1,0 +1,524 @@
+//! Whichever request for memory the system refuses, the work ends in an error that says so, and what was
+//! there before serves as before.
+//!
+//! On one thread each request is refused in turn, whatever its size: no request of a build, a load, all hits or
+//! points is exempt. On several threads those of less than [`SHARED`] bytes are granted: they are the thread
+//! pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB of jobs at first,
+//! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
+//! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.
+//!
+//! What a thread keeps for the rays it has under way is made by its first batch, and exempt: it depends on the
+//! depth of trees only. Later batches are shown to ask for nothing.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::fmt::Debug;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering::Relaxed};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use splitplane_core::all_hits::AllHits;
+use splitplane_core::backend::{
+    Accelerator, Backend, BuildError, BuildOptions, QueryError, QueryLayout,
+};
+use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::file::{self, TreeFile};
+use splitplane_core::inside::{self, DIRECTION, locate_along};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::tree::KdTree;
+use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use splitplane_test_support::aim;
+use splitplane_test_support::scenes::{self, Scene};
+
+/// Bytes that a thread pool asks for at most at a time.
+const SHARED: usize = 4 << 10;
+
+const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
+const LAYOUTS: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
+const ACCURACIES: [Accuracy; 3] = [Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact];
+
+/// The system's allocator, which refuses what it is told to.
+struct Refusing;
+
+static ARMED: AtomicBool = AtomicBool::new(false);
+/// Bytes of requests that count.
+static LEAST: AtomicUsize = AtomicUsize::new(0);
+/// Such requests that are granted still.
+static GRANTED: AtomicI64 = AtomicI64::new(0);
+/// Whether only one is refused, or all behind it too.
+static ONCE: AtomicBool = AtomicBool::new(false);
+static REFUSED: AtomicUsize = AtomicUsize::new(0);
+
+thread_local! {
+    /// Whether this is a thread whose requests are refused: those of the test's own are not.
+    static COUNTS: Cell<bool> = const { Cell::new(false) };
+}
+
+fn is_granted(size: usize) -> bool {
+    if !ARMED.load(Relaxed) || size < LEAST.load(Relaxed) || !COUNTS.with(Cell::get) {
+        return true;
+    }
+    let granted = GRANTED.fetch_sub(1, Relaxed);
+    let refused = granted == 0 || granted < 0 && !ONCE.load(Relaxed);
+    REFUSED.fetch_add(usize::from(refused), Relaxed);
+    !refused
+}
+
+// SAFETY: hands what it grants on to the system's allocator.
+unsafe impl GlobalAlloc for Refusing {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: the caller's contract.
+        if is_granted(layout.size()) {
+            unsafe { System.alloc(layout) }
+        } else {
+            std::ptr::null_mut()
+        }
+    }
+
+    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
+        // SAFETY: the caller's contract.
+        unsafe { System.dealloc(memory, layout) }
+    }
+
+    unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        if !is_granted(size) {
+            return std::ptr::null_mut();
+        }
+        // SAFETY: the caller's contract.
+        unsafe { System.realloc(memory, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Refusing = Refusing;
+
+/// One test at a time.
+fn alone() -> MutexGuard<'static, ()> {
+    static ONE: Mutex<()> = Mutex::new(());
+    ONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// A pool whose threads' requests are refused, but for what they need to end: they do after the pool is gone.
+fn pool(threads: usize) -> ThreadPool {
+    let pool = ThreadPoolBuilder::new().num_threads(threads);
+    let pool = pool.start_handler(|_| COUNTS.set(true)).exit_handler(|_| COUNTS.set(false));
+    pool.build().expect("threads")
+}
+
+/// Refuses the request of this number, from 0 on, or all from it on.
+#[derive(Clone, Copy, Debug)]
+struct Refuse {
+    number: i64,
+    once: bool,
+    least: usize,
+}
+
+impl Refuse {
+    /// Does some work, of which the request is one.
+    fn during<T>(&self, work: impl FnOnce() -> T) -> T {
+        LEAST.store(self.least, Relaxed);
+        GRANTED.store(self.number, Relaxed);
+        ONCE.store(self.once, Relaxed);
+        REFUSED.store(0, Relaxed);
+        ARMED.store(true, Relaxed);
+        let out = work();
+        ARMED.store(false, Relaxed);
+        out
+    }
+}
+
+/// Errors of work for which there is no memory.
+trait Error: Debug {
+    /// Whether that is what it says.
+    fn is_refusal(&self) -> bool;
+}
+
+impl Error for BuildError {
+    fn is_refusal(&self) -> bool {
+        let same = matches!(self, BuildError::OutOfMemory { needed, limit } if needed == limit);
+        same && self.to_string().contains("the system has no more memory for the build")
+    }
+}
+
+impl Error for QueryError {
+    fn is_refusal(&self) -> bool {
+        let same = matches!(self, QueryError::OutOfMemory { needed, limit } if needed == limit);
+        same && self.to_string().contains("the system has no more memory for the answers")
+    }
+}
+
+/// Does some work with its first request refused, its second and so on, alone or with all that follow, until
+/// there are no more: each time it ends in an error, or gives what it gives else. Then it is asked whether all
+/// is as it was. Returns how many requests there are.
+fn refusals<T, E: Error>(
+    what: &str,
+    threads: usize,
+    least: usize,
+    work: impl Fn(&Refuse) -> Result<T, E> + Sync,
+    is_right: impl Fn(&T) -> bool + Sync,
+    is_unchanged: impl Fn() -> bool + Sync,
+) -> i64 {
+    let pool = pool(threads);
+    pool.install(|| {
+        let (mut most, mut errors) = (0, 0);
+        for once in [true, false] {
+            for number in 0.. {
+                let refuse = Refuse { number, once, least };
+                let out = work(&refuse);
+                let was_refused = REFUSED.load(Relaxed) > 0;
+                match &out {
+                    // Where it did without, or tried once more.
+                    Ok(out) => assert!(is_right(out), "{what}: {refuse:?}"),
+                    Err(error) => {
+                        assert!(was_refused && error.is_refusal(), "{what}: {refuse:?}: {error:?}");
+                        errors += 1;
+                    }
+                }
+                drop(out);
+                assert!(is_unchanged(), "{what}: {refuse:?}");
+                most = most.max(number);
+                if !was_refused {
+                    break;
+                }
+            }
+        }
+        assert!(errors >= most, "{what}: {errors} errors of {most} requests refused twice");
+        most
+    })
+}
+
+fn options(preset: Preset, layout: QueryLayout) -> BuildOptions {
+    BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(preset)) }
+}
+
+fn hits(built: &dyn Accelerator, rays: &[Ray]) -> Vec<Hit> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    built.closest_hits(rays, &mut hits, &QueryOptions::default()).expect("equal lengths");
+    hits
+}
+
+fn some_rays(mesh: &Mesh<'_>) -> Vec<Ray> {
+    aim::rays(mesh, aim::Kind::ALL[0], 200, 3)
+}
+
+/// What a scene's tree and its hits are.
+struct Expected {
+    tree: KdTree,
+    rays: Vec<Ray>,
+    hits: Vec<Hit>,
+}
+
+impl Expected {
+    fn of(scene: &Scene, options: &BuildOptions) -> Expected {
+        let built = CpuBackend::new().build(&scene.mesh(), options).expect("memory");
+        let rays = some_rays(&scene.mesh());
+        let hits = hits(&*built, &rays);
+        Expected { tree: built.tree().clone(), rays, hits }
+    }
+
+    fn is(&self, built: &dyn Accelerator) -> bool {
+        *built.tree() == self.tree && hits(built, &self.rays) == self.hits
+    }
+}
+
+/// A few tasks of the builder, and a node of many triangles that nothing separates.
+fn small() -> Scene {
+    scenes::soup(1_500, 0.1, 5).joined(&scenes::identical(300), "small")
+}
+
+/// Every request of a build, on one thread.
+#[test]
+fn builds_say_so() {
+    let _alone = alone();
+    let other = scenes::sphere(8, [0.0; 3], 1.0);
+    // For preset best: nodes that are divided among tasks, and one that is a leaf above them all.
+    let scenes = [small(), scenes::soup(9_000, 0.02, 3), scenes::identical(9_000), scenes::none()];
+    for scene in &scenes {
+        let mesh = scene.mesh();
+        for (preset, layout) in PRESETS.into_iter().flat_map(|p| LAYOUTS.map(|layout| (p, layout)))
+        {
+            // With one cap on references that binds, so that the schedule builds the tree as it stands.
+            for references_per_triangle in [1, 8] {
+                let mut options = options(preset, layout);
+                options.config.references_per_triangle = references_per_triangle;
+                let few = mesh.len() < 2_000;
+                if !few && (layout == QueryLayout::Compact || preset != Preset::Best)
+                    || preset == Preset::Best && references_per_triangle == 1
+                {
+                    continue;
+                }
+                let what = format!("{}, {preset:?}, {layout:?}", scene.name);
+                let expected = Expected::of(scene, &options);
+                let requests = refusals(
+                    &what,
+                    1,
+                    1,
+                    |refuse| {
+                        let backend = CpuBackend::new();
+                        let built = refuse.during(|| backend.build(&mesh, &options));
+                        if few && built.is_err() {
+                            // The backend serves as before.
+                            let again = backend.build(&mesh, &options).expect("memory");
+                            assert!(expected.is(&*again), "{what}: {refuse:?}");
+                        }
+                        built
+                    },
+                    |built| expected.is(&**built),
+                    || true,
+                );
+                assert!(requests > if mesh.is_empty() { 5 } else { 30 }, "{what}: {requests}");
+                // A backend that has built before, which gives back what it kept and tries once more.
+                if few && layout == QueryLayout::Fast {
+                    let backend = Mutex::new(CpuBackend::new());
+                    refusals(
+                        &what,
+                        1,
+                        1,
+                        |refuse| {
+                            let backend = backend.lock().unwrap_or_else(PoisonError::into_inner);
+                            drop(backend.build(&other.mesh(), &options).expect("memory"));
+                            refuse.during(|| backend.build_tree(&mesh, &options))
+                        },
+                        |(tree, _)| *tree == expected.tree,
+                        || true,
+                    );
+                }
+            }
+        }
+    }
+}
+
+/// A mesh of forty thousand triangles, on one thread and on two.
+#[test]
+fn large_builds_say_so() {
+    let _alone = alone();
+    let scene = scenes::soup(40_000, 0.01, 5);
+    let mesh = scene.mesh();
+    for preset in PRESETS {
+        let layout = if preset == Preset::Balanced { LAYOUTS[1] } else { LAYOUTS[0] };
+        let options = options(preset, layout);
+        let expected = Expected::of(&scene, &options);
+        for threads in [1, 2] {
+            let what = format!("{preset:?}, {layout:?}, {threads} threads");
+            let requests = refusals(
+                &what,
+                threads,
+                // Of 16 KiB at least, or it takes minutes: what asks for less asks for more as well.
+                4 * SHARED,
+                |refuse| {
+                    let backend = CpuBackend::new();
+                    refuse.during(|| backend.build(&mesh, &options))
+                },
+                |built| expected.is(&**built),
+                || true,
+            );
+            assert!(requests > 30, "{what}: {requests}");
+        }
+    }
+}
+
+#[test]
+fn rebuilds_say_so_and_change_nothing() {
+    let _alone = alone();
+    let (before, after) = (scenes::sphere(12, [0.0; 3], 1.0), small());
+    for preset in PRESETS {
+        for (from, to) in LAYOUTS.into_iter().flat_map(|from| LAYOUTS.map(|to| (from, to))) {
+            let [first, second] = [from, to].map(|layout| options(preset, layout));
+            let (old, new) = (Expected::of(&before, &first), Expected::of(&after, &second));
+            // Where it is watched the layout is made in new memory.
+            for is_watched in if from == to { &[false, true][..] } else { &[false] } {
+                let what = format!("{preset:?}, {from:?} to {to:?}, watched: {is_watched}");
+                let backend = CpuBackend::new();
+                let kept: Mutex<CpuAccelerator> =
+                    Mutex::new(backend.build_accelerator(&before.mesh(), &first).expect("memory"));
+                let lock = || kept.lock().unwrap_or_else(PoisonError::into_inner);
+                let requests = refusals(
+                    &what,
+                    1,
+                    1,
+                    |refuse| {
+                        let mut kept = lock();
+                        let backend = CpuBackend::new();
+                        let mesh = after.mesh();
+                        refuse.during(|| match *is_watched {
+                            true => backend.rebuild_watched(&mut kept, &mesh, &second, &()),
+                            false => backend.rebuild(&mut kept, &mesh, &second),
+                        })?;
+                        assert!(new.is(&*kept), "{what}: {refuse:?}");
+                        *kept = backend.build_accelerator(&before.mesh(), &first).expect("memory");
+                        Ok::<_, BuildError>(())
+                    },
+                    |()| true,
+                    || lock().layout() == from && old.is(&*lock()),
+                );
+                assert!(requests > 30, "{what}: {requests}");
+            }
+        }
+    }
+}
+
+/// A tree from memory, and one from a file.
+#[test]
+fn loads_say_so() {
+    let _alone = alone();
+    let (few, many) = (small(), scenes::soup(40_000, 0.01, 5));
+    for (scene, threads, least) in [(&few, 1, 1), (&many, 1, 1), (&many, 2, SHARED)] {
+        let mesh = scene.mesh();
+        for layout in LAYOUTS {
+            let options = options(Preset::Fast, layout);
+            let expected = Expected::of(scene, &options);
+            let bytes = file::write(&expected.tree.view(), &mesh);
+            let mut words = vec![0u32; bytes.len() / 4];
+            bytemuck::cast_slice_mut(&mut words).copy_from_slice(&bytes);
+            let what = format!("{}, {layout:?}, {threads} threads", scene.name);
+            let requests = refusals(
+                &what,
+                threads,
+                least,
+                |refuse| {
+                    let (backend, tree) = (CpuBackend::new(), expected.tree.clone());
+                    refuse.during(|| backend.load(&mesh, tree, &options))
+                },
+                |loaded| expected.is(&**loaded),
+                || true,
+            );
+            // Branches, wide nodes, triangles, and blocks or a copy of the mesh.
+            assert!(requests > 3, "{what}: {requests}");
+            let of_file = refusals(
+                &what,
+                threads,
+                least,
+                |refuse| {
+                    let backend = CpuBackend::new();
+                    refuse.during(|| {
+                        let file = TreeFile::parse(bytemuck::cast_slice(&words)).expect("a tree");
+                        backend.load(&mesh, file.tree.to_tree()?, &options)
+                    })
+                },
+                |loaded| expected.is(&**loaded),
+                || true,
+            );
+            assert_eq!(of_file, requests + 2, "nodes and references: {what}");
+        }
+    }
+}
+
+/// Rays through all of some identical triangles and beside them, from points apart from them.
+fn through(scene: &Scene, direction: [f32; 3], count: usize) -> Vec<Ray> {
+    let [a, b, c] = scene.mesh().triangle(0);
+    let along = |i: usize, far: f32| (a[i] + b[i] + c[i]) / 3.0 - far * direction[i];
+    let far = |ray: usize| 3.0 + ray as f32 / 256.0;
+    (0..count).map(|ray| Ray::new([0, 1, 2].map(|i| along(i, far(ray))), direction)).collect()
+}
+
+/// All hits: of the CPU's accelerator, of the reference, and put together from slices as accelerators do that
+/// know nothing better.
+#[test]
+fn all_hits_say_so() {
+    let _alone = alone();
+    let options = QueryOptions::default();
+    let scenes = [small(), scenes::identical(2_000)];
+    for (scene, layout) in scenes.iter().flat_map(|scene| LAYOUTS.map(|layout| (scene, layout))) {
+        let built = CpuBackend::new()
+            .build_accelerator(&scene.mesh(), &self::options(Preset::Fast, layout));
+        let built = built.expect("memory");
+        let (tree, triangles) = (built.tree().view(), scene.triangles());
+        let mut rays = aim::rays(&scene.mesh(), aim::Kind::ALL[0], 300, 6);
+        rays.extend(through(scene, [0.25, 0.5, 1.0], 20));
+        let expected = built.all_hits(&rays, &options).expect("memory");
+        let is_right = |all: &AllHits| *all == expected;
+        let is_unchanged = || built.all_hits(&rays[..9], &options).is_ok_and(|all| all.rays() == 9);
+        for (threads, least) in [(1, 1), (2, SHARED)] {
+            let what = format!("{}, {layout:?}, {threads} threads", scene.name);
+            let work = |refuse: &Refuse| refuse.during(|| built.all_hits(&rays, &options));
+            let requests = refusals(&what, threads, least, work, is_right, is_unchanged);
+            let fewest = if threads == 1 { 20 } else { 1 };
+            assert!(requests > fewest, "{what}: {requests}");
+        }
+        let work = |refuse: &Refuse| {
+            refuse.during(|| AllHits::one_by_one(&tree, &triangles[..], &rays, &options))
+        };
+        let requests = refusals("one by one", 1, 1, work, is_right, is_unchanged);
+        assert!(requests > 3, "{requests}");
+        let (head, tail) = rays.split_at(100);
+        let [head, tail] = [head, tail].map(|rays| built.all_hits(rays, &options).expect("memory"));
+        let work = |refuse: &Refuse| {
+            let (mut all, more) = (head.clone(), tail.clone());
+            let added = refuse.during(|| all.append(more));
+            assert!(added.is_ok() || all == head);
+            added.map(|()| all)
+        };
+        assert_eq!(refusals("two parts", 1, 1, work, is_right, is_unchanged), 2);
+    }
+}
+
+/// Points: as the CPU's accelerator finds them, as the reference does, and as all accelerators may.
+#[test]
+fn points_say_so() {
+    let _alone = alone();
+    let scenes = [scenes::sphere(20, [0.0; 3], 1.0), scenes::identical(2_000)];
+    for (scene, layout) in scenes.iter().flat_map(|scene| LAYOUTS.map(|layout| (scene, layout))) {
+        let built =
+            CpuBackend::new().build_accelerator(&scene.mesh(), &options(Preset::Fast, layout));
+        let built = built.expect("memory");
+        let (tree, triangles) = (built.tree().view(), scene.triangles());
+        let mut points: Vec<[f32; 3]> =
+            (0..200).map(|i| [i as f32 / 80.0 - 1.2, 0.1, 0.2 - i as f32 / 300.0]).collect();
+        points.extend(through(scene, DIRECTION, 4).iter().map(|ray| ray.origin));
+        let expected = built.locate(&points).expect("memory");
+        let is_right = |located: &inside::Located| *located == expected;
+        let is_unchanged = || built.locate(&points[..5]).is_ok();
+        for (threads, least) in [(1, 1), (2, SHARED)] {
+            let what = format!("{}, {layout:?}, {threads} threads", scene.name);
+            let work = |refuse: &Refuse| refuse.during(|| built.locate(&points));
+            let requests = refusals(&what, threads, least, work, is_right, is_unchanged);
+            assert!(threads == 2 || requests > 3, "{what}: {requests}");
+        }
+        let work = |refuse: &Refuse| {
+            refuse.during(|| inside::one_by_one(&tree, &triangles[..], &points, None, &()))
+        };
+        assert!(refusals("one by one", 1, 1, work, is_right, is_unchanged) > 1);
+        let few = &points[points.len() - 8..];
+        let expected = built.locate(few).expect("memory");
+        // Its batches of any hits are not the first of their thread.
+        let work = |refuse: &Refuse| {
+            locate_along(&built, few, DIRECTION, None, &()).expect("memory");
+            refuse.during(|| locate_along(&built, few, DIRECTION, None, &()))
+        };
+        let is_right = |located: &inside::Located| *located == expected;
+        assert!(refusals("along a ray", 1, 1, work, is_right, is_unchanged) > 8);
+    }
+}
+
+/// A thread that has traced rays through trees as deep asks for no memory any more.
+#[test]
+fn batches_ask_for_nothing_more() {
+    let _alone = alone();
+    let scene = small();
+    let mesh = scene.mesh();
+    let rays = aim::rays(&mesh, aim::Kind::ALL[0], 9_000, 6);
+    let pool = pool(1);
+    for (layout, accuracy) in
+        LAYOUTS.into_iter().flat_map(|l| ACCURACIES.map(|accuracy| (l, accuracy)))
+    {
+        let built = CpuBackend::new().build_accelerator(&mesh, &options(Preset::Fast, layout));
+        let built = built.expect("memory");
+        let options = QueryOptions { accuracy, ..QueryOptions::default() };
+        let trace = |hits: &mut [Hit], any: &mut [bool]| {
+            built.closest_hits(&rays, hits, &options).expect("equal lengths");
+            built.any_hits(&rays, any, &options).expect("equal lengths");
+        };
+        pool.install(|| {
+            let (mut hits, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+            trace(&mut hits, &mut any);
+            let expected = (hits.clone(), any.clone());
+            hits.fill(Hit::MISS);
+            any.fill(false);
+            let refuse = Refuse { number: 0, once: false, least: 1 };
+            refuse.during(|| trace(&mut hits, &mut any));
+            assert_eq!(REFUSED.load(Relaxed), 0, "{layout:?}, {accuracy:?}");
+            assert!((hits, any) == expected, "{layout:?}, {accuracy:?}");
+        });
+    }
+}
