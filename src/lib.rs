@@ -51,6 +51,9 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
+#[cfg(feature = "obj")]
+#[doc(hidden)]
+pub mod from_file;
 #[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
 pub mod parity;
 #[cfg(feature = "render")]

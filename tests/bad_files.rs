@@ -218,3 +218,99 @@ fn bad_files_and_options_end_in_their_exit_codes() {
         assert!(codes.get(&code).is_some_and(|count| *count >= least), "{codes:?}");
     }
 }
+
+/// An .npy file with this dictionary.
+fn npy(dictionary: &str) -> Vec<u8> {
+    let mut bytes = b"\x93NUMPY\x02\x00".to_vec();
+    bytes.extend((dictionary.len() as u32).to_le_bytes());
+    bytes.extend(dictionary.bytes());
+    bytes
+}
+
+/// What a file says may be quoted: so much of it as a line holds, and nothing that commands a terminal.
+#[test]
+fn messages_quote_files_shortly_and_printably() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| fs::write(folder.path().join(name), bytes).unwrap();
+    let evil = "\u{1b}]0;evil\u{7}\u{9b}31m\u{7f}\r".repeat(20_000);
+    let json = serde_json::to_string(&evil).unwrap();
+    write("good.obj", GOOD.as_bytes());
+    write("type.npy", npy(&format!("{{'descr': '{evil}', 'shape': (1, 8)}}")).as_slice());
+    let sides = "7,\u{1b}".repeat(100_000);
+    let shape = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({sides})}}");
+    write("sides.npy", &npy(&shape));
+    let shape = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': (1,{evil}8)}}");
+    write("shape.npy", &npy(&shape));
+    let shape = format!(
+        "{{'descr': '<f4', 'fortran_order': False, 'shape': (1,{}8)}}",
+        "7,".repeat(100_000)
+    );
+    write("long.npy", &npy(&shape));
+    write("a.frames.bin", &[0; 48]);
+    write("a.frames.json", format!("{{\"vertices\": {json}, \"frames\": 1}}").as_bytes());
+    write("b.frames.json", format!("{{\"vertices\": 4, \"frames\": {json}").as_bytes());
+    write("c.json", format!("{{{json}: 1}}").as_bytes());
+    let scene = "{\"format\": 1, \"builder\": \"b\", \"threads\": 1, \"repeat\": 1, \"scenes\": [{\"scene\": S, \
+                 \"triangles\": 1, \"camera_rays\": 1, \"shadow_rays\": 1, \"rays\": \"\", \"build_ms\": 0, \
+                 \"update_ms\": 1, \"rays_ms\": 1, \"different\": 0}]}";
+    write("d.json", scene.replace(": S,", &format!(": {json},")).as_bytes());
+    for text in [
+        format!("v {evil} 1 1\n{GOOD}"),
+        format!("{GOOD}f {evil} 1 2\n"),
+        format!("f 1 2 9\n{GOOD}usemtl {evil}\n"),
+    ] {
+        write("bad.obj", text.replace('\r', "").as_bytes());
+        let (code, _, error) = run(&folder, &case(&with(&["build", "bad.obj"]), 3, "").arguments);
+        assert_eq!(code, Some(3), "{error:.1000}");
+        check_message(&error);
+    }
+    let name = evil.replace(['/', '\0'], "").chars().take(90).collect::<String>() + ".obj";
+    write(&name, format!("{GOOD}f 1 2 x\n").as_bytes());
+    write(
+        "odd.obj",
+        format!("mtllib {0}\nusemtl {0}\n{0} 1\n{GOOD}", evil.replace('\r', "")).as_bytes(),
+    );
+    let query = |rays: &str| with(&["query", "good.obj", "--rays", rays]).join("\n");
+    for (arguments, code) in [
+        (query("type.npy"), 3),
+        (query("sides.npy"), 3),
+        (query("shape.npy"), 3),
+        (query("long.npy"), 3),
+        (with(&["animate", "good.obj", "--frames", "a.frames.json"]).join("\n"), 3),
+        (with(&["animate", "good.obj", "--frames", "b.frames.json"]).join("\n"), 3),
+        ("paper\n--quick\n--backend\ncpu\n--others\nc.json".to_owned(), 3),
+        ("paper\n--quick\n--backend\ncpu\n--others\nd.json".to_owned(), 3),
+        ("trade\n--compare\nc.json".to_owned(), 3),
+        (with(&["build", "odd.obj"]).join("\n"), 0),
+    ] {
+        let arguments: Vec<&str> = arguments.split('\n').collect();
+        let (found, out, error) = run(&folder, &case(&arguments, code, "").arguments);
+        assert_eq!(found, Some(code), "{arguments:?}: {error:.1000}");
+        check_message(&error);
+        check_message(&out);
+    }
+    // A name that commands a terminal, on both streams, and as JSON.
+    for more in [&[][..], &["--json"]] {
+        let (code, out, error) =
+            run(&folder, &case(&with(&[&["build", &name][..], more].concat()), 3, "").arguments);
+        assert_eq!(code, Some(3), "{error:.1000}");
+        check_message(&(out + &error));
+        write(&name, GOOD.as_bytes());
+        let (code, out, error) =
+            run(&folder, &case(&with(&[&["build", &name][..], more].concat()), 0, "").arguments);
+        assert_eq!(code, Some(0), "{error:.1000}");
+        check_message(&(out.clone() + &error));
+        if !more.is_empty() {
+            let report: serde_json::Value = serde_json::from_str(&out).unwrap();
+            assert_eq!(report["scene"], name.as_str());
+        }
+        write(&name, format!("{GOOD}f 1 2 x\n").as_bytes());
+    }
+}
+
+/// Lines that can be printed, none of which runs on.
+fn check_message(text: &str) {
+    let commands = |letter: char| letter.is_control() && letter != '\n';
+    assert!(!text.contains(commands), "{text:.3000?}");
+    assert!(text.lines().all(|line| line.len() < 3000), "{text:.3000}");
+}

@@ -14,6 +14,7 @@ use splitplane::picture::{self, Movie, MovieFormat};
 use splitplane::render::Outputs;
 use splitplane::scene::{Animation, Camera, Change};
 use splitplane::tracer::FrameRequest;
+use std::ffi::OsString;
 use std::fs;
 use std::io::BufWriter;
 use std::num::NonZeroU32;
@@ -29,7 +30,7 @@ const SAMPLES: u32 = 1;
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
-    scene: String,
+    scene: OsString,
     /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with
     /// NAME.frames.json beside it; a built-in scene moves by itself
     #[arg(long, value_name = "FILE|DIR")]
@@ -132,7 +133,7 @@ impl Arguments {
         let Arguments { look, common, .. } = self;
         let opened = open_tracer(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
-        let options = look.scene_options();
+        let options = look.scene_options(common);
         let (mut scene, mut animation) =
             Animation::open(&self.scene, self.frames.as_deref(), &options)?;
         // Lights are placed for what is seen.

@@ -6,13 +6,14 @@ use super::output;
 use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::save_tree;
 use clap::Args;
+use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
-    scene: String,
+    scene: OsString,
     /// Write the tree to this file
     #[arg(long, short, value_name = "TREE")]
     output: Option<PathBuf>,

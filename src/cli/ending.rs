@@ -1,4 +1,4 @@
-//! Ends before a run is done: Ctrl-C, and `--timeout`.
+//! Ends before a run is done: Ctrl-C, signals that ask it to end, and `--timeout`.
 //!
 //! Work that is watched ends by itself with an error. What is not (a file that is read, a frame on its way)
 //! gets a moment, then the program ends without it. Either way no file is left half written, one
@@ -33,6 +33,8 @@ static DOING: Mutex<Option<Doing>> = Mutex::new(None);
 static WHOLE: AtomicU32 = AtomicU32::new(0);
 /// Files that are not whole yet, and folders for them.
 static PARTS: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// Held while files that belong together get their names.
+static NAMING: Mutex<()> = Mutex::new(());
 
 struct Doing {
     what: String,
@@ -68,7 +70,7 @@ impl TimeLimit {
     }
 }
 
-/// From now on Ctrl-C ends the run.
+/// From now on Ctrl-C ends the run, and so do SIGTERM and SIGHUP where there are signals.
 pub(super) fn install() {
     START.get_or_init(Instant::now);
     if let Err(error) = ctrlc::set_handler(|| end(INTERRUPTED)) {
@@ -76,9 +78,51 @@ pub(super) fn install() {
             "splitplane: Ctrl-C ends the program without its exit code: {error}"
         ));
     }
+    #[cfg(unix)]
+    if let Err(error) = signals::listen(|| end(INTERRUPTED)) {
+        output::note(&format!(
+            "splitplane: signals end the program without its exit code: {error}"
+        ));
+    }
 }
 
-/// Asks the run to end; without grace when Ctrl-C asks for the second time.
+/// Signals that ask a program to end.
+#[cfg(unix)]
+mod signals {
+    use signal_hook::consts::{SIGHUP, SIGTERM};
+    use signal_hook::iterator::Signals;
+    use std::io;
+    use std::thread;
+
+    /// Calls back at every one, on a thread of its own.
+    pub(super) fn listen(mut asked: impl FnMut() + Send + 'static) -> io::Result<()> {
+        // Whoever starts a program so that it outlives the terminal (nohup) has it ignore the signal.
+        let wanted = [SIGTERM, SIGHUP].into_iter().filter(|signal| !is_ignored(*signal));
+        let mut signals = Signals::new(wanted)?;
+        let listening = move || signals.forever().for_each(|_| asked());
+        thread::Builder::new().spawn(listening).map(drop)
+    }
+
+    /// Whether the program was started to ignore a signal.
+    #[cfg(target_os = "linux")]
+    fn is_ignored(signal: i32) -> bool {
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+        let mask = mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+        mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
+    }
+
+    /// The same where the system does not tell: nohup leaves no terminal.
+    #[cfg(not(target_os = "linux"))]
+    fn is_ignored(signal: i32) -> bool {
+        use std::io::IsTerminal;
+        let terminal =
+            io::stdin().is_terminal() || io::stdout().is_terminal() || io::stderr().is_terminal();
+        signal == SIGHUP && !terminal
+    }
+}
+
+/// Asks the run to end; without grace when Ctrl-C or a signal asks for the second time.
 fn end(cause: u8) {
     if let Err(before) = CAUSE.compare_exchange(GOES_ON, cause, SeqCst, SeqCst) {
         if skips_grace(before, cause) {
@@ -107,6 +151,8 @@ fn leave() {
         // Another thread is at it.
         return;
     }
+    // Files that belong together appear together: they get their names first.
+    let _undivided = undivided();
     let failure = failure();
     // The last first: files before their folder.
     for part in lock(&PARTS).drain(..).rev() {
@@ -150,6 +196,11 @@ pub(super) fn last_word(failed: Failure) -> Option<Failure> {
 pub(super) fn doing(what: &str, bar: &ProgressBar) {
     let doing = Doing { what: what.to_owned(), bar: bar.clone(), since: Instant::now() };
     *lock(&DOING) = Some(doing);
+}
+
+/// As long as this is held, the program does not end.
+pub(super) fn undivided() -> MutexGuard<'static, ()> {
+    lock(&NAMING)
 }
 
 /// A file that is not whole yet, or a new folder for such.

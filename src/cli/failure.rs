@@ -38,6 +38,10 @@ impl Failure {
         Failure { message: message.into(), code: FILE }
     }
 
+    pub(super) fn limit(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: LIMIT }
+    }
+
     pub(super) fn cancelled(message: impl Into<String>) -> Failure {
         Failure { message: message.into(), code: CANCELLED }
     }
@@ -74,6 +78,7 @@ impl From<SceneError> for Failure {
             SceneError::Builtin(_) | SceneError::UnknownFormat(_) => {
                 Failure::usage(error.to_string())
             }
+            SceneError::Obj(obj) if obj.problem.is_limit() => Failure::limit(error.to_string()),
             _ => Failure::file(error.to_string()),
         }
     }
@@ -159,6 +164,9 @@ impl From<AnimationError> for Failure {
             AnimationError::Scene(error) => error.into(),
             AnimationError::NoFrames(_) | AnimationError::NotFrames(_) => {
                 Failure::usage(error.to_string())
+            }
+            AnimationError::Frame { error: ref obj, .. } if obj.problem.is_limit() => {
+                Failure::limit(error.to_string())
             }
             error => Failure::file(error.to_string()),
         }

@@ -39,7 +39,7 @@ pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result
     output::file(path, &bytes)
 }
 
-/// Writes all crossings of every ray; gives the names of both files.
+/// Writes all crossings of every ray; gives the names of both files, which appear together.
 pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Failure> {
     let mut bytes = start(path, CROSSING_TYPE, all.crossings.len());
     for met in &all.crossings {
@@ -50,8 +50,7 @@ pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Fail
     let beside = starts_beside(path);
     let mut starts = start(&beside, "'<u8'", all.starts.len());
     starts.extend(all.starts.iter().flat_map(|start| (*start as u64).to_le_bytes()));
-    output::file(path, &bytes)?;
-    output::file(&beside, &starts)?;
+    output::files([(path.to_owned(), bytes.as_slice()), (beside.clone(), starts.as_slice())])?;
     Ok([path.to_owned(), beside])
 }
 

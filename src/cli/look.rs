@@ -1,11 +1,14 @@
 //! Options of verbs that make pictures: size, samples, camera, lights, what is wanted.
 
 use super::failure::Failure;
-use super::options::{point, size};
+use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
 use splitplane::render::{Environment, Light, RenderSettings, Size};
 use splitplane::scene::{Camera, MaterialRule, Placement, Scene, SceneOptions, View};
+
+/// [`SceneOptions::DECODE_LIMIT`] as users write it.
+pub(super) const MAX_TEXTURE: &str = "512M";
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
@@ -77,6 +80,10 @@ pub(super) struct Look {
     /// Leave the textures of .mtl files out
     #[arg(long)]
     no_textures: bool,
+    /// Most bytes that decoding one texture may take; all together may take sixteen times as many, one
+    /// after the other. Textures past it are left out
+    #[arg(long, value_name = "BYTES", value_parser = bytes, default_value = MAX_TEXTURE)]
+    max_texture: u64,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -133,10 +140,12 @@ fn environment(text: &str) -> Result<Environment, String> {
 
 impl Look {
     /// How files become scenes.
-    pub(super) fn scene_options(&self) -> SceneOptions {
+    pub(super) fn scene_options(&self, common: &Common) -> SceneOptions {
         SceneOptions {
             materials: self.materials.rule(),
             textures: !self.no_textures,
+            decode_limit: self.max_texture,
+            file_limit: common.max_file,
             ..SceneOptions::default()
         }
     }

@@ -107,7 +107,12 @@ builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \
-failed, was lost or took too long; 7 cancelled; 70 a bug in splitplane.";
+failed, was lost or took too long; 7 cancelled, or ended by --timeout, SIGTERM or SIGHUP; 70 a bug \
+in splitplane.
+
+A file is written as a whole or not at all, under another name until it is whole. Of one that is \
+replaced permissions stay; a symbolic link stays, and what it leads to is replaced; hard links keep \
+the old contents.";
 
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {

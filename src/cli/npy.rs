@@ -1,5 +1,6 @@
 //! The .npy format of NumPy, as much of it as rays and hits need: versions 1 to 3, C order.
 
+use splitplane::from_file::{quoted, quoted_word};
 use std::fmt;
 use thiserror::Error;
 
@@ -20,6 +21,8 @@ pub(super) enum NpyError {
     Fortran,
     #[error("its shape is {0}; it must be (n, {1})")]
     Shape(String, usize),
+    #[error("there is not memory enough for its numbers")]
+    Memory,
     #[error("its header promises {promised} bytes of numbers, but {found} follow")]
     Length { promised: u64, found: u64 },
 }
@@ -29,8 +32,11 @@ pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(MAGIC)
 }
 
-/// An array of shape (n, N), row by row, as f32; f64 is rounded.
-pub(super) fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, NpyError> {
+/// An array of shape (n, N), row by row, as what `make` makes of f32; f64 is rounded.
+pub(super) fn read_rows<const N: usize, T>(
+    bytes: &[u8],
+    make: impl Fn([f32; N]) -> T,
+) -> Result<Vec<T>, NpyError> {
     let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
     let (&[major, _minor], rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
     let (length, rest) = match major {
@@ -53,7 +59,7 @@ pub(super) fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, N
     let size = match kind {
         "<f4" => 4,
         "<f8" => 8,
-        other => return Err(NpyError::Type(other.to_owned())),
+        other => return Err(NpyError::Type(quoted_word(other))),
     };
     match value(header, "fortran_order")? {
         order if order.starts_with("False") => {}
@@ -63,29 +69,42 @@ pub(super) fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, N
     let shape = value(header, "shape")?;
     let end = shape.find(')').ok_or(NpyError::Header)?;
     let shape = shape.get(..=end).ok_or(NpyError::Header)?;
+    let wrong_shape = || NpyError::Shape(quoted(shape), N);
+    // More sides than a matrix has are not all looked at.
     let sides: Vec<u64> = shape
         .trim_matches(['(', ')'])
         .split(',')
         .map(str::trim)
         .filter(|side| !side.is_empty())
+        .take(3)
         .map(str::parse)
         .collect::<Result<_, _>>()
         .map_err(|_| NpyError::Header)?;
-    let &[count, width] = &sides[..] else { return Err(NpyError::Shape(shape.to_owned(), N)) };
+    let &[count, width] = &sides[..] else { return Err(wrong_shape()) };
     if width != N as u64 {
-        return Err(NpyError::Shape(shape.to_owned(), N));
+        return Err(wrong_shape());
     }
     let promised = count.checked_mul(width * size).ok_or(NpyError::Header)?;
     let found = numbers.len() as u64;
     if promised != found {
         return Err(NpyError::Length { promised, found });
     }
-    let row = |numbers: &[f32]| <[f32; N]>::try_from(numbers).unwrap_or([0.0; N]);
-    let flat: Vec<f32> = match size {
-        4 => numbers.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect(),
-        _ => numbers.as_chunks::<8>().0.iter().map(|b| f64::from_le_bytes(*b) as f32).collect(),
-    };
-    Ok(flat.chunks_exact(N).map(row).collect())
+    let count = numbers.len() / (N * size as usize);
+    let mut rows = Vec::new();
+    rows.try_reserve_exact(count).map_err(|_| NpyError::Memory)?;
+    match size {
+        4 => {
+            let (numbers, _) = numbers.as_chunks::<4>();
+            let (found, _) = numbers.as_chunks::<N>();
+            rows.extend(found.iter().map(|row| make(row.map(f32::from_le_bytes))));
+        }
+        _ => {
+            let (numbers, _) = numbers.as_chunks::<8>();
+            let (found, _) = numbers.as_chunks::<N>();
+            rows.extend(found.iter().map(|row| make(row.map(|b| f64::from_le_bytes(b) as f32))));
+        }
+    }
+    Ok(rows)
 }
 
 /// What follows a key of the header's dictionary.
@@ -114,6 +133,10 @@ pub(crate) fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, NpyError> {
+        super::read_rows(bytes, |row| row)
+    }
 
     fn file(version: u8, dictionary: &str, numbers: &[u8]) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();

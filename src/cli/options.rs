@@ -5,6 +5,7 @@ use super::failure::Failure;
 use super::knobs::Knobs;
 use clap::{Args, ValueEnum};
 use splitplane::render::Size;
+use splitplane::scene::SceneOptions;
 use splitplane::{
     Accuracy, BackendKind, BuildError, BuildOptions, OpenOptions, Preset, QueryLayout, QueryOptions,
 };
@@ -34,6 +35,10 @@ pub(super) struct Common {
     /// of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     max_memory: Option<u64>,
+    /// Most bytes of a file that is read whole: a scene, a frame of it, rays. Half of the machine's memory
+    /// when left out, and 1G of rays that come from a pipe or a device
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub(super) max_file: Option<u64>,
     /// Query layout without copies of corners in leaves: about half the memory, slower rays, the same hits;
     /// on the CPU only
     #[arg(long)]
@@ -120,6 +125,11 @@ impl Common {
         let layout = if self.compact { QueryLayout::Compact } else { QueryLayout::Fast };
         let config = self.knobs.config(preset)?;
         Ok(BuildOptions { config, max_memory: self.max_memory, layout })
+    }
+
+    /// How a scene is read that is not drawn: nobody sees its textures.
+    pub(super) fn bare_scene(&self) -> SceneOptions {
+        SceneOptions { textures: false, file_limit: self.max_file, ..SceneOptions::default() }
     }
 
     pub(super) fn query_options(&self) -> QueryOptions {

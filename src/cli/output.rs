@@ -1,16 +1,29 @@
 //! Data to standard output, everything else to standard error, and files as a whole or not at all.
+//!
+//! What a file is replaced by is written under a name that nobody can foresee, beside it, and takes its
+//! name at the end: a run that is cut short leaves the old file or none. Of a file that is replaced,
+//! permissions stay; a symbolic link stays too, and the file that it leads to is replaced. Other names
+//! of the same file, hard links, keep the old contents. What is there and is no regular file (a pipe, a
+//! device) is written to directly.
 
 use super::ending;
 use super::failure::Failure;
+use splitplane::from_file::{printable, quoted_path, quoted_reason};
 use std::fs;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempPath;
+
+/// Most links that lead from one to the next.
+const MOST_LINKS: usize = 40;
+/// From this length on an error is shortened; none of ours is as long.
+const LONG_ERROR: usize = 4000;
 
 /// Prints data. A reader that went away ends the run quietly. Does not ask whether time is up: what is
 /// printed is known, and files of it may be whole.
 pub(super) fn data(text: &str) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
-    let written = out.write_all(text.as_bytes()).and_then(|()| out.flush());
+    let written = out.write_all(printable(text).as_bytes()).and_then(|()| out.flush());
     written.map_err(|error| match error.kind() {
         io::ErrorKind::BrokenPipe => Failure::nobody_listens(),
         _ => Failure::file(format!("cannot write to standard output: {error}")),
@@ -19,35 +32,50 @@ pub(super) fn data(text: &str) -> Result<(), Failure> {
 
 /// Prints one line of what is not data. That nobody reads it is no failure.
 pub(super) fn note(text: &str) {
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", printable(text));
 }
 
 /// Prints an error in one line.
 pub(super) fn error(text: &str) {
-    note(&format!("splitplane: {}", text.replace(['\n', '\r'], " ")));
+    let line = text.replace(['\n', '\r'], " ");
+    if line.len() > LONG_ERROR {
+        note(&format!("splitplane: {}", quoted_reason(&line)));
+    } else {
+        note(&format!("splitplane: {line}"));
+    }
 }
 
-/// Writes a file under another name beside it, then renames it, so that a run that is cut short
-/// leaves the old file or none. What is there and is no regular file (a pipe, a device) is written
-/// to directly.
+/// Writes a file.
 pub(super) fn file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    files([(path.to_owned(), bytes)])
+}
+
+/// Writes files, which appear together or not at all; what is no regular file is written to before they
+/// do.
+pub(super) fn files<'a>(
+    files: impl IntoIterator<Item = (PathBuf, &'a [u8])>,
+) -> Result<(), Failure> {
     ending::check()?;
-    if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
-        let written = fs::OpenOptions::new()
-            .write(true)
-            .open(path)
-            .and_then(|mut file| file.write_all(bytes));
-        return written.map(|()| ending::kept()).map_err(|error| unwritten(path, &error));
+    let mut parts = Vec::new();
+    for (path, bytes) in files {
+        let failed = |error: io::Error| unwritten(&path, &error);
+        if let Place::Stream = Place::of(&path).map_err(failed)? {
+            let stream = fs::OpenOptions::new().write(true).open(&path);
+            stream.and_then(|mut stream| stream.write_all(bytes)).map_err(failed)?;
+            ending::kept();
+            continue;
+        }
+        let (part, mut file) = Part::create(&path)?;
+        file.write_all(bytes).map_err(failed)?;
+        parts.push(part);
     }
-    let (part, mut file) = Part::create(path)?;
-    file.write_all(bytes).map_err(|error| unwritten(path, &error))?;
-    part.keep()
+    keep(parts)
 }
 
 fn unwritten(path: &Path, error: &io::Error) -> Failure {
     Failure::file(format!(
         "cannot write `{}`: {error}; check that the folder exists and may be written to",
-        path.display()
+        quoted_path(path)
     ))
 }
 
@@ -62,8 +90,37 @@ pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
     if ends_in(path, "png") {
         return Ok(());
     }
-    let shown = path.display();
+    let shown = quoted_path(path);
     Err(Failure::usage(format!("`{shown}` does not end in .png; screenshots are written as PNG")))
+}
+
+/// What a name leads to.
+enum Place {
+    /// A regular file, or nothing yet: the name behind all links.
+    File(PathBuf),
+    /// What takes bytes as they come, or an open file of some process.
+    Stream,
+}
+
+impl Place {
+    fn of(path: &Path) -> io::Result<Place> {
+        if fs::metadata(path).is_ok_and(|about| !about.is_file()) {
+            return Ok(Place::Stream);
+        }
+        let mut file = path.to_owned();
+        for _ in 0..MOST_LINKS {
+            // `/dev/stdout` and the like: nothing there can be replaced.
+            if cfg!(unix) && (file.starts_with("/dev/fd") || file.starts_with("/proc")) {
+                return Ok(Place::Stream);
+            }
+            match fs::read_link(&file) {
+                Ok(link) => file = file.parent().unwrap_or(Path::new("")).join(link),
+                // No link.
+                Err(_) => return Ok(Place::File(file)),
+            }
+        }
+        Err(io::Error::other("too many links lead from one to the next"))
+    }
 }
 
 /// A folder that a run writes to. Dropped, or when the run is ended, it is gone again if the run made it
@@ -82,7 +139,7 @@ impl Folder {
         }
         let folder = Folder { made };
         fs::create_dir_all(path).map_err(|error| {
-            Failure::file(format!("cannot make the folder `{}`: {error}", path.display()))
+            Failure::file(format!("cannot make the folder `{}`: {error}", quoted_path(path)))
         })?;
         Ok(folder)
     }
@@ -98,51 +155,139 @@ impl Drop for Folder {
     }
 }
 
-/// Writes files, all of them before the first gets its name: a run that is cut short leaves the old ones or
-/// none.
-pub(super) fn files<'a>(
-    files: impl IntoIterator<Item = (PathBuf, &'a [u8])>,
-) -> Result<(), Failure> {
-    let mut parts = Vec::new();
-    for (path, bytes) in files {
-        let (part, mut file) = Part::create(&path)?;
-        file.write_all(bytes).map_err(|error| unwritten(&path, &error))?;
-        parts.push(part);
-    }
-    parts.into_iter().try_for_each(Part::keep)
-}
-
 /// A file that is being written under another name beside its own. Dropped before it is kept, it
 /// leaves nothing behind, and the old file as it was.
 pub(super) struct Part {
-    part: PathBuf,
+    /// The other name; none after it was kept.
+    part: Option<TempPath>,
+    /// The name behind all links.
+    file: PathBuf,
+    /// As the user has it.
     path: PathBuf,
 }
 
 impl Part {
     /// Begins a file; what is written to the handle goes to the other name.
     pub(super) fn create(path: &Path) -> Result<(Part, fs::File), Failure> {
-        let mut name = path.file_name().unwrap_or_default().to_owned();
-        name.push(format!(".{}.part", std::process::id()));
-        let part = Part { part: path.with_file_name(name), path: path.to_owned() };
-        ending::begun(&part.part);
-        let file = fs::File::create(&part.part).map_err(|error| unwritten(path, &error))?;
-        Ok((part, file))
+        let failed = |error: io::Error| unwritten(path, &error);
+        let Place::File(file) = Place::of(path).map_err(failed)? else {
+            return Err(failed(io::Error::other("it is not a regular file")));
+        };
+        let permissions = fs::metadata(&file).ok().map(|about| about.permissions());
+        let made = beside(&file, |part| {
+            let mut options = fs::OpenOptions::new();
+            // Not what another has put there: neither a file nor a link.
+            options.write(true).create_new(true);
+            #[cfg(unix)]
+            if let Some(permissions) = &permissions {
+                use std::os::unix::fs::{OpenOptionsExt, PermissionsExt};
+                // From the start no more may read it than may read the old one.
+                options.mode(permissions.mode() & 0o777);
+            }
+            ending::begun(part);
+            options.open(part).inspect_err(|_| ending::done(part))
+        });
+        let (handle, name) = made.map_err(failed)?.into_parts();
+        let part = Part { part: Some(name), file, path: path.to_owned() };
+        #[cfg(unix)]
+        if let Some(permissions) = permissions {
+            use std::os::unix::fs::PermissionsExt;
+            let plain = fs::Permissions::from_mode(permissions.mode() & 0o777);
+            handle.set_permissions(plain).map_err(failed)?;
+        }
+        Ok((part, handle))
     }
 
     /// Gives the file its own name. It must be whole.
     pub(super) fn keep(self) -> Result<(), Failure> {
-        ending::check()?;
-        fs::rename(&self.part, &self.path).map_err(|error| unwritten(&self.path, &error))?;
-        ending::kept();
-        Ok(())
+        keep(vec![self])
+    }
+
+    fn rename(&mut self) -> io::Result<()> {
+        let Some(part) = self.part.take() else { return Ok(()) };
+        let name = part.to_path_buf();
+        let renamed = part.persist(&self.file);
+        ending::done(&name);
+        // Where it failed, what it gives back removes the file.
+        renamed.map_err(|error| error.error)
     }
 }
 
 impl Drop for Part {
     fn drop(&mut self) {
-        // After it was kept there is nothing of this name.
-        let _ = fs::remove_file(&self.part);
-        ending::done(&self.part);
+        if let Some(part) = self.part.take() {
+            let name = part.to_path_buf();
+            drop(part);
+            ending::done(&name);
+        }
+    }
+}
+
+/// Makes something under a name in the folder of a file that nobody can foresee.
+fn beside<R>(
+    file: &Path,
+    make: impl FnMut(&Path) -> io::Result<R>,
+) -> io::Result<tempfile::NamedTempFile<R>> {
+    let folder = file.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let mut name = tempfile::Builder::new();
+    name.prefix("splitplane-").suffix(".part").rand_bytes(12);
+    name.make_in(folder.unwrap_or(Path::new(".")), make)
+}
+
+/// Gives files their names: all or none. They must be whole.
+fn keep(mut parts: Vec<Part>) -> Result<(), Failure> {
+    ending::check()?;
+    // From here on the run does not end before it is done.
+    let _undivided = ending::undivided();
+    let mut old = Vec::new();
+    let several = parts.len() > 1;
+    for place in 0..parts.len() {
+        let part = &mut parts[place];
+        // A second name of what is replaced, in case the next one fails.
+        let second = |file: &Path| beside(file, |name| fs::hard_link(file, name)).ok();
+        let there = several && part.file.exists();
+        old.push((there, if there { second(&part.file) } else { None }));
+        if let Err(error) = part.rename() {
+            let failure = unwritten(&part.path, &error);
+            for (part, (there, old)) in parts.iter().zip(old).take(place) {
+                match old {
+                    Some(old) => drop(old.into_temp_path().persist(&part.file)),
+                    None if there => {}
+                    None => drop(fs::remove_file(&part.file)),
+                }
+            }
+            return Err(failure);
+        }
+    }
+    parts.iter().for_each(|_| ending::kept());
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_files_that_belong_together_none_appears_where_one_cannot() {
+        let folder = tempfile::tempdir().unwrap();
+        let [old, new, last] = ["old", "new", "last"].map(|name| folder.path().join(name));
+        fs::write(&old, "before").unwrap();
+        let begun = |path: &Path| {
+            let (part, mut file) = Part::create(path).unwrap();
+            file.write_all(b"now").unwrap();
+            part
+        };
+        let parts = vec![begun(&old), begun(&new), begun(&last)];
+        // What nobody can replace by a file.
+        fs::create_dir(&last).unwrap();
+        fs::write(last.join("in it"), "").unwrap();
+        assert!(keep(parts).is_err());
+        assert_eq!(fs::read(&old).unwrap(), b"before");
+        assert!(!new.exists());
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        let parts = vec![begun(&old), begun(&new)];
+        keep(parts).unwrap();
+        assert_eq!([fs::read(&old).unwrap(), fs::read(&new).unwrap()], [b"now", b"now"]);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
     }
 }

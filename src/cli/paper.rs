@@ -3,11 +3,13 @@
 use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, size};
-use super::prepared::print_json;
+use super::prepared::{command, print_json};
 use super::{output, progress};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use splitplane::backend::Engine;
+use splitplane::from_file::{printable, quoted};
 use splitplane::render::Size;
 use splitplane::report::asked::{Asked, BadLights, STAND_INS};
 use splitplane::report::document::{File, Report};
@@ -32,7 +34,7 @@ pub(super) struct Arguments {
     /// A scene to measure, an .obj file or builtin:NAME[:SIZE]; may be given many times. @LIGHTS behind
     /// it, 1 to 8, gives it that many lights, placed unless it brings as many; built-in scenes of the
     /// paper's sizes and numbers of lights when left out
-    #[arg(long, value_name = "SCENE[@LIGHTS]")]
+    #[arg(long, value_name = "SCENE[@LIGHTS]", value_parser = asked())]
     scene: Vec<Asked>,
     /// What is measured besides the CPU, which always is: `wgpu` a GPU, `cpu` nothing, `auto` a GPU if
     /// there is one fit for it
@@ -87,6 +89,10 @@ enum Offline {
     Best,
 }
 
+fn asked() -> impl TypedValueParser<Value = Asked> {
+    OsStringValueParser::new().try_map(|text| Asked::of(&text))
+}
+
 fn odd(text: &str) -> Result<usize, String> {
     let number: Option<usize> = text.parse().ok().filter(|n| n % 2 == 1 && *n < 1000);
     number.ok_or_else(|| "give an odd number from 1 to 999, so that there is a middle".to_owned())
@@ -121,7 +127,7 @@ struct Progress {
 
 impl Progress {
     fn step(&self, what: &str) {
-        self.bar.set_message(what.to_owned());
+        self.bar.set_message(printable(what).into_owned());
         self.bar.inc(1);
     }
 }
@@ -201,7 +207,7 @@ impl Arguments {
                 output::note(&format!(
                     "note: {}: the GPU's tree by preset {preset} is not the CPU's; `splitplane parity` \
                      finds out where they part",
-                    scene.name
+                    quoted(&scene.name)
                 ));
             }
             scenes.push(scene);
@@ -212,11 +218,11 @@ impl Arguments {
         let scalings = scalings(&placed, settings, gpu.info.is_some(), &progress)?;
         let (figures, areas) = self.figures(&placed, settings, &scalings, &progress)?;
         progress.bar.finish_and_clear();
-        let command: Vec<String> = std::env::args().collect();
+        let command = command();
         let report = Report {
             format: 1,
             machine: Machine::of(
-                command.join(" "),
+                command,
                 settings.threads,
                 &CpuBackend::new().describe(),
                 gpu.info.as_ref(),
@@ -249,11 +255,13 @@ impl Arguments {
             let scene = &placed.scene;
             if !self.quiet {
                 for sentence in scene.notes.sentences() {
-                    output::note(&format!("note: {}: {sentence}", scene.name));
+                    let name = quoted(&scene.name);
+                    output::note(&format!("note: {name}: {sentence}"));
                 }
                 if let Some(lights) = lights.filter(|lights| *lights != scene.lights.len()) {
                     let count = scene.lights.len();
-                    output::note(&format!("note: {}: {count} of {lights} lights", scene.name));
+                    let name = quoted(&scene.name);
+                    output::note(&format!("note: {name}: {count} of {lights} lights"));
                 }
             }
             progress.step(&format!("{}: opened", scene.name));
@@ -376,7 +384,10 @@ fn scalings(
 fn described(scene: &SceneReport) -> String {
     let mut text = format!(
         "scene    ({}) {}: {} triangles, lights: {}\n",
-        scene.letter, scene.name, scene.triangles, scene.lights
+        scene.letter,
+        quoted(&scene.name),
+        scene.triangles,
+        scene.lights
     );
     for row in &scene.builders {
         text += &format!(

@@ -3,13 +3,14 @@
 use super::failure::Failure;
 use super::options::Common;
 use clap::Args;
+use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
     #[cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "there is no GPU to compare"))]
-    scene: String,
+    scene: OsString,
     /// Rays of each kind: random, aimed at edges, aimed at vertices
     #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = clap::value_parser!(u64).range(0..=100_000_000))]
     #[cfg_attr(not(feature = "wgpu"), allow(dead_code, reason = "there is no GPU to compare"))]
@@ -85,7 +86,7 @@ mod compare {
         in_pool(common, || {
             let gpu = open_gpu(&common.open_options())?;
             let spinner = progress::spinner(common.quiet, "reading the scene");
-            let scene = Scene::open(&arguments.scene)?;
+            let scene = Scene::open_with(&arguments.scene, &common.bare_scene())?;
             spinner.finish_and_clear();
             let mesh = scene.mesh()?;
             // Its own tests would refuse a device that is to be looked into.

@@ -6,8 +6,10 @@ use super::tree::{TreeStats, tree_stats};
 use super::{knobs, output, progress};
 use serde::Serialize;
 use serde_json::{Map, Value};
+use splitplane::from_file::quoted;
 use splitplane::scene::Scene;
 use splitplane::{Accelerator, BackendInfo, QueryLayout};
+use std::ffi::OsStr;
 use std::time::Instant;
 
 /// A scene with its tree, built.
@@ -39,12 +41,12 @@ pub(super) fn pool(common: &Common) -> Result<rayon::ThreadPool, Failure> {
 
 impl Prepared {
     /// Opens the scene and the backend and builds the tree. To be called inside [`in_pool`].
-    pub(super) fn open(spec: &str, common: &Common) -> Result<Prepared, Failure> {
+    pub(super) fn open(spec: &OsStr, common: &Common) -> Result<Prepared, Failure> {
         // What is asked for and cannot be had is said before a large file is read.
         let options = common.build_options()?;
         let opened = common.backend.open_with(&common.open_options())?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
-        let scene = Scene::open(spec)?;
+        let scene = Scene::open_with(spec, &common.bare_scene())?;
         spinner.finish_and_clear();
         note_scene(common, &scene);
         let info = opened.backend.describe();
@@ -123,7 +125,7 @@ impl Built<'_> {
              knobs    {}\n\
              tree     {} nodes, {} leaves ({} empty), {} references, depth {}, SAH cost {:.2}\n\
              built    in {:.1} ms by preset {}, {} bytes, digest {}\n",
-            report.scene,
+            quoted(&report.scene),
             report.triangles,
             report.dropped,
             report.backend,
@@ -171,11 +173,18 @@ pub(super) fn counted(count: u64, what: &str) -> String {
     format!("{count} {what}{}", if count == 1 { "" } else { "s" })
 }
 
+/// The command as it was given, for reports.
+pub(super) fn command() -> String {
+    let words: Vec<String> =
+        std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+    words.join(" ")
+}
+
 /// Says what a reader left out or found odd.
 pub(super) fn note_scene(common: &Common, scene: &Scene) {
     if !common.quiet {
         for sentence in scene.notes.sentences() {
-            output::note(&format!("note: {}: {sentence}", scene.name));
+            output::note(&format!("note: {}: {sentence}", quoted(&scene.name)));
         }
     }
 }
@@ -185,7 +194,7 @@ pub(super) fn note_dropped(common: &Common, scene: &Scene, dropped: u32) {
     if !common.quiet && dropped > 0 {
         output::note(&format!(
             "note: {}: {dropped} triangles left out: a corner is not finite, or two are equal",
-            scene.name
+            quoted(&scene.name)
         ));
     }
 }
@@ -194,5 +203,31 @@ pub(super) fn note_dropped(common: &Common, scene: &Scene, dropped: u32) {
 pub(super) fn print_json(report: &impl Serialize) -> Result<(), Failure> {
     let text = serde_json::to_string(report)
         .map_err(|error| Failure::file(format!("cannot write the report as JSON: {error}")))?;
-    output::data(&format!("{text}\n"))
+    output::data(&format!("{}\n", tame(text)))
+}
+
+/// The same JSON where what commands a terminal, which may stand in strings as it is, is written by its
+/// number.
+fn tame(text: String) -> String {
+    if !text.contains(char::is_control) {
+        return text;
+    }
+    let one = |letter: char| match letter.is_control() {
+        true => format!("\\u{:04x}", u32::from(letter)),
+        false => letter.to_string(),
+    };
+    text.chars().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_stays_json_and_commands_no_terminal() {
+        let text = serde_json::to_string("a\u{9b}31m\u{7f}\u{1b}\"\n").unwrap();
+        let tamed = tame(text);
+        assert!(!tamed.contains(char::is_control), "{tamed:?}");
+        assert_eq!(serde_json::from_str::<String>(&tamed).unwrap(), "a\u{9b}31m\u{7f}\u{1b}\"\n");
+    }
 }

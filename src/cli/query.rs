@@ -9,6 +9,7 @@ use serde::Serialize;
 use splitplane::{
     Accelerator, AllHits, Hit, Located, Location, QueryOptions, Ray, Rule, Undecided, Watch,
 };
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -16,7 +17,7 @@ use std::time::Instant;
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
-    scene: String,
+    scene: OsString,
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)
     #[arg(long, value_name = "FILE", required_unless_present = "points")]
     rays: Option<PathBuf>,
@@ -98,10 +99,11 @@ impl Asked {
                 "points are for --kind inside; give rays by --rays"
             }));
         };
+        let limit = arguments.common.max_file;
         if points {
-            return Ok(Asked::Inside(ray_file::read_points(file)?, Located::default()));
+            return Ok(Asked::Inside(ray_file::read_points(file, limit)?, Located::default()));
         }
-        let rays = ray_file::read(file)?;
+        let rays = ray_file::read(file, limit)?;
         let count = rays.len();
         Ok(match arguments.kind {
             Kind::Closest => Asked::Closest(rays, vec![Hit::MISS; count]),

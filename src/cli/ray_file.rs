@@ -2,16 +2,17 @@
 //! points likewise: raw `x y z`, or .npy of shape (n, 3).
 
 use super::failure::Failure;
-use super::npy;
+use super::npy::{self, NpyError};
 use splitplane::Ray;
-use std::fs;
+use splitplane::from_file::{self, quoted_path};
 use std::path::Path;
 
 const RAYS: [&str; 2] = ["rays", "a ray is eight little-endian f32: ox oy oz dx dy dz tmin tmax"];
 const POINTS: [&str; 2] = ["points", "a point is three little-endian f32: x y z"];
 
-pub(super) fn read(path: &Path) -> Result<Vec<Ray>, Failure> {
-    parse(path, &read_bytes(path, RAYS)?)
+/// Reads a file, a pipe or a device of at most so many bytes.
+pub(super) fn read(path: &Path, limit: Option<u64>) -> Result<Vec<Ray>, Failure> {
+    parse(path, &read_bytes(path, limit, RAYS)?)
 }
 
 /// The rays in the bytes of a file, whose name may say what they are.
@@ -19,42 +20,53 @@ pub(super) fn read(path: &Path) -> Result<Vec<Ray>, Failure> {
 /// # Errors
 /// The bytes are not rays; the message names the file.
 pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Vec<Ray>, Failure> {
-    Ok(rows(path, bytes, RAYS)?.into_iter().map(ray).collect())
+    rows(path, bytes, RAYS, ray)
 }
 
-pub(super) fn read_points(path: &Path) -> Result<Vec<[f32; 3]>, Failure> {
-    rows(path, &read_bytes(path, POINTS)?, POINTS)
+pub(super) fn read_points(path: &Path, limit: Option<u64>) -> Result<Vec<[f32; 3]>, Failure> {
+    rows(path, &read_bytes(path, limit, POINTS)?, POINTS, |point| point)
 }
 
-fn failed(path: &Path, what: &str, error: &dyn std::fmt::Display) -> Failure {
-    Failure::file(format!("cannot read the {what} in `{}`: {error}", path.display()))
+fn failed(path: &Path, what: &str, error: &dyn std::fmt::Display) -> String {
+    format!("cannot read the {what} in `{}`: {error}", quoted_path(path))
 }
 
-fn read_bytes(path: &Path, [what, _]: [&str; 2]) -> Result<Vec<u8>, Failure> {
-    fs::read(path).map_err(|error| failed(path, what, &error))
+fn read_bytes(path: &Path, limit: Option<u64>, [what, _]: [&str; 2]) -> Result<Vec<u8>, Failure> {
+    from_file::read_any(path, limit).map_err(|error| {
+        let message = failed(path, what, &error);
+        if error.is_limit() { Failure::limit(message) } else { Failure::file(message) }
+    })
 }
 
-/// Rows of N numbers; `what` they are, and what one is.
-fn rows<const N: usize>(
+/// What `make` makes of rows of N numbers; `what` they are, and what one is.
+fn rows<const N: usize, T>(
     path: &Path,
     bytes: &[u8],
     [what, one]: [&str; 2],
-) -> Result<Vec<[f32; N]>, Failure> {
+    make: impl Fn([f32; N]) -> T,
+) -> Result<Vec<T>, Failure> {
     let named_npy = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy"));
+    let memory = |error: NpyError| Failure::limit(failed(path, what, &error));
     if named_npy || npy::is_npy(bytes) {
-        return npy::read_rows(bytes).map_err(|error| failed(path, what, &error));
+        return npy::read_rows(bytes, make).map_err(|error| match error {
+            NpyError::Memory => memory(error),
+            error => Failure::file(failed(path, what, &error)),
+        });
     }
     let (numbers, rest) = bytes.as_chunks::<4>();
-    let rows = numbers.chunks_exact(N);
-    if !rest.is_empty() || !rows.remainder().is_empty() {
+    let (found, left) = numbers.as_chunks::<N>();
+    if !rest.is_empty() || !left.is_empty() {
         return Err(Failure::file(format!(
             "`{}` has {} bytes, which is not a multiple of {}; {one}",
-            path.display(),
+            quoted_path(path),
             bytes.len(),
             4 * N
         )));
     }
-    Ok(rows.map(|row| std::array::from_fn(|i| f32::from_le_bytes(row[i]))).collect())
+    let mut rows = Vec::new();
+    rows.try_reserve_exact(found.len()).map_err(|_| memory(NpyError::Memory))?;
+    rows.extend(found.iter().map(|row| make(row.map(f32::from_le_bytes))));
+    Ok(rows)
 }
 
 /// The order of the file is that of users; a [`Ray`] in memory has another one.

@@ -11,9 +11,10 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::picture::{self, Aov, HeatMap, Quantity};
 use splitplane::render::{FrameStats, Outputs};
-use splitplane::scene::Scene;
+use splitplane::scene::{Scene, SceneOptions};
 use splitplane::tracer::FrameRequest;
 use std::borrow::Cow;
+use std::ffi::OsString;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -27,7 +28,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
-    scene: String,
+    scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
     /// folder when left out
     #[arg(long, short, value_name = "FILE.png|.exr")]
@@ -98,7 +99,7 @@ impl Arguments {
         let Arguments { look, common, .. } = self;
         let opened = open_tracer(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
-        let scene = Scene::open_with(&self.scene, &look.scene_options())?;
+        let scene = Scene::open_with(&self.scene, &self.scene_options())?;
         spinner.finish_and_clear();
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
@@ -122,6 +123,12 @@ impl Arguments {
         spinner.finish_and_clear();
         let written = self.write(&stage, &path)?;
         self.report(&stage, &stats, render_ms, &written)
+    }
+
+    /// Heat maps show no surfaces.
+    fn scene_options(&self) -> SceneOptions {
+        let options = self.look.scene_options(&self.common);
+        SceneOptions { textures: options.textures && self.heatmap.is_none(), ..options }
     }
 
     fn wants(&self, name: AovName) -> bool {

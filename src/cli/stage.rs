@@ -5,6 +5,7 @@ use super::look::{Look, Placed};
 use super::options::Common;
 use super::prepared::{Built, milliseconds, note_dropped, note_scene};
 use super::{output, progress};
+use splitplane::from_file::quoted;
 use splitplane::scene::Scene;
 use splitplane::tracer::Tracer;
 use splitplane::{Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
@@ -66,7 +67,7 @@ impl Stage {
             output::note(&format!(
                 "note: {}: {} of {asked} lights are placed; no further place reaches what the camera \
                  sees",
-                scene.name,
+                quoted(&scene.name),
                 placed.lights.len()
             ));
         }

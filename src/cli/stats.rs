@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 use splitplane::core::lines::{Lines, Measured, Tally, scene_scale, trace_lines};
 use splitplane::core::stats::{RayCost, TreeStats, leaf_sizes_of_class};
+use std::ffi::OsString;
 use std::fmt::Write;
 
 /// Lines that a thread traces at a time.
@@ -22,7 +23,7 @@ const SEED: u64 = 1;
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
-    scene: String,
+    scene: OsString,
     /// Random lines to trace through the bounds
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rays: u64,

@@ -3,13 +3,15 @@
 use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{AccuracyName, PresetName, bytes};
-use super::prepared::print_json;
+use super::prepared::{command, print_json};
 use super::{output, progress};
 use clap::{Args, ValueEnum};
+use splitplane::from_file::{printable, quoted};
 use splitplane::render::Size;
 use splitplane::report::document::File;
 use splitplane::report::machine::Machine;
 use splitplane::report::scene::{Placed, Settings as SceneSettings};
+use splitplane::scene::SceneOptions;
 use splitplane::trade::budget::{Fixed, FixedRays};
 use splitplane::trade::compare::{Comparison, Old, Thresholds};
 use splitplane::trade::held::Held;
@@ -18,6 +20,7 @@ use splitplane::trade::plan::{Device, Scope, Station, stations};
 use splitplane::trade::recommend::Wish;
 use splitplane::trade::{Trade, measure, plot, rays};
 use splitplane::{Accuracy, Backend, BackendKind, OpenOptions, Preset};
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 /// Seconds that the rounds of a sweep take.
@@ -27,7 +30,7 @@ const SECONDS: u32 = 150;
 pub(super) struct Arguments {
     /// Path of an .obj file, or builtin:NAME[:SIZE]
     #[arg(required_unless_present = "compare")]
-    scene: Option<String>,
+    scene: Option<OsString>,
     /// Folder for the report; made when it is not there. `trade` when left out; with --compare nothing
     /// is written unless it is given
     #[arg(long, value_name = "DIR")]
@@ -148,7 +151,7 @@ impl Arguments {
             output::note(&format!("GPU: {}", sweep.gpu.reason));
         }
         let threads = sweep.stations.iter().map(|station| station.threads).max().unwrap_or(1);
-        let spec = self.scene.clone().or_else(|| old.map(|old| old.scene.spec.clone()));
+        let spec = self.scene.clone().or_else(|| old.map(|old| old.scene.spec.clone().into()));
         let spec = spec.unwrap_or_default();
         let placed = self.open(&spec, threads)?;
         let scene = &placed.scene;
@@ -157,7 +160,7 @@ impl Arguments {
         }
         if !self.quiet {
             for sentence in scene.notes.sentences() {
-                output::note(&format!("note: {}: {sentence}", scene.name));
+                output::note(&format!("note: {}: {sentence}", quoted(&scene.name)));
             }
         }
         let settings = Settings {
@@ -171,14 +174,14 @@ impl Arguments {
         let measured = measure(&placed, &sweep.stations, &settings, &mut |event| match event {
             Event::Steps(steps) => bar.set_length(steps),
             Event::Step(what) => {
-                bar.set_message(what.to_owned());
+                bar.set_message(printable(what).into_owned());
                 bar.inc(1);
             }
         })?;
         bar.finish_and_clear();
-        let command: Vec<String> = std::env::args().collect();
+        let command = command();
         let machine = Machine::of(
-            command.join(" "),
+            command,
             threads,
             &measured.cpu,
             measured.gpu.as_ref(),
@@ -186,6 +189,7 @@ impl Arguments {
         );
         let about = (scene.name.clone(), scene.indices.len());
         let left_out = left_out(&sweep.stations);
+        let spec = spec.to_string_lossy().into_owned();
         let trade = Trade::of(spec, about, machine, measured, &self.wish(), left_out);
         let comparison = match old {
             Some(old) => Some(old.compare(&trade, self.thresholds())?),
@@ -205,7 +209,7 @@ impl Arguments {
         }
     }
 
-    fn open(&self, spec: &str, threads: usize) -> Result<Placed, Failure> {
+    fn open(&self, spec: &OsStr, threads: usize) -> Result<Placed, Failure> {
         let spinner = progress::spinner(self.quiet, "opening the scene");
         // Only the aspect matters, and the room a build may take.
         let size = Size::new(4, 3).map_err(|error| Failure::usage(error.to_string()))?;
@@ -218,7 +222,9 @@ impl Arguments {
             open: OpenOptions::default(),
             max_memory: self.max_memory,
         };
-        let placed = Placed::open(spec, None, &settings)?;
+        // Nothing is drawn.
+        let options = SceneOptions { textures: false, ..SceneOptions::default() };
+        let placed = Placed::open_with(spec, None, &settings, &options)?;
         spinner.finish_and_clear();
         Ok(placed)
     }
@@ -411,7 +417,7 @@ fn described(trade: &Trade) -> String {
         "scene    {}: {} triangles\n\
          rays     {} of each kind timed, {} of each kind judged, {} rounds\n\
          exact    {}\n",
-        trade.scene.name,
+        quoted(&trade.scene.name),
         trade.scene.triangles,
         trade.amounts.sample_rays.max(trade.amounts.gpu_sample_rays),
         trade.amounts.error_rays.max(trade.amounts.gpu_error_rays),

@@ -8,12 +8,13 @@ use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
 use splitplane::verify::{Aim, check};
+use std::ffi::OsString;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE")]
-    scene: String,
+    scene: OsString,
     /// Rays of each kind: random, aimed at edges, aimed at vertices
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..=1_000_000_000))]
     rays: u64,

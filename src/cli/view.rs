@@ -1,8 +1,8 @@
 //! `splitplane view`: an interactive window on a scene.
 
 use super::failure::Failure;
-use super::look::MaterialsName;
-use super::options::{Common, size};
+use super::look::{MAX_TEXTURE, MaterialsName};
+use super::options::{Common, bytes, size};
 use super::prepared::{note_scene, pool, print_json};
 use super::{output, progress};
 use clap::Args;
@@ -13,6 +13,7 @@ use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, AnimationError, Placement, Scene, SceneOptions};
 use splitplane::viewer::{DebugView, Ended, FrameReport, Settings, TracedSource, run as open};
 use splitplane::{Accuracy, OpenOptions};
+use std::ffi::OsString;
 use std::io::Cursor;
 use std::path::PathBuf;
 
@@ -31,7 +32,7 @@ adapter that can draw in it, and 6 when the window's device is lost.";
 pub(super) struct Arguments {
     /// An .obj file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
-    scene: String,
+    scene: OsString,
     /// Width and height of the window in pixels
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: Size,
@@ -51,6 +52,10 @@ pub(super) struct Arguments {
     /// Which surfaces of .mtl files are mirrors
     #[arg(long, value_enum, default_value_t = MaterialsName::Illum)]
     materials: MaterialsName,
+    /// Most bytes that decoding one texture may take; all together may take sixteen times as many, one
+    /// after the other. Textures past it are left out
+    #[arg(long, value_name = "BYTES", value_parser = bytes, default_value = MAX_TEXTURE)]
+    max_texture: u64,
     /// Most reflections and refractions along a path, 0 to 16
     #[arg(long, value_name = "N", default_value_t = RenderSettings::default().depth)]
     #[arg(value_parser = clap::value_parser!(u32).range(0..=16))]
@@ -77,8 +82,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let build = common.build_options()?;
     let pool = pool(common)?;
     let spinner = progress::spinner(common.quiet, "reading the scene");
-    let scene_options =
-        SceneOptions { materials: arguments.materials.rule(), ..SceneOptions::default() };
+    let scene_options = SceneOptions {
+        materials: arguments.materials.rule(),
+        decode_limit: arguments.max_texture,
+        file_limit: common.max_file,
+        ..SceneOptions::default()
+    };
     let (scene, animation) = arguments.open_scene(&scene_options)?;
     spinner.finish_and_clear();
     note_scene(common, &scene);

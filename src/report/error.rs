@@ -1,6 +1,7 @@
 //! Why there is no report.
 
 use crate::backend::OpenError;
+use crate::from_file::{quoted, quoted_path};
 use crate::picture::PictureError;
 use crate::scene::SceneError;
 use crate::tracer::TracerError;
@@ -17,7 +18,7 @@ pub enum ReportError {
     #[error(transparent)]
     Scene(#[from] SceneError),
     /// A scene with nothing to build a tree over.
-    #[error("`{0}` has no triangle that can be hit; leave it out")]
+    #[error("`{name}` has no triangle that can be hit; leave it out", name = quoted(.0))]
     Empty(String),
     /// A backend that cannot be opened.
     #[error(transparent)]
@@ -40,7 +41,7 @@ pub enum ReportError {
         reason: String,
     },
     /// A file of other builders' times that is none, or belongs to other rays.
-    #[error("`{path}`: {reason}", path = .path.display())]
+    #[error("`{path}`: {reason}", path = quoted_path(.path))]
     Others {
         /// The file.
         path: PathBuf,

@@ -2,11 +2,15 @@
 
 use super::ReportError;
 use super::scene::SceneReport;
+use crate::from_file::{self, quoted, quoted_reason};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
 /// The one version of the file's format.
 pub const FORMAT: u32 = 1;
+
+/// Greatest file that is read, in bytes; a scene takes a few hundred.
+const MOST: u64 = 16 << 20;
 
 /// What a file says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -56,10 +60,13 @@ impl Others {
     /// [`ReportError::Others`]: it cannot be read, is no such file, or has a time that is none.
     pub fn read(path: &Path) -> Result<Others, ReportError> {
         let failed = |reason: String| ReportError::Others { path: path.to_owned(), reason };
-        let text = std::fs::read_to_string(path)
+        let text = from_file::read(path, MOST)
             .map_err(|error| failed(format!("cannot be read: {error}")))?;
-        let others: Others = serde_json::from_str(&text)
-            .map_err(|error| failed(format!("is no file of times by splitplane-dbvh: {error}")))?;
+        let others: Others = serde_json::from_slice(&text).map_err(|error| {
+            // What it says may quote the file.
+            let why = quoted_reason(&error.to_string());
+            failed(format!("is no file of times by splitplane-dbvh: {why}"))
+        })?;
         if others.format != FORMAT {
             return Err(failed(format!(
                 "is of format {}, but this version reads {FORMAT}; measure again",
@@ -69,7 +76,7 @@ impl Others {
         let time = |ms: f64| ms.is_finite() && ms > 0.0;
         for scene in &others.scenes {
             if ![scene.build_ms, scene.update_ms, scene.rays_ms].into_iter().all(time) {
-                return Err(failed(format!("a time of `{}` is not above 0", scene.scene)));
+                return Err(failed(format!("a time of `{}` is not above 0", quoted(&scene.scene))));
             }
         }
         Ok(others)
@@ -90,7 +97,9 @@ impl Others {
                 return Err(failed(format!(
                     "`{}` was measured on rays {}, not on those of this report, {}; give both the \
                      same scenes, lights and size",
-                    scene.name, other.rays, scene.rays
+                    quoted(&scene.name),
+                    quoted(&other.rays),
+                    scene.rays
                 )));
             }
         }

@@ -6,7 +6,7 @@ use super::survey::{SurveyScene, nearest};
 use super::timing::{median, pool, timed};
 use super::{Builder, ReportError};
 use crate::backend::{BackendKind, OpenOptions};
-use crate::scene::{Camera, Placement, Scene};
+use crate::scene::{Camera, Placement, Scene, SceneOptions};
 use crate::tracer::{FrameRequest, Tracer, TracerError};
 use serde::Serialize;
 use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
@@ -15,6 +15,7 @@ use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
 use splitplane_render::{Outputs, RenderSettings, Size};
+use std::ffi::OsStr;
 
 /// How to measure.
 #[derive(Clone, Debug)]
@@ -64,12 +65,26 @@ impl Placed {
     /// # Errors
     /// There is no such scene, it is empty, or no tree of it can be built.
     pub fn open(
-        spec: &str,
+        spec: impl AsRef<OsStr>,
         lights: Option<usize>,
         settings: &Settings,
     ) -> Result<Placed, ReportError> {
-        let mut scene = Scene::open(spec)?;
-        if spec.starts_with("builtin:") {
+        Placed::open_with(spec, lights, settings, &SceneOptions::default())
+    }
+
+    /// As [`Placed::open`], with a say in how files are read.
+    ///
+    /// # Errors
+    /// As [`Placed::open`].
+    pub fn open_with(
+        spec: impl AsRef<OsStr>,
+        lights: Option<usize>,
+        settings: &Settings,
+        options: &SceneOptions,
+    ) -> Result<Placed, ReportError> {
+        let spec = spec.as_ref();
+        let mut scene = Scene::open_with(spec, options)?;
+        if let Some(spec) = spec.to_str().filter(|spec| spec.starts_with("builtin:")) {
             // With its size, which tells two of a report apart.
             scene.name = spec.to_owned();
         }

@@ -10,6 +10,7 @@ pub use error::AnimationError;
 use super::{Camera, Scene, SceneOptions};
 use obj_folder::ObjFolder;
 use raw_frames::RawFrames;
+use std::ffi::OsStr;
 use std::path::Path;
 
 /// Frames of a scene, one of which is in memory at a time.
@@ -58,10 +59,11 @@ impl Animation {
     /// # Errors
     /// The scene or its frames cannot be read, or do not fit together.
     pub fn open(
-        scene: &str,
+        scene: impl AsRef<OsStr>,
         frames: Option<&Path>,
         options: &SceneOptions,
     ) -> Result<(Scene, Animation), AnimationError> {
+        let scene = scene.as_ref();
         let (mut scene, source) = match frames {
             None => {
                 let (scene, source) = builtin::open(scene)?;

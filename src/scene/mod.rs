@@ -19,6 +19,7 @@ pub use splitplane_render::{Dielectric, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
+use std::ffi::OsStr;
 use std::path::Path;
 use thiserror::Error;
 
@@ -110,15 +111,24 @@ pub enum SceneError {
     UnknownFormat(String),
 }
 
+/// A scene as a user names it, for a message.
+fn quoted_spec(spec: &OsStr) -> String {
+    #[cfg(feature = "obj")]
+    return crate::from_file::quoted_path(spec);
+    #[cfg(not(feature = "obj"))]
+    spec.to_string_lossy().into_owned()
+}
+
 impl Scene {
     /// What stands for a normal or a texture coordinate at a corner that has none.
     pub const NONE: u32 = u32::MAX;
 
-    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`.
+    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path
+    /// need not be UTF-8.
     ///
     /// # Errors
     /// There is no such scene, or its file is broken.
-    pub fn open(spec: &str) -> Result<Scene, SceneError> {
+    pub fn open(spec: impl AsRef<OsStr>) -> Result<Scene, SceneError> {
         Scene::open_with(spec, &SceneOptions::default())
     }
 
@@ -126,10 +136,14 @@ impl Scene {
     ///
     /// # Errors
     /// There is no such scene, or its file is broken.
-    pub fn open_with(spec: &str, options: &SceneOptions) -> Result<Scene, SceneError> {
+    pub fn open_with(spec: impl AsRef<OsStr>, options: &SceneOptions) -> Result<Scene, SceneError> {
+        Scene::open_os(spec.as_ref(), options)
+    }
+
+    fn open_os(spec: &OsStr, options: &SceneOptions) -> Result<Scene, SceneError> {
         #[cfg(not(feature = "obj"))]
         let _ = options;
-        if let Some(name) = spec.strip_prefix("builtin:") {
+        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
             return Ok(builtin::open(name)?);
         }
         let path = Path::new(spec);
@@ -137,7 +151,7 @@ impl Scene {
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
             return Ok(obj::read_with(path, options)?);
         }
-        Err(SceneError::UnknownFormat(path.display().to_string()))
+        Err(SceneError::UnknownFormat(quoted_spec(spec)))
     }
 
     /// The triangles, borrowed, as a tree is built over them.

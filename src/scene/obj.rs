@@ -14,6 +14,7 @@ mod lines;
 mod mtl;
 mod reader;
 mod rule;
+mod said;
 #[cfg(feature = "textures")]
 mod textures;
 
@@ -22,8 +23,7 @@ pub use error::{Element, ObjError, ObjProblem};
 #[cfg(doc)]
 use super::MaterialRule;
 use super::{Scene, SceneOptions};
-use std::fs::{self, File};
-use std::io::Read;
+use crate::from_file::{self, ReadError};
 use std::path::Path;
 
 /// Reads an OBJ file and the .mtl files it names. A missing or broken .mtl file is a warning in
@@ -43,7 +43,7 @@ pub fn read(path: &Path) -> Result<Scene, ObjError> {
 /// As [`read`].
 pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError> {
     let mut bytes = Vec::new();
-    let (mut scene, libraries) = geometry(path, &mut bytes, Scene::default())?;
+    let (mut scene, libraries) = geometry(path, &mut bytes, Scene::default(), options)?;
     // Textures may be large; the text is not needed any more.
     drop(bytes);
     paint(&mut scene, &libraries, path, options);
@@ -70,24 +70,20 @@ pub(super) fn geometry(
     path: &Path,
     bytes: &mut Vec<u8>,
     memory: Scene,
+    options: &SceneOptions,
 ) -> Result<(Scene, Vec<String>), ObjError> {
     let fail = |problem| ObjError { file: path.to_owned(), line: None, problem };
-    let about = fs::metadata(path).map_err(|error| fail(ObjProblem::unreadable(&error)))?;
-    if about.is_dir() {
-        return Err(fail(ObjProblem::Folder));
-    }
-    if !about.is_file() {
-        // A pipe or a device may never end.
-        return Err(fail(ObjProblem::NotAFile));
-    }
-    bytes.clear();
-    let length = usize::try_from(about.len()).unwrap_or(usize::MAX);
-    bytes
-        .try_reserve_exact(length)
-        .map_err(|error| fail(ObjProblem::Unreadable(error.to_string())))?;
-    File::open(path)
-        .and_then(|mut file| file.read_to_end(bytes))
-        .map_err(|error| fail(ObjProblem::unreadable(&error)))?;
+    let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
+    from_file::read_into(path, limit, bytes).map_err(|error| {
+        fail(match error {
+            // A pipe or a device may never end.
+            ReadError::NotAFile if path.is_dir() => ObjProblem::Folder,
+            ReadError::NotAFile => ObjProblem::NotAFile,
+            ReadError::TooLong { limit } => ObjProblem::TooLong { limit },
+            ReadError::Memory => ObjProblem::Memory,
+            ReadError::System(error) => ObjProblem::unreadable(&error),
+        })
+    })?;
     let text = std::str::from_utf8(bytes).map_err(|error| {
         let before = &bytes[..error.valid_up_to()];
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count() as u64;

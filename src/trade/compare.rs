@@ -5,10 +5,21 @@ use super::budget::{Fixed, FixedRays};
 use super::document::{Amounts, FORMAT, Subject, Trade};
 use super::plan::{Device, Station};
 use super::row::{Row, Sets};
+use crate::from_file::{self, quoted, quoted_reason};
 use serde::{Deserialize, Serialize};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;
 use std::path::{Path, PathBuf};
+
+/// Greatest file that is read, in bytes; a row takes a few thousand.
+const MOST: u64 = 64 << 20;
+/// Most bytes of a name.
+const MOST_OF_A_NAME: usize = 1024;
+
+/// Whether a text of a file can be told as it is.
+fn is_name(text: &str) -> bool {
+    text.len() <= MOST_OF_A_NAME && !text.chars().any(char::is_control)
+}
 
 /// An earlier run, read from its file.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,19 +93,21 @@ impl Old {
     /// [`TradeError::Old`]: it cannot be read, is damaged, or is of another format.
     pub fn read(path: &Path) -> Result<Old, TradeError> {
         let failed = |reason: String| TradeError::Old { path: path.to_owned(), reason };
-        let text = std::fs::read_to_string(path)
+        let text = from_file::read(path, MOST)
             .map_err(|error| failed(format!("cannot be read: {error}")))?;
         let damaged = |error: serde_json::Error| {
-            failed(format!("is no report of `splitplane trade`, or a damaged one: {error}"))
+            // What it says may quote the file.
+            let why = quoted_reason(&error.to_string());
+            failed(format!("is no report of `splitplane trade`, or a damaged one: {why}"))
         };
-        let head: Head = serde_json::from_str(&text).map_err(damaged)?;
+        let head: Head = serde_json::from_slice(&text).map_err(damaged)?;
         if head.format != FORMAT {
             return Err(failed(format!(
                 "is of format {}, but this version reads {FORMAT}; measure again",
                 head.format
             )));
         }
-        let File { scene, amounts, rows } = serde_json::from_str(&text).map_err(damaged)?;
+        let File { scene, amounts, rows } = serde_json::from_slice(&text).map_err(damaged)?;
         let old = Old { path: path.to_owned(), scene, amounts, rows };
         old.check().map_err(failed)?;
         Ok(old)
@@ -104,6 +117,10 @@ impl Old {
     fn check(&self) -> Result<(), String> {
         if self.rows.is_empty() {
             return Err("has no rows".into());
+        }
+        let Subject { name, mesh, .. } = &self.scene;
+        if !is_name(name) || !is_name(mesh) {
+            return Err("has a scene without a proper name".into());
         }
         let Amounts { repeat, sample_rays, gpu_sample_rays, error_rays, gpu_error_rays, .. } =
             self.amounts;
@@ -115,6 +132,10 @@ impl Old {
             let bad = |what: &str| Err(format!("row {}: {what}", place + 1));
             if row.number != place + 1 {
                 return bad("is not where its number says");
+            }
+            // It is told again.
+            if !is_name(&row.name) || row.knob.as_deref().is_some_and(|knob| !is_name(knob)) {
+                return bad("has no proper name");
             }
             let Some(preset) = preset(&row.preset) else { return bad("no such preset") };
             if let Err(error) = row.config.with(preset).validate() {
@@ -148,7 +169,9 @@ impl Old {
         Err(self.failed(format!(
             "was measured on `{}` of {} triangles, but `{name}` has {triangles}; give the same scene, or \
              measure it anew",
-            self.scene.name, self.scene.triangles
+            self.scene.name,
+            self.scene.triangles,
+            name = quoted(name)
         )))
     }
 
@@ -207,7 +230,9 @@ impl Old {
         if new.scene.mesh != self.scene.mesh {
             return Err(self.failed(format!(
                 "was measured on other corners of `{}`: mesh {}, now {}; measure anew",
-                new.scene.name, self.scene.mesh, new.scene.mesh
+                quoted(&new.scene.name),
+                self.scene.mesh,
+                new.scene.mesh
             )));
         }
         let mut comparison = Comparison {

@@ -1,5 +1,6 @@
 //! Why there is nothing to compare settings by.
 
+use crate::from_file::quoted_path;
 use crate::picture::PictureError;
 use crate::report::ReportError;
 use splitplane_core::backend::{BuildError, QueryError};
@@ -32,7 +33,7 @@ pub enum TradeError {
     #[error(transparent)]
     Picture(#[from] PictureError),
     /// A file of earlier figures that cannot be read, is damaged, or belongs to something else.
-    #[error("`{path}`: {reason}", path = .path.display())]
+    #[error("`{path}`: {reason}", path = quoted_path(.path))]
     Old {
         /// The file.
         path: PathBuf,

@@ -3,18 +3,20 @@
 use super::{AnimationError, Change};
 use crate::scene::Scene;
 use crate::scene::builtin::{self, carousel};
+use std::ffi::OsStr;
 
 /// The frames of a built-in scene.
 #[derive(Debug)]
 pub(super) struct Builtin(carousel::Motion);
 
 /// Opens `builtin:NAME[:SIZE]`.
-pub(super) fn open(scene: &str) -> Result<(Scene, Builtin), AnimationError> {
-    let moving = match scene.strip_prefix("builtin:") {
+pub(super) fn open(scene: &OsStr) -> Result<(Scene, Builtin), AnimationError> {
+    let moving = match scene.to_str().and_then(|scene| scene.strip_prefix("builtin:")) {
         Some(name) => builtin::moving(name)?,
         None => None,
     };
-    let (scene, motion) = moving.ok_or_else(|| AnimationError::NoFrames(scene.to_owned()))?;
+    let (scene, motion) =
+        moving.ok_or_else(|| AnimationError::NoFrames(scene.to_string_lossy().into_owned()))?;
     Ok((scene, Builtin(motion)))
 }
 

@@ -1,5 +1,6 @@
 //! What can be wrong with frames.
 
+use crate::from_file::{ReadError, quoted_path};
 use crate::scene::builtin::BuiltinError;
 use crate::scene::obj::ObjError;
 use crate::scene::{CameraError, SceneError};
@@ -16,7 +17,8 @@ pub enum AnimationError {
     Scene(#[from] SceneError),
     /// The scene does not move by itself.
     #[error(
-        "`{0}` does not move by itself; name its frames, a folder of .obj files or a .frames.bin, or use builtin:carousel"
+        "`{path}` does not move by itself; name its frames, a folder of .obj files or a .frames.bin, or use builtin:carousel",
+        path = quoted_path(.0)
     )]
     NoFrames(String),
     /// A frame past the last one.
@@ -29,11 +31,12 @@ pub enum AnimationError {
     },
     /// The file is not of a kind that holds frames.
     #[error(
-        "`{0}` holds no frames; name a folder of .obj files, a .frames.bin or its .frames.json"
+        "`{path}` holds no frames; name a folder of .obj files, a .frames.bin or its .frames.json",
+        path = quoted_path(.0)
     )]
     NotFrames(PathBuf),
     /// The system refuses to read it.
-    #[error("cannot read the frames in `{file}`: {why}")]
+    #[error("cannot read the frames in `{path}`: {why}", path = quoted_path(.file))]
     Unreadable {
         /// The file or folder.
         file: PathBuf,
@@ -41,7 +44,7 @@ pub enum AnimationError {
         why: String,
     },
     /// A folder without .obj files.
-    #[error("there are no .obj files in the folder `{0}`")]
+    #[error("there are no .obj files in the folder `{path}`", path = quoted_path(.0))]
     EmptyFolder(PathBuf),
     /// An .obj file that cannot be read.
     #[error("frame {frame}: {error}")]
@@ -52,7 +55,7 @@ pub enum AnimationError {
         error: ObjError,
     },
     /// A description that is not one.
-    #[error("`{file}` does not describe frames: {why}")]
+    #[error("`{path}` does not describe frames: {why}", path = quoted_path(.file))]
     BadDescription {
         /// The .json file.
         file: PathBuf,
@@ -60,7 +63,7 @@ pub enum AnimationError {
         why: String,
     },
     /// The camera of a frame is none.
-    #[error("`{file}`, frame {frame}: {error}")]
+    #[error("`{path}`, frame {frame}: {error}", path = quoted_path(.file))]
     Camera {
         /// The .json file.
         file: PathBuf,
@@ -71,7 +74,8 @@ pub enum AnimationError {
     },
     /// The raw frames are of another size than described.
     #[error(
-        "`{file}` has {found} bytes, but {frames} frames of {vertices} vertices take {expected}; it may be cut short, or its description may be of another file"
+        "`{path}` has {found} bytes, but {frames} frames of {vertices} vertices take {expected}; it may be cut short, or its description may be of another file",
+        path = quoted_path(.file)
     )]
     WrongSize {
         /// The .bin file.
@@ -86,7 +90,10 @@ pub enum AnimationError {
         found: u64,
     },
     /// The frames are not of this scene.
-    #[error("`{file}` has frames of {frame} vertices, but the scene `{name}` has {scene}")]
+    #[error(
+        "`{path}` has frames of {frame} vertices, but the scene `{name}` has {scene}",
+        path = quoted_path(.file)
+    )]
     VertexCount {
         /// The .json file.
         file: PathBuf,
@@ -120,5 +127,12 @@ impl AnimationError {
             _ => error.to_string(),
         };
         AnimationError::Unreadable { file: file.to_owned(), why }
+    }
+
+    pub(super) fn unread(file: &Path, error: ReadError) -> AnimationError {
+        match error {
+            ReadError::System(error) => AnimationError::unreadable(file, &error),
+            error => AnimationError::Unreadable { file: file.to_owned(), why: error.to_string() },
+        }
     }
 }

@@ -51,7 +51,7 @@ impl ObjFolder {
     ) -> Result<Change, AnimationError> {
         let file = &self.files[frame];
         let memory = mem::take(&mut self.spare);
-        let (mut next, libraries) = obj::geometry(file, &mut self.bytes, memory)
+        let (mut next, libraries) = obj::geometry(file, &mut self.bytes, memory, &self.options)
             .map_err(|error| AnimationError::Frame { frame, error })?;
         let names =
             |scene: &Scene| scene.materials.iter().map(|m| m.name.clone()).collect::<Vec<_>>();

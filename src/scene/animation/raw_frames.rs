@@ -1,10 +1,11 @@
 //! Frames as raw numbers in one file, described by another.
 
 use super::{AnimationError, Change};
+use crate::from_file::{self, ReadError, quoted, quoted_reason};
 use crate::scene::{Camera, CameraError, Scene, normals};
 use glam::DVec3;
 use serde::Deserialize;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -76,25 +77,21 @@ impl RawFrames {
             return Err(AnimationError::VertexCount {
                 file: json,
                 frame: about.vertices,
-                name: scene.name.clone(),
+                name: quoted(&scene.name),
                 scene: scene.positions.len(),
             });
         }
         let expected = about.vertices.checked_mul(VERTEX).and_then(|n| n.checked_mul(about.frames));
         let expected = expected.ok_or_else(|| bad("so many vertices fit in no file"))?;
-        let regular =
-            fs::metadata(&bin).map_err(|error| AnimationError::unreadable(&bin, &error))?;
-        if !regular.is_file() {
-            let why = "it is not a regular file".to_owned();
-            return Err(AnimationError::Unreadable { file: bin, why });
-        }
-        if regular.len() != expected {
+        let (file, length) =
+            from_file::open_regular(&bin).map_err(|error| AnimationError::unread(&bin, error))?;
+        if length != expected {
             return Err(AnimationError::WrongSize {
                 file: bin,
                 frames: about.frames,
                 vertices: about.vertices,
                 expected,
-                found: regular.len(),
+                found: length,
             });
         }
         let fov = about.fov_y_deg.unwrap_or(FOV_DEGREES);
@@ -109,7 +106,6 @@ impl RawFrames {
             poses.iter().enumerate().map(camera).collect::<Result<Vec<Camera>, _>>()
         });
         let cameras = cameras.transpose()?;
-        let file = File::open(&bin).map_err(|error| AnimationError::unreadable(&bin, &error))?;
         normals::separate(scene);
         Ok(RawFrames {
             path: bin,
@@ -177,15 +173,12 @@ impl Pose {
 }
 
 fn describe(json: &Path) -> Result<Description, AnimationError> {
-    let fail = |error| AnimationError::unreadable(json, &error);
-    let about = fs::metadata(json).map_err(fail)?;
     let bad = |why: String| AnimationError::BadDescription { file: json.to_owned(), why };
-    if !about.is_file() {
-        return Err(bad("it is not a regular file".to_owned()));
-    }
-    if about.len() > MOST {
-        return Err(bad(format!("it is larger than {MOST} bytes")));
-    }
-    let bytes = fs::read(json).map_err(fail)?;
-    serde_json::from_slice(&bytes).map_err(|error| bad(error.to_string()))
+    let bytes = from_file::read(json, MOST).map_err(|error| match error {
+        ReadError::TooLong { limit } => bad(format!("it is larger than {limit} bytes")),
+        ReadError::NotAFile => bad(error.to_string()),
+        error => AnimationError::unread(json, error),
+    })?;
+    // What it says may quote the file.
+    serde_json::from_slice(&bytes).map_err(|error| bad(quoted_reason(&error.to_string())))
 }

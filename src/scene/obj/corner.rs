@@ -1,7 +1,7 @@
 //! What the corners of faces name: `v`, `v/vt`, `v//vn`, `v/vt/vn`.
 
 use super::error::{Element, ObjProblem};
-use super::reader::shorten;
+use crate::from_file::quoted_word;
 use crate::scene::Scene;
 
 /// A corner of a face: places counted from 0, [`Scene::NONE`] where the file names nothing.
@@ -85,7 +85,7 @@ impl Default for Elements {
 impl Elements {
     /// What a word of a face names.
     pub(super) fn corner(&mut self, line: u64, word: &str) -> Result<Corner, ObjProblem> {
-        let bad = || ObjProblem::BadCorner(shorten(word));
+        let bad = || ObjProblem::BadCorner(quoted_word(word));
         let number = |part: &str| part.parse::<i64>().map_err(|_| bad());
         let none = Scene::NONE;
         let Some((position, rest)) = word.split_once('/') else {

@@ -1,5 +1,6 @@
 //! What can be wrong with an OBJ file.
 
+use crate::from_file::quoted_path;
 use std::fmt;
 use std::io;
 use std::path::PathBuf;
@@ -18,7 +19,7 @@ pub struct ObjError {
 
 impl fmt::Display for ObjError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "cannot read `{}`", self.file.display())?;
+        write!(f, "cannot read `{}`", quoted_path(&self.file))?;
         if let Some(line) = self.line {
             write!(f, ", line {line}")?;
         }
@@ -42,6 +43,15 @@ pub enum ObjProblem {
     /// The system refuses to read it.
     #[error("the system says: {0}")]
     Unreadable(String),
+    /// More bytes than are read.
+    #[error("it has more than {limit} bytes, the most that are read; --max-file allows more")]
+    TooLong {
+        /// The most that are read.
+        limit: u64,
+    },
+    /// What it says does not fit into memory.
+    #[error("there is not memory enough for what it says")]
+    Memory,
     /// Bytes that are not text.
     #[error("it is not UTF-8 text; save it as UTF-8, or check that it is an OBJ file at all")]
     NotUtf8,
@@ -93,6 +103,9 @@ pub enum ObjProblem {
         most = u32::MAX
     )]
     TooMany(Element),
+    /// More materials than a scene can have.
+    #[error("it names more than {0} materials; merge some")]
+    TooManyMaterials(usize),
     /// More triangles than one tree can hold.
     #[error(
         "it has more than the {} triangles that one tree can hold; split it",
@@ -133,6 +146,11 @@ impl fmt::Display for Element {
 }
 
 impl ObjProblem {
+    /// Whether a limit of size or memory binds.
+    pub fn is_limit(&self) -> bool {
+        matches!(self, ObjProblem::TooLong { .. } | ObjProblem::Memory)
+    }
+
     pub(super) fn unreadable(error: &io::Error) -> ObjProblem {
         match error.kind() {
             io::ErrorKind::NotFound | io::ErrorKind::NotADirectory => ObjProblem::Missing,

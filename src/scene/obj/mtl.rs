@@ -1,7 +1,7 @@
 //! The text of .mtl files, as it stands there; what it means is decided elsewhere.
 
 use super::lines::Lines;
-use super::reader::{shorten, told};
+use crate::from_file::{quoted, quoted_word};
 
 /// A material of an .mtl file.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -21,22 +21,28 @@ pub(super) struct Entry {
     pub(super) map: Option<String>,
 }
 
-/// The materials of a text, and what was left out, a sentence each.
-pub(super) fn parse(text: &str) -> (Vec<Entry>, Vec<String>) {
-    let mut entries: Vec<Entry> = Vec::new();
-    let mut bad: Vec<(u64, String)> = Vec::new();
+/// Most notes on single materials of a file.
+const MOST_NOTES: usize = 16;
+
+/// Gives the materials of a text one after the other, and what was left out, a sentence each. Nothing is
+/// kept of a line, since a file may have millions of them.
+pub(super) fn parse(text: &str, mut found: impl FnMut(Entry)) -> Vec<String> {
+    let mut current: Option<Entry> = None;
+    let mut bad: (u64, Option<(u64, String)>) = (0, None);
     let mut warnings = Vec::new();
+    let mut more = 0;
     for (number, content) in Lines::new(text) {
         let (keyword, rest) = match content.split_once(|c: char| c.is_ascii_whitespace()) {
             Some((keyword, rest)) => (keyword, rest.trim_ascii()),
             None => (&*content, ""),
         };
         if keyword == "newmtl" {
-            entries.push(Entry { name: rest.to_owned(), ..Entry::default() });
+            let next = Entry { name: rest.to_owned(), ..Entry::default() };
+            current.replace(next).into_iter().for_each(&mut found);
             continue;
         }
         // Before the first material there is nothing to describe.
-        let Some(entry) = entries.last_mut() else { continue };
+        let Some(entry) = &mut current else { continue };
         let result = match keyword {
             "Kd" => colour(rest).map(|value| entry.diffuse = Some(value)),
             "Ks" => colour(rest).map(|value| entry.specular = Some(value)),
@@ -51,17 +57,20 @@ pub(super) fn parse(text: &str) -> (Vec<Entry>, Vec<String>) {
                     Ok(())
                 }
                 Err(_) => {
-                    Err(format!("`{}` is not a number of an illumination model", shorten(rest)))
+                    let rest = quoted_word(rest);
+                    Err(format!("`{rest}` is not a number of an illumination model"))
                 }
             },
             // Exporters differ in the letters.
             _ if keyword.eq_ignore_ascii_case("map_Kd") => {
                 let (name, ignored) = map(rest);
-                if !ignored.is_empty() {
-                    let (options, name) = (told(&ignored.join(" ")), told(&entry.name));
+                if !ignored.is_empty() && warnings.len() < MOST_NOTES {
+                    let (options, name) = (quoted(&ignored.join(" ")), quoted(&entry.name));
                     warnings.push(format!(
                         "the texture of material `{name}` is used without its options {options}"
                     ));
+                } else if !ignored.is_empty() {
+                    more += 1;
                 }
                 entry.map = name;
                 if entry.map.is_some() { Ok(()) } else { Err("it names no file".to_owned()) }
@@ -69,14 +78,18 @@ pub(super) fn parse(text: &str) -> (Vec<Entry>, Vec<String>) {
             _ => Ok(()),
         };
         if let Err(why) = result {
-            bad.push((number, why));
+            bad.0 += 1;
+            bad.1.get_or_insert((number, why));
         }
     }
-    if let [(line, why), ..] = &bad[..] {
-        let count = bad.len();
+    current.into_iter().for_each(&mut found);
+    if more > 0 {
+        warnings.push(format!("{more} more textures are used without their options"));
+    }
+    if let (count, Some((line, why))) = bad {
         warnings.insert(0, format!("{count} lines left out, the first is line {line}: {why}"));
     }
-    (entries, warnings)
+    warnings
 }
 
 /// One to three numbers; one stands for all channels.
@@ -102,7 +115,7 @@ fn last_number(text: &str) -> Result<f32, String> {
 fn number(word: &str) -> Result<f32, String> {
     match word.parse::<f32>() {
         Ok(value) if value.is_finite() => Ok(value),
-        _ => Err(format!("`{}` is not a finite number", shorten(word))),
+        _ => Err(format!("`{}` is not a finite number", quoted_word(word))),
     }
 }
 
@@ -171,6 +184,22 @@ fn first_word(text: &str) -> (&str, &str) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn parse(text: &str) -> (Vec<Entry>, Vec<String>) {
+        let mut entries = Vec::new();
+        let warnings = super::parse(text, |entry| entries.push(entry));
+        (entries, warnings)
+    }
+
+    #[test]
+    fn notes_of_a_file_are_few() {
+        let text = format!("newmtl a\n{}", "d\nmap_Kd -s 2 2 a\n".repeat(1000));
+        let (_, warnings) = parse(&text);
+        assert_eq!(warnings.len(), 2 + MOST_NOTES);
+        assert!(warnings[0].starts_with("1000 lines left out, the first is line 2: "));
+        let last = format!("{} more textures are used without their options", 1000 - MOST_NOTES);
+        assert_eq!(warnings.last(), Some(&last));
+    }
 
     #[test]
     fn every_keyword_is_kept() {

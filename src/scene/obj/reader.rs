@@ -3,10 +3,14 @@
 use super::corner::{Corner, Elements};
 use super::error::{Element, ObjProblem};
 use super::lines::Lines;
+use crate::from_file::quoted_word;
 use crate::scene::{Material, Notes, Scene};
 use glam::DVec3;
 use splitplane_core::mesh::MAX_TRIANGLES;
 use std::collections::HashMap;
+
+/// Most materials of a file; what each takes is many times its line.
+const MAX_MATERIALS: usize = 1 << 20;
 
 /// Where a problem is, and what.
 pub(super) type Located = (Option<u64>, ObjProblem);
@@ -64,8 +68,10 @@ impl Reader {
             "vt" => self.texcoord(rest)?,
             "vn" => self.normal(rest)?,
             "f" | "fo" => self.face(line, rest)?,
-            "usemtl" => self.use_material(rest),
-            "mtllib" => self.libraries.push(rest.to_owned()),
+            "usemtl" => self.use_material(rest)?,
+            // Some programs write it before every face.
+            "mtllib" if self.libraries.last().is_some_and(|last| last == rest) => {}
+            "mtllib" => push(&mut self.libraries, rest.to_owned())?,
             "p" | "l" => self.scene.notes.skipped_elements += 1,
             "curv" | "curv2" | "surf" => self.scene.notes.skipped_freeform += 1,
             // What says nothing about triangles.
@@ -75,7 +81,7 @@ impl Reader {
             | "stech" => {}
             _ => {
                 self.unknown.0 += 1;
-                self.unknown.1.get_or_insert_with(|| (line, shorten(keyword)));
+                self.unknown.1.get_or_insert_with(|| (line, quoted_word(keyword)));
             }
         }
         Ok(())
@@ -87,30 +93,29 @@ impl Reader {
         if !position.iter().all(|x| x.is_finite()) {
             self.scene.notes.non_finite_vertices += 1;
         }
-        self.scene.positions.push(position);
-        Ok(())
+        push(&mut self.scene.positions, position)
     }
 
     fn texcoord(&mut self, rest: &str) -> Result<(), ObjProblem> {
         // One of one number lies on a line; a third one is depth in a solid texture.
         let texcoord: [f32; 2] = numbers(Element::TextureCoordinate, rest, 1)?;
         self.elements.texcoords.add()?;
-        self.scene.texcoords.push(texcoord);
-        Ok(())
+        push(&mut self.scene.texcoords, texcoord)
     }
 
     fn normal(&mut self, rest: &str) -> Result<(), ObjProblem> {
         let normal: [f32; 3] = numbers(Element::Normal, rest, 3)?;
         self.elements.normals.add()?;
         let wide = DVec3::from_array(normal.map(f64::from));
-        self.scene.normals.push(wide.try_normalize().map_or(normal, |n| n.as_vec3().to_array()));
-        Ok(())
+        let unit = wide.try_normalize().map_or(normal, |n| n.as_vec3().to_array());
+        push(&mut self.scene.normals, unit)
     }
 
     fn face(&mut self, line: u64, rest: &str) -> Result<(), ObjProblem> {
         self.corners.clear();
         for word in rest.split_ascii_whitespace() {
-            self.corners.push(self.elements.corner(line, word)?);
+            let corner = self.elements.corner(line, word)?;
+            push(&mut self.corners, corner)?;
         }
         let [first, others @ ..] = &self.corners[..] else {
             self.scene.notes.skipped_elements += 1;
@@ -132,6 +137,9 @@ impl Reader {
         };
         let scene = &mut self.scene;
         let before = scene.indices.len();
+        let added = others.len() - 1;
+        room(&mut scene.indices, added)?;
+        room(&mut scene.material_of, added)?;
         for pair in others.windows(2) {
             scene.indices.push([*first, pair[0], pair[1]].map(|corner| corner.position));
             scene.material_of.push(material);
@@ -139,23 +147,33 @@ impl Reader {
         let fan = || others.windows(2).map(|pair| [*first, pair[0], pair[1]]);
         // Most large files have neither: an array begins with the first face that needs it.
         if self.corners.iter().any(|corner| corner.texcoord != Scene::NONE) {
+            let missing = before - scene.texcoord_indices.len();
+            room(&mut scene.texcoord_indices, missing + added)?;
             scene.texcoord_indices.resize(before, [Scene::NONE; 3]);
             scene.texcoord_indices.extend(fan().map(|corners| corners.map(|c| c.texcoord)));
         }
         if self.corners.iter().any(|corner| corner.normal != Scene::NONE) {
+            let missing = before - scene.normal_indices.len();
+            room(&mut scene.normal_indices, missing + added)?;
             scene.normal_indices.resize(before, [Scene::NONE; 3]);
             scene.normal_indices.extend(fan().map(|corners| corners.map(|c| c.normal)));
         }
         Ok(())
     }
 
-    fn use_material(&mut self, name: &str) {
-        let next = self.scene.materials.len() as u32;
-        let index = *self.material_by_name.entry(name.to_owned()).or_insert(next);
-        if index == next {
-            self.scene.materials.push(Material { name: name.to_owned(), ..Material::clay() });
+    fn use_material(&mut self, name: &str) -> Result<(), ObjProblem> {
+        if let Some(known) = self.material_by_name.get(name) {
+            self.material = Some(*known);
+            return Ok(());
         }
-        self.material = Some(index);
+        let next = self.scene.materials.len();
+        if next >= MAX_MATERIALS {
+            return Err(ObjProblem::TooManyMaterials(MAX_MATERIALS));
+        }
+        self.material_by_name.insert(name.to_owned(), next as u32);
+        self.scene.materials.push(Material { name: name.to_owned(), ..Material::clay() });
+        self.material = Some(next as u32);
+        Ok(())
     }
 
     fn finish(mut self) -> Result<(Scene, Vec<String>), Located> {
@@ -183,6 +201,19 @@ impl Reader {
     }
 }
 
+/// Makes room in a list. A file of many elements takes many times its bytes, so that there is no memory
+/// must be an error, not the end of the program.
+fn room<T>(list: &mut Vec<T>, more: usize) -> Result<(), ObjProblem> {
+    list.try_reserve(more).map_err(|_| ObjProblem::Memory)
+}
+
+/// Adds to a list.
+fn push<T>(list: &mut Vec<T>, value: T) -> Result<(), ObjProblem> {
+    room(list, 1)?;
+    list.push(value);
+    Ok(())
+}
+
 /// The numbers of a line, of which the first `least` must be there; the rest are 0. More may follow:
 /// a weight, a colour, a depth.
 fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32; N], ObjProblem> {
@@ -191,14 +222,14 @@ fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32
     for (found, value) in values.iter_mut().enumerate() {
         match words.next() {
             Some(word) => {
-                *value = word.parse().map_err(|_| ObjProblem::BadNumber(shorten(word)))?;
+                *value = word.parse().map_err(|_| ObjProblem::BadNumber(quoted_word(word)))?;
             }
             None if found >= least => break,
             None => return Err(ObjProblem::FewNumbers { of, found }),
         }
     }
     match words.find(|word| word.parse::<f32>().is_err()) {
-        Some(word) => Err(ObjProblem::BadNumber(shorten(word))),
+        Some(word) => Err(ObjProblem::BadNumber(quoted_word(word))),
         None => Ok(values),
     }
 }
@@ -223,42 +254,4 @@ fn leave_out<T>(
         }
     }
     count
-}
-
-/// Enough of a word for a message.
-pub(super) fn shorten(word: &str) -> String {
-    let mut short: String = word.chars().take(24).flat_map(char::escape_debug).collect();
-    if word.chars().nth(24).is_some() {
-        short.push_str("...");
-    }
-    short
-}
-
-/// Enough of a name for a message: of a file, of a material. It may be any text of a file, so what
-/// would not be printed as it is, such as what commands a terminal, is written by its number.
-pub(super) fn told(name: &str) -> String {
-    let mut short = String::new();
-    for letter in name.chars().take(160) {
-        match letter {
-            '\'' | '"' | '\\' => short.push(letter),
-            _ => short.extend(letter.escape_debug()),
-        }
-    }
-    if name.chars().nth(160).is_some() {
-        short.push_str("...");
-    }
-    short
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_told_as_they_can_be_printed() {
-        assert_eq!(told("C:\\a \"b\"'\u{e4}.png"), "C:\\a \"b\"'\u{e4}.png");
-        assert_eq!(told("\u{1b}[2J\n\0"), "\\u{1b}[2J\\n\\0");
-        assert_eq!(told(&"9".repeat(400)), "9".repeat(160) + "...");
-        assert_eq!(shorten(&"9".repeat(400)), "9".repeat(24) + "...");
-    }
 }
