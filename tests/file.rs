@@ -219,7 +219,7 @@ fn a_forged_tree_is_refused_or_answers_rightly() {
             let common: Vec<Ray> = Kind::ALL
                 .into_iter()
                 .flat_map(|kind| aim::rays(&mesh, kind, 10, 9))
-                .chain(forge::rays(&honest.view(), &mesh, 1))
+                .chain(forge::rays(&honest.view(), None, &mesh, 1))
                 .collect();
             let expected = answers(&leaf.tree().view(), &mesh, &common);
             assert!(expected.0.iter().any(Hit::is_hit));
@@ -256,14 +256,16 @@ fn a_forged_tree_is_refused_or_answers_rightly() {
                 };
                 assert_eq!(violation, Ok(()));
                 count[1] += 1;
-                let mut rays = common.clone();
-                rays.extend(forge::rays(&forged.view(), &mesh, round as u64));
-                let expected = answers(&leaf.tree().view(), &mesh, &rays);
-                let what = format!("{}, {preset:?}, {forgery:?}: {forged:?}", scene.name);
-                assert!(answers(&forged.view(), &mesh, &rays) == expected, "{what}");
-                let mut hits = vec![Hit::MISS; rays.len()];
-                loaded.closest_hits(&rays, &mut hits, &exact()).unwrap();
-                assert!(hits == expected.0, "{what}");
+                let what = || format!("{}, {preset:?}, {forgery:?}: {forged:?}", scene.name);
+                let before = honest.view();
+                let rays = forge::rays(&forged.view(), Some(&before), &mesh, round as u64);
+                let more = answers(&leaf.tree().view(), &mesh, &rays);
+                for (rays, expected) in [(&common, &expected), (&rays, &more)] {
+                    assert!(answers(&forged.view(), &mesh, rays) == *expected, "{}", what());
+                    let mut hits = vec![Hit::MISS; rays.len()];
+                    loaded.closest_hits(rays, &mut hits, &exact()).unwrap();
+                    assert!(hits == expected.0, "{}", what());
+                }
             }
         }
     }
@@ -272,6 +274,6 @@ fn a_forged_tree_is_refused_or_answers_rightly() {
         // Nothing is lost in wider bounds. Bounds are as tight as can be, and order is looked at.
         assert!(refused > 9 || forgery == Forgery::WidensBounds, "{forgery:?}: {seen:?}");
         let never = [Forgery::ShrinksBounds, Forgery::Disorders].contains(&forgery);
-        assert!(accepted > 9 || never, "{forgery:?}: {seen:?}");
+        assert!(accepted > 1 || never, "{forgery:?}: {seen:?}");
     }
 }

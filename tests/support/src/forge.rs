@@ -9,6 +9,7 @@ use splitplane_core::ray::Ray;
 use splitplane_core::tree::{KdTree, KdTreeView};
 
 use crate::aim::{Aim, aimed};
+use std::collections::BTreeSet;
 
 /// One way to alter a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -257,14 +258,32 @@ fn alter(
     Some(())
 }
 
-/// Rays at what each leaf's cell has of triangles that the leaf does not name, and at points of split
-/// planes: where a tree that loses something answers wrongly.
-pub fn rays(tree: &KdTreeView<'_>, mesh: &Mesh<'_>, seed: u64) -> Vec<Ray> {
+/// Rays at what each leaf's cell has of triangles that the leaf does not name, and in split planes: where
+/// a tree that loses something answers wrongly. Leaves that stand in `honest`, too, are left out.
+pub fn rays(
+    tree: &KdTreeView<'_>,
+    honest: Option<&KdTreeView<'_>>,
+    mesh: &Mesh<'_>,
+    seed: u64,
+) -> Vec<Ray> {
     let mut aim = Aim::new(mesh, seed);
-    let mut rays = Vec::new();
+    let (mut rays, mut known) = (Vec::new(), BTreeSet::new());
+    let key = |cell: &Aabb, named: &[u32]| {
+        ([cell.lo, cell.hi].map(|corner| corner.map(f32::to_bits)), named.to_vec())
+    };
+    if let Some(honest) = honest {
+        honest.walk(|_, kind, cell, _| {
+            if let NodeKind::Leaf { first, count } = kind {
+                known.insert(key(cell, honest.leaf(first, count)));
+            }
+        });
+    }
     tree.walk(|_, kind, cell, _| {
         let NodeKind::Leaf { first, count } = kind else { return };
         let named = tree.leaf(first, count);
+        if known.contains(&key(cell, named)) {
+            return;
+        }
         for triangle in (0..mesh.len() as u32).filter(|triangle| !named.contains(triangle)) {
             let corners = mesh.triangle(triangle as usize).map(|corner| corner.map(snap));
             let Some(middle) = middle_within(&corners, cell) else { continue };
