@@ -1,13 +1,23 @@
 //! Tree files: what is written is read back in place, and whatever is done to the bytes ends in a
 //! typed error.
 
-use splitplane_core::backend::BuildOptions;
+use splitplane_core::all_hits::AllHits;
+use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions};
+use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::digest::Xxh64;
 use splitplane_core::file::{FileError, TreeFile, VERSION, mesh_digest, write};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::tree::KdTree;
-use splitplane_core::validate::validate;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+use splitplane_core::tree::{KdTree, KdTreeView};
+use splitplane_core::validate::{validate, validate_mesh};
 use splitplane_cpu::CpuBackend;
-use splitplane_test_support::scenes;
+use splitplane_test_support::aim::{self, Kind};
+use splitplane_test_support::exact::ExactBackend;
+use splitplane_test_support::forge::{self, Forgery, forge};
+use splitplane_test_support::random::Random;
+use splitplane_test_support::scenes::{self, Scene};
+use std::collections::BTreeMap;
 
 /// The bytes of a tree file, at an address divisible by four.
 struct Bytes(Vec<u32>, usize);
@@ -136,4 +146,134 @@ fn a_checksum_does_not_make_a_tree() {
     assert!(validate(&tree.view()).is_err());
     let bytes = write(&tree.view(), &scene.mesh());
     assert!(matches!(parse(&bytes), Err(FileError::Tree(_))));
+}
+
+/// The checksum is right and so is the tree, but its digest is another's.
+#[test]
+fn a_digest_of_another_tree_is_refused() {
+    let (_, bytes) = sample();
+    for at in 88..96 {
+        let mut altered = bytes.clone();
+        altered[at] ^= 1;
+        let mut state = Xxh64::new(u64::from(VERSION));
+        state.write(&altered[..120]);
+        state.write(&altered[128..]);
+        altered[120..128].copy_from_slice(&state.finish().to_le_bytes());
+        assert_eq!(parse(&altered), Err(FileError::Digest), "byte {at}");
+    }
+}
+
+/// Scenes with all that a tree can lose: triangles in planes, segments, edges and corners that touch.
+fn forged_scenes() -> Vec<Scene> {
+    let segments = (0..6usize).flat_map(|i| {
+        let x = i as f32 * 0.5;
+        let end = [[x, 3.0, 3.0], [x + 3.0, 1.0, 0.5], [3.0 - x, 3.0, x]][i % 3];
+        [[x, 0.0, 0.5], [0, 1, 2].map(|k| 0.5 * [x, 0.0, 0.5][k] + 0.5 * end[k]), end]
+    });
+    let segments = Scene { name: "segments".into(), positions: segments.collect(), indices: None };
+    vec![
+        scenes::grid_boxes(1).joined(&scenes::soup(12, 0.5, 4), "a box and a soup"),
+        scenes::grid_boxes(2),
+        scenes::coplanar(1, 30),
+        scenes::stairs(4),
+        scenes::soup(25, 0.4, 6),
+        scenes::seams(true),
+        segments.joined(&scenes::soup(6, 0.5, 9), "segments in a soup"),
+    ]
+}
+
+/// All answers of a tree, by the reference traversal: closest hits, any hits, all crossings.
+fn answers(tree: &KdTreeView<'_>, mesh: &Mesh<'_>, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>, AllHits) {
+    let options = exact();
+    let trace =
+        |ray: &Ray, query| splitplane_core::exact::trace(tree, mesh, ray, &options, query, &mut ());
+    let closest = rays.iter().map(|ray| trace(ray, Query::Closest)).collect();
+    let any = rays.iter().map(|ray| trace(ray, Query::Any).is_hit()).collect();
+    (closest, any, AllHits::one_by_one(tree, mesh, rays, &options))
+}
+
+fn exact() -> QueryOptions {
+    QueryOptions { accuracy: Accuracy::Exact, ..Default::default() }
+}
+
+/// Whatever a forger does to a tree, with digest and checksum to match: it is refused, or it answers
+/// every ray as a leaf with all triangles does.
+#[test]
+fn a_forged_tree_is_refused_or_answers_rightly() {
+    let backend = CpuBackend::new();
+    let mut random = Random::new(7);
+    // By forgery: how often it was refused, and how often it made no difference.
+    let mut seen: BTreeMap<Forgery, [usize; 2]> = BTreeMap::new();
+    for scene in forged_scenes() {
+        let mesh = scene.mesh();
+        for preset in Preset::ALL {
+            let config = BuildConfig {
+                small_node_limit: 4,
+                block_width: 1,
+                intersection_cost: 3,
+                ..BuildConfig::preset(preset)
+            };
+            let options = BuildOptions::from(config);
+            let (honest, _) = backend.build_tree(&mesh, &options).unwrap();
+            let leaf = ExactBackend.build(&mesh, &options).unwrap();
+            let common: Vec<Ray> = Kind::ALL
+                .into_iter()
+                .flat_map(|kind| aim::rays(&mesh, kind, 10, 9))
+                .chain(forge::rays(&honest.view(), None, &mesh, 1))
+                .collect();
+            let expected = answers(&leaf.tree().view(), &mesh, &common);
+            assert!(expected.0.iter().any(Hit::is_hit));
+            assert!(answers(&honest.view(), &mesh, &common) == expected, "{}", scene.name);
+            for round in 0..Forgery::ALL.len() * 12 {
+                let forgery = Forgery::ALL[round % Forgery::ALL.len()];
+                let mut forged = honest.clone();
+                // One alteration, or one upon another.
+                let mut done = forge(&mut forged, &mesh, forgery, &mut |n| random.below(n));
+                if round % 4 == 0 {
+                    let other = random.pick(&Forgery::ALL);
+                    done |= forge(&mut forged, &mesh, other, &mut |n| random.below(n));
+                }
+                if !done || forged == honest {
+                    continue;
+                }
+                let bytes = write(&forged.view(), &mesh);
+                let aligned = Bytes::of(&bytes);
+                let parsed = TreeFile::parse(&bytemuck_cast(&aligned.0)[..bytes.len()]);
+                let count = seen.entry(forgery).or_default();
+                let Ok(file) = parsed else {
+                    count[0] += 1;
+                    continue;
+                };
+                assert_eq!(file.mesh, mesh_digest(&mesh));
+                let violation = validate_mesh(&file.tree, &mesh);
+                let loaded = match backend.load(&mesh, forged.clone(), &options) {
+                    Err(BuildError::WrongMesh { reason }) => {
+                        assert_eq!(Err(reason), violation.map_err(|v| v.to_string()));
+                        count[0] += 1;
+                        continue;
+                    }
+                    loaded => loaded.unwrap(),
+                };
+                assert_eq!(violation, Ok(()));
+                count[1] += 1;
+                let what = || format!("{}, {preset:?}, {forgery:?}: {forged:?}", scene.name);
+                let before = honest.view();
+                let rays = forge::rays(&forged.view(), Some(&before), &mesh, round as u64);
+                let more = answers(&leaf.tree().view(), &mesh, &rays);
+                for (rays, expected) in [(&common, &expected), (&rays, &more)] {
+                    assert!(answers(&forged.view(), &mesh, rays) == *expected, "{}", what());
+                    let mut hits = vec![Hit::MISS; rays.len()];
+                    loaded.closest_hits(rays, &mut hits, &exact()).unwrap();
+                    assert!(hits == expected.0, "{}", what());
+                }
+            }
+        }
+    }
+    for forgery in Forgery::ALL {
+        let [refused, accepted] = seen[&forgery];
+        // Nothing is lost in wider bounds. Bounds are as tight as can be, and order is looked at.
+        assert!(refused > 9 || forgery == Forgery::WidensBounds, "{forgery:?}: {seen:?}");
+        let never = [Forgery::ShrinksBounds, Forgery::Disorders].contains(&forgery);
+        assert!(accepted > 1 || never, "{forgery:?}: {seen:?}");
+    }
 }

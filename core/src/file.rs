@@ -17,6 +17,12 @@
 //! | 96..104 | digest of the mesh, see [`mesh_digest`] |
 //! | 104..120 | configuration: the other 4 words |
 //! | 120..128 | XXH64 of all other bytes of the file, with seed [`VERSION`] |
+//!
+//! Nodes and references are as [`KdTreeView`] has them, which [`validate`] checks: preorder, leaves that
+//! name consecutive ranges of the references, and in each leaf the triangles in ascending order, none
+//! twice. A triangle in a split plane is named on one side of it whole. Whether a tree is one of a mesh
+//! is not known before both are there: [`crate::validate::validate_mesh`], which every backend asks
+//! when it loads one, refuses each tree that loses something.
 
 use crate::aabb::Aabb;
 use crate::config::BuildConfig;

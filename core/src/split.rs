@@ -243,6 +243,50 @@ mod tests {
         assert_eq!(sampled_sweep::<Strict>(&cell, &same), None);
     }
 
+    /// Of planes that cost the same it takes the one of the lowest axis, then of the lowest position,
+    /// however the references are listed; and none that costs the same as a leaf.
+    #[test]
+    fn the_sweep_breaks_ties_by_axis_then_position() {
+        let sweep = |cell: &Aabb, boxes: &[[[f32; 2]; 3]]| {
+            let forward: [Reference; 3] = core::array::from_fn(|i| {
+                let ends = boxes[i % boxes.len()];
+                let bounds = Aabb { lo: ends.map(|[lo, _]| lo), hi: ends.map(|[_, hi]| hi) };
+                Reference::new(&bounds, i as u32)
+            });
+            let forward = &forward[..boxes.len()];
+            let mut backward = [forward[0]; 3];
+            let backward = &mut backward[..boxes.len()];
+            backward.copy_from_slice(forward);
+            backward.reverse();
+            let found = sampled_sweep::<Strict>(cell, forward);
+            assert_eq!(sampled_sweep::<Strict>(cell, backward), found);
+            found.map(|plane| (plane.axis, plane.position))
+        };
+        let cube = |lo: f32, hi: f32| Aabb { lo: [lo; 3], hi: [hi; 3] };
+        let all = [0.0, 8.0];
+        // Planes at 2 and at 6, as far from either side.
+        assert_eq!(
+            sweep(&cube(0.0, 8.0), &[[[0.0, 2.0], all, all], [[6.0, 8.0], all, all]]),
+            Some((0, 2.0))
+        );
+        let all = [-4.0, 4.0];
+        let ends = [[all, [-4.0, -2.0], all], [all, [2.0, 4.0], all]];
+        assert_eq!(sweep(&cube(-4.0, 4.0), &ends), Some((1, -2.0)));
+        // The same on all axes.
+        let corners = [[[0.0, 2.0]; 3], [[6.0, 8.0]; 3]];
+        assert_eq!(sweep(&cube(0.0, 8.0), &corners), Some((0, 2.0)));
+        // The higher position is on the lower axis.
+        let beam = [[[6.0, 8.0], [0.0, 2.0], [0.0, 8.0]]];
+        assert_eq!(sweep(&cube(0.0, 8.0), &beam), Some((0, 6.0)));
+        // On a line: 3 references of 1,023 and 2 of 3 are 3 of 1,025.
+        let line = Aabb { lo: [0.0; 3], hi: [8.0, 0.0, 0.0] };
+        let (whole, short) =
+            ([[0.0, 8.0], [0.0; 2], [0.0; 2]], [[0.0, 7.984_375], [0.0; 2], [0.0; 2]]);
+        assert_eq!(sweep(&line, &[whole, short, whole]), None);
+        // A little cheaper.
+        assert_eq!(sweep(&line, &[whole, short, short]), Some((0, 7.984_375)));
+    }
+
     #[test]
     fn ranks_break_ties_by_axis_then_position() {
         let mut ranks = [

@@ -1,11 +1,49 @@
 //! Invariants of a finished tree, checked without trusting the builder.
+//!
+//! # No triangle is lost
+//!
+//! A ray that meets a triangle in a point visits every leaf whose closed cell has that point. So rays
+//! find all of a triangle if and only if the closed cells of the leaves that name it cover it.
+//! [`validate_mesh`] decides that exactly, by going down the tree with each triangle. On the axes where
+//! all its corners have one coordinate the triangle is *flat*; its *part inside* a cell is what lies
+//! strictly between the cell's sides on the other axes, and between them or in one of them on the flat
+//! ones. Whoever goes down takes these steps:
+//!
+//! - The root's cell has all of the triangle, so there is a part inside it.
+//! - At a plane across a flat axis it goes to the side that it is on. If it lies in the plane, one of
+//!   both children must lose nothing of it.
+//! - At any other plane it goes to each child that has a part of it inside, which is at least one.
+//! - A leaf must name it.
+//!
+//! *No tree passes that loses something.* Let the check pass, and take a point of the triangle that lies
+//! in no plane of the tree across an axis where the triangle is not flat. It is inside the root's cell.
+//! If it is inside the cell of a node, it is inside that of a child where the check went, and where
+//! both children have it, of the one that loses nothing. So it ends in a leaf that names the triangle.
+//! Those planes have no more than a line of the triangle each (of a segment, a point): such points are
+//! everywhere on it, and as closed cells hold the limits of their points, the leaves cover all of it.
+//!
+//! *All trees of our builders pass.* They keep, with each reference, bounds that hold all points that the
+//! triangle has in the node's closed cell: cuts are at planes of the cell or rounded outward, or left
+//! out. If the triangle has a part inside the left child's cell across an axis where it is not flat,
+//! the reference's bounds begin below the plane, so it goes left, and what is clipped for that side has
+//! that part within its bounds and is not empty; the same on the right. Where it is flat its bounds are flat, also
+//! after clipping; planar references go to one side whole: left, or to the cheaper side in preset
+//! `best`, or, where empty space is cut off, to the side that has all. Caps only end the cutting. So the
+//! check asks for nothing that a builder may leave out: a leaf whose cell the triangle only touches may
+//! name it or not, and references that are rounded into a cell are welcome. What it refuses and a ray
+//! would forgive is a triangle in a plane that has some of its leaves on one side of it and the others on the other.
+//!
+//! Whether a triangle has a part inside a cell is decided without rounding, in `exact/cell.rs`. Each node that
+//! the check comes to has a part of the triangle inside, so it has leaves that name the triangle or
+//! one that ends the check: how long it takes is bounded by the references times the depth.
 
 use crate::aabb::Aabb;
 use crate::config::MAX_DEPTH;
+use crate::exact::cell::Body;
 use crate::mesh::Mesh;
 use crate::node::NodeKind;
 use crate::tree::KdTreeView;
-use crate::triangle::{Triangle, prepare};
+use crate::triangle::prepare;
 use thiserror::Error;
 
 /// The first thing found wrong with a tree.
@@ -90,6 +128,19 @@ pub enum Violation {
         /// Triangles of the mesh.
         triangles: u32,
     },
+    /// Bounds that are infinite, or no numbers.
+    #[error("the bounds of the tree are not finite")]
+    Bounds,
+    /// Leaves name their triangles in ascending order.
+    #[error("leaf {node} refers to triangle {triangle} behind {before}, not in ascending order")]
+    Unordered {
+        /// The leaf.
+        node: usize,
+        /// The triangle.
+        triangle: u32,
+        /// The one before it.
+        before: u32,
+    },
     /// A leaf that names a triangle twice.
     #[error("leaf {node} refers to triangle {triangle} twice")]
     Duplicate {
@@ -122,8 +173,8 @@ pub enum Violation {
         /// The triangle.
         triangle: u32,
     },
-    /// A triangle with points inside a leaf's cell that the leaf does not name.
-    #[error("triangle {triangle} has points inside leaf {node}, which does not refer to it")]
+    /// A triangle with a part in a leaf's cell that no leaf with that part names.
+    #[error("leaf {node} loses triangle {triangle}: it has a part of it and does not refer to it")]
     Lost {
         /// The leaf.
         node: usize,
@@ -138,13 +189,16 @@ pub enum Violation {
     },
 }
 
-/// Checks the structure of a tree: preorder, planes, depth, leaf ranges, references.
+/// Checks the structure of a tree: bounds, preorder, planes, depth, leaf ranges, references and their order.
 ///
 /// # Errors
 /// The first violation, in preorder.
 pub fn validate(tree: &KdTreeView<'_>) -> Result<(), Violation> {
     if tree.nodes.is_empty() {
         return Err(Violation::NoNodes);
+    }
+    if !tree.bounds.lo.iter().chain(&tree.bounds.hi).all(|x| x.is_finite()) {
+        return Err(Violation::Bounds);
     }
     // Interior nodes whose right child is still to come: (node, cell of the right child, depth).
     let mut open = [(0usize, Aabb::EMPTY, 0u32); MAX_DEPTH as usize + 1];
@@ -192,9 +246,16 @@ pub fn validate(tree: &KdTreeView<'_>) -> Result<(), Violation> {
                         let triangles = tree.triangles;
                         return Err(Violation::NoSuchTriangle { node: index, triangle, triangles });
                     }
-                    // Builders keep the order of the input, so equal ones are neighbours.
-                    if i > 0 && list[i - 1] == triangle {
-                        return Err(Violation::Duplicate { node: index, triangle });
+                    // In order, equal ones are neighbours, and the check against a mesh need not
+                    // look for a triangle from the start.
+                    if let Some(&before) = i.checked_sub(1).and_then(|i| list.get(i))
+                        && before >= triangle
+                    {
+                        return Err(if before == triangle {
+                            Violation::Duplicate { node: index, triangle }
+                        } else {
+                            Violation::Unordered { node: index, triangle, before }
+                        });
                     }
                 }
                 index += 1;
@@ -222,9 +283,10 @@ pub fn validate(tree: &KdTreeView<'_>) -> Result<(), Violation> {
 }
 
 /// Checks a tree against its mesh: [`validate`], and that every reference is to a triangle that was
-/// kept and whose bounds meet the leaf's cell, and that no leaf's cell holds points of a triangle
-/// that the leaf does not name. The last is decided by clipping each triangle down the tree in
-/// `f64`; parts thinner than rounding errors of the cell's and the triangle's coordinates do not count.
+/// kept and whose bounds meet the leaf's cell, and that the cells of the leaves that name a kept
+/// triangle cover it. The last is decided exactly, see [the module](self): whatever tree passes, no
+/// ray loses a triangle in it. A triangle that lies in a split plane must be named, in the cell that the
+/// plane cuts, on one side whole.
 ///
 /// # Errors
 /// The first violation.
@@ -281,11 +343,18 @@ pub fn validate_mesh_while(
         if !prepared.kept {
             continue;
         }
-        if !tree.bounds.contains(&Aabb::of_points(&prepared.corners)) {
+        let body = Body::new(&prepared.corners);
+        if !tree.bounds.contains(&body.bounds) {
             return Err(Violation::OutOfBounds { triangle });
         }
-        let polygon = Polygon::of(&prepared.corners);
-        descend(tree, triangle, 0, &polygon)?;
+        let mut cover = Cover { tree, triangle, body, leaves: 0 };
+        if let Some(node) = cover.lost(0, tree.bounds) {
+            return Err(Violation::Lost { node, triangle });
+        }
+        work += cover.leaves;
+        if work >= BETWEEN {
+            (going, work) = (going && go_on(0), 0);
+        }
     }
     Ok(going)
 }
@@ -293,205 +362,55 @@ pub fn validate_mesh_while(
 /// Triangles between two questions whether to go on.
 const BETWEEN: u32 = 1024;
 
-/// A convex polygon: a triangle clipped by planes. Each plane adds at most one corner, and a box
-/// has six; rounding may let a few more through.
-#[derive(Clone, Copy)]
-struct Polygon {
-    corners: [[f64; 3]; 16],
-    count: usize,
-    /// The triangle's greatest coordinate on each axis: where a plane cuts an edge is rounded by less
-    /// than 2^-52 of it, also where the result is next to zero.
-    reach: [f64; 3],
-}
-
-impl Polygon {
-    fn of(triangle: &Triangle) -> Polygon {
-        let mut corners = [[0.0; 3]; 16];
-        let mut reach = [0.0f64; 3];
-        for (corner, input) in corners.iter_mut().zip(triangle) {
-            *corner = input.map(f64::from);
-            reach = [0, 1, 2].map(|k| reach[k].max(corner[k].abs()));
-        }
-        Polygon { corners, count: 3, reach }
-    }
-
-    /// The part on one side of a plane (`sign` 1: below it, -1: above), or `None` when it is empty
-    /// or too thin to tell.
-    fn clipped(&self, axis: usize, plane: f64, sign: f64) -> Option<Polygon> {
-        let mut out = Polygon { corners: [[0.0; 3]; 16], count: 0, reach: self.reach };
-        let mut deepest = 0.0f64;
-        for i in 0..self.count {
-            let (p, q) = (self.corners[i], self.corners[(i + 1) % self.count]);
-            let (dp, dq) = ((plane - p[axis]) * sign, (plane - q[axis]) * sign);
-            deepest = deepest.max(dp);
-            if dp >= 0.0 {
-                out.push(p);
-            }
-            if (dp > 0.0 && dq < 0.0) || (dp < 0.0 && dq > 0.0) {
-                let r = dp / (dp - dq);
-                // Between the ends: beside a great coordinate rounding may carry it past a small one.
-                let mut cut = [0, 1, 2]
-                    .map(|k| (p[k] + r * (q[k] - p[k])).clamp(p[k].min(q[k]), p[k].max(q[k])));
-                cut[axis] = plane;
-                out.push(cut);
-            }
-        }
-        let tolerance = 1e-6 * plane.abs() + 1e-14 * self.reach[axis] + 1e-36;
-        (deepest > tolerance && out.count > 0).then_some(out)
-    }
-
-    fn push(&mut self, corner: [f64; 3]) {
-        if self.count < self.corners.len() {
-            self.corners[self.count] = corner;
-            self.count += 1;
-        }
-    }
-}
-
-fn descend(
-    tree: &KdTreeView<'_>,
+/// A triangle on its way down a tree.
+struct Cover<'a> {
+    tree: &'a KdTreeView<'a>,
     triangle: u32,
-    node: usize,
-    polygon: &Polygon,
-) -> Result<(), Violation> {
-    match tree.nodes[node].kind() {
-        NodeKind::Interior { axis, split, right } => {
-            let (axis, plane) = (axis.index(), f64::from(split));
-            if let Some(part) = polygon.clipped(axis, plane, 1.0) {
-                descend(tree, triangle, node + 1, &part)?;
-            }
-            if let Some(part) = polygon.clipped(axis, plane, -1.0) {
-                descend(tree, triangle, right as usize, &part)?;
-            }
-            Ok(())
-        }
-        NodeKind::Leaf { first, count } => {
-            // Builders name them in ascending order; searching a large leaf for each of its triangles
-            // from the start would take forever.
-            let named = tree.leaf(first, count);
-            if named.binary_search(&triangle).is_ok() || named.contains(&triangle) {
-                Ok(())
+    body: Body,
+    /// Leaves it came to.
+    leaves: u32,
+}
+
+impl Cover<'_> {
+    /// A leaf that loses some of the triangle's part inside a node's cell; there must be such a part.
+    fn lost(&mut self, mut node: usize, mut cell: Aabb) -> Option<usize> {
+        let Aabb { lo, hi } = self.body.bounds;
+        loop {
+            let (axis, split, right) = match self.tree.nodes[node].kind() {
+                NodeKind::Interior { axis, split, right } => (axis.index(), split, right as usize),
+                NodeKind::Leaf { first, count } => {
+                    self.leaves += 1;
+                    let named = self.tree.leaf(first, count);
+                    return named.binary_search(&self.triangle).is_err().then_some(node);
+                }
+            };
+            let (mut left_cell, mut right_cell) = (cell, cell);
+            left_cell.hi[axis] = split;
+            right_cell.lo[axis] = split;
+            let goes_right = if self.body.flat[axis] {
+                if lo[axis] == split {
+                    // In the plane: one side must have all of it.
+                    let lost = self.lost(node + 1, left_cell)?;
+                    return self.lost(right, right_cell).map(|_| lost);
+                }
+                lo[axis] > split
+            } else if hi[axis] <= split {
+                false
+            } else if lo[axis] >= split || !self.body.has_part_inside(&left_cell) {
+                // What is inside the node's cell is inside one of both, or has its parts in both.
+                true
+            } else if self.body.has_part_inside(&right_cell) {
+                if let Some(lost) = self.lost(node + 1, left_cell) {
+                    return Some(lost);
+                }
+                true
             } else {
-                Err(Violation::Lost { node, triangle })
-            }
+                false
+            };
+            (node, cell) = if goes_right { (right, right_cell) } else { (node + 1, left_cell) };
         }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config::BuildConfig;
-    use crate::node::{Axis, KdNode};
-
-    const BOUNDS: Aabb = Aabb { lo: [0.0; 3], hi: [2.0; 3] };
-
-    fn check(nodes: &[KdNode], references: &[u32]) -> Result<(), Violation> {
-        let config = BuildConfig { max_depth: 2, ..Default::default() };
-        validate(&KdTreeView { nodes, references, bounds: BOUNDS, triangles: 2, config })
-    }
-
-    fn split(right: u32) -> KdNode {
-        KdNode::interior(Axis::X, 1.0, right)
-    }
-
-    /// Each violation of the structure is found on a planted fault.
-    #[test]
-    fn every_fault_is_named() {
-        let leaf = KdNode::leaf;
-        assert_eq!(check(&[split(2), leaf(0, 1), leaf(1, 1)], &[0, 1]), Ok(()));
-        assert_eq!(check(&[], &[]), Err(Violation::NoNodes));
-        type Case<'a> = (&'a [KdNode], &'a [u32], fn(&Violation) -> bool);
-        let cases: [Case<'_>; 9] = [
-            (&[split(1), leaf(0, 0), leaf(0, 0)], &[], |v| {
-                matches!(v, Violation::NotPreorder { node: 0, right: 1, expected: 2 })
-            }),
-            (&[leaf(0, 0), leaf(0, 0)], &[], |v| {
-                matches!(v, Violation::Unreachable { nodes: 2, reached: 1 })
-            }),
-            (&[split(2), leaf(0, 0)], &[], |v| matches!(v, Violation::Truncated { .. })),
-            (&[KdNode::interior(Axis::Y, 2.0, 2), leaf(0, 0), leaf(0, 0)], &[], |v| {
-                matches!(v, Violation::PlaneOutside { node: 0, .. })
-            }),
-            (&[leaf(1, 1)], &[0, 1], |v| matches!(v, Violation::LeafRange { .. })),
-            (&[leaf(0, 1)], &[0, 1], |v| matches!(v, Violation::ReferenceCount { .. })),
-            (&[leaf(0, 3)], &[0, 1], |v| matches!(v, Violation::ReferenceCount { .. })),
-            (&[leaf(0, 2)], &[0, 2], |v| {
-                matches!(v, Violation::NoSuchTriangle { triangle: 2, .. })
-            }),
-            (&[leaf(0, 2)], &[1, 1], |v| matches!(v, Violation::Duplicate { triangle: 1, .. })),
-        ];
-        for (nodes, references, expected) in cases {
-            let found = check(nodes, references).unwrap_err();
-            assert!(expected(&found), "{found}");
-        }
-        let deep = [
-            split(6),
-            KdNode::interior(Axis::Y, 1.0, 5),
-            KdNode::interior(Axis::Z, 1.0, 4),
-            leaf(0, 0),
-            leaf(0, 0),
-            leaf(0, 0),
-            leaf(0, 0),
-        ];
-        assert!(matches!(check(&deep, &[]), Err(Violation::TooDeep { depth: 3, most: 2, .. })));
-    }
-
-    /// A corner that only touches a cell, next to zero: edges cut there come out a rounding error of their
-    /// far end below it, which is no part of the triangle.
-    #[test]
-    fn rounding_of_cut_edges_is_no_part() {
-        let tip = 3.335_710_8e-16;
-        let triangles = [[
-            [tip, 1.0, 1.112_696_6e-31],
-            [0.074_657_835, 0.980_785_25, -0.180_239_96],
-            [0.038_060_233, 0.980_785_25, -0.191_341_71],
-        ]];
-        let mesh = Mesh::soup(&triangles).unwrap();
-        let bounds = Aabb { lo: [0.0, 0.0, -1.0], hi: [1.0; 3] };
-        let check = |z: f32, x: f32| {
-            let nodes = [
-                KdNode::interior(Axis::Z, z, 2),
-                KdNode::leaf(0, 1),
-                KdNode::interior(Axis::X, x, 4),
-                KdNode::leaf(1, 0),
-                KdNode::leaf(1, 1),
-            ];
-            let config = BuildConfig::default();
-            let references = &[0, 0];
-            validate_mesh(
-                &KdTreeView { nodes: &nodes, references, bounds, triangles: 1, config },
-                &mesh,
-            )
-        };
-        assert_eq!(check(5e-32, tip), Ok(()));
-        // Farther off there is one.
-        let lost = Err(Violation::Lost { node: 3, triangle: 0 });
-        assert_eq!(check(-1e-12, 1e-12), lost);
-    }
-
-    #[test]
-    fn lost_and_stray_triangles_are_found() {
-        let triangles = [
-            [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 2.0]],
-            [[1.5, 0.0, 0.0], [2.0, 0.0, 0.0], [2.0, 1.0, 0.0]],
-        ];
-        let mesh = Mesh::soup(&triangles).unwrap();
-        let check = |references: &[u32], left, right| {
-            let nodes = [split(2), KdNode::leaf(0, left), KdNode::leaf(left, right)];
-            validate_mesh(
-                &KdTreeView {
-                    nodes: &nodes,
-                    references,
-                    bounds: BOUNDS,
-                    triangles: 2,
-                    config: BuildConfig::default(),
-                },
-                &mesh,
-            )
-        };
-        assert_eq!(check(&[0, 0, 1], 1, 2), Ok(()));
-        assert_eq!(check(&[0, 1], 0, 2), Err(Violation::Lost { node: 1, triangle: 0 }));
-        assert_eq!(check(&[0, 1, 0, 1], 2, 2), Err(Violation::Outside { node: 1, triangle: 1 }));
-    }
-}
+#[cfg(all(test, feature = "alloc"))]
+mod tests;

@@ -19,7 +19,7 @@ use crate::ray::{Culling, Hit};
 use crate::triangle::Triangle;
 
 /// Half a unit in the last place of 1 in `f64`.
-const EPSILON: f64 = f64::EPSILON / 2.0;
+pub(super) const EPSILON: f64 = f64::EPSILON / 2.0;
 /// Relative to the sum of the magnitudes of its terms, a triple product of three vectors that were each
 /// rounded once errs by less than this: at most eight roundings a term (one for each of three
 /// factors, two products, a difference, two sums), and their products.
@@ -49,13 +49,13 @@ impl Approximate {
 }
 
 #[inline(always)]
-fn minus(a: &[f32; 3], b: &[f32; 3]) -> [f64; 3] {
+pub(super) fn minus(a: &[f32; 3], b: &[f32; 3]) -> [f64; 3] {
     core::array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
 }
 
 /// `d . (p x q)`, all three known to within one rounding a component, with as tight an error as there
 /// is: none where every term is zero.
-fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
+pub(super) fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
     let (mut value, mut magnitude) = (0.0, 0.0);
     for k in 0..3 {
         let (i, j) = ((k + 1) % 3, (k + 2) % 3);

@@ -9,6 +9,7 @@
 //! is met nowhere. Limits are closed and compared with the exact distance; the distance reported is
 //! that one rounded to nearest, below 2^-126 taken as 0, beyond `f32::MAX` as `f32::MAX`.
 
+pub(crate) mod cell;
 mod doubled;
 mod integer;
 mod meeting;

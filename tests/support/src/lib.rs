@@ -9,6 +9,7 @@ pub mod exact;
 pub mod expansion;
 pub mod extremes;
 pub mod faulty;
+pub mod forge;
 pub mod grazing;
 pub mod greedy;
 pub mod judge;

@@ -12,6 +12,7 @@ use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
+use splitplane_test_support::forge::{Forgery, forge};
 use splitplane_test_support::judge::Judge;
 use splitplane_test_support::oracle::Oracle;
 use splitplane_test_support::scenes::{self, Scene};
@@ -110,6 +111,7 @@ fn altered(source: &mut Source<'_>, sample: &Sample) {
     }
     let length = match source.below(8) {
         7 => source.below(4 * words.len() + 1),
+        6 => return forged(source, sample),
         _ => 4 * words.len(),
     };
     if words.len() >= HEAD / 4 && !source.once_in(8) {
@@ -125,6 +127,21 @@ fn altered(source: &mut Source<'_>, sample: &Sample) {
         return;
     };
     use_tree(&KdTree::from(file.tree), sample);
+}
+
+/// A tree that keeps the form of one, in a file that is right in itself.
+fn forged(source: &mut Source<'_>, sample: &Sample) {
+    let mesh = sample.scene.mesh();
+    let file = parse(cast_slice(&sample.words)).expect("a good file");
+    let mut tree = KdTree::from(file.tree);
+    for _ in 0..=source.below(3) {
+        let forgery = Forgery::ALL[source.below(Forgery::ALL.len())];
+        forge(&mut tree, &mesh, forgery, &mut |n| source.below(n));
+    }
+    let words = words_of(&file::write(&tree.view(), &mesh));
+    if let Ok(file) = parse(cast_slice(&words)) {
+        use_tree(&KdTree::from(file.tree), sample);
+    }
 }
 
 /// One change: of the head, of a node, of a reference, of any word, or of how many there are.
