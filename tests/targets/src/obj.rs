@@ -427,6 +427,8 @@ fn with_files(source: &mut Source<'_>) {
         materials: source.pick(&[MaterialRule::Illum, MaterialRule::Specular]),
         textures: !source.once_in(8),
         texture_limit: source.pick(&[1 << 20, 0, 1, 100, u64::MAX]),
+        decode_limit: source.pick(&[1 << 20, 0, 1, 100, 1 << 24]),
+        ..SceneOptions::default()
     };
     check(&obj::read_with(&path, &options), &text);
     folder::remove(&folder::path(picture));
