@@ -223,8 +223,8 @@ mod tests {
             let options = QueryOptions { undecided, ..QueryOptions::default() };
             let mut hits = device;
             let unwatched = Asking::new(None, rays.len());
-            let undecided = scene.settle(&rays, &mut hits, &options, &unwatched);
-            assert_eq!(undecided.unwrap(), [1, 2, 4, 5]);
+            let left = scene.settle(&rays, &mut hits, &options, &unwatched);
+            assert_eq!(left.expect("memory"), [1, 2, 4, 5]);
             let expected = |ray| exact::closest_hit(&tree.view(), &triangles[..], ray, &options);
             assert_eq!(hits[0].some(), expected(&rays[0]));
             assert_eq!(hits[3].triangle, UNFINISHED);
