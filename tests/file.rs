@@ -2,7 +2,7 @@
 //! typed error.
 
 use splitplane_core::all_hits::AllHits;
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions};
+use splitplane_core::backend::{Backend, BuildError, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::digest::Xxh64;
 use splitplane_core::file::{FileError, TreeFile, VERSION, mesh_digest, write};
@@ -189,7 +189,7 @@ fn answers(tree: &KdTreeView<'_>, mesh: &Mesh<'_>, rays: &[Ray]) -> (Vec<Hit>, V
         |ray: &Ray, query| splitplane_core::exact::trace(tree, mesh, ray, &options, query, &mut ());
     let closest = rays.iter().map(|ray| trace(ray, Query::Closest)).collect();
     let any = rays.iter().map(|ray| trace(ray, Query::Any).is_hit()).collect();
-    (closest, any, AllHits::one_by_one(tree, mesh, rays, &options))
+    (closest, any, AllHits::one_by_one(tree, mesh, rays, &options).expect("memory"))
 }
 
 fn exact() -> QueryOptions {
