@@ -7,7 +7,7 @@ use crate::options::Options;
 use crate::run::{Spent, Worker, sets};
 use clap::Parser;
 use splitplane_test_support::grazing::{Kind, Shape, Surface};
-use splitplane_test_support::surfaces::{Failure, Tally, words};
+use splitplane_test_support::surfaces::{Failure, INSIDE, Tally, words};
 use std::error::Error;
 use std::fmt::Write as _;
 use std::process::ExitCode;
@@ -85,7 +85,7 @@ fn run(options: &Options) -> Result<bool, Problem> {
 fn surfaces(options: &Options) -> u64 {
     // Rays from inside are for the closed ones only.
     let closed = Shape::ALL.into_iter().filter(|shape| shape.is_closed()).count();
-    let kinds = Shape::ALL.len() * (Kind::ALL.len() - 1) + closed;
+    let kinds = Shape::ALL.len() * (Kind::ALL.len() - 1) + closed * INSIDE;
     let rays = u128::from(options.rays) * Shape::ALL.len() as u128;
     rays.div_ceil(kinds as u128 * u128::from(options.each)) as u64
 }

@@ -495,12 +495,16 @@ pub fn seed_of(run: u64, number: u64) -> u64 {
     (run.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ number.wrapping_mul(0xd1b5_4a32_d192_ed03)) >> 16
 }
 
-/// The volleys at a surface: `each` rays of every kind.
+/// The volleys at a surface: `each` rays of every kind, and [`INSIDE`] times as many from inside.
 pub fn volleys(surface: &Surface, each: usize) -> Vec<Volley> {
     let mut grazer = Grazer::new(surface, surface.seed ^ 0x5eed);
     let kinds: Vec<Kind> = grazer.kinds().collect();
-    kinds.into_iter().map(|kind| grazer.volley(kind, each)).collect()
+    let count = |kind| if kind == Kind::Inside { INSIDE * each } else { each };
+    kinds.into_iter().map(|kind| grazer.volley(kind, count(kind))).collect()
 }
+
+/// How many times as many rays come from inside: those that are lost are rare.
+pub const INSIDE: usize = 4;
 
 #[cfg(test)]
 mod tests {

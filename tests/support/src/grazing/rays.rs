@@ -211,19 +211,18 @@ impl Grazer {
             Kind::AxisParallel => self.axis_parallel(),
             Kind::Inside => {
                 let (origin, triangle) = self.random.pick(&self.inside);
-                let target = match self.random.below(8) {
+                let target = match self.random.below(16) {
                     0 => self.target(index),
                     1 => {
                         // Along the triangle, without meeting it.
-                        let [a, b, c] = self.corners[triangle];
-                        let (p, q) = (
-                            weighted(&[a, b, c], self.random.barycentric()),
-                            self.random.pick(&[a, b, c]),
-                        );
-                        let way = minus(p, q);
+                        let corner = self.corner(triangle);
+                        let face = weighted(&self.corners[triangle], self.random.barycentric());
+                        let way = minus(face, corner);
                         [0, 1, 2].map(|k| f64::from(origin[k]) + way[k])
                     }
-                    _ => self.target(triangle),
+                    2..5 => self.target(triangle),
+                    // What is behind the edge is met by the neighbour alone.
+                    _ => self.on_edge(triangle),
                 };
                 self.sent(origin, target)
             }
