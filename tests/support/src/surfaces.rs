@@ -175,8 +175,10 @@ impl Unsound {
 }
 
 /// How far apart the point at `t` and the point of the weights may lie, in units of 2^-24 times the distance of
-/// the farthest corner from the origin and the triangle's longest extent together.
-pub const APART: f64 = 64.0;
+/// the farthest corner from the origin and the triangle's longest extent together. Interpolated weights place the
+/// point up to 12 * 256 units of the sheared coordinates off (`SLIVER` in core), `t` by 512 of its own; nearly always
+/// it is a few.
+pub const APART: f64 = 4096.0;
 /// The relative error of one rounding.
 const ULP: f64 = 1.0 / 16_777_216.0;
 /// By how much the weights' sum may exceed 1.
