@@ -16,11 +16,26 @@ fn is_robust(edges: vec3<f32>, area: f32) -> bool {
     return lowest > 0.0 && product(area, ROBUST) <= lowest;
 }
 
-// A corner's image, not divided by the direction's largest component: doubles.
-struct DoubleImage {
+// A vector of doubles.
+struct CornerDoubles {
     x: Double,
     y: Double,
     z: Double,
+}
+
+// p - q without error.
+fn corner_difference(p: vec3<f32>, q: vec3<f32>) -> CornerDoubles {
+    return CornerDoubles(
+        double_difference_of(p.x, q.x),
+        double_difference_of(p.y, q.y),
+        double_difference_of(p.z, q.z),
+    );
+}
+
+// A corner's image, not divided by the direction's largest component.
+struct DoubleImage {
+    x: Double,
+    y: Double,
 }
 
 fn double_scaled(a: Double, power: i32) -> Double {
@@ -30,26 +45,24 @@ fn double_scaled(a: Double, power: i32) -> Double {
     return Double(scale(a.high, power), scale(a.low, power));
 }
 
-// Of a corner, an origin and a direction in the order of the sheared axes.
-fn double_image(
-    corner: vec3<f32>,
-    origin: vec3<f32>,
-    direction: vec3<f32>,
-    power: i32,
-) -> DoubleImage {
-    let x = double_times_float(double_difference_of(corner.x, origin.x), direction.z);
-    let y = double_times_float(double_difference_of(corner.y, origin.y), direction.z);
-    let z = double_difference_of(corner.z, origin.z);
+// Of a corner from the origin, and a direction in the order of the sheared axes.
+fn double_image(corner: CornerDoubles, direction: vec3<f32>, power: i32) -> DoubleImage {
+    let x = double_times_float(corner.x, direction.z);
+    let y = double_times_float(corner.y, direction.z);
     return DoubleImage(
-        double_scaled(double_minus(x, double_times_float(z, direction.x)), power),
-        double_scaled(double_minus(y, double_times_float(z, direction.y)), power),
-        z,
+        double_scaled(double_minus(x, double_times_float(corner.z, direction.x)), power),
+        double_scaled(double_minus(y, double_times_float(corner.z, direction.y)), power),
     );
 }
 
 // An edge function.
 fn double_edge(a: DoubleImage, b: DoubleImage) -> Double {
     return double_minus(double_times(a.x, b.y), double_times(a.y, b.x));
+}
+
+// One component of a cross product, times another number.
+fn normal_part(p_i: Double, p_j: Double, q_i: Double, q_j: Double, other: Double) -> Double {
+    return double_times(double_minus(double_times(p_i, q_j), double_times(p_j, q_i)), other);
 }
 
 // A vector in the order of the sheared axes.
@@ -68,21 +81,35 @@ fn refined(
     let power = select(0, -exponent(width), width < WIDTH_LEAST);
     let start = on_axes(origin, axes);
     let way = on_axes(direction, axes);
-    let a = double_image(on_axes(triangle.a, axes), start, way, power);
-    let b = double_image(on_axes(triangle.b, axes), start, way, power);
-    let c = double_image(on_axes(triangle.c, axes), start, way, power);
+    let p = on_axes(triangle.a, axes);
+    let q = on_axes(triangle.b, axes);
+    let r = on_axes(triangle.c, axes);
+    let first = corner_difference(p, start);
+    let second = corner_difference(q, start);
+    let third = corner_difference(r, start);
+    let a = double_image(first, way, power);
+    let b = double_image(second, way, power);
+    let c = double_image(third, way, power);
     let u = double_edge(c, b);
     let v = double_edge(a, c);
     let w = double_edge(b, a);
     let det = double_plus(double_plus(u, v), w);
-    let ab = double_plus(double_times(u, a.z), double_times(v, b.z));
-    let total = double_plus(ab, double_times(w, c.z));
-    return Candidate(
-        true,
-        quotient(total.high, double_times_float(det, way.z).high),
-        quotient(v.high, det.high),
-        quotient(w.high, det.high),
-    );
+    var t: f32;
+    if power == 0 {
+        let ab = corner_difference(q, p);
+        let ac = corner_difference(r, p);
+        let x = normal_part(ab.y, ab.z, ac.y, ac.z, first.x);
+        let y = normal_part(ab.z, ab.x, ac.z, ac.x, first.y);
+        let z = normal_part(ab.x, ab.y, ac.x, ac.y, first.z);
+        let distance = double_plus(double_plus(x, y), z);
+        t = quotient(-double_times_float(distance, way.z).high, det.high);
+    } else {
+        // Three factors of such a triangle may underflow: from the corners' depths.
+        let ab = double_plus(double_times(u, first.z), double_times(v, second.z));
+        let total = double_plus(ab, double_times(w, third.z));
+        t = quotient(total.high, double_times_float(det, way.z).high);
+    }
+    return Candidate(true, t, quotient(v.high, det.high), quotient(w.high, det.high));
 }
 
 // An edge function of an image that is met from one side: none is negative.

@@ -33,26 +33,33 @@ pub(crate) struct Refined<S: Simd> {
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn edge<S: Simd>(p: &[Double<S>; 3], q: &[Double<S>; 3]) -> Double<S> {
+unsafe fn edge<S: Simd>(p: &[Double<S>; 2], q: &[Double<S>; 2]) -> Double<S> {
     // SAFETY: the caller's contract.
     unsafe { p[0].times(q[1]).minus(p[1].times(q[0])) }
 }
 
 impl<S: Simd> Pairs<S> {
-    /// Images of corners, times the direction's largest component, and their depths.
+    /// Corners from the origins.
     ///
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn image(&self, [x, y, z]: [S::Floats; 3]) -> [Double<S>; 3] {
-        let [ox, oy, oz] = self.origin;
+    unsafe fn from(&self, corner: usize) -> [Double<S>; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { difference::<S>(self.corners[corner], self.origin) }
+    }
+
+    /// Images of corners, times the direction's largest component.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn image(&self, [x, y, z]: [Double<S>; 3]) -> [Double<S>; 2] {
         let [dx, dy, dz] = self.direction;
         // SAFETY: the caller's contract.
         unsafe {
-            let z = Double::<S>::difference_of(z, oz);
-            let x = Double::<S>::difference_of(x, ox).times_float(dz);
-            let y = Double::<S>::difference_of(y, oy).times_float(dz);
-            [x.minus(z.times_float(dx)), y.minus(z.times_float(dy)), z]
+            let (x, y) = (x.times_float(dz), y.times_float(dz));
+            [x.minus(z.times_float(dx)), y.minus(z.times_float(dy))]
         }
     }
 
@@ -65,15 +72,41 @@ impl<S: Simd> Pairs<S> {
         // SAFETY: the caller's contract.
         unsafe {
             // No closures: they would not have the set's instructions.
-            let a = self.image(self.corners[0]);
-            let b = self.image(self.corners[1]);
-            let c = self.image(self.corners[2]);
+            let from = self.from(0);
+            let a = self.image(from);
+            let b = self.image(self.from(1));
+            let c = self.image(self.from(2));
             let (u, v, w) = (edge(&c, &b), edge(&a, &c), edge(&b, &a));
             let det = u.plus(v).plus(w);
-            let sum = u.times(a[2]).plus(v.times(b[2])).plus(w.times(c[2]));
-            let t = S::div(sum.high, det.times_float(self.direction[2]).high);
+            let [first, second, third] = self.corners;
+            let (ab, ac) = (difference::<S>(second, first), difference::<S>(third, first));
+            let mut distance = from;
+            for k in 0..3 {
+                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+                let normal = ab[i].times(ac[j]).minus(ab[j].times(ac[i]));
+                distance[k] = normal.times(from[k]);
+            }
+            let [x, y, z] = distance;
+            let distance = x.plus(y).plus(z).times_float(self.direction[2]);
+            let t = S::div(S::sub(S::splat(0.0), distance.high), det.high);
             Refined { t, v: v.high, w: w.high, det: det.high }
         }
+    }
+}
+
+/// Differences without error, on three axes.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn difference<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [Double<S>; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        [
+            Double::difference_of(p[0], q[0]),
+            Double::difference_of(p[1], q[1]),
+            Double::difference_of(p[2], q[2]),
+        ]
     }
 }
 

@@ -35,38 +35,48 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 /// about 46 bits. Images are not divided by the direction's largest component here, which spares rounding a slope;
 /// that changes all edge functions by one factor. `width` is the greatest sheared coordinate.
 ///
-/// For triangles whose edge functions are at least [`ROBUST`] R P: the sum of the edge functions is then at least
-/// 2^-17 P^2 and errs by 2^-42 P^2.
+/// With a the first corner from the origin, N the normal and d the direction, `t` is N.a / N.d, and the sum of the edge functions
+/// is -d_z N.d. N.a is computed from the triangle's edges, so it is exactly 0 for a ray that starts in a plane across an axis.
+///
+/// For triangles whose edge functions are at least [`ROBUST`] R P: their sum is then at least 2^-17 P^2 and errs by 2^-42 P^2.
 pub fn refined<A: Arithmetic>(
     origin: &[f32; 3],
     direction: &[f32; 3],
-    [kx, ky, kz]: [usize; 3],
+    axes: [usize; 3],
     triangle: &Triangle,
     width: f32,
 ) -> Candidate {
-    let (dx, dy, dz) = (direction[kx], direction[ky], direction[kz]);
+    let [dx, dy, dz] = axes.map(|axis| direction[axis]);
     let power = if width < WIDTH_LEAST { -exponent(width) } else { 0 };
     let scaled = |x: Double| Double { high: scale(x.high, power), low: scale(x.low, power) };
-    let zero = Double::from_float(0.0);
-    let (mut x, mut y, mut z) = ([zero; 3], [zero; 3], [zero; 3]);
-    for (i, corner) in triangle.iter().enumerate() {
-        let from = |axis: usize| Double::difference_of::<A>(corner[axis], origin[axis]);
-        z[i] = from(kz);
-        x[i] = from(kx).times_float::<A>(dz).minus::<A>(z[i].times_float::<A>(dx));
-        y[i] = from(ky).times_float::<A>(dz).minus::<A>(z[i].times_float::<A>(dy));
-        if power != 0 {
-            (x[i], y[i]) = (scaled(x[i]), scaled(y[i]));
-        }
-    }
-    let edge = |a: usize, b: usize| x[a].times::<A>(y[b]).minus::<A>(y[a].times::<A>(x[b]));
-    let (u, v, w) = (edge(2, 1), edge(0, 2), edge(1, 0));
+    let minus = |p: &[f32; 3], q: &[f32; 3]| axes.map(|k| Double::difference_of::<A>(p[k], q[k]));
+    let from = triangle.map(|corner| minus(&corner, origin));
+    let image = |[x, y, z]: [Double; 3]| {
+        let x = x.times_float::<A>(dz).minus::<A>(z.times_float::<A>(dx));
+        let y = y.times_float::<A>(dz).minus::<A>(z.times_float::<A>(dy));
+        if power == 0 { [x, y] } else { [scaled(x), scaled(y)] }
+    };
+    let [a, b, c] = from.map(image);
+    let edge =
+        |p: [Double; 2], q: [Double; 2]| p[0].times::<A>(q[1]).minus::<A>(p[1].times::<A>(q[0]));
+    let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
     let det = u.plus::<A>(v).plus::<A>(w);
-    let sum = u.times::<A>(z[0]).plus::<A>(v.times::<A>(z[1])).plus::<A>(w.times::<A>(z[2]));
-    Candidate {
-        t: A::quotient(sum.high, det.times_float::<A>(dz).high),
-        u: A::quotient(v.high, det.high),
-        v: A::quotient(w.high, det.high),
-    }
+    let t = if power == 0 {
+        let (ab, ac) = (minus(&triangle[1], &triangle[0]), minus(&triangle[2], &triangle[0]));
+        let along = |k: usize| {
+            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
+            let normal = ab[i].times::<A>(ac[j]).minus::<A>(ab[j].times::<A>(ac[i]));
+            normal.times::<A>(from[0][k])
+        };
+        let distance = along(0).plus::<A>(along(1)).plus::<A>(along(2));
+        A::quotient(-distance.times_float::<A>(dz).high, det.high)
+    } else {
+        // Three factors of such a triangle may underflow: from the corners' depths.
+        let part = |weight: Double, corner: usize| weight.times::<A>(from[corner][2]);
+        let sum = part(u, 0).plus::<A>(part(v, 1)).plus::<A>(part(w, 2));
+        A::quotient(sum.high, det.times_float::<A>(dz).high)
+    };
+    Candidate { t, u: A::quotient(v.high, det.high), v: A::quotient(w.high, det.high) }
 }
 
 /// Where the ray meets the image of a triangle, and the weights of that point. The image may be as thin as it likes;
