@@ -59,6 +59,9 @@ pub struct Judge<'a> {
     edges: HashMap<[[u32; 3]; 2], Vec<u32>>,
 }
 
+/// Origin coordinates nearer to 0 are taken for one value in ordinary scenes (`ORIGIN_LEAST` in core): 2^-60.
+const RESOLUTION: f64 = 1.0 / (1u64 << 60) as f64;
+
 /// A triangle as the ray sees it.
 struct Seen {
     /// Corners in the plane across the ray; the ray is at (0, 0).
@@ -315,6 +318,15 @@ impl<'a> Judge<'a> {
         (0..3).any(|axis| gap(axis) > 99.0 * extent)
     }
 
+    /// Whether the scene is neither so small nor so large that tests are scaled: then origins next to 0 are
+    /// moved by up to [`RESOLUTION`].
+    fn has_resolution(&self) -> bool {
+        let [lo, hi] = [self.bounds.lo, self.bounds.hi].map(|corner| corner.map(f64::from));
+        let extent = (0..3).map(|axis| hi[axis] - lo[axis]).fold(0.0, f64::max);
+        let greatest = lo.iter().chain(&hi).fold(0.0f64, |m, x| m.max(x.abs()));
+        extent >= 2f64.powi(-40) && greatest <= 2f64.powi(38)
+    }
+
     fn see(&self, ray: &ValidRay, triangle: u32) -> Option<Seen> {
         let corners = self.corners(triangle)?;
         let d = ray.direction;
@@ -334,6 +346,9 @@ impl<'a> Judge<'a> {
         if self.is_moved(ray) {
             let corners = corners.as_flattened().iter();
             magnitude = corners.fold(magnitude, |m, x| m.max(f64::from(x.abs())));
+        }
+        if self.has_resolution() {
+            magnitude = magnitude.max(RESOLUTION / UNIT);
         }
         let flat = offsets.map(|p| [dot(p, first), dot(p, second)]);
         let depths = offsets.map(|p| dot(p, unit));
