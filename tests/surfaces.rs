@@ -173,7 +173,7 @@ fn rays_that_were_once_answered_wrongly() {
         for count in [1, 64] {
             let (kind, rays) = (Kind::Inside, vec![ray; count]);
             let volley = Volley { kind, rays, options: QueryOptions::default() };
-            // Three times, so that each configuration is asked in each way.
+            // Three times, so that each configuration is asked for closest hits in each way.
             total.add(examine_surface(&surface, &vec![volley; 3], &configurations()));
         }
     }

@@ -5,7 +5,7 @@ mod common;
 
 use std::sync::Arc;
 
-use splitplane_core::backend::{BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::triangle::{Triangle, prepare};
@@ -16,21 +16,15 @@ use splitplane_test_support::surfaces::{
 };
 use splitplane_wgpu::{Queries, WgpuAccelerator};
 
-/// Rays of each kind at a surface.
+/// Rays of each kind at a surface, and four times as many from inside.
 const EACH: usize = 240;
 
 /// All rays at a surface in one batch for each setting: closest hits and any hit.
 fn examine_surface(queries: &Arc<Queries>, surface: &Surface, preset: Preset) -> Tally {
     let mesh = surface.scene.mesh();
-    let options = BuildOptions {
-        layout: QueryLayout::Fast,
-        ..BuildOptions::from(BuildConfig::preset(preset))
-    };
+    let options = BuildOptions::from(BuildConfig::preset(preset));
     let built = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
-    let (tree, summary) = {
-        use splitplane_core::backend::Accelerator;
-        (built.tree().clone(), *built.summary())
-    };
+    let (tree, summary) = (built.tree().clone(), *built.summary());
     let triangles: Vec<Triangle> =
         (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
     let device = WgpuAccelerator::upload(queries.clone(), tree, triangles.clone(), summary)

@@ -501,7 +501,7 @@ pub fn seed_of(run: u64, number: u64) -> u64 {
 pub fn volleys(surface: &Surface, each: usize) -> Vec<Volley> {
     let mut grazer = Grazer::new(surface, surface.seed ^ 0x5eed);
     let kinds: Vec<Kind> = grazer.kinds().collect();
-    let count = |kind| if kind == Kind::Inside { INSIDE * each } else { each };
+    let count = |kind: Kind| if kind == Kind::Inside { INSIDE * each } else { each };
     kinds.into_iter().map(|kind| grazer.volley(kind, count(kind))).collect()
 }
 
