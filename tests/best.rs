@@ -564,7 +564,7 @@ fn no_worse_than_the_textbook() {
 fn trees_of_built_in_scenes() {
     let mut text = String::new();
     for name in ["cornell", "spheres", "stadium", "gallery", "carousel", "city:20000"] {
-        let scene = splitplane::scene::Scene::open(&format!("builtin:{name}")).expect("built in");
+        let scene = splitplane::scene::Scene::open(format!("builtin:{name}")).expect("built in");
         let mesh = scene.mesh().expect("built in");
         for (costs, config) in [("", best()), (" classic", classic())] {
             let tree = build(&mesh, config);

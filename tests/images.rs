@@ -39,7 +39,7 @@ fn reference(name: &str) -> PathBuf {
 }
 
 fn render(name: &str, settings: RenderSettings) -> RgbImage {
-    let mut scene = Scene::open(&format!("builtin:{name}")).unwrap();
+    let mut scene = Scene::open(format!("builtin:{name}")).unwrap();
     let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
     tracer.build(&scene, &BuildOptions::default()).unwrap();
     let size = Size::new(SIZE[0], SIZE[1]).unwrap();

@@ -269,7 +269,7 @@ fn built_in_scenes_are_the_same_everywhere() {
     for name in
         ["cornell", "spheres", "stadium", "gallery", "carousel", "city", "city:1000", "city:50000"]
     {
-        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        let scene = Scene::open(format!("builtin:{name}")).unwrap();
         assert_eq!(scene.material_of.len(), scene.indices.len());
         assert!(scene.mesh().is_ok() && scene.camera.is_some() && scene.is_lit());
         let counts =
@@ -282,7 +282,7 @@ fn built_in_scenes_are_the_same_everywhere() {
 #[test]
 fn built_in_names_and_sizes_are_checked() {
     for bad in ["town", "city:", "city:999", "city:10000001", "city:many", "cornell:5", ""] {
-        let error = Scene::open(&format!("builtin:{bad}")).unwrap_err();
+        let error = Scene::open(format!("builtin:{bad}")).unwrap_err();
         assert!(matches!(error, SceneError::Builtin(_)), "{bad}: {error}");
     }
 }
@@ -290,7 +290,7 @@ fn built_in_names_and_sizes_are_checked() {
 #[test]
 fn a_city_has_about_as_many_triangles_as_asked_for() {
     for size in [1_000, 3_000, 10_000, 100_000, 1_000_000] {
-        let scene = Scene::open(&format!("builtin:city:{size}")).unwrap();
+        let scene = Scene::open(format!("builtin:city:{size}")).unwrap();
         let off = scene.indices.len().abs_diff(size) as f64 / size as f64;
         assert!(off < if size < 10_000 { 0.15 } else { 0.02 }, "{size}: {}", scene.indices.len());
     }
@@ -300,7 +300,7 @@ fn a_city_has_about_as_many_triangles_as_asked_for() {
 #[test]
 fn closed_surfaces_are_closed() {
     for (name, open) in [("spheres", "ground"), ("stadium", "")] {
-        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        let scene = Scene::open(format!("builtin:{name}")).unwrap();
         let mut edges: HashMap<[u32; 2], i32> = HashMap::new();
         let mut triangles = 0;
         for (i, &[a, b, c]) in scene.indices.iter().enumerate() {
@@ -328,7 +328,7 @@ fn closed_surfaces_are_closed() {
 fn bodies_face_outwards() {
     let mut bodies = 0;
     for name in ["spheres", "gallery", "carousel"] {
-        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        let scene = Scene::open(format!("builtin:{name}")).unwrap();
         for (number, material) in scene.materials.iter().enumerate() {
             let solid = ["bronze", "red lead", "steel"].contains(&material.name.as_str());
             if material.dielectric.is_none() && !solid {
@@ -360,7 +360,7 @@ fn bodies_face_outwards() {
 #[test]
 fn normals_and_texture_coordinates_of_built_in_scenes_fit() {
     for (name, textures) in [("spheres", 0), ("gallery", 3), ("carousel", 0), ("stadium", 0)] {
-        let scene = Scene::open(&format!("builtin:{name}")).unwrap();
+        let scene = Scene::open(format!("builtin:{name}")).unwrap();
         assert_eq!(scene.textures.len(), textures, "{name}");
         assert_eq!(scene.normal_indices.is_empty(), name == "stadium");
         for (i, (corners, named)) in scene.triangles().zip(&scene.normal_indices).enumerate() {

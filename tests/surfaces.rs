@@ -203,7 +203,7 @@ fn planted_faults_are_found() {
         let (mut sane, mut broken) = (Tally::default(), Tally::default());
         for shape in Shape::ALL {
             let surface = Surface::new(shape, 7);
-            let volleys = volleys(&surface, 60);
+            let volleys = volleys(&surface, 120);
             let whole = [Configuration { backend: Box::new(CpuBackend::new()), ..faulty(fault) }];
             sane.add(examine_surface(&surface, &volleys, &whole));
             broken.add(examine_surface(&surface, &volleys, &[faulty(fault)]));

@@ -185,8 +185,8 @@ fn the_two_files_of_all_hits_appear_together() {
 fn signal_in_a_movie(folder: &TempDir, signal: &str, ignored: bool) -> (Option<i32>, String) {
     let trap = if ignored { format!("trap '' {signal}; ") } else { String::new() };
     let count = if ignored { "40" } else { "1000000" };
-    let movie = ["animate", "builtin:carousel:1000", "--movie", "out.png", "--size", "16x16"];
-    let running = Command::new("sh")
+    let movie = ["animate", "builtin:carousel:4000", "--movie", "out.png", "--size", "16x16"];
+    let mut running = Command::new("sh")
         .current_dir(folder.path())
         .args(["-c", &format!("{trap}exec \"$@\""), "sh", PROGRAM])
         .args(movie)
@@ -197,6 +197,10 @@ fn signal_in_a_movie(folder: &TempDir, signal: &str, ignored: bool) -> (Option<i
         .unwrap();
     // Under whatever name.
     while names(folder.path()).len() < 3 {
+        if let Some(status) = running.try_wait().unwrap() {
+            let output = running.wait_with_output().unwrap();
+            panic!("it ended before its movie began: {status}, {}", text(&output.stderr));
+        }
         std::thread::sleep(std::time::Duration::from_millis(2));
     }
     let id = running.id().to_string();

@@ -7,8 +7,8 @@
 //! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
 //! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.
 //!
-//! What a thread keeps for the rays it has under way is made by its first batch, and exempt: it depends on the
-//! depth of trees only. Later batches are shown to ask for nothing.
+//! What a thread keeps for the rays it has under way is made by its first batch. Later batches are shown to ask
+//! for nothing.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -68,8 +68,8 @@ fn is_granted(size: usize) -> bool {
 // SAFETY: hands what it grants on to the system's allocator.
 unsafe impl GlobalAlloc for Refusing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // SAFETY: the caller's contract.
         if is_granted(layout.size()) {
+            // SAFETY: the caller's contract.
             unsafe { System.alloc(layout) }
         } else {
             std::ptr::null_mut()
@@ -488,6 +488,55 @@ fn points_say_so() {
         };
         let is_right = |located: &inside::Located| *located == expected;
         assert!(refusals("along a ray", 1, 1, work, is_right, is_unchanged) > 8);
+    }
+}
+
+/// The first batch of a thread, which makes what the thread keeps, and one ray a call, which does without.
+#[test]
+fn first_batches_say_so() {
+    let _alone = alone();
+    let scene = small();
+    let mesh = scene.mesh();
+    let rays = aim::rays(&mesh, aim::Kind::ALL[0], 300, 6);
+    for (layout, accuracy) in LAYOUTS.into_iter().flat_map(|l| ACCURACIES.map(|a| (l, a))) {
+        let built = CpuBackend::new().build_accelerator(&mesh, &options(Preset::Fast, layout));
+        let built = built.expect("memory");
+        let options = QueryOptions { accuracy, ..QueryOptions::default() };
+        let mut expected = vec![Hit::MISS; rays.len()];
+        built.closest_hits(&rays, &mut expected, &options).expect("memory");
+        let singly = |rays: &[Ray], hits: &mut [Hit]| {
+            for (ray, hit) in rays.iter().zip(hits) {
+                *hit = built.closest_hit(ray, &options).unwrap_or(Hit::MISS);
+            }
+        };
+        for once in [true, false] {
+            for number in 0.. {
+                let refuse = Refuse { number, once, least: 1 };
+                let what = format!("{layout:?}, {accuracy:?}, {refuse:?}");
+                let (mut hits, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
+                let new = pool(1);
+                let closest = new
+                    .install(|| refuse.during(|| built.closest_hits(&rays, &mut hits, &options)));
+                let was_refused = REFUSED.load(Relaxed) > 0;
+                let any_hit =
+                    pool(1).install(|| refuse.during(|| built.any_hits(&rays, &mut any, &options)));
+                assert_eq!(was_refused, REFUSED.load(Relaxed) > 0, "{what}");
+                let mut alone = vec![Hit::MISS; rays.len()];
+                pool(1).install(|| refuse.during(|| singly(&rays, &mut alone)));
+                assert!(alone == expected, "{what}");
+                for error in [closest.err(), any_hit.err()] {
+                    assert_eq!(error.is_some(), was_refused, "{what}");
+                    assert!(error.is_none_or(|error| error.is_refusal()), "{what}");
+                }
+                // The thread serves as before.
+                new.install(|| built.closest_hits(&rays, &mut hits, &options)).expect("memory");
+                assert!(hits == expected, "{what}");
+                if !was_refused {
+                    assert_eq!(number, 7, "what a thread keeps: {what}");
+                    break;
+                }
+            }
+        }
     }
 }
 

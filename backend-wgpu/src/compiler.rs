@@ -18,8 +18,11 @@ pub(crate) struct Compiler {
     given_up: Mutex<Vec<GivenUp>>,
     made: AtomicU64,
     /// What runs before the driver: tests plant one that takes too much by it.
-    planted: Option<Arc<dyn Fn(&str) + Send + Sync>>,
+    planted: Option<Planted>,
 }
+
+/// Is called with the name of what is about to be compiled.
+type Planted = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// What is known of an opening.
 #[derive(Clone, Debug)]

@@ -34,7 +34,7 @@ fn built_in_scenes() {
     for (name, _) in builtin::ALL {
         // The others come in one size.
         let size = if name == "city" { ":1000" } else { "" };
-        let scene = Scene::open(&format!("builtin:{name}{size}")).expect("a built-in scene");
+        let scene = Scene::open(format!("builtin:{name}{size}")).expect("a built-in scene");
         let mesh = scene.mesh().expect("a mesh");
         let options = device::options();
         let cpu_tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");

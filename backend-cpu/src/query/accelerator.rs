@@ -1,6 +1,7 @@
 //! The built tree, ready for rays.
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::collections::TryReserveError;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -168,7 +169,7 @@ impl CpuAccelerator {
         // How slow rays are shows only as they are traced.
         let at_first = if look.is_watched() { FIRST } else { TASK };
         let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
-        tasks.for_each_init(
+        let done = tasks.try_for_each_init(
             || at_first,
             |count, (rays, answers)| {
                 let mut next = 0;
@@ -179,7 +180,7 @@ impl CpuAccelerator {
                     let batch = Batch { blocks, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
-                    unsafe { self.set.run(Stream { batch, answers }) };
+                    unsafe { self.set.run(Stream { batch, answers }) }?;
                     match since.map(|since| since.elapsed()) {
                         Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
                         Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
@@ -189,8 +190,11 @@ impl CpuAccelerator {
                     look.worked(DUE);
                     next = some.end;
                 }
+                Ok::<(), TryReserveError>(())
             },
         );
+        // A thread's stacks, of which no more is known.
+        done.map_err(|_| refused((2 * blocks.wide.stack() * size_of::<u32>()) as u64))?;
         look.finish();
         look.check_batch().map(|()| QueryReport::default())
     }

@@ -13,8 +13,9 @@ use super::prepare::{Care, Way};
 use super::prepare_one::Readiness;
 use super::simd::{Compiled, Simd};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
-use super::stream::{Answers, Batch, Stream};
+use super::stream::{Answers, Batch, Stream, lengthen};
 use super::wide::LEAF_MARK;
+use super::{exact, reference};
 
 /// Entries of a stack that need not be asked for: enough for trees 29 nodes deep.
 const ENTRIES: usize = 512;
@@ -80,12 +81,24 @@ impl Compiled for WithCare<'_> {
         let answers = Answers::Hits(core::slice::from_mut(&mut hit));
         let batch = Batch { blocks, scene, rays: core::slice::from_ref(ray), options, query };
         // SAFETY: the caller's contract.
-        unsafe { S::call(Stream { batch, answers }) }
-        hit
+        match unsafe { S::call(Stream { batch, answers }) } {
+            Ok(()) => hit,
+            Err(_) => self.0.without_memory(),
+        }
     }
 }
 
 impl Single<'_> {
+    /// The hit where there is no memory for a stack: by the reference, which needs none.
+    #[cold]
+    fn without_memory(&self) -> Hit {
+        let Single { blocks, scene, ray, options, query } = *self;
+        if options.accuracy == Accuracy::Exact {
+            return exact::trace_in_f64(blocks, &scene.bounds, ray, options, query);
+        }
+        reference::trace(blocks, scene, ray, options, query)
+    }
+
     /// # Safety
     /// As for [`Compiled::run`].
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -96,7 +109,10 @@ impl Single<'_> {
     ) -> Hit {
         let room = self.blocks.wide.stack();
         if room > ENTRIES {
-            let (mut children, mut t) = (vec![0; room], vec![0.0; room]);
+            let (mut children, mut t) = (Vec::new(), Vec::new());
+            if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
+                return self.without_memory();
+            }
             let stack = Stack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
             // SAFETY: the caller's contract; stacks of that length.
             return unsafe { self.walk::<S, L>(leaves, way, stack) };

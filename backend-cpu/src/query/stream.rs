@@ -8,6 +8,7 @@
 //! [`super::packet`] instead.
 
 use core::cell::RefCell;
+use std::collections::TryReserveError;
 
 use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -23,6 +24,7 @@ use super::reference;
 use super::sieve::ExactLane;
 use super::simd::{Compiled, Simd, prefetch};
 use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
+use crate::buffers::boxed;
 
 /// Rays under way, at most 16.
 const FLIGHT: usize = 16;
@@ -55,6 +57,38 @@ impl Flight {
         let (ready, ways, packet) = (PreparedRays::NONE, [Way::none(); CHUNK], Packet::new());
         Flight { lanes, children, t, ready, ways, packet }
     }
+
+    /// Makes lanes, and stacks of so many entries.
+    ///
+    /// # Errors
+    /// Less memory than that.
+    fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
+        let Flight { lanes, children, t, packet, .. } = self;
+        if lanes.is_empty() {
+            let (way, best, exact) = (Way::none(), BestHit::NONE, ExactLane::idle());
+            lanes.try_reserve_exact(FLIGHT)?;
+            lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
+        }
+        lengthen(children, room * FLIGHT, DONE)?;
+        lengthen(t, room * FLIGHT, 0.0)?;
+        packet.make_room(room)
+    }
+}
+
+/// Makes a list at least so long.
+///
+/// # Errors
+/// Less memory than that.
+pub(super) fn lengthen<T: Copy>(
+    list: &mut Vec<T>,
+    length: usize,
+    filler: T,
+) -> Result<(), TryReserveError> {
+    if list.len() < length {
+        list.try_reserve_exact(length - list.len())?;
+        list.resize(length, filler);
+    }
+    Ok(())
 }
 
 thread_local! {
@@ -141,15 +175,17 @@ pub(crate) struct Stream<'a> {
 }
 
 impl Compiled for Stream<'_> {
-    type Output = ();
+    /// An error where there is no memory for the rays under way.
+    type Output = Result<(), TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn run<S: Simd>(self) {
+    unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Stream { batch, mut answers } = self;
         // Taken out, and none where the thread is about to end.
         let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
-        let mut flight = kept.unwrap_or_else(|| Box::new(Flight::new()));
-        // SAFETY: the caller's contract.
+        let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
+        flight.make_room(batch.blocks.wide.stack())?;
+        // SAFETY: the caller's contract; there is room.
         unsafe {
             match batch.blocks.indexed() {
                 None => fly::<S, _>(batch, Packed::new(batch.blocks), &mut flight, &mut answers),
@@ -157,6 +193,7 @@ impl Compiled for Stream<'_> {
             }
         }
         let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(flight)));
+        Ok(())
     }
 }
 
@@ -206,7 +243,7 @@ impl Iterator for Members {
 }
 
 /// # Safety
-/// The processor must have the set, for whose width the layout was made.
+/// The processor must have the set, for whose width the layout was made; the flight must have room for its stacks.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn fly<S: Simd, L: Leaves>(
     batch: Batch<'_>,
@@ -220,14 +257,6 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let mut leaf_room = L::room();
     let room = blocks.wide.stack();
     let Flight { lanes, children, t, ready, ways, packet } = flight;
-    if lanes.is_empty() {
-        let (way, best, exact) = (Way::none(), BestHit::NONE, ExactLane::idle());
-        lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
-    }
-    if children.len() < room * FLIGHT {
-        children.resize(room * FLIGHT, DONE);
-        t.resize(room * FLIGHT, 0.0);
-    }
     let exactly = options.accuracy == Accuracy::Exact;
     let mut supply = Supply { batch, next: 0, left: 0, ready, ways, packet };
     let mut queues = Queues(0);

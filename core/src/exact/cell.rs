@@ -72,8 +72,9 @@ impl Body {
                 return false;
             }
         }
-        !(0..3).any(|axis| self.along[axis] && self.edge_separates(cell, axis))
-            && !(self.flat == [false; 3] && self.plane_separates(cell))
+        let beside = (0..3).any(|axis| self.along[axis] && self.edge_separates(cell, axis));
+        let off = self.flat == [false; 3] && self.plane_separates(cell);
+        !beside && !off
     }
 
     /// Whether the product of an edge and an axis separates: seen along that axis, the cell's inside is

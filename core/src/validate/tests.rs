@@ -285,9 +285,9 @@ fn bounds_are_finite() {
         for at in 0..6 {
             let mut bounds = BOUNDS;
             if at < 3 {
-                bounds.lo[at] = bad
+                bounds.lo[at] = bad;
             } else {
-                bounds.hi[at - 3] = bad
+                bounds.hi[at - 3] = bad;
             }
             let (nodes, config) = ([KdNode::leaf(0, 0)], BuildConfig::default());
             let tree = KdTreeView { nodes: &nodes, references: &[], bounds, triangles: 0, config };

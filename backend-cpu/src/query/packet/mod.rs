@@ -18,6 +18,8 @@ mod take;
 mod tests;
 mod triangle;
 
+use std::collections::TryReserveError;
+
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
@@ -29,6 +31,7 @@ use super::prepare::{CHUNK, PerRay, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
 use super::step::{Octant, octants_of};
+use super::stream::lengthen;
 use super::watertight::Span;
 use super::wide::{LEAF_MARK, Line};
 
@@ -147,6 +150,16 @@ impl Packet {
         }
     }
 
+    /// Makes room for a stack of so many entries.
+    ///
+    /// # Errors
+    /// Less memory than that.
+    pub fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
+        lengthen(&mut self.stack.nodes, room, 0)?;
+        lengthen(&mut self.stack.places, room, 0)?;
+        lengthen(&mut self.stack.t, room, 0.0)
+    }
+
     /// The answers of the rays of a group.
     ///
     /// # Safety
@@ -188,11 +201,8 @@ impl Packet {
         }
         let (lines, words) = (blocks.wide.lines().as_ptr(), &blocks.words[..]);
         let room = blocks.wide.stack();
-        if self.stack.nodes.len() < room {
-            self.stack.nodes.resize(room, 0);
-            self.stack.places.resize(room, 0);
-            self.stack.t.resize(room, 0.0);
-        }
+        let Stack { nodes, places, t } = &self.stack;
+        debug_assert!(nodes.len().min(places.len()).min(t.len()) >= room);
         let octant = &octants_of::<S>()[self.octant];
         let (mut node, mut top) = (0, 0);
         // SAFETY: the caller's contract; children name nodes or blocks; a stack has room for all
