@@ -186,7 +186,7 @@ impl Packet {
     ///
     /// # Safety
     /// The processor must have the set, for whose width the layout was made; the rays must be those
-    /// taken, in as many groups, and none of them wide.
+    /// taken, in as many groups, and none of them wide; there must be room for the nodes' stack.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,

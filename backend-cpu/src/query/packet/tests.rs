@@ -103,6 +103,7 @@ impl Compiled for Compare {
                 Blocks::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut random);
+                packet.make_room(blocks.wide.stack()).expect("memory");
                 let (accuracy, culling, ignore) = match round % 6 {
                     0 => (Accuracy::Fast, Culling::None, None),
                     1 => (Accuracy::Watertight, Culling::Back, None),
