@@ -74,6 +74,7 @@ fn exceeded(doing: &str, limit: DriverLimit) -> GpuError {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_driver_that_compiles_without_end_is_left() {
     let gpu = noop(&OpenOptions::default()).unwrap().with_driver_limits(SHORT, u64::MAX);
     let (gpu, mut driver) = planted(gpu, "endless", |_| {});
@@ -95,6 +96,7 @@ fn a_driver_that_compiles_without_end_is_left() {
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_pipeline_that_was_given_up_can_be_had_once_the_driver_is_done() {
     let gpu = noop(&OpenOptions::default()).unwrap().with_driver_limits(SHORT, u64::MAX);
     let (gpu, mut driver) = planted(gpu, "late", |_| {});
