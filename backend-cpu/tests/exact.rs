@@ -6,9 +6,11 @@
 //! `SPLITPLANE_LONG=1` casts ten times as many rays.
 
 use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::exact;
+use splitplane_core::intersect::longest_extent;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
@@ -223,7 +225,31 @@ fn crowds(scene: &Scene, seed: u64) -> Vec<Ray> {
         rays.extend(aim::invalid(&some[..8], seed));
         rays.extend(some);
     }
+    rays.extend(from_afar(scene, &mut random));
     rays
+}
+
+/// Rays from up to the end of the floats, whose direction is, but for one component, of the scene's size: what is lost
+/// of it when a ray is made ready decides what it hits.
+fn from_afar(scene: &Scene, random: &mut Random) -> Vec<Ray> {
+    let mesh = scene.mesh();
+    (0..600)
+        .map(|i| {
+            let corners = mesh.triangle(random.below(mesh.len()));
+            let weights = random.barycentric();
+            let size = longest_extent(&Aabb::of_points(&corners));
+            let axis = random.below(3);
+            let main = ((i % 124) as f32).exp2() * size * (1.0 + random.unit() as f32);
+            let main = if main.is_finite() { main } else { 1.7e38 };
+            let (mut origin, mut direction) = ([0.0; 3], [0.0; 3]);
+            for k in 0..3 {
+                let target: f32 = (0..3).map(|c| corners[c][k] * weights[c] as f32).sum();
+                direction[k] = if k == axis { main } else { size * random.signed() };
+                origin[k] = target - direction[k];
+            }
+            Ray::new(origin, direction)
+        })
+        .collect()
 }
 
 #[test]

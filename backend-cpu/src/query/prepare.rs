@@ -8,7 +8,7 @@ use splitplane_core::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
     STOP_SLACK, SceneScale,
 };
-use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::ray::{Accuracy, Hit, Ray};
 use splitplane_core::traverse::Query;
 
 use super::simd::{MOST_LANES, Simd};
@@ -68,17 +68,27 @@ pub(crate) enum Care {
     Answer(Hit),
 }
 
+/// How far off the sieve of accuracy `exact` takes a ray, in inner units. Making it ready flushes what is below
+/// 2^-126 in its direction and, of its greatest coordinate, in its origin: that is less than 2^-65 of a place then.
+const FARTHEST: f32 = 1.152_921_5e18; // 2^60
 /// Greatest exponent, either way, of directions that are scaled in one step.
 const MOST_EXPONENT: i32 = 126;
 
 impl Way {
     /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
     #[cold]
-    pub fn with_care(ray: &Ray, scene: &SceneScale, query: Query) -> Option<Care> {
+    pub fn with_care(
+        ray: &Ray,
+        scene: &SceneScale,
+        accuracy: Accuracy,
+        query: Query,
+    ) -> Option<Care> {
+        let from = ray.origin.iter().fold(0.0f32, |most, x| most.max(x.abs()));
         let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else {
             return Some(Care::Answer(Hit::MISS));
         };
-        if ray.wide || ray.exponent.abs() > MOST_EXPONENT {
+        let too_far = accuracy == Accuracy::Exact && from.max(ray.offset.abs()) > FARTHEST;
+        if ray.wide || ray.exponent.abs() > MOST_EXPONENT || too_far {
             return None;
         }
         Some(Way::of(&ray, scene, query).map_or(Care::Answer(Hit::MISS), Care::Way))

@@ -6,7 +6,8 @@
 //! coordinates, distances and sheared products are 0 or well within the normal range.
 //!
 //! *Rays that are changed* by being made ready: an origin next to 0 is moved by 2^-60 or less, and one that is far away along
-//! the ray, where it is rounded once, by u M with M its greatest coordinate then. Both move a sheared coordinate by 2 u M or less, with
+//! the ray, where it is rounded once, by u M with M its greatest coordinate then. (Of rays from further off than 2^60 more
+//! might be lost: they are not sieved.) Both move a sheared coordinate by 2 u M or less, with
 //! M = 2^-36 for the former. R is taken that much longer, which allows for more than twice that; and `t` by 8 u M, besides what the
 //! sum with the offset rounds away.
 //!

@@ -46,7 +46,7 @@ impl Compiled for Single<'_> {
         if let Readiness::Special = readiness
             && self.options.accuracy != Accuracy::Exact
         {
-            match Way::with_care(self.ray, self.scene, self.query) {
+            match Way::with_care(self.ray, self.scene, self.options.accuracy, self.query) {
                 Some(Care::Way(moved)) => (way, readiness) = (moved, Readiness::Ready),
                 Some(Care::Answer(hit)) => return hit,
                 None => {}

@@ -464,7 +464,7 @@ impl Supply<'_> {
     #[cold]
     fn with_care(&self, ray: &Ray) -> Care {
         let Batch { blocks, scene, options, query, .. } = self.batch;
-        Way::with_care(ray, scene, query).unwrap_or_else(|| {
+        Way::with_care(ray, scene, options.accuracy, query).unwrap_or_else(|| {
             Care::Answer(if options.accuracy == Accuracy::Exact {
                 exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
             } else {
