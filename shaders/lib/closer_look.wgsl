@@ -5,6 +5,8 @@
 const ROBUST: f32 = 0x1p-18f;
 // Sheared coordinates from here on need no scaling.
 const WIDTH_LEAST: f32 = 0x1p-30f;
+// Images deeper than this many times their greatest sheared coordinate are needles along the ray.
+const NEEDLE: f32 = 7.0;
 // Images with less area than this, where coordinates are near 1, are taken for their longest edge.
 const THIN: f32 = 0x1p-21f;
 // Coordinates below this, where the greatest is near 1, count as 0.
@@ -77,6 +79,7 @@ fn refined(
     axes: vec3<u32>,
     triangle: Triangle,
     width: f32,
+    spread: f32,
 ) -> Candidate {
     let power = select(0, -exponent(width), width < WIDTH_LEAST);
     let start = on_axes(origin, axes);
@@ -95,7 +98,7 @@ fn refined(
     let w = double_edge(b, a);
     let det = double_plus(double_plus(u, v), w);
     var t: f32;
-    if power == 0 {
+    if power == 0 && spread <= product(NEEDLE, width) {
         let ab = corner_difference(q, p);
         let ac = corner_difference(r, p);
         let x = normal_part(ab.y, ab.z, ac.y, ac.z, first.x);
@@ -104,7 +107,7 @@ fn refined(
         let distance = double_plus(double_plus(x, y), z);
         t = quotient(-double_times_float(distance, way.z).high, det.high);
     } else {
-        // Three factors of such a triangle may underflow: from the corners' depths.
+        // From the corners' depths; three factors of a triangle that is scaled may underflow besides.
         let ab = double_plus(double_times(u, first.z), double_times(v, second.z));
         let total = double_plus(ab, double_times(w, third.z));
         t = quotient(total.high, double_times_float(det, way.z).high);

@@ -228,7 +228,8 @@ fn finish_test(
     );
     let width = width_of(seen);
     let area = product(reach_of(seen), width);
-    let disorder = product(area, difference(farthest, nearest));
+    let spread = difference(farthest, nearest);
+    let disorder = product(area, spread);
     let is_sliver = abs(det) < product(product(width, width), SLIVER);
     var hit = Candidate(true, 0.0, 0.0, 0.0);
     if det != 0.0 && disorder <= product(8.0, abs(total)) && !is_sliver {
@@ -249,7 +250,7 @@ fn finish_test(
             }
         }
         if is_robust(edges, area) {
-            hit = refined(origin, ray.direction, ray.axes, triangle, width);
+            hit = refined(origin, ray.direction, ray.axes, triangle, width, spread);
         } else {
             hit = careful(seen, depths, side);
         }

@@ -485,7 +485,7 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
             let direction = each::<S>(axes.map(|axis| way.direction[axis]));
             let mut meeting = met.meeting::<S>();
             let pairs = Pairs { origin, direction, corners };
-            meeting.look_closely(&pairs, &span::<S>(way, limit));
+            meeting.look_closely(pairs, &span::<S>(way, limit));
             *met = Met::of(&meeting);
         }
     }

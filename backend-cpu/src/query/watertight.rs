@@ -6,7 +6,7 @@
 
 use splitplane_core::arithmetic::snap;
 use splitplane_core::intersect::{
-    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, ROBUST, SLIVER, WIDTH_LEAST,
+    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, NEEDLE, ROBUST, SLIVER, WIDTH_LEAST,
 };
 use splitplane_core::ray::Culling;
 
@@ -91,7 +91,7 @@ pub(crate) struct Meeting<S: Simd> {
     pub met: u32,
     /// Where it may, by a closer look.
     pub unclear: u32,
-    /// Where the ray passes all edges by more than rounding.
+    /// Where the ray passes all edges by more than rounding, and the triangle is neither tiny nor a needle along it.
     pub robust: u32,
     /// Inner `t` of the hit.
     pub t: S::Floats,
@@ -257,7 +257,9 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let least = S::min(S::abs(u), S::min(S::abs(v), S::abs(w)));
         let clear = S::bits(S::le(S::splat(EDGE_LEAST), least));
         let robust = S::le(S::mul(area, S::splat(ROBUST)), least);
-        let robust = S::bits(S::and(robust, S::le(S::splat(WIDTH_LEAST), width))) & clear;
+        let ordinary = S::le(spread, S::mul(S::splat(NEEDLE), width));
+        let ordinary = S::and(ordinary, S::le(S::splat(WIDTH_LEAST), width));
+        let robust = S::bits(S::and(robust, ordinary)) & clear;
         let depths = [nearest, farthest];
         let (t, kept) = held::<S>(interpolated, depths, span);
         let fine_and_kept = bits & fine & kept;
@@ -291,12 +293,12 @@ impl<S: Simd> Meeting<S> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn look_closely(&mut self, pairs: &Pairs<S>, span: &Span<S>) {
+    pub unsafe fn look_closely(&mut self, pairs: Pairs<S>, span: &Span<S>) {
         // SAFETY: the caller's contract.
         unsafe {
-            let Refined { t, v, w, det } = pairs.refined();
-            let (t, kept) = held::<S>(t, self.depths, span);
             let decided = self.unclear & self.robust;
+            let Refined { t, v, w, det } = pairs.only(decided).refined();
+            let (t, kept) = held::<S>(t, self.depths, span);
             self.met |= decided & kept;
             self.unclear &= !decided;
             let mask = S::mask(decided);
@@ -513,7 +515,7 @@ mod tests {
                         None => (0, Met::NONE),
                         Some(mut meeting) => {
                             let plain = meeting.met;
-                            meeting.look_closely(&lanes.pairs(), &span);
+                            meeting.look_closely(lanes.pairs(), &span);
                             assert_eq!((meeting.met | meeting.unclear) & !around, 0);
                             (plain, Met::of(&meeting))
                         }

@@ -16,6 +16,10 @@ pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 /// the least normal number.
 pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
 
+/// Images deeper than this many times their greatest sheared coordinate are needles along the ray: their planes are found
+/// less well than their depths at the ray.
+pub const NEEDLE: f32 = 7.0;
+
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
 /// edge, from which the ray is then less than 2^-21 away.
 const THIN: f32 = 4.768_371_6e-7; // 2^-21
@@ -33,18 +37,22 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 
 /// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and products of
 /// about 46 bits. Images are not divided by the direction's largest component here, which spares rounding a slope;
-/// that changes all edge functions by one factor. `width` is the greatest sheared coordinate.
+/// that changes all edge functions by one factor. `width` is P, the greatest sheared coordinate; `spread` the difference of the
+/// corners' depths.
 ///
 /// With a the first corner from the origin, N the normal and d the direction, `t` is N.a / N.d, and the sum of the edge functions
 /// is -d_z N.d. N.a is computed from the triangle's edges, so it is exactly 0 for a ray that starts in a plane across an axis.
 ///
-/// For triangles whose edge functions are at least [`ROBUST`] R P: their sum is then at least 2^-17 P^2 and errs by 2^-42 P^2.
+/// For triangles whose edge functions are at least [`ROBUST`] R P: |N.d| is then at least 3 * 2^-18 R P. A step of doubled floats
+/// errs by less than 2^-44 of the magnitudes that go in, so N.a, three products of a component below 2 L^2 with
+/// one below R, errs by 28 * 2^-44 L^2 R, with L the triangle's longest extent, and `t` by 10 * 2^-26 L^2 / P. Where spread is at most [`NEEDLE`] P,
+/// L is at most 16 P, and that is 40 * 2^-24 L. For needles `t` is the mean of the corners' depths by their weights, which errs by 2^-24 P.
 pub fn refined<A: Arithmetic>(
     origin: &[f32; 3],
     direction: &[f32; 3],
     axes: [usize; 3],
     triangle: &Triangle,
-    width: f32,
+    [width, spread]: [f32; 2],
 ) -> Candidate {
     let [dx, dy, dz] = axes.map(|axis| direction[axis]);
     let power = if width < WIDTH_LEAST { -exponent(width) } else { 0 };
@@ -61,7 +69,7 @@ pub fn refined<A: Arithmetic>(
         |p: [Double; 2], q: [Double; 2]| p[0].times::<A>(q[1]).minus::<A>(p[1].times::<A>(q[0]));
     let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
     let det = u.plus::<A>(v).plus::<A>(w);
-    let t = if power == 0 {
+    let t = if power == 0 && spread <= A::product(NEEDLE, width) {
         let (ab, ac) = (minus(&triangle[1], &triangle[0]), minus(&triangle[2], &triangle[0]));
         let along = |k: usize| {
             let (i, j) = ((k + 1) % 3, (k + 2) % 3);
@@ -71,7 +79,7 @@ pub fn refined<A: Arithmetic>(
         let distance = along(0).plus::<A>(along(1)).plus::<A>(along(2));
         A::quotient(-distance.times_float::<A>(dz).high, det.high)
     } else {
-        // Three factors of such a triangle may underflow: from the corners' depths.
+        // From the corners' depths; three factors of a triangle that is scaled may underflow besides.
         let part = |weight: Double, corner: usize| weight.times::<A>(from[corner][2]);
         let sum = part(u, 0).plus::<A>(part(v, 1)).plus::<A>(part(w, 2));
         A::quotient(sum.high, det.times_float::<A>(dz).high)

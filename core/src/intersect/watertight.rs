@@ -235,7 +235,8 @@ fn finish<A: Arithmetic>(
     );
     let (reach, width) = seen.reach_and_width();
     let area = A::product(reach, width);
-    let disorder = A::product(area, A::difference(farthest, nearest));
+    let spread = A::difference(farthest, nearest);
+    let disorder = A::product(area, spread);
     let is_sliver = det.abs() < A::product(A::product(width, width), SLIVER);
     let mut hit = if det != 0.0 && disorder <= A::product(8.0, sum.abs()) && !is_sliver {
         let t = A::quotient(sum, det);
@@ -250,7 +251,7 @@ fn finish<A: Arithmetic>(
             }
         }
         if is_robust::<A>([u, v, w], area) {
-            refined::<A>(origin, &ray.direction, ray.axes, triangle, width)
+            refined::<A>(origin, &ray.direction, ray.axes, triangle, [width, spread])
         } else {
             careful::<A>(&seen.flat, &depths, front)
         }

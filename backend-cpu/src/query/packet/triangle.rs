@@ -244,7 +244,7 @@ impl Compiled for CloserLook<'_> {
                 corners: corners::<S>(self.record, self.index, self.axes),
             };
             let mut meeting = self.met.meeting::<S>();
-            meeting.look_closely(&pairs, &self.rays.span::<S>(self.beyond));
+            meeting.look_closely(pairs, &self.rays.span::<S>(self.beyond));
             *self.met = Met::of(&meeting);
         }
     }
