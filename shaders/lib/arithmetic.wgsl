@@ -213,6 +213,27 @@ fn double_minus(a: Double, b: Double) -> Double {
     return double_plus(a, Double(-b.high, -b.low));
 }
 
+// A vector of doubles.
+struct Double3 {
+    x: Double,
+    y: Double,
+    z: Double,
+}
+
+// p - q without error.
+fn double3_difference_of(p: vec3<f32>, q: vec3<f32>) -> Double3 {
+    return Double3(
+        double_difference_of(p.x, q.x),
+        double_difference_of(p.y, q.y),
+        double_difference_of(p.z, q.z),
+    );
+}
+
+// A vector as doubles.
+fn double3_of(v: vec3<f32>) -> Double3 {
+    return Double3(Double(v.x, 0.0), Double(v.y, 0.0), Double(v.z, 0.0));
+}
+
 // floor(log2 |x|) of a normal number, -127 for zero and subnormals.
 fn exponent(x: f32) -> i32 {
     return i32((bitcast<u32>(x) >> 23u) & 0xffu) - 127;

@@ -29,22 +29,6 @@ struct Known {
     error: f32,
 }
 
-// A vector of doubles.
-struct Double3 {
-    x: Double,
-    y: Double,
-    z: Double,
-}
-
-// p - q without error.
-fn double3_difference_of(p: vec3<f32>, q: vec3<f32>) -> Double3 {
-    return Double3(
-        double_difference_of(p.x, q.x),
-        double_difference_of(p.y, q.y),
-        double_difference_of(p.z, q.z),
-    );
-}
-
 // p_i q_j - p_j q_i: one component of a cross product.
 fn double_minor(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> Double {
     return double_minus(double_times(p_i, q_j), double_times(p_j, q_i));
@@ -90,10 +74,6 @@ fn certain_dot(normal: Normal, other: Double3) -> Known {
         magnitude(normal.magnitudes.z, other.z.high),
     );
     return Known(double_plus(double_plus(x, y), z), product(size, DOUBLE_NOISE));
-}
-
-fn double3_of(v: vec3<f32>) -> Double3 {
-    return Double3(Double(v.x, 0.0), Double(v.y, 0.0), Double(v.z, 0.0));
 }
 
 // A triangle that is certainly met, between the ray's limits.

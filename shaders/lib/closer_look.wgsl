@@ -18,101 +18,69 @@ fn is_robust(edges: vec3<f32>, area: f32) -> bool {
     return lowest > 0.0 && product(area, ROBUST) <= lowest;
 }
 
-// A vector of doubles.
-struct CornerDoubles {
-    x: Double,
-    y: Double,
-    z: Double,
+// The product, its two parts not yet added up.
+fn loose_product(a: Double, b: Double) -> Double {
+    let exact = two_product(a.high, b.high);
+    var low = sum(exact.low, product(a.high, b.low));
+    low = sum(low, product(a.low, b.high));
+    return Double(exact.high, low);
 }
 
-// p - q without error.
-fn corner_difference(p: vec3<f32>, q: vec3<f32>) -> CornerDoubles {
-    return CornerDoubles(
-        double_difference_of(p.x, q.x),
-        double_difference_of(p.y, q.y),
-        double_difference_of(p.z, q.z),
+// One component of a cross product.
+fn loose_minor(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> Double {
+    return double_minus(loose_product(p_i, q_j), loose_product(p_j, q_i));
+}
+
+fn loose_cross(p: Double3, q: Double3) -> Double3 {
+    return Double3(
+        loose_minor(p.y, p.z, q.y, q.z),
+        loose_minor(p.z, p.x, q.z, q.x),
+        loose_minor(p.x, p.y, q.x, q.y),
     );
 }
 
-// A corner's image, not divided by the direction's largest component.
-struct DoubleImage {
-    x: Double,
-    y: Double,
-}
-
-fn double_scaled(a: Double, power: i32) -> Double {
-    if power == 0 {
-        return a;
-    }
-    return Double(scale(a.high, power), scale(a.low, power));
-}
-
-// Of a corner from the origin, and a direction in the order of the sheared axes.
-fn double_image(corner: CornerDoubles, direction: vec3<f32>, power: i32) -> DoubleImage {
-    let x = double_times_float(corner.x, direction.z);
-    let y = double_times_float(corner.y, direction.z);
-    return DoubleImage(
-        double_scaled(double_minus(x, double_times_float(corner.z, direction.x)), power),
-        double_scaled(double_minus(y, double_times_float(corner.z, direction.y)), power),
-    );
-}
-
-// An edge function.
-fn double_edge(a: DoubleImage, b: DoubleImage) -> Double {
-    return double_minus(double_times(a.x, b.y), double_times(a.y, b.x));
-}
-
-// One component of a cross product, times another number.
-fn normal_part(p_i: Double, p_j: Double, q_i: Double, q_j: Double, other: Double) -> Double {
-    return double_times(double_minus(double_times(p_i, q_j), double_times(p_j, q_i)), other);
-}
-
-// A vector in the order of the sheared axes.
-fn on_axes(v: vec3<f32>, axes: vec3<u32>) -> vec3<f32> {
-    return vec3<f32>(on_axis(v, axes.x), on_axis(v, axes.y), on_axis(v, axes.z));
+// The dot product, rounded.
+fn loose_dot(p: Double3, q: Double3) -> f32 {
+    let x = loose_product(p.x, q.x);
+    let y = loose_product(p.y, q.y);
+    let z = loose_product(p.z, q.z);
+    let first = two_sum(x.high, y.high);
+    let second = two_sum(first.high, z.high);
+    let low = sum(sum(x.low, y.low), z.low);
+    return sum(second.high, sum(low, sum(first.low, second.low)));
 }
 
 // Where the ray meets the plane of a triangle, and the weights of that point.
-fn refined(
-    origin: vec3<f32>,
-    direction: vec3<f32>,
-    axes: vec3<u32>,
-    triangle: Triangle,
-    width: f32,
-    spread: f32,
-) -> Candidate {
+fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f32) -> Candidate {
     let power = select(0, -exponent(width), width < WIDTH_LEAST);
-    let start = on_axes(origin, axes);
-    let way = on_axes(direction, axes);
-    let p = on_axes(triangle.a, axes);
-    let q = on_axes(triangle.b, axes);
-    let r = on_axes(triangle.c, axes);
-    let first = corner_difference(p, start);
-    let second = corner_difference(q, start);
-    let third = corner_difference(r, start);
-    let a = double_image(first, way, power);
-    let b = double_image(second, way, power);
-    let c = double_image(third, way, power);
-    let u = double_edge(c, b);
-    let v = double_edge(a, c);
-    let w = double_edge(b, a);
-    let det = double_plus(double_plus(u, v), w);
-    var t: f32;
-    if power == 0 && spread <= product(NEEDLE, width) {
-        let ab = corner_difference(q, p);
-        let ac = corner_difference(r, p);
-        let x = normal_part(ab.y, ab.z, ac.y, ac.z, first.x);
-        let y = normal_part(ab.z, ab.x, ac.z, ac.x, first.y);
-        let z = normal_part(ab.x, ab.y, ac.x, ac.y, first.z);
-        let distance = double_plus(double_plus(x, y), z);
-        t = quotient(-double_times_float(distance, way.z).high, det.high);
-    } else {
-        // From the corners' depths; three factors of a triangle that is scaled may underflow besides.
-        let ab = double_plus(double_times(u, first.z), double_times(v, second.z));
-        let total = double_plus(ab, double_times(w, third.z));
-        t = quotient(total.high, double_times_float(det, way.z).high);
+    var a = triangle.a;
+    var b = triangle.b;
+    var c = triangle.c;
+    var start = origin;
+    if power != 0 {
+        // Upward, and so without error.
+        a = scale3(a, power);
+        b = scale3(b, power);
+        c = scale3(c, power);
+        start = scale3(start, power);
     }
-    return Candidate(true, t, quotient(v.high, det.high), quotient(w.high, det.high));
+    let ab = double3_difference_of(b, a);
+    let ac = double3_difference_of(c, a);
+    let oa = double3_difference_of(a, start);
+    let way = double3_of(direction);
+    let normal = loose_cross(ab, ac);
+    let across = loose_cross(way, oa);
+    let det = loose_dot(normal, way);
+    var t = quotient(loose_dot(normal, oa), det);
+    if power != 0 {
+        t = scale(t, -power);
+    }
+    return Candidate(
+        true,
+        t,
+        quotient(-loose_dot(across, ac), det),
+        quotient(loose_dot(across, ab), det),
+    );
 }
 
 // An edge function of an image that is met from one side: none is negative.

@@ -249,8 +249,8 @@ fn finish_test(
                 }
             }
         }
-        if is_robust(edges, area) {
-            hit = refined(origin, ray.direction, ray.axes, triangle, width, spread);
+        if is_robust(edges, area) && spread <= product(NEEDLE, width) {
+            hit = refined(origin, ray.direction, triangle, width);
         } else {
             hit = careful(seen, depths, side);
         }

@@ -479,10 +479,9 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
         let CloserLook { way, record, limit, met } = self;
         // SAFETY: the caller's contract, and that of [`test()`].
         unsafe {
-            let axes = way.axes();
-            let corners = all_corners::<S, T>(record, axes, record.places::<S>());
-            let origin = each::<S>(way.origin);
-            let direction = each::<S>(axes.map(|axis| way.direction[axis]));
+            let ray = way.ray();
+            let corners = all_corners::<S, T>(record, [0, 1, 2], record.places::<S>());
+            let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
             let mut meeting = met.meeting::<S>();
             let pairs = Pairs { origin, direction, corners };
             meeting.look_closely(pairs, &span::<S>(way, limit));

@@ -8,7 +8,7 @@
 
 use super::simd::Simd;
 
-/// Rays and triangles, a pair a lane; on the sheared axes.
+/// Rays and triangles, a pair a lane; on the axes of the mesh.
 pub(crate) struct Pairs<S: Simd> {
     /// Where the rays start.
     pub origin: [S::Floats; 3],
@@ -22,47 +22,13 @@ pub(crate) struct Pairs<S: Simd> {
 pub(crate) struct Refined<S: Simd> {
     /// Inner `t`.
     pub t: S::Floats,
-    /// Edge functions opposite the second and the third corner, and the sum of all three.
+    /// Weights of the second and the third corner, and what both are to be divided by.
     pub v: S::Floats,
     pub w: S::Floats,
     pub det: S::Floats,
 }
 
-/// An edge function of two images.
-///
-/// # Safety
-/// The processor must have the set.
-#[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn edge<S: Simd>(p: &[Double<S>; 2], q: &[Double<S>; 2]) -> Double<S> {
-    // SAFETY: the caller's contract.
-    unsafe { p[0].times(q[1]).minus(p[1].times(q[0])) }
-}
-
 impl<S: Simd> Pairs<S> {
-    /// Corners from the origins.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn from(&self, corner: usize) -> [Double<S>; 3] {
-        // SAFETY: the caller's contract.
-        unsafe { difference::<S>(self.corners[corner], self.origin) }
-    }
-
-    /// Images of corners, times the direction's largest component.
-    ///
-    /// # Safety
-    /// The processor must have the set.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn image(&self, [x, y, z]: [Double<S>; 3]) -> [Double<S>; 2] {
-        let [dx, dy, dz] = self.direction;
-        // SAFETY: the caller's contract.
-        unsafe {
-            let (x, y) = (x.times_float(dz), y.times_float(dz));
-            [x.minus(z.times_float(dx)), y.minus(z.times_float(dy))]
-        }
-    }
-
     /// The same with corners at 0 in all other lanes: what is there by chance may be subnormal numbers, with which processors
     /// take a hundred times as long.
     ///
@@ -91,25 +57,39 @@ impl<S: Simd> Pairs<S> {
         // SAFETY: the caller's contract.
         unsafe {
             // No closures: they would not have the set's instructions.
-            let from = self.from(0);
-            let a = self.image(from);
-            let b = self.image(self.from(1));
-            let c = self.image(self.from(2));
-            let (u, v, w) = (edge(&c, &b), edge(&a, &c), edge(&b, &a));
-            let det = u.plus(v).plus(w);
-            let [first, second, third] = self.corners;
-            let (ab, ac) = (difference::<S>(second, first), difference::<S>(third, first));
-            let mut distance = from;
+            let [a, b, c] = self.corners;
+            let (ab, ac) = (difference::<S>(b, a), difference::<S>(c, a));
+            let oa = difference::<S>(a, self.origin);
+            let d = self.direction;
+            let (mut normal, mut across) = (ab, oa);
             for k in 0..3 {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-                let normal = ab[i].times(ac[j]).minus(ab[j].times(ac[i]));
-                distance[k] = normal.times(from[k]);
+                normal[k] = ab[i].times(ac[j]).minus(ab[j].times(ac[i]));
+                across[k] = oa[j].times_float(d[i]).minus(oa[i].times_float(d[j]));
             }
-            let [x, y, z] = distance;
-            let distance = x.plus(y).plus(z).times_float(self.direction[2]);
-            let t = S::div(S::sub(S::splat(0.0), distance.high), det.high);
-            Refined { t, v: v.high, w: w.high, det: det.high }
+            let [x, y, z] = normal;
+            let det = dot([x.times_float(d[0]), y.times_float(d[1]), z.times_float(d[2])]);
+            let distance = dot([x.times(oa[0]), y.times(oa[1]), z.times(oa[2])]);
+            let [x, y, z] = across;
+            let v = dot([x.times(ac[0]), y.times(ac[1]), z.times(ac[2])]);
+            let w = dot([x.times(ab[0]), y.times(ab[1]), z.times(ab[2])]);
+            Refined { t: S::div(distance, det), v: S::sub(S::splat(0.0), v), w, det }
         }
+    }
+}
+
+/// The sum of three products, rounded.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn dot<S: Simd>([x, y, z]: [Double<S>; 3]) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let first = Double::<S>::sum_of(x.high, y.high);
+        let second = Double::<S>::sum_of(first.high, z.high);
+        let low = S::add(S::add(x.low, y.low), z.low);
+        S::add(second.high, S::add(low, S::add(first.low, second.low)))
     }
 }
 
@@ -151,7 +131,19 @@ impl<S: Simd> Double<S> {
         }
     }
 
-    /// The product.
+    /// `a + b` without error: Knuth's two-sum.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn sum_of(a: S::Floats, b: S::Floats) -> Double<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let high = S::add(a, b);
+            let b_part = S::sub(high, a);
+            let a_part = S::sub(high, b_part);
+            Double { high, low: S::add(S::sub(a, a_part), S::sub(b, b_part)) }
+        }
+    }
+
+    /// The product, its two parts not yet added up.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times(self, other: Double<S>) -> Double<S> {
         // SAFETY: the caller's contract.
@@ -159,31 +151,18 @@ impl<S: Simd> Double<S> {
             let low = S::product_error(self.high, other.high);
             let low = S::add(low, S::mul(self.high, other.low));
             let low = S::add(low, S::mul(self.low, other.high));
-            Double::renormalised(S::mul(self.high, other.high), low)
+            Double { high: S::mul(self.high, other.high), low }
         }
     }
 
-    /// The product with floats.
+    /// The product with floats, its two parts not yet added up.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times_float(self, other: S::Floats) -> Double<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let low = S::product_error(self.high, other);
             let low = S::add(low, S::mul(self.low, other));
-            Double::renormalised(S::mul(self.high, other), low)
-        }
-    }
-
-    /// The sum.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn plus(self, other: Double<S>) -> Double<S> {
-        // SAFETY: the caller's contract.
-        unsafe {
-            let high = S::add(self.high, other.high);
-            let part = S::sub(high, self.high);
-            let own = S::sub(high, part);
-            let low = S::add(S::sub(self.high, own), S::sub(other.high, part));
-            Double::renormalised(high, S::add(low, S::add(self.low, other.low)))
+            Double { high: S::mul(self.high, other), low }
         }
     }
 
@@ -293,15 +272,6 @@ mod tests {
         left_out: usize,
     }
 
-    /// The sheared axes of a direction.
-    fn axes([x, y, z]: [f32; 3]) -> [usize; 3] {
-        match [x.abs(), y.abs(), z.abs()] {
-            [x, y, z] if z >= x && z >= y => [0, 1, 2],
-            [x, y, _] if y >= x => [2, 0, 1],
-            _ => [1, 2, 0],
-        }
-    }
-
     impl Compiled for &mut Compared {
         type Output = ();
 
@@ -312,7 +282,7 @@ mod tests {
                 let cases: [_; MOST_LANES] = core::array::from_fn(|i| {
                     let (origin, direction, triangle) =
                         case((round * MOST_LANES + i) as u32, &mut random);
-                    (origin, direction, triangle, axes(direction))
+                    (origin, direction, triangle)
                 });
                 // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
                 let found = unsafe {
@@ -320,10 +290,9 @@ mod tests {
                         S::load(core::array::from_fn::<_, MOST_LANES, _>(of).as_ptr())
                     };
                     let pairs = Pairs::<S> {
-                        origin: [0, 1, 2].map(|k| row(&|i| cases[i].0[cases[i].3[k]])),
-                        direction: [0, 1, 2].map(|k| row(&|i| cases[i].1[cases[i].3[k]])),
-                        corners: [0, 1, 2]
-                            .map(|c| [0, 1, 2].map(|k| row(&|i| cases[i].2[c][cases[i].3[k]]))),
+                        origin: [0, 1, 2].map(|k| row(&|i| cases[i].0[k])),
+                        direction: [0, 1, 2].map(|k| row(&|i| cases[i].1[k])),
+                        corners: [0, 1, 2].map(|c| [0, 1, 2].map(|k| row(&|i| cases[i].2[c][k]))),
                     };
                     let Refined { t, v, w, det } = pairs.refined();
                     [t, v, w, det].map(|of| {
@@ -332,9 +301,8 @@ mod tests {
                         row
                     })
                 };
-                for (i, (origin, direction, triangle, axes)) in cases.iter().enumerate().take(S::N)
-                {
-                    let expected = refined::<Strict>(origin, direction, *axes, triangle, [1.0, 0.0]);
+                for (i, (origin, direction, triangle)) in cases.iter().enumerate().take(S::N) {
+                    let expected = refined::<Strict>(origin, direction, triangle, 1.0);
                     let expected = [expected.t, expected.u, expected.v];
                     // Where there is no area nobody asks.
                     if !expected.iter().all(|x| x.is_finite()) {

@@ -447,12 +447,10 @@ mod tests {
             // SAFETY: the caller's contract.
             unsafe {
                 Pairs {
-                    origin: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[ray.axes[k]])),
-                    direction: [0, 1, 2]
-                        .map(|k| self.row::<S>(|ray, _| ray.direction[ray.axes[k]])),
-                    corners: [0, 1, 2].map(|c| {
-                        [0, 1, 2].map(|k| self.row::<S>(|ray, corners| corners[c][ray.axes[k]]))
-                    }),
+                    origin: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.origin[k])),
+                    direction: [0, 1, 2].map(|k| self.row::<S>(|ray, _| ray.direction[k])),
+                    corners: [0, 1, 2]
+                        .map(|c| [0, 1, 2].map(|k| self.row::<S>(|_, corners| corners[c][k]))),
                 }
             }
         }

@@ -16,8 +16,8 @@ pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 /// the least normal number.
 pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
 
-/// Images deeper than this many times their greatest sheared coordinate are needles along the ray: their planes are found
-/// less well than their depths at the ray.
+/// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as they are: the
+/// planes of such triangles are not known well enough.
 pub const NEEDLE: f32 = 7.0;
 
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
@@ -36,55 +36,73 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 }
 
 /// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and products of
-/// about 46 bits. Images are not divided by the direction's largest component here, which spares rounding a slope;
-/// that changes all edge functions by one factor. `width` is P, the greatest sheared coordinate; `spread` the difference of the
-/// corners' depths.
+/// about 46 bits (Moeller and Trumbore 1997, with the triangle's normal). `width` is P, the greatest sheared coordinate.
 ///
-/// With a the first corner from the origin, N the normal and d the direction, `t` is N.a / N.d, and the sum of the edge functions
-/// is -d_z N.d. N.a is computed from the triangle's edges, so it is exactly 0 for a ray that starts in a plane across an axis.
+/// For triangles whose edge functions are at least [`ROBUST`] R P, and which are no deeper than [`NEEDLE`] P. With N the normal, d
+/// the direction, a the first corner from the origin and L the triangle's longest extent on any axis:
 ///
-/// For triangles whose edge functions are at least [`ROBUST`] R P: |N.d| is then at least 3 * 2^-18 R P. A step of doubled floats
-/// errs by less than 2^-44 of the magnitudes that go in, so N.a, three products of a component below 2 L^2 with
-/// one below R, errs by 28 * 2^-44 L^2 R, with L the triangle's longest extent, and `t` by 10 * 2^-26 L^2 / P. Where spread is at most [`NEEDLE`] P,
-/// L is at most 16 P, and that is 40 * 2^-24 L. For needles `t` is the mean of the corners' depths by their weights, which errs by 2^-24 P.
+/// - The edge functions sum to N.d / d_z, so |N.d| is at least 3 * 2^-18 R P; and L is at most 2 P + 2 * 7 P = 16 P.
+/// - A step of doubled floats errs by less than e = 2^-44 of the magnitudes that go in. A component of N is below 2 L^2 and errs by
+///   4 e L^2; a dot product with three of these errs by 28 e L^2 times the other factor.
+/// - `t` = N.a / N.d: by 28 e L^2 R / |N.d| < 10 * 2^-26 L^2 / P <= 40 * 2^-24 L for the numerator, and for the denominator by
+///   56 e L^2 / |N.d| < 20 * 2^-26 L^2 / (R P) <= 2^-16 of itself, as L <= 2 R.
+/// - Weights: by 56 e R L / |N.d| < 20 * 2^-26 L / P < 2^-17.
+///
+/// N.a is exactly 0 for a ray that starts in a plane across an axis.
 pub fn refined<A: Arithmetic>(
     origin: &[f32; 3],
     direction: &[f32; 3],
-    axes: [usize; 3],
     triangle: &Triangle,
-    [width, spread]: [f32; 2],
+    width: f32,
 ) -> Candidate {
-    let [dx, dy, dz] = axes.map(|axis| direction[axis]);
     let power = if width < WIDTH_LEAST { -exponent(width) } else { 0 };
-    let scaled = |x: Double| Double { high: scale(x.high, power), low: scale(x.low, power) };
-    let minus = |p: &[f32; 3], q: &[f32; 3]| axes.map(|k| Double::difference_of::<A>(p[k], q[k]));
-    let from = triangle.map(|corner| minus(&corner, origin));
-    let image = |[x, y, z]: [Double; 3]| {
-        let x = x.times_float::<A>(dz).minus::<A>(z.times_float::<A>(dx));
-        let y = y.times_float::<A>(dz).minus::<A>(z.times_float::<A>(dy));
-        if power == 0 { [x, y] } else { [scaled(x), scaled(y)] }
-    };
-    let [a, b, c] = from.map(image);
-    let edge =
-        |p: [Double; 2], q: [Double; 2]| p[0].times::<A>(q[1]).minus::<A>(p[1].times::<A>(q[0]));
-    let (u, v, w) = (edge(c, b), edge(a, c), edge(b, a));
-    let det = u.plus::<A>(v).plus::<A>(w);
-    let t = if power == 0 && spread <= A::product(NEEDLE, width) {
-        let (ab, ac) = (minus(&triangle[1], &triangle[0]), minus(&triangle[2], &triangle[0]));
-        let along = |k: usize| {
-            let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-            let normal = ab[i].times::<A>(ac[j]).minus::<A>(ab[j].times::<A>(ac[i]));
-            normal.times::<A>(from[0][k])
-        };
-        let distance = along(0).plus::<A>(along(1)).plus::<A>(along(2));
-        A::quotient(-distance.times_float::<A>(dz).high, det.high)
-    } else {
-        // From the corners' depths; three factors of a triangle that is scaled may underflow besides.
-        let part = |weight: Double, corner: usize| weight.times::<A>(from[corner][2]);
-        let sum = part(u, 0).plus::<A>(part(v, 1)).plus::<A>(part(w, 2));
-        A::quotient(sum.high, det.times_float::<A>(dz).high)
-    };
-    Candidate { t, u: A::quotient(v.high, det.high), v: A::quotient(w.high, det.high) }
+    // Upward, and so without error.
+    let scaled = |p: &[f32; 3]| if power == 0 { *p } else { p.map(|x| scale(x, power)) };
+    let ([a, b, c], origin) = (triangle.each_ref().map(scaled), scaled(origin));
+    let (ab, ac, oa) = (minus::<A>(&b, &a), minus::<A>(&c, &a), minus::<A>(&a, &origin));
+    let normal = cross::<A>(&ab, &ac);
+    let across = cross::<A>(&direction.map(Double::from_float), &oa);
+    let det = dot::<A>(&normal, &direction.map(Double::from_float));
+    let t = A::quotient(dot::<A>(&normal, &oa), det);
+    Candidate {
+        t: if power == 0 { t } else { scale(t, -power) },
+        u: A::quotient(-dot::<A>(&across, &ac), det),
+        v: A::quotient(dot::<A>(&across, &ab), det),
+    }
+}
+
+/// The difference without error.
+#[inline(always)]
+fn minus<A: Arithmetic>(p: &[f32; 3], q: &[f32; 3]) -> [Double; 3] {
+    [0, 1, 2].map(|k| Double::difference_of::<A>(p[k], q[k]))
+}
+
+/// The product, its two parts not yet added up.
+#[inline(always)]
+fn loose_product<A: Arithmetic>(a: Double, b: Double) -> Double {
+    let (high, mut low) = A::two_product(a.high, b.high);
+    low = A::sum(low, A::product(a.high, b.low));
+    low = A::sum(low, A::product(a.low, b.high));
+    Double { high, low }
+}
+
+/// The cross product.
+#[inline(always)]
+fn cross<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> [Double; 3] {
+    [(1, 2), (2, 0), (0, 1)].map(|(i, j)| {
+        let (one, other) = (loose_product::<A>(p[i], q[j]), loose_product::<A>(p[j], q[i]));
+        one.minus::<A>(other)
+    })
+}
+
+/// The dot product, rounded.
+#[inline(always)]
+fn dot<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> f32 {
+    let parts = [0, 1, 2].map(|k| loose_product::<A>(p[k], q[k]));
+    let (high, first) = A::two_sum(parts[0].high, parts[1].high);
+    let (high, second) = A::two_sum(high, parts[2].high);
+    let low = A::sum(A::sum(parts[0].low, parts[1].low), parts[2].low);
+    A::sum(high, A::sum(low, A::sum(first, second)))
 }
 
 /// Where the ray meets the image of a triangle, and the weights of that point. The image may be as thin as it likes;

@@ -13,7 +13,7 @@
 //!
 //! *Where.* `t` is held so close to the image that every traversal finds it; see [`finish`].
 
-use super::closer_look::{careful, is_robust, refined};
+use super::closer_look::{NEEDLE, careful, is_robust, refined};
 use super::prepare::{PreparedRay, scale};
 use super::{Candidate, EDGE_LEAST};
 use crate::aabb::{max, min};
@@ -203,8 +203,8 @@ impl Seen {
 ///    depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|, `t` is off the image by less than 2^-15 |t|, and
 ///    off the triangle's plane by less than 2^-14 |t|.
 /// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by more than the images
-///    err. It then meets the triangle itself, and all three numbers are those of real arithmetic, but for their last bits.
-/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding. The numbers are those of the image.
+///    err. It then meets the triangle itself, and all three numbers are the triangle's.
+/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers are those of the image.
 ///
 /// So the point at `t` is always within a few roundings of a point of the triangle, and every traversal that allows for
 /// these visits the leaf which holds that point.
@@ -250,8 +250,8 @@ fn finish<A: Arithmetic>(
                 return None;
             }
         }
-        if is_robust::<A>([u, v, w], area) {
-            refined::<A>(origin, &ray.direction, ray.axes, triangle, [width, spread])
+        if is_robust::<A>([u, v, w], area) && spread <= A::product(NEEDLE, width) {
+            refined::<A>(origin, &ray.direction, triangle, width)
         } else {
             careful::<A>(&seen.flat, &depths, front)
         }

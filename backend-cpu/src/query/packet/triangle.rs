@@ -76,8 +76,8 @@ impl Group {
             let span = rays.span::<S>(&self.beyond);
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
             if meeting.unclear & meeting.robust != 0 {
-                let (mut met, beyond, axes) = (Met::of(&meeting), &self.beyond, self.axes);
-                S::call(CloserLook { rays, record, index, axes, beyond, met: &mut met });
+                let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
+                S::call(CloserLook { rays, record, index, beyond, met: &mut met });
                 meeting = met.meeting();
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
@@ -223,7 +223,6 @@ struct CloserLook<'a> {
     rays: &'a Rays<'a>,
     record: &'a Record<'a>,
     index: usize,
-    axes: [usize; 3],
     /// See [`Group::beyond`].
     beyond: &'a Row,
     met: &'a mut Met,
@@ -237,11 +236,10 @@ impl Compiled for CloserLook<'_> {
         let ready = self.rays.ready;
         // SAFETY: the caller's contract; the triangle is one of the block's.
         unsafe {
-            let direction = self.rays.rows::<S>(&ready.direction);
             let pairs = Pairs::<S> {
-                origin: self.rays.rows::<S>(&ready.sheared_origin),
-                direction: self.axes.map(|axis| direction[axis]),
-                corners: corners::<S>(self.record, self.index, self.axes),
+                origin: self.rays.rows::<S>(&ready.origin),
+                direction: self.rays.rows::<S>(&ready.direction),
+                corners: corners::<S>(self.record, self.index, [0, 1, 2]),
             };
             let mut meeting = self.met.meeting::<S>();
             meeting.look_closely(pairs, &self.rays.span::<S>(self.beyond));
