@@ -383,8 +383,8 @@ impl PreparedRays {
                 let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
                 let r = 1.0 / if d.abs() < DIRECTION_LEAST { least } else { d };
                 self.reciprocal[axis][i] = r;
+                // Below 2^38 * 2^80: no scene that vectors are made for is wide.
                 let slack = scene.slack * r.abs();
-                let slack = if slack > f32::MAX { f32::MAX } else { slack };
                 self.slack[axis][i] = slack;
                 let o = self.origin[axis][i];
                 let (low, high) =
@@ -402,7 +402,6 @@ impl PreparedRays {
                 let reach = if enter > exit { enter } else { exit } * WAY_SLACK;
                 let origin = self.origin[axis][i] * self.reciprocal[axis][i];
                 let slack = scene.base_slack * self.reciprocal[axis][i].abs();
-                let slack = if slack > f32::MAX { f32::MAX } else { slack };
                 let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;
                 self.near[axis][i] = origin + slack;
                 self.far[axis][i] = origin - slack;

@@ -256,10 +256,6 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         // Of edge functions that are 0 the reference finds the signs.
         let least = S::min(S::abs(u), S::min(S::abs(v), S::abs(w)));
         let clear = S::bits(S::le(S::splat(EDGE_LEAST), least));
-        let robust = S::le(S::mul(area, S::splat(ROBUST)), least);
-        let ordinary = S::le(spread, S::mul(S::splat(NEEDLE), width));
-        let ordinary = S::and(ordinary, S::le(S::splat(WIDTH_LEAST), width));
-        let robust = S::bits(S::and(robust, ordinary)) & clear;
         let depths = [nearest, farthest];
         let (t, kept) = held::<S>(interpolated, depths, span);
         let fine_and_kept = bits & fine & kept;
@@ -273,6 +269,14 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let soon = S::le(S::min(farthest, early), span.stop);
         let within = S::bits(S::and(S::and(after, before), soon)) | !S::bits(some);
         let unclear = (bits & !fine & within) | (fine_and_kept & !clear);
+        let mut robust = 0;
+        // Seldom.
+        if unclear != 0 {
+            let sure = S::le(S::mul(area, S::splat(ROBUST)), least);
+            let short = S::le(spread, S::mul(S::splat(NEEDLE), width));
+            let ordinary = S::and(short, S::le(S::splat(WIDTH_LEAST), width));
+            robust = S::bits(S::and(sure, ordinary)) & clear;
+        }
         Some(Meeting { met: fine_and_kept & clear, unclear, robust, t, v, w, det, depths })
     }
 }
