@@ -1,6 +1,6 @@
 //! The rays.
 
-use super::{Shape, Surface, between, minus, squared_distance, weighted, winding};
+use super::{Shape, Surface, between, cross, minus, squared_distance, weighted, winding};
 use crate::aim::aimed;
 use crate::random::Random;
 use splitplane_core::aabb::Aabb;
@@ -21,19 +21,23 @@ pub enum Kind {
     EdgeOn,
     /// Along an axis, mostly in planes along axes that corners lie in.
     AxisParallel,
+    /// To a point within a triangle, at a small angle to its plane: from before it, above an edge or above itself, so that it is
+    /// seen as thin as rounding allows, from the side or lengthwise.
+    Skimming,
     /// From inside a closed surface, past its own faces; [`Surface`]s that are not closed have none.
     Inside,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Kind; 7] = [
+    pub const ALL: [Kind; 8] = [
         Kind::InPlane,
         Kind::AlongEdge,
         Kind::CornerToCorner,
         Kind::EdgeToEdge,
         Kind::EdgeOn,
         Kind::AxisParallel,
+        Kind::Skimming,
         Kind::Inside,
     ];
 
@@ -46,6 +50,7 @@ impl Kind {
             Kind::EdgeToEdge => "edge-to-edge",
             Kind::EdgeOn => "edge-on",
             Kind::AxisParallel => "axis-parallel",
+            Kind::Skimming => "skimming",
             Kind::Inside => "inside",
         }
     }
@@ -209,6 +214,7 @@ impl Grazer {
                 self.sent(rounded(between(hub, rim, s)), hub)
             }
             Kind::AxisParallel => self.axis_parallel(),
+            Kind::Skimming => self.skimming(index),
             Kind::Inside => {
                 let (origin, triangle) = self.random.pick(&self.inside);
                 let target = match self.random.below(16) {
@@ -319,6 +325,28 @@ impl Grazer {
             6 => weighted(&self.corners[triangle], self.random.barycentric()),
             _ => self.in_plane(triangle, 2.0).map(f64::from),
         }
+    }
+
+    fn skimming(&mut self, index: usize) -> Ray {
+        let corners = self.corners[index];
+        let [a, b, c] = corners;
+        let from = match self.random.below(4) {
+            0 => self.on_edge(index),
+            1 => weighted(&corners, self.random.barycentric()),
+            2 => {
+                // Through the triangle lengthwise.
+                let s = self.step();
+                let middle = weighted(&corners, [1.0 / 3.0; 3]);
+                between(self.corner(index), middle, s)
+            }
+            _ => self.in_plane(index, 3.0).map(f64::from),
+        };
+        let normal = cross(minus(b, a), minus(c, a));
+        let size = super::length(minus(b, a)).max(super::length(minus(c, a)));
+        let height = size * 2f64.powf(self.random.between(-26.0, -2.0));
+        let up = height * self.random.pick(&[1.0, -1.0]) / super::length(normal).max(1e-300);
+        let target = weighted(&corners, self.random.barycentric());
+        self.sent(rounded([0, 1, 2].map(|k| from[k] + up * normal[k])), target)
     }
 
     fn axis_parallel(&mut self) -> Ray {
