@@ -4,15 +4,16 @@ mod options;
 mod run;
 
 use crate::options::Options;
-use crate::run::{Spent, Worker, sets};
+use crate::run::{Spent, Worker, device, sets};
 use clap::Parser;
 use splitplane_test_support::grazing::{Kind, Shape, Surface};
 use splitplane_test_support::surfaces::{Failure, INSIDE, Tally, words};
+use splitplane_wgpu::Queries;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::process::ExitCode;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 type Problem = Box<dyn Error + Send + Sync>;
@@ -34,6 +35,7 @@ struct Shared {
     /// What was counted, by number of the surface.
     done: Mutex<Vec<(u64, Tally)>>,
     spent: Mutex<Spent>,
+    device: Option<Arc<Queries>>,
 }
 
 fn run(options: &Options) -> Result<bool, Problem> {
@@ -42,14 +44,23 @@ fn run(options: &Options) -> Result<bool, Problem> {
         next: AtomicU64::new(0),
         done: Mutex::new(Vec::new()),
         spent: Mutex::new(Spent::default()),
+        device: options.gpu.as_deref().map(device).transpose()?,
     };
     let names: Vec<&str> = sets().iter().map(|set| set.name()).collect();
-    println!(
-        "seed {}; of 3 presets, 2 layouts and the sets {}, {} configurations a surface take turns",
-        options.seed,
-        names.join(", "),
-        options.configurations
-    );
+    if let Some(device) = &shared.device {
+        let info = device.gpu().info();
+        println!(
+            "seed {}; 3 presets take turns on {} ({})",
+            options.seed, info.name, info.driver_info
+        );
+    } else {
+        println!(
+            "seed {}; of 3 presets, 2 layouts and the sets {}, {} configurations a surface take turns",
+            options.seed,
+            names.join(", "),
+            options.configurations
+        );
+    }
     let results: Vec<Result<(), Problem>> = std::thread::scope(|scope| {
         let threads: Vec<_> =
             (0..options.threads).map(|_| scope.spawn(|| work(options, &shared))).collect();
@@ -95,7 +106,7 @@ fn surfaces(options: &Options) -> u64 {
 fn work(options: &Options, shared: &Shared) -> Result<(), Problem> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build()?;
     pool.install(|| {
-        let mut worker = Worker::new(options);
+        let mut worker = Worker::new(options, shared.device.clone());
         let surfaces = surfaces(options);
         loop {
             let number = shared.next.fetch_add(1, Relaxed);

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 /// answered by the core's reference traversal. Then it is asked of some of the 18 configurations (3 presets, 2
 /// layouts, the instruction sets of this processor), in one of three ways for closest hits and one of three for any
 /// hit. From surface to surface the configurations and the ways take turns; `--configurations 18` asks all of every
-/// ray.
+/// ray. With `--gpu` a device is asked instead: trees are the CPU's, and presets take turns.
 ///
 /// Exit code 0: all answers as demanded; 1: not; 2: usage.
 #[derive(Parser, Debug)]
@@ -32,6 +32,10 @@ pub struct Options {
     /// Configurations that are asked at a surface
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u32).range(1..=64))]
     pub configurations: u32,
+    /// Ask a GPU in place of the configurations: the adapter of this number in `splitplane adapters`, or that
+    /// has this in its name
+    #[arg(long, value_name = "ADAPTER", conflicts_with = "configurations")]
+    pub gpu: Option<String>,
     /// Of how many rays one is answered by the reference traversal too
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..))]
     pub sample: u32,

@@ -5,17 +5,33 @@ use crate::options::Options;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::Hit;
+use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::grazing::{Shape, Surface, Volley};
 use splitplane_test_support::surfaces::{
     Asked, OneLeaf, Tally, Way, ask, compare, judge, seed_of, volleys,
 };
+use splitplane_wgpu::{Gpu, OpenOptions, Queries, WgpuAccelerator};
 use std::fmt;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// The instruction sets of this processor, worst first.
 pub fn sets() -> Vec<InstructionSet> {
     InstructionSet::available()
+}
+
+/// The device that `--gpu` names, with default limits.
+///
+/// # Errors
+/// There is none, or it cannot be opened.
+pub fn device(adapter: &str) -> Result<Arc<Queries>, Problem> {
+    let options = OpenOptions {
+        default_limits: true,
+        adapter: Some(adapter.to_owned()),
+        ..OpenOptions::default()
+    };
+    Ok(Arc::new(Queries::new(Arc::new(Gpu::open(&options)?))))
 }
 
 /// Seconds by what they were spent on.
@@ -62,13 +78,15 @@ pub struct Worker<'a> {
     /// One an instruction set.
     backends: Vec<CpuBackend>,
     configurations: Vec<Configuration>,
+    /// Asked in place of the configurations.
+    device: Option<Arc<Queries>>,
     /// Where time went.
     pub spent: Spent,
 }
 
 impl<'a> Worker<'a> {
     /// Makes the backends.
-    pub fn new(options: &'a Options) -> Worker<'a> {
+    pub fn new(options: &'a Options, device: Option<Arc<Queries>>) -> Worker<'a> {
         let mut configurations = Vec::new();
         for (backend, set) in sets().into_iter().enumerate() {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {
@@ -86,7 +104,7 @@ impl<'a> Worker<'a> {
             }
         }
         let backends = sets().into_iter().map(CpuBackend::with_instruction_set).collect();
-        Worker { options, backends, configurations, spent: Spent::default() }
+        Worker { options, backends, configurations, device, spent: Spent::default() }
     }
 
     /// All of one surface.
@@ -120,6 +138,24 @@ impl<'a> Worker<'a> {
         }
         lap(&mut self.spent.expecting);
 
+        if let Some(queries) = self.device.clone() {
+            let preset = Preset::ALL[number as usize % Preset::ALL.len()];
+            let config = BuildOptions::from(BuildConfig::preset(preset));
+            let built = best.build_accelerator(&mesh, &config)?;
+            let (tree, summary) = (built.tree().clone(), *built.summary());
+            let corners: Vec<Triangle> =
+                (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
+            let device = WgpuAccelerator::upload(queries, tree, corners, summary)?;
+            lap(&mut self.spent.building);
+            let name = [format!("preset {}", preset.name()), "wgpu".to_owned()];
+            let ways = [Way::Together, Way::AnyTogether];
+            let asked = [Asked { name: &name, accelerator: &device, ways: &ways }];
+            for (volley, expected) in volleys.iter().zip(&all_expected) {
+                tally.add(compare(&surface, volley, expected, &asked));
+            }
+            lap(&mut self.spent.asking);
+            return Ok(tally);
+        }
         let count = self.configurations.len() as u64;
         let turns = u64::from(self.options.configurations).min(count);
         for turn in number * turns..(number + 1) * turns {
