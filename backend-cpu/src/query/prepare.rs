@@ -97,7 +97,7 @@ impl Way {
     /// The way of a ray that the core made ready; `None` where it comes nowhere near the scene.
     fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<Way> {
         let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
-        let reach = enter.abs().max(exit.abs()) * WAY_SLACK;
+        let reach = behind(enter, exit);
         let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
         for axis in 0..3 {
             let from = ray.origin[axis] * ray.reciprocal[axis];
@@ -170,9 +170,20 @@ impl Way {
 /// Distances to planes are differences of products here: each errs by half a rounding of the
 /// product and of the difference; this is four times that.
 pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
-/// The part of a distance by which planes are widened, here of the greatest distance at which the ray is
-/// within the bounds: what is further off is out of reach, widened or not.
-pub(crate) const WAY_SLACK: f32 = 2.0 * PLANE_SLACK;
+/// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it at T (1 + e) or before and
+/// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters.
+pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
+/// The part by which planes are widened for rays that begin before their origin, of the greatest distance at which the ray is
+/// within the bounds: distances below 0 are not made greater by a factor.
+const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
+
+/// What planes are widened by besides, for a ray that is within the bounds from here to there.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn behind(enter: f32, exit: f32) -> f32 {
+    let (from, to) = (enter.abs(), exit.abs());
+    let reach = if from > to { from } else { to } * BEHIND_SLACK;
+    if enter < 0.0 { reach } else { 0.0 }
+}
 
 /// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
 /// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
@@ -398,8 +409,7 @@ impl PreparedRays {
         }
         for axis in 0..3 {
             for i in 0..CHUNK {
-                let (enter, exit) = (self.enter[i].abs(), self.exit[i].abs());
-                let reach = if enter > exit { enter } else { exit } * WAY_SLACK;
+                let reach = behind(self.enter[i], self.exit[i]);
                 let origin = self.origin[axis][i] * self.reciprocal[axis][i];
                 let slack = scene.base_slack * self.reciprocal[axis][i].abs();
                 let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;

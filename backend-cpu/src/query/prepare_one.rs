@@ -9,7 +9,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::prepare::{AXES, ORIGIN_SLACK, WAY_SLACK, Way, far_end_is_solid};
+use super::prepare::{AXES, ORIGIN_SLACK, Way, behind, far_end_is_solid};
 use super::simd::Four;
 
 /// What is to be done with a ray.
@@ -85,7 +85,7 @@ impl Way {
             return Readiness::Misses;
         }
 
-        let reach = if enter.abs() > exit.abs() { enter.abs() } else { exit.abs() } * WAY_SLACK;
+        let reach = behind(enter, exit);
         let from = origin.times(reciprocal);
         let base = Four::splat(scene.base_slack).times(reciprocal.abs()).min(most);
         let room = base.plus(from.abs().times(Four::splat(ORIGIN_SLACK))).plus(Four::splat(reach));

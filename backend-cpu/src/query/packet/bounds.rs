@@ -14,8 +14,6 @@ pub(super) struct Bounds {
     pub(super) near: [f32; 3],
     pub(super) far: [f32; 3],
     pub(super) reciprocal: [[f32; 2]; 3],
-    /// What distances are widened by.
-    pub(super) reach: f32,
     /// On the sheared axes.
     pub(super) origin: [[f32; 2]; 3],
     pub(super) shear: [[f32; 2]; 3],

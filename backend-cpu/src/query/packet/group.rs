@@ -6,6 +6,7 @@ use splitplane_core::traverse::Query;
 use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
 use crate::query::leaf::{self, BestHit};
+use crate::query::prepare::EXIT_FACTOR;
 use crate::query::record::Record;
 use crate::query::simd::{Compiled, MOST_LANES, Simd};
 use crate::query::step::Octant;
@@ -85,7 +86,7 @@ impl Group {
         // SAFETY: the caller's contract.
         unsafe {
             let mut enter = rays.row::<S>(&rays.ready.enter);
-            let mut exit = load::<S>(&self.stop);
+            let mut exit = S::splat(f32::INFINITY);
             for axis in 0..3 {
                 let near = S::splat(*corner.add(octant.near[axis] as usize).cast::<f32>());
                 let far = S::splat(*corner.add(octant.far[axis] as usize).cast::<f32>());
@@ -95,6 +96,7 @@ impl Group {
                 // What is no number bounds nothing, as in a step of one ray.
                 (enter, exit) = (S::max(near, enter), S::min(far, exit));
             }
+            let exit = S::min(S::mul(exit, S::splat(EXIT_FACTOR)), load::<S>(&self.stop));
             S::bits(S::le(enter, exit))
         }
     }

@@ -27,7 +27,7 @@ use self::bounds::{Bounds, greatest};
 use self::group::Group;
 use self::row::{Row, load};
 use super::blocks::Blocks;
-use super::prepare::{CHUNK, PerRay, PreparedRays, Way};
+use super::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, Way};
 use super::record::Record;
 use super::simd::{MOST_LANES, Simd};
 use super::step::{Octant, octants_of};
@@ -298,10 +298,9 @@ impl Packet {
                 enter = S::max(S::min(S::mul(near, least), S::mul(near, most)), enter);
                 exit = S::min(S::max(S::mul(far, least), S::mul(far, most)), exit);
             }
-            let reach = S::splat(bounds.reach);
             // Places without a child are entered at infinity.
-            let enter = S::max(S::sub(enter, reach), S::splat(bounds.enter));
-            let exit = S::min(S::add(exit, reach), S::splat(bounds.stop));
+            let enter = S::max(enter, S::splat(bounds.enter));
+            let exit = S::min(S::mul(exit, S::splat(EXIT_FACTOR)), S::splat(bounds.stop));
             let met = S::le(enter, exit);
             S::push(
                 PLACES.as_ptr(),

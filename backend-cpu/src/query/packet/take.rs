@@ -50,7 +50,7 @@ impl Packet {
     }
 
     /// Takes rays that were made ready, those of `rays` in some groups of as many lanes as the set has, if
-    /// they have one octant and one largest axis. True if it did.
+    /// they have one octant and one largest axis, and none begins before its origin. True if it did.
     ///
     /// # Safety
     /// The processor must have the set; there must be as many lanes, and at least one ray.
@@ -92,6 +92,10 @@ impl Packet {
         // SAFETY: the caller's contract.
         unsafe {
             self.bound::<S>(ready, scene, groups.clone());
+            // Their distances take other slack.
+            if self.bounds.enter < 0.0 {
+                return false;
+            }
             for group in groups {
                 let first = group * S::N;
                 self.groups[group].begin::<S>(ready, first, rays >> first, self.axes);
@@ -142,9 +146,8 @@ impl Packet {
             let sheared = self.axes[axis];
             bounds.origin[axis] = [least[sheared], most[sheared]];
         }
-        let (enter, last, exit, stop) = (least[9], most[9], least[10], most[10]);
-        let reach = last.abs().max(enter.abs()).max(exit.abs().max(stop.abs()));
-        (bounds.enter, bounds.stop, bounds.reach) = (enter, stop, reach * (2.0 * PLANE_SLACK));
+        let (enter, stop) = (least[9], most[10]);
+        (bounds.enter, bounds.stop) = (enter, stop);
     }
 }
 
