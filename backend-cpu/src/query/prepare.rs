@@ -42,7 +42,8 @@ pub(crate) struct Way {
     pub exponent: i32,
     pub limits: [f32; 2],
     pub direction: [f32; 3],
-    pub slack: [f32; 3],
+    /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
+    pub exit_reciprocal: [f32; 3],
     /// The ray's place in its batch; [`Way::NO_RAY`] for none.
     pub index: u32,
     /// See [`PreparedRay::offset`].
@@ -103,7 +104,7 @@ impl Way {
             let from = ray.origin[axis] * ray.reciprocal[axis];
             let base = (scene.base_slack * ray.reciprocal[axis].abs()).min(f32::MAX);
             let slack = (base + from.abs() * ORIGIN_SLACK) + reach;
-            (near[axis], far[axis]) = (from + slack, from - slack);
+            (near[axis], far[axis]) = (from + slack, (from - slack) * EXIT_FACTOR);
             octant |= u32::from(ray.direction[axis] < 0.0) << axis;
         }
         let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
@@ -123,7 +124,7 @@ impl Way {
             exponent: ray.exponent,
             limits: ray.limits,
             direction: ray.direction,
-            slack: ray.slack,
+            exit_reciprocal: ray.reciprocal.map(|r| r * EXIT_FACTOR),
             index: Way::NO_RAY,
             offset: ray.offset,
         })
@@ -154,7 +155,8 @@ impl Way {
             origin,
             direction: self.direction,
             reciprocal: self.reciprocal,
-            slack: self.slack,
+            // Of planes of the tree, which are left to boxes here.
+            slack: [0.0; 3],
             axes,
             shear: self.shear,
             t_min: self.t_min,
@@ -171,7 +173,8 @@ impl Way {
 /// product and of the difference; this is four times that.
 pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
 /// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it at T (1 + e) or before and
-/// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters.
+/// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters. It is in the
+/// numbers that planes are multiplied by, whose roundings the slacks allow for: a factor of its own would cost a fiftieth.
 pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
 /// The part by which planes are widened for rays that begin before their origin, of the greatest distance at which the ray is
 /// within the bounds: distances below 0 are not made greater by a factor.
@@ -211,7 +214,7 @@ pub(crate) struct PreparedRays {
     pub exponent: PerRay<i32>,
     pub limits: [PerRay<f32>; 2],
     pub direction: [PerRay<f32>; 3],
-    pub slack: [PerRay<f32>; 3],
+    pub exit_reciprocal: [PerRay<f32>; 3],
     index: PerRay<u32>,
     offset: PerRay<f32>,
     // What else there is.
@@ -249,7 +252,7 @@ impl PreparedRays {
         exponent: [0; CHUNK],
         limits: [[0.0; CHUNK]; 2],
         direction: [[0.0; CHUNK]; 3],
-        slack: [[0.0; CHUNK]; 3],
+        exit_reciprocal: [[0.0; CHUNK]; 3],
         index: [0; CHUNK],
         offset: [0.0; CHUNK],
         origin: [[0.0; CHUNK]; 3],
@@ -308,7 +311,7 @@ impl PreparedRays {
             origin: three(&self.origin, lane),
             direction: three(&self.direction, lane),
             reciprocal: three(&self.reciprocal, lane),
-            slack: three(&self.slack, lane),
+            slack: [0.0; 3],
             axes: AXES[self.axes[lane] as usize % AXES.len()],
             shear: three(&self.shear, lane),
             t_min: self.t_min[lane],
@@ -396,7 +399,7 @@ impl PreparedRays {
                 self.reciprocal[axis][i] = r;
                 // Below 2^38 * 2^80: no scene that vectors are made for is wide.
                 let slack = scene.slack * r.abs();
-                self.slack[axis][i] = slack;
+                self.exit_reciprocal[axis][i] = r * EXIT_FACTOR;
                 let o = self.origin[axis][i];
                 let (low, high) =
                     ((scene.bounds.lo[axis] - o) * r, (scene.bounds.hi[axis] - o) * r);
@@ -414,7 +417,7 @@ impl PreparedRays {
                 let slack = scene.base_slack * self.reciprocal[axis][i].abs();
                 let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;
                 self.near[axis][i] = origin + slack;
-                self.far[axis][i] = origin - slack;
+                self.far[axis][i] = (origin - slack) * EXIT_FACTOR;
             }
         }
         let (first_index, any) = (first as u32, query == Query::Any);
@@ -582,11 +585,13 @@ pub(super) mod tests {
                     };
                     assert_eq!(lanes.alive[lane], 1, "{set:?} {ray:?}");
                     let found = ways[lane].ray();
+                    let expected = PreparedRay { slack: [0.0; 3], ..expected };
                     assert_eq!(found, expected, "{set:?} {ray:?}");
                     assert_eq!(lanes.ray(lane), expected, "{set:?} {ray:?}");
                     assert_eq!(ways[lane].index as usize, first + lane, "{set:?}");
                     let interval = (lanes.enter[lane], lanes.exit[lane]);
                     assert_eq!((ways[lane].enter, ways[lane].stop), interval, "{set:?} {ray:?}");
+                    let expected = PreparedRay::new::<Strict>(ray, &scene).expect("alive");
                     let expected = expected.enter::<Strict>(&bounds);
                     assert_eq!((interval.0 <= interval.1).then_some(interval), expected);
                     compared += 1;

@@ -9,7 +9,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::prepare::{AXES, ORIGIN_SLACK, Way, behind, far_end_is_solid};
+use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, Way, behind, far_end_is_solid};
 use super::simd::Four;
 
 /// What is to be done with a ray.
@@ -103,7 +103,9 @@ impl Way {
 
         self.reciprocal = reciprocal.three();
         self.near = from.plus(room).three();
-        self.far = from.minus(room).three();
+        let factor = Four::splat(EXIT_FACTOR);
+        self.far = from.minus(room).times(factor).three();
+        self.exit_reciprocal = reciprocal.times(factor).three();
         (self.enter, self.stop) = (enter, exit);
         self.octant = negative | u32::from(solid) << 3;
         self.origin = [origins[kx], origins[ky], origins[kz]];
@@ -113,7 +115,6 @@ impl Way {
         self.exponent = biased as i32 - 127;
         self.limits = [ray.t_min, ray.t_max];
         self.direction = [x, y, z];
-        self.slack = slack.three();
         self.offset = 0.0;
         Readiness::Ready
     }

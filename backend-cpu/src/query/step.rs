@@ -5,7 +5,7 @@ use splitplane_core::traverse::Query;
 
 use super::leaf::{self, BestHit};
 use super::leaves::Leaves;
-use super::prepare::{EXIT_FACTOR, Way};
+use super::prepare::Way;
 use super::sieve::ExactLane;
 use super::simd::{Compiled, Direction, Simd, prefetch};
 use super::wide::{LEAF_MARK, Line};
@@ -110,13 +110,14 @@ pub(crate) unsafe fn step<S: Simd>(
         let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(way.near[0]));
         let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(way.near[1]));
         let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(way.near[2]));
+        let [x, y, z] = way.exit_reciprocal;
+        let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
         let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(way.far[0]));
         let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(way.far[1]));
         let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(way.far[2]));
         // Places without a child are entered at infinity.
         let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(way.enter)));
-        let exit = S::mul(S::min(S::min(exit_x, exit_y), exit_z), S::splat(EXIT_FACTOR));
-        let exit = S::min(exit, S::splat(way.stop));
+        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(way.stop)));
         let to = top + 1;
         let below = *stack.children.add(top);
         let (nearest, count) = S::push_met(

@@ -6,7 +6,6 @@ use splitplane_core::traverse::Query;
 use super::row::{Row, ZERO, load, store};
 use super::{FEW, Rays};
 use crate::query::leaf::{self, BestHit};
-use crate::query::prepare::EXIT_FACTOR;
 use crate::query::record::Record;
 use crate::query::simd::{Compiled, MOST_LANES, Simd};
 use crate::query::step::Octant;
@@ -86,17 +85,17 @@ impl Group {
         // SAFETY: the caller's contract.
         unsafe {
             let mut enter = rays.row::<S>(&rays.ready.enter);
-            let mut exit = S::splat(f32::INFINITY);
+            let mut exit = load::<S>(&self.stop);
             for axis in 0..3 {
                 let near = S::splat(*corner.add(octant.near[axis] as usize).cast::<f32>());
                 let far = S::splat(*corner.add(octant.far[axis] as usize).cast::<f32>());
                 let reciprocal = rays.row::<S>(&rays.ready.reciprocal[axis]);
                 let near = S::mul_sub(near, reciprocal, rays.row::<S>(&rays.ready.near[axis]));
+                let reciprocal = rays.row::<S>(&rays.ready.exit_reciprocal[axis]);
                 let far = S::mul_sub(far, reciprocal, rays.row::<S>(&rays.ready.far[axis]));
                 // What is no number bounds nothing, as in a step of one ray.
                 (enter, exit) = (S::max(near, enter), S::min(far, exit));
             }
-            let exit = S::min(S::mul(exit, S::splat(EXIT_FACTOR)), load::<S>(&self.stop));
             S::bits(S::le(enter, exit))
         }
     }
