@@ -124,6 +124,35 @@ fn passes(verdict: Result<(), String>) {
     verdict.unwrap_or_else(|report| panic!("{report}"));
 }
 
+/// Both limits count as within: whoever asks for what is not before a hit, or not behind it, gets that hit again.
+#[test]
+fn limits_at_a_hit_include_it() {
+    let mut asked = 0;
+    for (number, shape) in Shape::ALL.into_iter().cycle().take(4 * Shape::ALL.len()).enumerate() {
+        let surface = Surface::new(shape, seed_of(5, number as u64));
+        let mesh = surface.scene.mesh();
+        let options = BuildOptions::from(BuildConfig::preset(Preset::ALL[number % 3]));
+        let tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
+        for volley in volleys(&surface, 200) {
+            let hits = ask(&tree, &volley.rays, &volley.options, Way::Together, 0);
+            for from in [true, false] {
+                let (mut rays, mut expected) = (Vec::new(), Vec::new());
+                for (ray, hit) in volley.rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
+                    let limits = if from { (hit.t, ray.t_max) } else { (ray.t_min, hit.t) };
+                    rays.push(ray.with_limits(limits.0, limits.1));
+                    expected.push(*hit);
+                }
+                let again = ask(&tree, &rays, &volley.options, Way::Shuffled, number as u64);
+                for ((ray, expected), found) in rays.iter().zip(&expected).zip(&again) {
+                    assert_eq!(found, expected, "{shape:?} {number}: {ray:?}");
+                }
+                asked += rays.len();
+            }
+        }
+    }
+    assert!(asked > 50_000, "{asked}");
+}
+
 #[test]
 fn closest_hits_depend_on_ray_and_mesh_alone() {
     passes(tally().closest_hits_agree());

@@ -5,6 +5,10 @@
 const INTERPOLATION_ERROR: f32 = 0x1p-17f;
 // The power of two near which the largest distance is brought in wide scenes.
 const WIDE_POWER: i32 = 38;
+// Determinants from here on are known.
+const DET_LEAST: f32 = 0x1p-74f;
+// Sums of products of edge functions and depths from here on, times 8, are known.
+const SUM_LEAST: f32 = 0x1p-90f;
 // Images with less area than this, per square of the greatest sheared coordinate, are looked at more closely.
 const SLIVER: f32 = 0x1p-8f;
 
@@ -230,14 +234,15 @@ fn finish_test(
     let area = product(reach_of(seen), width);
     let spread = difference(farthest, nearest);
     let disorder = product(area, spread);
-    let is_sliver = abs(det) < product(product(width, width), SLIVER);
+    let fat = most(product(product(width, width), SLIVER), DET_LEAST);
+    let eightfold = product(8.0, abs(total));
     var hit = Candidate(true, 0.0, 0.0, 0.0);
-    if det != 0.0 && disorder <= product(8.0, abs(total)) && !is_sliver {
+    if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
         hit.t = quotient(total, det);
         hit.u = quotient(edges.y, det);
         hit.v = quotient(edges.z, det);
     } else {
-        if det != 0.0 {
+        if abs(det) >= DET_LEAST && disorder > most(eightfold, SUM_LEAST) {
             // Most such triangles are the one that the ray starts on; they need no closer look.
             let interpolated = quotient(total, det);
             let part = quotient(disorder, abs(det));

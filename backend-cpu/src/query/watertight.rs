@@ -6,7 +6,8 @@
 
 use splitplane_core::arithmetic::snap;
 use splitplane_core::intersect::{
-    Candidate, EDGE_LEAST, INTERPOLATION_ERROR, NEEDLE, ROBUST, SLIVER, WIDTH_LEAST,
+    Candidate, DET_LEAST, EDGE_LEAST, INTERPOLATION_ERROR, NEEDLE, ROBUST, SLIVER, SUM_LEAST,
+    WIDTH_LEAST,
 };
 use splitplane_core::ray::Culling;
 
@@ -249,10 +250,11 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let width = view.width(ends);
         let area = S::mul(view.reach(), width);
         let disorder = S::mul(area, spread);
-        let plain = S::le(disorder, S::mul(S::splat(8.0), S::abs(sum)));
-        let wide = S::le(S::mul(S::mul(width, width), S::splat(SLIVER)), size);
-        let some = S::le(S::splat(f32::MIN_POSITIVE), size);
-        let fine = S::bits(S::and(S::and(plain, wide), some));
+        let eightfold = S::mul(S::splat(8.0), S::abs(sum));
+        let (det_least, sum_least) = (S::splat(DET_LEAST), S::splat(SUM_LEAST));
+        let plain = S::le(S::max(disorder, sum_least), eightfold);
+        let fat = S::max(S::mul(S::mul(width, width), S::splat(SLIVER)), det_least);
+        let fine = S::bits(S::and(plain, S::le(fat, size)));
         // Of edge functions that are 0 the reference finds the signs.
         let least = S::min(S::abs(u), S::min(S::abs(v), S::abs(w)));
         let clear = S::bits(S::le(S::splat(EDGE_LEAST), least));
@@ -267,7 +269,9 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let before = S::le(early, span.t_max);
         // Nothing is further off than the farthest corner, whatever the error.
         let soon = S::le(S::min(farthest, early), span.stop);
-        let within = S::bits(S::and(S::and(after, before), soon)) | !S::bits(some);
+        let known = S::le(det_least, size);
+        let hazy = S::bits(S::le(disorder, S::max(eightfold, sum_least))) | !S::bits(known);
+        let within = S::bits(S::and(S::and(after, before), soon)) | hazy;
         let unclear = (bits & !fine & within) | (fine_and_kept & !clear);
         let mut robust = 0;
         // Seldom.

@@ -287,7 +287,7 @@ impl Writer<'_> {
                 all = all.union(&record.bounds());
                 unit += record.units();
             }
-            // The leaf's box is widened by its largest triangle, these by their own.
+            // The leaf's box is widened for its largest triangle, each of these for its own.
             made.push(Child { kind, bounds: part(bounds, &widened(&all, longest_extent(&all))) });
         }
         made.order.in_a_row(start, made.count);

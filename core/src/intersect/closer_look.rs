@@ -41,12 +41,14 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 /// For triangles whose edge functions are at least [`ROBUST`] R P, and which are no deeper than [`NEEDLE`] P. With N the normal, d
 /// the direction, a the first corner from the origin and L the triangle's longest extent on any axis:
 ///
-/// - The edge functions sum to N.d / d_z, so |N.d| is at least 3 * 2^-18 R P; and L is at most 2 P + 2 * 7 P = 16 P.
-/// - A step of doubled floats errs by less than e = 2^-44 of the magnitudes that go in. A component of N is below 2 L^2 and errs by
-///   4 e L^2; a dot product with three of these errs by 28 e L^2 times the other factor.
-/// - `t` = N.a / N.d: by 28 e L^2 R / |N.d| < 10 * 2^-26 L^2 / P <= 40 * 2^-24 L for the numerator, and for the denominator by
-///   56 e L^2 / |N.d| < 20 * 2^-26 L^2 / (R P) <= 2^-16 of itself, as L <= 2 R.
-/// - Weights: by 56 e R L / |N.d| < 20 * 2^-26 L / P < 2^-17.
+/// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d / d_z, differ from that
+///   by at most 76 u R P: 8 P times an image's error, and roundings. So |N.d| >= 116 u R P d_z; and L <= 2 P + 2 * 7 P = 16 P.
+/// - A product of doubled floats errs by less than 8 u^2 of its factors. A component of N is below 2 L^2 and errs by
+///   30 u^2 L^2; a dot product with N errs by less than 208 u^2 L^2 times the greatest component of the other factor.
+/// - `t` = N.a / N.d: the numerator moves it by 208 u^2 L^2 R / |N.d| < 1.8 u L^2 / (P d_z) <= 29 u L / d_z, and so the ray's point by
+///   29 u L on any axis; the denominator by 208 u^2 L^2 d_z / |N.d| < 1.8 u L^2 / (R P) <= 58 u < 2^-18 of itself, as L <= 2 R.
+/// - Weights: d x a is below 4 R and errs by 60 u^2 R; by a corner's edge, 416 u^2 R L. Over |N.d| that is less than
+///   3.6 u L / P <= 58 u; with the denominator's part less than 2^-17.
 ///
 /// N.a is exactly 0 for a ray that starts in a plane across an axis.
 pub fn refined<A: Arithmetic>(

@@ -26,8 +26,15 @@ use crate::triangle::Triangle;
 pub const INTERPOLATION_ERROR: f32 = 7.629_394_5e-6; // 2^-17
 
 /// Images with less area than this, per square of the greatest sheared coordinate, are looked at more closely:
-/// weights from rounded edge functions err by up to 2^-22 over this part.
+/// weights from rounded edge functions err by less than 2^-12 then.
 pub const SLIVER: f32 = 0.003_906_25; // 2^-8
+
+/// Determinants from here on are known: edge functions that count as 0, below [`EDGE_LEAST`], are 2^-24 of it or less.
+pub const DET_LEAST: f32 = 5.293_956e-23; // 2^-74
+
+/// Sums of products of edge functions and depths from here on, times 8, are known: what is lost of a product that is subnormal
+/// is 2^-33 of it or less.
+pub const SUM_LEAST: f32 = 8.077_936e-28; // 2^-90
 
 /// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
 const WIDE_POWER: i32 = 38;
@@ -237,12 +244,13 @@ fn finish<A: Arithmetic>(
     let area = A::product(reach, width);
     let spread = A::difference(farthest, nearest);
     let disorder = A::product(area, spread);
-    let is_sliver = det.abs() < A::product(A::product(width, width), SLIVER);
-    let mut hit = if det != 0.0 && disorder <= A::product(8.0, sum.abs()) && !is_sliver {
+    let fat = max(A::product(A::product(width, width), SLIVER), DET_LEAST);
+    let eightfold = A::product(8.0, sum.abs());
+    let mut hit = if det.abs() >= fat && max(disorder, SUM_LEAST) <= eightfold {
         let t = A::quotient(sum, det);
         Candidate { t, u: A::quotient(v, det), v: A::quotient(w, det) }
     } else {
-        if det != 0.0 {
+        if det.abs() >= DET_LEAST && disorder > max(eightfold, SUM_LEAST) {
             // Most such triangles are the one that the ray starts on; they need no closer look.
             let interpolated = A::quotient(sum, det);
             let error = A::product(A::quotient(disorder, det.abs()), INTERPOLATION_ERROR);

@@ -197,7 +197,8 @@ fn unit(triangle: &Triangle, ray: &Ray) -> f64 {
     let extent = |k: usize| f64::from(bounds.hi[k]) - f64::from(bounds.lo[k]);
     let size = (0..3).map(extent).fold(0.0, f64::max);
     let distance = |corner: &[f32; 3]| length(minus(corner.map(f64::from), origin));
-    ULP * (triangle.iter().map(distance).fold(0.0, f64::max) + size)
+    // Origin coordinates below 2^-60 are taken for one value.
+    ULP * (triangle.iter().map(distance).fold(0.0, f64::max) + size) + 2f64.powi(-59) / APART
 }
 
 fn point_at(ray: &Ray, t: f32) -> [f64; 3] {

@@ -92,7 +92,7 @@ impl Packet {
         // SAFETY: the caller's contract.
         unsafe {
             self.bound::<S>(ready, scene, groups.clone());
-            // Their distances take other slack.
+            // Distances below 0 need the slack of `behind`, which packets do not have.
             if self.bounds.enter < 0.0 {
                 return false;
             }

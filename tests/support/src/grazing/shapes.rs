@@ -89,7 +89,8 @@ impl Shape {
     }
 }
 
-/// A mesh of at most some 350 triangles, turned, scaled and moved.
+/// A mesh of at most some 350 triangles, turned, scaled and moved; one in eight is tiny, down to 2^-50, beside a far
+/// triangle of usual size.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// What it is like.
@@ -98,7 +99,7 @@ pub struct Surface {
     pub seed: u64,
     /// The mesh.
     pub scene: Scene,
-    /// Its longest extent.
+    /// Its longest extent, without that triangle.
     pub extent: f64,
 }
 
@@ -111,6 +112,7 @@ impl Surface {
         let mut positions: Vec<[f32; 3]> =
             draft.positions.iter().map(|p| p.map(|x| x as f32)).collect();
         let mut indices = draft.indices;
+        let is_detail = draft.is_detail;
         match shape {
             Shape::Crowd => {
                 // Middles of edges in `f32`, so that they lie on the edges but for their own rounding.
@@ -132,6 +134,11 @@ impl Surface {
             }
         }
         let extent = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).fold(0.0, f64::max);
+        if is_detail {
+            let first = positions.len() as u32;
+            positions.extend([[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]);
+            indices.push([first, first + 1, first + 2]);
+        }
         Surface { shape, seed, scene: Scene::indexed(shape.name(), positions, indices), extent }
     }
 
@@ -155,6 +162,8 @@ impl Surface {
 struct Draft {
     positions: Vec<[f64; 3]>,
     indices: Vec<[u32; 3]>,
+    /// It is tiny, beside a triangle of usual size.
+    is_detail: bool,
 }
 
 impl Draft {
@@ -381,9 +390,15 @@ impl Draft {
         let turn = rotation(random);
         let extents = random.pick(&[0.0, 0.0, 1.0, 30.0, 1e3]);
         let offset = random.direction().map(|x| x * random.unit() * extents);
-        let scale = match random.below(2) {
-            0 => 1.0,
-            _ => f64::from(random.below(41) as i32 - 20).exp2(),
+        let scale = match random.below(8) {
+            0..4 => 1.0,
+            4..7 => f64::from(random.below(41) as i32 - 20).exp2(),
+            _ => {
+                // As small as products of floats bear, and smaller.
+                self.is_detail = true;
+                let size = offset.iter().fold(2.0f64, |most, x| most.max(x.abs()));
+                (f64::from(-(28 + random.below(23) as i32))).exp2() / size
+            }
         };
         for p in &mut self.positions {
             let q = if turned { turn.map(|row| super::dot(row, *p)) } else { *p };
