@@ -9,8 +9,8 @@ const WIDTH_LEAST: f32 = 0x1p-30f;
 const NEEDLE: f32 = 7.0;
 // Images with less area than this, where coordinates are near 1, are taken for their longest edge.
 const THIN: f32 = 0x1p-21f;
-// Coordinates below this, where the greatest is near 1, count as 0.
-const FLAT_LEAST: f32 = 0x1p-40f;
+// Products below this, of coordinates of which the greatest is near 1, count as 0.
+const PRODUCT_LEAST: f32 = 0x1p-78f;
 
 // Whether the ray passes all three edges by more than images err. `area` is R P.
 fn is_robust(edges: vec3<f32>, area: f32) -> bool {
@@ -83,10 +83,19 @@ fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f
     );
 }
 
+// The product without error, or 0.
+fn flat_product(a: f32, b: f32) -> Double {
+    let exact = two_product(a, b);
+    if abs(exact.high) < PRODUCT_LEAST {
+        return Double(0.0, 0.0);
+    }
+    return exact;
+}
+
 // An edge function of an image that is met from one side: none is negative.
 fn careful_weight(a: vec2<f32>, b: vec2<f32>, side: i32) -> Double {
-    let one = two_product(a.x, b.y);
-    let other = two_product(a.y, b.x);
+    let one = flat_product(a.x, b.y);
+    let other = flat_product(a.y, b.x);
     var edge = double_minus(one, other);
     if side < 0 {
         edge = double_minus(other, one);
@@ -97,19 +106,13 @@ fn careful_weight(a: vec2<f32>, b: vec2<f32>, side: i32) -> Double {
     return Double(0.0, 0.0);
 }
 
-// A coordinate scaled, or 0.
-fn flat_coordinate(x: f32, power: i32) -> f32 {
-    let scaled = scale(x, power);
-    return select(scaled, 0.0, abs(scaled) < FLAT_LEAST);
-}
-
 // Where the ray meets the image of a triangle, and the weights of that point.
 fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
     let x = -exponent(most_of(abs(vec3<f32>(seen.a.x, seen.b.x, seen.c.x))));
     let y = -exponent(most_of(abs(vec3<f32>(seen.a.y, seen.b.y, seen.c.y))));
-    let a = vec2<f32>(flat_coordinate(seen.a.x, x), flat_coordinate(seen.a.y, y));
-    let b = vec2<f32>(flat_coordinate(seen.b.x, x), flat_coordinate(seen.b.y, y));
-    let c = vec2<f32>(flat_coordinate(seen.c.x, x), flat_coordinate(seen.c.y, y));
+    let a = vec2<f32>(scale(seen.a.x, x), scale(seen.a.y, y));
+    let b = vec2<f32>(scale(seen.b.x, x), scale(seen.b.y, y));
+    let c = vec2<f32>(scale(seen.c.x, x), scale(seen.c.y, y));
     let u = careful_weight(c, b, side);
     let v = careful_weight(a, c, side);
     let w = careful_weight(b, a, side);
@@ -147,7 +150,7 @@ fn longer_edge(
     let edge = vec2<f32>(difference(q.x, p.x), difference(q.y, p.y));
     let squared = snapped_sum(snapped_product(edge.x, edge.x), snapped_product(edge.y, edge.y));
     if squared > best.squared {
-        let dot = double_plus(two_product(edge.x, p.x), two_product(edge.y, p.y)).high;
+        let dot = double_plus(flat_product(edge.x, p.x), flat_product(edge.y, p.y)).high;
         let along = snap(least(most(quotient(-dot, squared), 0.0), 1.0));
         let depth = product(along, difference(q_depth, p_depth));
         return LongestEdge(squared, along, sum(p_depth, depth), from_corner);

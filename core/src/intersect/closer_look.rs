@@ -24,9 +24,9 @@ pub const NEEDLE: f32 = 7.0;
 /// edge, from which the ray is then less than 2^-21 away.
 const THIN: f32 = 4.768_371_6e-7; // 2^-21
 
-/// Coordinates below this, where the greatest is near 1, count as 0: products of two are then multiples of the least
-/// normal number, so that nothing is lost on devices that flush.
-const FLAT_LEAST: f32 = 9.094_947e-13; // 2^-40
+/// Products below this, of coordinates of which the greatest is near 1, count as 0: others have 46 bits that are normal numbers, so that
+/// nothing is lost on devices that flush.
+const PRODUCT_LEAST: f32 = 3.308_722_5e-24; // 2^-78
 
 /// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too. `area` is R P.
 #[inline(always)]
@@ -110,9 +110,10 @@ fn dot<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> f32 {
 /// Where the ray meets the image of a triangle, and the weights of that point. The image may be as thin as it likes;
 /// it has an area, whose sign is that of its front or back.
 ///
-/// Both axes are scaled by powers of two so that coordinates are near 1, which changes neither weights nor `t`. Edge
-/// functions of about 46 bits then put the point within 2^-20 of the ray, where the area is at least [`THIN`];
-/// else the point of the longest edge that is nearest to the ray is as near.
+/// Both axes are scaled by powers of two so that coordinates are near 1, which changes neither weights nor `t`. The ray is within the
+/// image, so this is at least 1 long on either axis. Edge functions err by less than 2^-44; where the area is at least [`THIN`], the point of
+/// the weights is within 2^-22 of the ray. Else the ray is within [`THIN`] of the longest edge, and the point of that edge is taken which is nearest to it.
+/// With the roundings of either that is less than 2^-20, and so 16 * 2^-24 of P.
 pub(super) fn careful<A: Arithmetic>(
     flat: &[[f32; 2]; 3],
     depths: &[f32; 3],
@@ -120,11 +121,7 @@ pub(super) fn careful<A: Arithmetic>(
 ) -> Candidate {
     let greatest = |k: usize| max(max(flat[0][k].abs(), flat[1][k].abs()), flat[2][k].abs());
     let powers = [-exponent(greatest(0)), -exponent(greatest(1))];
-    let coordinate = |x: f32, power: i32| {
-        let x = scale(x, power);
-        if x.abs() < FLAT_LEAST { 0.0 } else { x }
-    };
-    let flat = flat.map(|[x, y]| [coordinate(x, powers[0]), coordinate(y, powers[1])]);
+    let flat = flat.map(|[x, y]| [scale(x, powers[0]), scale(y, powers[1])]);
     let weight = |a: usize, b: usize| {
         let (one, other) =
             (product::<A>(flat[a][0], flat[b][1]), product::<A>(flat[a][1], flat[b][0]));
@@ -145,11 +142,11 @@ pub(super) fn careful<A: Arithmetic>(
     }
 }
 
-/// The product without error.
+/// The product without error, or 0.
 #[inline]
 fn product<A: Arithmetic>(a: f32, b: f32) -> Double {
     let (high, low) = A::two_product(a, b);
-    Double { high, low }
+    if high.abs() < PRODUCT_LEAST { Double::from_float(0.0) } else { Double { high, low } }
 }
 
 /// The point of an image's longest edge that is nearest to the ray.
