@@ -23,7 +23,7 @@ pub enum ReadError {
     #[error("it is not a regular file")]
     NotAFile,
     /// More bytes than are read.
-    #[error("it has more than {limit} bytes, the most that are read; --max-file allows more")]
+    #[error("it has more than {limit} bytes, the most that are read")]
     TooLong {
         /// The most that are read.
         limit: u64,

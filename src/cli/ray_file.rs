@@ -4,7 +4,7 @@
 use super::failure::Failure;
 use super::npy::{self, NpyError};
 use splitplane::Ray;
-use splitplane::from_file::{self, quoted_path};
+use splitplane::from_file::{self, ReadError, quoted_path};
 use std::path::Path;
 
 const RAYS: [&str; 2] = ["rays", "a ray is eight little-endian f32: ox oy oz dx dy dz tmin tmax"];
@@ -33,7 +33,10 @@ fn failed(path: &Path, what: &str, error: &dyn std::fmt::Display) -> String {
 
 fn read_bytes(path: &Path, limit: Option<u64>, [what, _]: [&str; 2]) -> Result<Vec<u8>, Failure> {
     from_file::read_any(path, limit).map_err(|error| {
-        let message = failed(path, what, &error);
+        let mut message = failed(path, what, &error);
+        if let ReadError::TooLong { .. } = error {
+            message += "; --max-file allows more";
+        }
         if error.is_limit() { Failure::limit(message) } else { Failure::file(message) }
     })
 }
