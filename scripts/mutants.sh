@@ -1,27 +1,42 @@
 #!/usr/bin/env bash
-# Plants faults in the core, one at a time, and tells which no test notices: scripts/mutants.sh [arguments of cargo mutants]
+# Plants faults, one at a time, and tells which no test notices: scripts/mutants.sh core|cpu [arguments of cargo mutants]
 #
-# For instance `scripts/mutants.sh --file 'core/src/validate.rs'`, or `--shard 0/16` for every sixteenth fault. Needs cargo-mutants
-# (cargo install cargo-mutants --locked). A fault takes about ten seconds, all of them half a day.
+# `core` plants them in the core, `cpu` in the CPU backend but for its vector code, where a fault is seldom one of a line.
+# For instance `scripts/mutants.sh core --file 'core/src/validate.rs'`, or `--shard 0/16` for every sixteenth fault. Needs
+# cargo-mutants (cargo install cargo-mutants --locked). A fault in the core takes some ten seconds, one in the CPU backend two minutes:
+# all of them take days.
 #
-# A fault is held against the core's own tests, and if these do not notice it, against those of the CPU backend. What neither notices is
-# written to target/mutants/survivors.
+# A fault is held against the tests of its own package; what these do not notice is held against the tests of all packages but those that need
+# a GPU. What neither notices is written to target/mutants/PACKAGE/survivors.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-out=target/mutants
+which=${1:-}
+case $which in
+core) select=(-p splitplane-core) ;;
+cpu) select=(-p splitplane-cpu --exclude 'backend-cpu/src/query/simd/**' --exclude 'backend-cpu/src/query/packet/**'
+    --exclude 'backend-cpu/src/query/{fast,leaf,lines,prepare,refined,sieve,step,stream,watertight}.rs') ;;
+*)
+    sed -n 's/^# \{0,1\}//; 2,/^set/{/^set/!p}' "$0" >&2
+    exit 2
+    ;;
+esac
+shift
+
+out=target/mutants/$which
 mkdir -p "$out"
 # Exit code 2 says that there are survivors, 3 that some ran out of time.
-cargo mutants -p splitplane-core --output "$out/core" "$@" || [ $? -le 3 ]
-cp "$out/core/mutants.out/missed.txt" "$out/missed"
-if [ -s "$out/missed" ]; then
+cargo mutants "${select[@]}" --output "$out/own" "$@" || [ $? -le 3 ]
+missed=$out/own/mutants.out/missed.txt
+if [ -s "$missed" ]; then
     # By their whole names.
     patterns=()
     while IFS= read -r name; do
         patterns+=(--re "^$(printf '%s' "$name" | sed 's/[][\.*^$+?(){}|]/\\&/g')\$")
-    done <"$out/missed"
-    cargo mutants -p splitplane-core --output "$out/cpu" --test-package splitplane-cpu "${patterns[@]}" || [ $? -le 3 ]
-    cp "$out/cpu/mutants.out/missed.txt" "$out/survivors"
+    done <"$missed"
+    cargo mutants "${select[@]}" --output "$out/others" --test-package splitplane-core --test-package splitplane-cpu \
+        --test-package splitplane --test-package splitplane-fuzz-targets "${patterns[@]}" || [ $? -le 3 ]
+    cp "$out/others/mutants.out/missed.txt" "$out/survivors"
 else
     : >"$out/survivors"
 fi
