@@ -90,7 +90,7 @@ impl Shape {
 }
 
 /// A mesh of at most some 350 triangles, turned, scaled and moved; one in eight is tiny, down to 2^-50, beside a far
-/// triangle of usual size.
+/// tetrahedron of usual size.
 #[derive(Clone, Debug)]
 pub struct Surface {
     /// What it is like.
@@ -99,7 +99,7 @@ pub struct Surface {
     pub seed: u64,
     /// The mesh.
     pub scene: Scene,
-    /// Its longest extent, without that triangle.
+    /// Its longest extent, without that tetrahedron.
     pub extent: f64,
 }
 
@@ -136,8 +136,9 @@ impl Surface {
         let extent = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).fold(0.0, f64::max);
         if is_detail {
             let first = positions.len() as u32;
-            positions.extend([[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]);
-            indices.push([first, first + 1, first + 2]);
+            positions.extend([[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]]);
+            let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+            indices.extend(faces.map(|face: [u32; 3]| face.map(|corner| first + corner)));
         }
         Surface { shape, seed, scene: Scene::indexed(shape.name(), positions, indices), extent }
     }
@@ -162,7 +163,7 @@ impl Surface {
 struct Draft {
     positions: Vec<[f64; 3]>,
     indices: Vec<[u32; 3]>,
-    /// It is tiny, beside a triangle of usual size.
+    /// It is tiny, beside a tetrahedron of usual size.
     is_detail: bool,
 }
 
