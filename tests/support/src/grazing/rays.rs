@@ -83,6 +83,8 @@ const ORIGINS: usize = 24;
 pub struct Grazer {
     triangles: Vec<[[f32; 3]; 3]>,
     corners: Vec<[[f64; 3]; 3]>,
+    /// See [`Surface::own`].
+    own: usize,
     extent: f64,
     /// The surface's bounds.
     low: [f64; 3],
@@ -100,6 +102,7 @@ impl Grazer {
         let mut grazer = Grazer {
             triangles,
             corners,
+            own: surface.own,
             extent: surface.extent,
             low: bounds.lo.map(f64::from),
             high: bounds.hi.map(f64::from),
@@ -388,13 +391,13 @@ impl Grazer {
             if self.inside.len() >= wanted {
                 continue;
             }
-            let triangle = self.random.below(self.triangles.len());
+            let triangle = self.random.below(self.own);
             let origin = if attempt < in_planes {
                 self.in_plane(triangle, 2.0)
             } else {
                 // Somewhere between four corners.
                 let [a, b, c, d] = [(); 4].map(|()| {
-                    let other = self.random.below(self.triangles.len());
+                    let other = self.random.below(self.own);
                     self.corner(other)
                 });
                 let middle = weighted(&[a, b, c], self.random.barycentric());

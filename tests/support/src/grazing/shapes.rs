@@ -99,6 +99,8 @@ pub struct Surface {
     pub seed: u64,
     /// The mesh.
     pub scene: Scene,
+    /// How many of the triangles, the first ones, are not that tetrahedron's.
+    pub own: usize,
     /// Its longest extent, without that tetrahedron.
     pub extent: f64,
 }
@@ -134,13 +136,15 @@ impl Surface {
             }
         }
         let extent = (0..3).map(|k| f64::from(high[k]) - f64::from(low[k])).fold(0.0, f64::max);
+        let own = indices.len();
         if is_detail {
             let first = positions.len() as u32;
             positions.extend([[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0], [1.0, 1.0, 2.0]]);
             let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
             indices.extend(faces.map(|face: [u32; 3]| face.map(|corner| first + corner)));
         }
-        Surface { shape, seed, scene: Scene::indexed(shape.name(), positions, indices), extent }
+        let scene = Scene::indexed(shape.name(), positions, indices);
+        Surface { shape, seed, scene, own, extent }
     }
 
     /// A surface of any mesh.
@@ -149,7 +153,8 @@ impl Surface {
         let bounds = crate::oracle::finite_bounds(&mesh);
         let extent =
             (0..3).map(|k| f64::from(bounds.hi[k]) - f64::from(bounds.lo[k])).fold(0.0, f64::max);
-        Surface { shape, seed: 0, scene, extent }
+        let own = mesh.len();
+        Surface { shape, seed: 0, scene, own, extent }
     }
 
     /// The corners of all triangles.
