@@ -2,7 +2,8 @@
 //! there before serves as before.
 //!
 //! On one thread each request is refused in turn, whatever its size: no request of a build, a load, all hits or
-//! points is exempt. On several threads those of less than [`SHARED`] bytes are granted: they are the thread
+//! points is exempt but those aligned to [`QUEUES`] bytes: these are what the thread pool's queues leave behind when they grow, which
+//! depends on what else the machine does, and nothing of ours is aligned so. On several threads those of less than [`SHARED`] bytes are granted: they are the thread
 //! pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB of jobs at first,
 //! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
 //! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.
@@ -34,6 +35,9 @@ use splitplane_test_support::scenes::{self, Scene};
 /// Bytes that a thread pool asks for at most at a time.
 const SHARED: usize = 4 << 10;
 
+/// The alignment of what is shared between the threads of a pool (`CachePadded` of crossbeam).
+const QUEUES: usize = 128;
+
 const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
 const LAYOUTS: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
 const ACCURACIES: [Accuracy; 3] = [Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact];
@@ -55,8 +59,9 @@ thread_local! {
     static COUNTS: Cell<bool> = const { Cell::new(false) };
 }
 
-fn is_granted(size: usize) -> bool {
-    if !ARMED.load(Relaxed) || size < LEAST.load(Relaxed) || !COUNTS.with(Cell::get) {
+fn is_granted(size: usize, align: usize) -> bool {
+    let counts = size >= LEAST.load(Relaxed) && align < QUEUES;
+    if !ARMED.load(Relaxed) || !counts || !COUNTS.with(Cell::get) {
         return true;
     }
     let granted = GRANTED.fetch_sub(1, Relaxed);
@@ -68,7 +73,7 @@ fn is_granted(size: usize) -> bool {
 // SAFETY: hands what it grants on to the system's allocator.
 unsafe impl GlobalAlloc for Refusing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        if is_granted(layout.size()) {
+        if is_granted(layout.size(), layout.align()) {
             // SAFETY: the caller's contract.
             unsafe { System.alloc(layout) }
         } else {
@@ -82,7 +87,7 @@ unsafe impl GlobalAlloc for Refusing {
     }
 
     unsafe fn realloc(&self, memory: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        if !is_granted(size) {
+        if !is_granted(size, layout.align()) {
             return std::ptr::null_mut();
         }
         // SAFETY: the caller's contract.
