@@ -539,16 +539,16 @@ fn planted_faults_are_seen() {
         ("open interval", "key <= ray.greatest_key", "key < ray.greatest_key"),
         (
             "t is only interpolated",
-            "if det != 0.0 && disorder <= product",
-            "if true || disorder <= product",
+            "if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {",
+            "if true {",
         ),
         (
             "t is never interpolated",
-            "if det != 0.0 && disorder <= product",
-            "if false && disorder <= product",
+            "if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {",
+            "if false {",
         ),
-        ("nothing is robust", "if is_robust(edges, area) {", "if false {"),
-        ("all is robust", "if is_robust(edges, area) {", "if true {"),
+        ("nothing is robust", "if is_robust(edges, area) && spread", "if false && spread"),
+        ("all is robust", "if is_robust(edges, area) && spread", "if true && spread"),
         (
             "zeros are inside",
             "let signs = vec3<i32>(",

@@ -10,10 +10,20 @@ const NO_SCENES: &str = "#[cfg_attr(no_scenes, ignore = \
                          \"no scenes folder; set SPLITPLANE_SCENES\")]";
 
 /// Tests that open no device of this machine, by file.
-const WITHOUT_DEVICE: [(&str, &[&str]); 3] = [
+const WITHOUT_DEVICE: [(&str, &[&str]); 4] = [
     ("ignored", &["tests_that_need_a_device_are_marked", "tests_of_real_scenes_are_marked"]),
     ("selftest", &["the_small_tree_is_the_cpus"]),
-    // On wgpu's `noop` device.
+    // On wgpu's `noop` device, as those of the next file.
+    (
+        "driver",
+        &[
+            "a_driver_that_takes_memory_without_end_is_left",
+            "a_device_is_not_opened_without_time",
+            "opening_ends_at_the_first_pipeline_that_stalls",
+            "a_report_says_what_the_driver_was_doing",
+            "a_kernel_of_the_builder_that_stalls_is_named",
+        ],
+    ),
     (
         "faults",
         &[
