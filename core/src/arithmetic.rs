@@ -230,10 +230,17 @@ impl Double {
     /// The product, to about 2^-46 of itself.
     #[inline]
     pub fn times<A: Arithmetic>(self, other: Double) -> Double {
+        let Double { high, low } = self.times_loosely::<A>(other);
+        renormalise::<A>(high, low)
+    }
+
+    /// The same, its two parts not yet added up: they may overlap.
+    #[inline(always)]
+    pub(crate) fn times_loosely<A: Arithmetic>(self, other: Double) -> Double {
         let (high, mut low) = A::two_product(self.high, other.high);
         low = A::sum(low, A::product(self.high, other.low));
         low = A::sum(low, A::product(self.low, other.high));
-        renormalise::<A>(high, low)
+        Double { high, low }
     }
 
     /// The product with a float, to about 2^-46 of itself.

@@ -188,12 +188,18 @@ fn double_difference_of(a: f32, b: f32) -> Double {
     return two_sum(a, -b);
 }
 
-// The product, to about 2^-46 of itself.
-fn double_times(a: Double, b: Double) -> Double {
+// The product, its two parts not yet added up: they may overlap.
+fn double_times_loosely(a: Double, b: Double) -> Double {
     let exact = two_product(a.high, b.high);
     var low = sum(exact.low, product(a.high, b.low));
     low = sum(low, product(a.low, b.high));
-    return renormalise(exact.high, low);
+    return Double(exact.high, low);
+}
+
+// The product, to about 2^-46 of itself.
+fn double_times(a: Double, b: Double) -> Double {
+    let loose = double_times_loosely(a, b);
+    return renormalise(loose.high, loose.low);
 }
 
 // The product with a float, to about 2^-46 of itself.

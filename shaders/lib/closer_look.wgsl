@@ -18,17 +18,9 @@ fn is_robust(edges: vec3<f32>, area: f32) -> bool {
     return lowest > 0.0 && product(area, ROBUST) <= lowest;
 }
 
-// The product, its two parts not yet added up.
-fn loose_product(a: Double, b: Double) -> Double {
-    let exact = two_product(a.high, b.high);
-    var low = sum(exact.low, product(a.high, b.low));
-    low = sum(low, product(a.low, b.high));
-    return Double(exact.high, low);
-}
-
 // One component of a cross product.
 fn loose_minor(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> Double {
-    return double_minus(loose_product(p_i, q_j), loose_product(p_j, q_i));
+    return double_minus(double_times_loosely(p_i, q_j), double_times_loosely(p_j, q_i));
 }
 
 fn loose_cross(p: Double3, q: Double3) -> Double3 {
@@ -41,9 +33,9 @@ fn loose_cross(p: Double3, q: Double3) -> Double3 {
 
 // The dot product, rounded.
 fn loose_dot(p: Double3, q: Double3) -> f32 {
-    let x = loose_product(p.x, q.x);
-    let y = loose_product(p.y, q.y);
-    let z = loose_product(p.z, q.z);
+    let x = double_times_loosely(p.x, q.x);
+    let y = double_times_loosely(p.y, q.y);
+    let z = double_times_loosely(p.z, q.z);
     let first = two_sum(x.high, y.high);
     let second = two_sum(first.high, z.high);
     let low = sum(sum(x.low, y.low), z.low);

@@ -79,20 +79,11 @@ fn minus<A: Arithmetic>(p: &[f32; 3], q: &[f32; 3]) -> [Double; 3] {
     [0, 1, 2].map(|k| Double::difference_of::<A>(p[k], q[k]))
 }
 
-/// The product, its two parts not yet added up.
-#[inline(always)]
-fn loose_product<A: Arithmetic>(a: Double, b: Double) -> Double {
-    let (high, mut low) = A::two_product(a.high, b.high);
-    low = A::sum(low, A::product(a.high, b.low));
-    low = A::sum(low, A::product(a.low, b.high));
-    Double { high, low }
-}
-
 /// The cross product.
 #[inline(always)]
 fn cross<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> [Double; 3] {
     [(1, 2), (2, 0), (0, 1)].map(|(i, j)| {
-        let (one, other) = (loose_product::<A>(p[i], q[j]), loose_product::<A>(p[j], q[i]));
+        let (one, other) = (p[i].times_loosely::<A>(q[j]), p[j].times_loosely::<A>(q[i]));
         one.minus::<A>(other)
     })
 }
@@ -100,7 +91,7 @@ fn cross<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> [Double; 3] {
 /// The dot product, rounded.
 #[inline(always)]
 fn dot<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> f32 {
-    let parts = [0, 1, 2].map(|k| loose_product::<A>(p[k], q[k]));
+    let parts = [0, 1, 2].map(|k| p[k].times_loosely::<A>(q[k]));
     let (high, first) = A::two_sum(parts[0].high, parts[1].high);
     let (high, second) = A::two_sum(high, parts[2].high);
     let low = A::sum(A::sum(parts[0].low, parts[1].low), parts[2].low);
