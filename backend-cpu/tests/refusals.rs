@@ -373,7 +373,7 @@ fn loads_say_so() {
         for layout in LAYOUTS {
             let options = options(Preset::Fast, layout);
             let expected = Expected::of(scene, &options);
-            let bytes = file::write(&expected.tree.view(), &mesh);
+            let bytes = file::write(&expected.tree.view(), &mesh).expect("memory");
             let mut words = vec![0u32; bytes.len() / 4];
             bytemuck::cast_slice_mut(&mut words).copy_from_slice(&bytes);
             let what = format!("{}, {layout:?}, {threads} threads", scene.name);

@@ -24,6 +24,7 @@ use crate::build::source::Source;
 use crate::build::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::host;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};
 use crate::selftest;
@@ -224,9 +225,10 @@ impl WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
     ) -> Result<WgpuAccelerator, BuildError> {
+        let mut triangles = host::room(mesh.len(), CORNERS)?;
         let mut pending = self.submit(&Source::Host(*mesh), options, true, false)?;
         // Meanwhile the device builds.
-        let triangles = (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
+        triangles.extend((0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners));
         let built = pending.wait()?;
         Ok(self.accelerator(built, triangles))
     }
@@ -248,8 +250,8 @@ impl WgpuBackend {
             total: mesh.len() as u64,
         };
         go_on(watch, start(0))?;
+        let mut triangles = host::room(mesh.len(), CORNERS)?;
         let pending = self.submit(&Source::Host(*mesh), options, true, false)?;
-        let mut triangles = Vec::with_capacity(mesh.len());
         while triangles.len() < mesh.len() {
             let piece = triangles.len()..mesh.len().min(triangles.len() + PIECE);
             triangles.extend(piece.map(|i| prepare(&mesh.triangle(i)).corners));
@@ -387,7 +389,7 @@ impl Backend for WgpuBackend {
         }
         let mut summary =
             BuildSummary { triangles: mesh.len() as u32, peak_bytes: needed, ..Default::default() };
-        let mut triangles = Vec::with_capacity(mesh.len());
+        let mut triangles = host::room(mesh.len(), CORNERS)?;
         for i in 0..mesh.len() {
             let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(i));
             summary.dropped += u32::from(!kept);
@@ -405,3 +407,5 @@ impl Backend for WgpuBackend {
 
 /// Triangles that are made ready between two questions to a watch.
 const PIECE: usize = 4096;
+/// What host memory is asked for.
+const CORNERS: &str = "a copy of the triangles' corners";

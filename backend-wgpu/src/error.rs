@@ -86,6 +86,14 @@ pub enum GpuError {
         /// Bytes asked for; 0 where wgpu does not say.
         needed: u64,
     },
+    /// The system has no memory left.
+    #[error("the system has no memory for {what}: {needed} bytes")]
+    HostMemory {
+        /// What was asked.
+        what: String,
+        /// Bytes asked for.
+        needed: u64,
+    },
     /// A shader does not compile for this device: a bug here, in wgpu or in the driver.
     #[error("the shader `{shader}` does not compile: {reason}")]
     Shader {
@@ -136,6 +144,9 @@ impl From<GpuError> for BuildError {
                 BuildError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
             }
             GpuError::OutOfMemory { what, needed } => BuildError::DeviceMemory { what, needed },
+            GpuError::HostMemory { needed, .. } => {
+                BuildError::OutOfMemory { needed, limit: needed }
+            }
             GpuError::TimedOut { seconds } => BuildError::DeviceTimedOut { seconds },
             GpuError::Shader { .. }
             | GpuError::DriverLimit { .. }
@@ -153,6 +164,9 @@ impl From<GpuError> for QueryError {
                 QueryError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
             }
             GpuError::OutOfMemory { what, needed } => QueryError::DeviceMemory { what, needed },
+            GpuError::HostMemory { needed, .. } => {
+                QueryError::OutOfMemory { needed, limit: needed }
+            }
             GpuError::TimedOut { seconds } => QueryError::DeviceTimedOut { seconds },
             GpuError::Shader { .. }
             | GpuError::DriverLimit { .. }

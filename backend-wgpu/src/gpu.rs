@@ -9,6 +9,7 @@ use crate::bounded::Bounds;
 use crate::compiler::{Compiler, Opening};
 use crate::error::{GpuError, OpenError};
 use crate::health::Health;
+use crate::host;
 use crate::needs;
 use crate::options::{OpenOptions, default_timeout};
 
@@ -346,7 +347,7 @@ impl Gpu {
         let out = self.map(buffer, mapped).and_then(|()| {
             let view = buffer.get_mapped_range(..mapped);
             let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
-            Ok(view[..bytes as usize].to_vec())
+            host::copied(&view[..bytes as usize])
         });
         // Where mapping failed there may be nothing to undo.
         let unmapped = self.guard(|| buffer.unmap());

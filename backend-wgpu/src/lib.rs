@@ -9,6 +9,7 @@ mod compiler;
 pub mod error;
 pub mod gpu;
 mod health;
+mod host;
 mod needs;
 pub mod options;
 pub mod parity;

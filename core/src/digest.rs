@@ -150,6 +150,37 @@ mod tests {
         assert_eq!(hash(b"Nobody inspects the spammish repetition", 0), 0xfbce_a83c_8a37_8bf1);
     }
 
+    /// By the reference implementation, xxHash 0.8: of every way to end, with and without whole stripes.
+    #[test]
+    fn reference_values() {
+        let bytes: [u8; 199] = core::array::from_fn(|i| (i * 7) as u8);
+        for (length, expected) in [
+            (1, 0x72b1_2317_e8a8_b952),
+            (2, 0x727a_fe16_5a81_6e13),
+            (3, 0xd2c8_306f_8e36_b5d3),
+            (4, 0xed9e_fa0f_8128_3bb0),
+            (5, 0xa4fd_9d1e_c934_a44b),
+            (8, 0xda3b_3b36_c13e_acd3),
+            (9, 0xbc06_a480_6a95_abbc),
+            (12, 0xa49a_b73e_8e5f_63d0),
+            (15, 0xcfe9_d022_7cea_8c31),
+            (16, 0x0a15_9d01_6d70_c24c),
+            (31, 0xef72_4477_78be_814f),
+            (32, 0x1147_8bb5_d3aa_c371),
+            (33, 0xef95_605f_a43c_b760),
+            (63, 0x94c0_64fd_81f3_e379),
+            (64, 0xfa6b_f718_7ea4_898a),
+            (96, 0x9936_a724_ba14_02f7),
+            (100, 0x44e7_dcf2_a6c8_0314),
+            (199, 0x0b5d_2c05_3589_92d9),
+        ] {
+            assert_eq!(hash(&bytes[..length], 5), expected, "{length}");
+        }
+        let mut state = Xxh64::new(5);
+        state.write_words(&[0x150e_0700, 0x312a_231c, 0x4d46_3f38]);
+        assert_eq!(state.finish(), hash(&bytes[..12], 5));
+    }
+
     #[test]
     fn pieces_equal_the_whole() {
         let bytes: [u8; 199] = core::array::from_fn(|i| (i * 7) as u8);

@@ -144,11 +144,20 @@ impl<'a> TreeFile<'a> {
 }
 
 /// The bytes of a tree file.
+///
+/// # Errors
+/// [`BuildError::OutOfMemory`] where the system has no memory for them.
 #[cfg(feature = "alloc")]
-pub fn write(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> alloc::vec::Vec<u8> {
-    let mut bytes = alloc::vec::Vec::with_capacity(
-        HEAD + size_of_val(tree.nodes) + size_of_val(tree.references),
-    );
+pub fn write(
+    tree: &KdTreeView<'_>,
+    mesh: &Mesh<'_>,
+) -> Result<alloc::vec::Vec<u8>, crate::backend::BuildError> {
+    let length = HEAD + size_of_val(tree.nodes) + size_of_val(tree.references);
+    let mut bytes = alloc::vec::Vec::new();
+    bytes.try_reserve_exact(length).map_err(|_| crate::backend::BuildError::OutOfMemory {
+        needed: length as u64,
+        limit: length as u64,
+    })?;
     bytes.extend_from_slice(&MAGIC);
     let mut words = |words: &[u32]| {
         for word in words {
@@ -174,7 +183,7 @@ pub fn write(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> alloc::vec::Vec<u8> {
     words(tree.references);
     let sum = checksum(&bytes);
     bytes[CHECKSUM..HEAD].copy_from_slice(&sum.to_le_bytes());
-    bytes
+    Ok(bytes)
 }
 
 /// The name of a mesh: XXH64 with seed 1 over the corners of all triangles as given, in order.
@@ -194,3 +203,6 @@ fn checksum(bytes: &[u8]) -> u64 {
     state.write(&bytes[HEAD..]);
     state.finish()
 }
+
+#[cfg(all(test, feature = "alloc"))]
+mod tests;

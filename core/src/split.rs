@@ -185,6 +185,16 @@ mod tests {
     const UNIT: Aabb = Aabb { lo: [0.0; 3], hi: [4.0, 2.0, 1.0] };
 
     #[test]
+    fn planes_in_a_side_are_not_inside() {
+        let cell = Aabb { lo: [1.0; 3], hi: [2.0; 3] };
+        for (position, inside) in
+            [(0.5, false), (1.0, false), (1.5, true), (2.0, false), (3.0, false)]
+        {
+            assert_eq!(strictly_inside(&cell, 1, position), inside, "{position}");
+        }
+    }
+
+    #[test]
     fn every_reference_goes_somewhere_and_planar_ones_left() {
         for (lo, hi, sides) in [
             (0.0, 1.0, (true, false)),

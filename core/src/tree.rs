@@ -140,17 +140,3 @@ impl KdTreeView<'_> {
         Ok(KdTree { nodes, references, bounds, triangles, config })
     }
 }
-
-/// Without memory for the copy this ends the process; [`KdTreeView::to_tree`] gives an error.
-#[cfg(feature = "alloc")]
-impl From<KdTreeView<'_>> for KdTree {
-    fn from(view: KdTreeView<'_>) -> KdTree {
-        KdTree {
-            nodes: view.nodes.to_vec(),
-            references: view.references.to_vec(),
-            bounds: view.bounds,
-            triangles: view.triangles,
-            config: view.config,
-        }
-    }
-}

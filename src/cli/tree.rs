@@ -37,7 +37,7 @@ pub(super) fn save_tree(
     accelerator: &dyn Accelerator,
     mesh: &Mesh<'_>,
 ) -> Result<(), Failure> {
-    output::file(path, &file::write(&accelerator.tree().view(), mesh))
+    output::file(path, &file::write(&accelerator.tree().view(), mesh)?)
 }
 
 /// Checks that the tree is sound and loses no part of the mesh.

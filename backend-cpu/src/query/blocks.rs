@@ -11,6 +11,7 @@ use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
 use super::instruction_set::InstructionSet;
+use super::large::Large;
 use super::layout::{LayoutScratch, Size, Source};
 use super::leaves::Indexed;
 use super::record::{Record, TAIL, UNIT_WORDS};
@@ -59,6 +60,8 @@ pub(crate) struct Blocks {
     pub(crate) nodes: Vec<WalkNode>,
     pub(crate) wide: WideNodes,
     pub(crate) words: Vec<u32>,
+    /// Triangles that are much larger than their leaves.
+    pub(crate) large: Large,
     /// In the compact layout only.
     mesh: Option<IndexedMesh>,
 }
@@ -73,6 +76,8 @@ pub(crate) struct Block<'a> {
     pub stride: usize,
     /// Triangles, 1 to 16.
     pub count: usize,
+    /// Whether they are [`Large`], in a block of their own.
+    pub large: bool,
 }
 
 impl Block<'_> {
@@ -104,6 +109,7 @@ impl Blocks {
             nodes: Vec::new(),
             wide: WideNodes::new(set.lanes()),
             words: Vec::new(),
+            large: Large::NONE,
             mesh: None,
         }
     }
@@ -228,7 +234,8 @@ impl Blocks {
         look: &Lookout<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        let Blocks { tree, nodes, wide, words, mesh, .. } = self;
+        let Blocks { tree, nodes, wide, words, large, mesh, .. } = self;
+        *large = size.large;
         let leaves = match source.layout {
             QueryLayout::Compact => {
                 (*nodes, *words) = (Vec::new(), Vec::new());
@@ -277,7 +284,8 @@ impl Blocks {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(crate) fn indexed(&self) -> Option<Indexed<'_>> {
         let mesh = self.mesh.as_ref()?;
-        Some(Indexed { nodes: self.walk_nodes(), references: &self.tree.references, mesh })
+        let (references, large) = (&self.tree.references[..], self.large.triangles());
+        Some(Indexed { nodes: self.walk_nodes(), references, large, mesh })
     }
 
     /// The tree's nodes, root first; their leaves are for [`Blocks::any_triangle`].

@@ -126,6 +126,6 @@ impl IndexedMesh {
             }
             words[9 * MOST_LANES + i] = f32::from_bits(triangle);
         }
-        Block { words: &room.0, stride: MOST_LANES, count: triangles.len() }
+        Block { words: &room.0, stride: MOST_LANES, count: triangles.len(), large: false }
     }
 }

@@ -19,9 +19,10 @@ use splitplane_core::triangle::Triangle;
 
 use super::InstructionSet;
 use super::blocks::WalkNode;
+use super::large::Large;
 use super::pack::{MOST_WORDS, Packer};
 use super::plan::{Branch, Branches, Costs, Planner};
-use super::record::UNIT_WORDS;
+use super::record::{Record, UNIT_WORDS};
 use crate::buffers::{Memory, bytes_of};
 use crate::lookout::Lookout;
 use crate::scatter::Scatter;
@@ -52,6 +53,8 @@ pub(crate) struct LayoutScratch {
     pub tasks: Vec<Task>,
     /// What the tasks have packed.
     pub parts: Vec<Part>,
+    /// The blocks of large triangles, behind all others.
+    large: Part,
 }
 
 /// A subtree that one task packs and plans.
@@ -84,6 +87,8 @@ pub(crate) struct Size {
     pub words: usize,
     /// Wide nodes.
     pub wide: usize,
+    /// What is much larger than its leaves.
+    pub large: Large,
     /// The root's branch, if the tree has triangles.
     pub root: Option<u32>,
     /// Bytes that the scratch has grown by.
@@ -141,8 +146,8 @@ impl Part {
 impl LayoutScratch {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
-        let LayoutScratch { branches, top, tasks, parts } = self;
-        let words = parts.iter().map(|part| bytes_of(&part.words)).sum::<u64>();
+        let LayoutScratch { branches, top, tasks, parts, large } = self;
+        let words = parts.iter().chain([large]).map(|part| bytes_of(&part.words)).sum::<u64>();
         words + bytes_of(branches) + bytes_of(top) + bytes_of(tasks) + bytes_of(parts)
     }
 
@@ -165,7 +170,7 @@ impl LayoutScratch {
         if nodes > u64::from(WalkNode::MOST) {
             return Err(too_large);
         }
-        let LayoutScratch { branches, top, tasks, parts } = self;
+        let LayoutScratch { branches, top, tasks, parts, large: apart } = self;
         memory.grow_watched(branches, tree.nodes.len(), look)?;
         top.clear();
         tasks.clear();
@@ -183,7 +188,8 @@ impl LayoutScratch {
             failed: AtomicBool::new(false),
         };
         let planner = Planner::new(set.lanes(), &tree.bounds);
-        let maker = Maker { tree, source, set, look, planner, budget: &budget };
+        let mut large = Large::of(tree, source.triangles, look);
+        let maker = Maker { tree, source, set, look, planner, budget: &budget, large: &large };
         let out = Scatter::new(&mut branches[..tree.nodes.len()]);
         tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
             let count = (task.end - task.first) as usize;
@@ -191,6 +197,7 @@ impl LayoutScratch {
             let branches = unsafe { out.part(task.first as usize, count) };
             maker.make(task, part, branches);
         });
+        let large_blocks = maker.pack_large(apart);
         look.check()?;
         if budget.failed.load(Relaxed) {
             let needed = budget.held.load(Relaxed);
@@ -203,18 +210,28 @@ impl LayoutScratch {
             task.start = words;
             words += part.used;
         }
+        large.blocks = [(words / UNIT_WORDS) as u32, large_blocks.unwrap_or(0)];
+        words += apart.used;
         if words / UNIT_WORDS >= MOST_UNITS {
             return Err(too_large);
         }
         // A tree without triangles has a root without children: rays within its bounds read it.
-        let wide = if tree.bounds.is_empty() { 0 } else { root.whole() as usize };
+        let wide = match large.is_empty() {
+            _ if tree.bounds.is_empty() => 0,
+            true => root.whole().max(1) as usize,
+            // A root above the tree's nodes, if there are any.
+            false => root.whole() as usize + 1,
+        };
         let scratch = budget.held.into_inner() - memory.held;
-        Ok(Size { words, wide, root: root.branch(), scratch })
+        Ok(Size { words, wide, large, root: root.branch(), scratch })
     }
 
     /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the
     /// planned size.
     pub fn write(&self, tree: &KdTreeView<'_>, nodes: &mut [WalkNode], words: &mut [u32]) {
+        let apart = self.large.words();
+        let behind = words.len() - apart.len();
+        words[behind..].copy_from_slice(apart);
         let interior = |node: &KdNode| -> WalkNode { bytemuck::cast(*node) };
         for &node in &self.top {
             nodes[node as usize] = interior(&tree.nodes[node as usize]);
@@ -274,7 +291,7 @@ fn divide(
     }
 }
 
-fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
+pub(crate) fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
     let (mut left, mut right) = (*cell, *cell);
     (left.hi[axis], right.lo[axis]) = (split, split);
     (left, right)
@@ -302,6 +319,7 @@ struct Maker<'a> {
     look: &'a Lookout<'a>,
     planner: Planner,
     budget: &'a Budget,
+    large: &'a Large,
 }
 
 impl Maker<'_> {
@@ -359,25 +377,57 @@ impl Maker<'_> {
     ) -> Option<Branch> {
         let references = &self.tree.references[first as usize..];
         let to_come = last.saturating_sub(first + count) as usize;
-        let mut bounds = Aabb::EMPTY;
-        if self.source.layout == QueryLayout::Compact {
-            for &triangle in &references[..count as usize] {
-                let corners = &self.source.triangles[triangle as usize];
-                bounds = bounds.union(&Aabb::of_points(corners));
-            }
-            return Some(Branch::leaf(within(cell, &bounds), 0, 1));
+        let unit = (part.used / UNIT_WORDS) as u32;
+        let compact = self.source.layout == QueryLayout::Compact;
+        let (mut bounds, blocks) = match compact {
+            true => (Aabb::EMPTY, 1),
+            false => self.pack(references, [count as usize, to_come], packer, part)?,
+        };
+        if compact || !self.large.is_empty() {
+            let corners = |&triangle: &u32| (triangle, self.source.triangles[triangle as usize]);
+            let own = references[..count as usize].iter().map(corners);
+            bounds = self.large.bounds_of_others(own);
         }
-        let (unit, mut blocks) = ((part.used / UNIT_WORDS) as u32, 0);
-        let mut left = count as usize;
+        // Without bounds nobody goes there.
+        let within = if bounds.is_empty() { bounds } else { within(cell, &bounds) };
+        Some(Branch::leaf(within, unit, blocks))
+    }
+
+    /// Packs some triangles, the first of these references, with room for more to come. Gives their bounds, and how
+    /// many blocks they take; `None` where there is no memory for them.
+    fn pack(
+        &self,
+        references: &[u32],
+        [count, to_come]: [usize; 2],
+        packer: &mut Packer<'_>,
+        part: &mut Part,
+    ) -> Option<(Aabb, u32)> {
+        let (mut bounds, mut blocks, mut left) = (Aabb::EMPTY, 0, count);
         while left > 0 {
             let to = part.next(left + to_come, self.budget)?;
-            let packed = packer.block(&references[count as usize - left..], left, to);
+            let packed = packer.block(&references[count - left..], left, to);
             part.used += packed.words;
             bounds = bounds.union(&packed.bounds);
             left -= packed.count;
             blocks += 1;
         }
-        Some(Branch::leaf(within(cell, &bounds), unit, blocks))
+        Some((bounds, blocks))
+    }
+
+    /// Packs the large triangles, and says how many blocks they take: none in the compact layout.
+    fn pack_large(&self, part: &mut Part) -> Option<u32> {
+        part.begin();
+        let triangles = self.large.triangles();
+        if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
+            return Some(0);
+        }
+        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        let (_, blocks) = self.pack(triangles, [triangles.len(), 0], &mut packer, part)?;
+        let mut words = &mut part.words[..part.used];
+        while !words.is_empty() {
+            words = Record::mark_large(words);
+        }
+        Some(blocks)
     }
 
     /// Plans the nodes above the tasks.

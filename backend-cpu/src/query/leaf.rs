@@ -26,6 +26,9 @@ pub(crate) trait Triangles {
     /// How many, at most as many as there are lanes.
     fn count(&self) -> usize;
 
+    /// Whether they are [`super::large`], in a block of their own.
+    fn is_large(&self) -> bool;
+
     /// The index of a triangle in the mesh.
     fn triangle(&self, index: usize) -> u32;
 
@@ -61,6 +64,11 @@ impl Triangles for Record<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     fn count(&self) -> usize {
         Record::count(self)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_large(&self) -> bool {
+        Record::is_large(self)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -113,6 +121,11 @@ impl Triangles for Block<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     fn count(&self) -> usize {
         self.count
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_large(&self) -> bool {
+        self.large
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]

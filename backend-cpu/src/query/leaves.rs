@@ -84,11 +84,12 @@ impl Leaves for Packed<'_> {
     }
 }
 
-/// Leaves of the tree: a child is the leaf's place among the nodes.
+/// Leaves of the tree: a child is the leaf's place among the nodes, or behind all of them, for the large triangles.
 #[derive(Clone, Copy)]
 pub(crate) struct Indexed<'a> {
     pub nodes: &'a [WalkNode],
     pub references: &'a [u32],
+    pub large: &'a [u32],
     pub mesh: &'a IndexedMesh,
 }
 
@@ -120,12 +121,16 @@ impl Leaves for Indexed<'_> {
     where
         Self: 'b,
     {
-        let references = &self.nodes[child as usize].references(self.references)[from..];
+        let (references, large) = match self.nodes.get(child as usize) {
+            Some(node) => (node.references(self.references), false),
+            None => (self.large, true),
+        };
+        let references = &references[from..];
         // As many as there are lanes at a time.
         let (some, next) = match references.split_at_checked(S::N) {
             Some((some, rest)) => (some, if rest.is_empty() { 0 } else { from + S::N }),
             None => (references, 0),
         };
-        (self.mesh.gather(some, room), next)
+        (Block { large, ..self.mesh.gather(some, room) }, next)
     }
 }

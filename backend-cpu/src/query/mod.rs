@@ -15,6 +15,7 @@ mod exact;
 mod fast;
 mod indexed;
 mod instruction_set;
+mod large;
 mod layout;
 mod leaf;
 mod leaves;

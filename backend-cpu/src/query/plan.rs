@@ -100,9 +100,9 @@ impl Costs {
         (self.branch != NONE).then_some(self.branch)
     }
 
-    /// Wide nodes made of the whole: one at least, since a tree has a root.
+    /// Wide nodes made of the whole.
     pub fn whole(&self) -> u32 {
-        self.nodes[ONE].max(1)
+        self.nodes[ONE]
     }
 }
 
@@ -130,7 +130,11 @@ impl Planner {
     }
 
     /// The costs of a leaf: a block is a child as it is, several have a place each or a node of their own.
+    /// Where it has no bounds it is nothing.
     fn leaf(&self, node: u32, leaf: &Branch) -> Costs {
+        if leaf.bounds.is_empty() {
+            return Costs::NOTHING;
+        }
         let blocks = leaf.children[1];
         let mut costs = Costs { branch: node, useful: 1, ..Costs::NOTHING };
         if blocks > 1 {
@@ -347,7 +351,7 @@ mod tests {
                     assert_eq!(costs.areas[ONE + place], area, "{count} {size} {place}");
                     assert_eq!(costs.nodes[ONE + place], nodes, "{count} {size} {place}");
                 }
-                inner += costs.whole();
+                inner += costs.whole().max(1);
             }
         }
         assert!(inner > 40, "{inner}");

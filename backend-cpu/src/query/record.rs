@@ -5,7 +5,7 @@
 //!
 //! | words | what |
 //! |---|---|
-//! | 1 | triangles in bits 0 to 7, different corners in bits 8 to 15, words to the corners above |
+//! | 1 | triangles in bits 0 to 6, whether they are large in bit 7, different corners in bits 8 to 15, words to the corners above |
 //! | 3 n / 4, rounded up | a byte for each corner of n triangles: first corners, second, third |
 //! | n | indices of the triangles in the mesh |
 //! | 3 v | coordinates of v corners: all x, all y, all z |
@@ -32,6 +32,15 @@ pub(crate) struct Record<'a> {
 }
 
 impl Record<'_> {
+    const LARGE: u32 = 1 << 7;
+
+    /// Says of the first block of some that its triangles are large. Gives the others.
+    pub fn mark_large(words: &mut [u32]) -> &mut [u32] {
+        let units = Record::at(words, 0).units() as usize;
+        words[0] |= Record::LARGE;
+        &mut words[units * UNIT_WORDS..]
+    }
+
     /// Words before the coordinates of a block of so many triangles.
     pub const fn before_coordinates(count: usize) -> usize {
         1 + (3 * count).div_ceil(4) + count
@@ -63,7 +72,13 @@ impl<'a> Record<'a> {
     /// Triangles, 1 to 16.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn count(&self) -> usize {
-        (self.words[0] & 0xff) as usize
+        (self.words[0] & 0x7f) as usize
+    }
+
+    /// Whether these are [`super::large`] triangles, in a block of their own.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn is_large(&self) -> bool {
+        self.words[0] & Record::LARGE != 0
     }
 
     /// Different corners, at most 32.

@@ -9,7 +9,7 @@
 //! the ray, where it is rounded once, by u M with M its greatest coordinate then. (Of rays from further off than 2^60 more
 //! might be lost: they are not sieved.) Both move a sheared coordinate by 2 u M or less, with
 //! M = 2^-36 for the former. R is taken that much longer, which allows for more than twice that; and `t` by 8 u M, besides what the
-//! sum with the offset rounds away.
+//! difference from the offset rounds away, in `f64`.
 //!
 //! *Corners.* A sheared coordinate `(p_x - o_x) - s (p_z - o_z)` with |s| <= 1 errs by u R from its
 //! first difference, 3 u R from slope, difference and product, 2^-40 R for a slope taken as zero, and
@@ -32,7 +32,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::exact::{Best, ExactRay};
-use splitplane_core::intersect::{EDGE_LEAST, OFFSET_SLACK, STOP_SLACK};
+use splitplane_core::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
@@ -48,6 +48,8 @@ pub(crate) const CORNER_ERROR: f32 = 2.0 * ROUNDING;
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * ROUNDING;
 /// What products that underflow may add to the numerator of a distance.
 pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
+/// Part of the offset that its difference from a `t` in `f64` may be off by, and more.
+const OFFSET_ERROR: f32 = 3.552_713_7e-15; // 2^-48
 /// M of rays whose origin is next to 0, and of all others, since it is so little.
 const SHIFTED: f32 = 1.455_191_5e-11; // 2^-36
 /// The rounding error of 1.
@@ -56,10 +58,9 @@ const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 /// What the sieve must know of a ray besides what all tests do.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    /// Error of an edge function, per unit of P.
-    pub edge: f32,
-    /// The part of it that does not depend on P.
-    pub least: f32,
+    /// Error of an edge function of [`super::large`] triangles, and of all others: per unit of P, and the part that does
+    /// not depend on P. (Large ones in blocks of others may be let go: they are in their own as well.)
+    pub errors: [[f32; 2]; 2],
     /// M, where the ray was changed.
     pub moved: f32,
     /// What `t` may be off by that.
@@ -73,24 +74,32 @@ pub(crate) struct Reach {
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Way, bounds: &Aabb) -> Reach {
-        let (mut reach, mut moved) = (0.0f32, 0.0f32);
+    pub fn new(ray: &Way, bounds: &[Aabb; 2]) -> Reach {
+        let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
-            reach = reach.max(bounds.hi[axis] - origin).max(origin - bounds.lo[axis]);
+            for (reach, bounds) in reach.iter_mut().zip(bounds) {
+                *reach = reach.max(bounds.hi[axis] - origin).max(origin - bounds.lo[axis]);
+            }
             moved = moved.max(origin.abs());
         }
         let moved = if ray.offset == 0.0 { SHIFTED } else { moved.max(SHIFTED) };
-        let late = 8.0 * ROUNDING * moved + ray.offset.abs() * OFFSET_SLACK;
-        Reach { moved, late, ..Reach::of(reach + moved, ray.t_min - late, ray.t_max + late) }
+        let late = 8.0 * ROUNDING * moved + ray.offset.abs() * OFFSET_ERROR;
+        Reach {
+            moved,
+            late,
+            ..Reach::of(reach.map(|reach| reach + moved), ray.t_min - late, ray.t_max + late)
+        }
     }
 
-    /// The same from R and the inner limits.
+    /// The same from R, of large triangles and of others, and the inner limits.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(reach: f32, t_min: f32, t_max: f32) -> Reach {
-        let edge = EDGE_ERROR * reach;
+    pub fn of(reach: [f32; 2], t_min: f32, t_max: f32) -> Reach {
+        let error = |reach: f32| {
+            let edge = EDGE_ERROR * reach;
+            [edge, edge * (CORNER_ERROR * reach) + EDGE_LEAST]
+        };
         Reach {
-            edge,
-            least: edge * (CORNER_ERROR * reach) + EDGE_LEAST,
+            errors: reach.map(error),
             moved: 0.0,
             late: 0.0,
             t_min: t_min - t_min.abs() * STOP_SLACK,
@@ -111,12 +120,13 @@ impl ExactLane {
     /// A lane that has no ray.
     pub fn idle() -> ExactLane {
         let ray = ExactRay { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 1.0, t_max: 0.0 };
-        ExactLane { ray, reach: Reach::of(0.0, 0.0, 0.0), best: Best::default() }
+        ExactLane { ray, reach: Reach::of([0.0; 2], 0.0, 0.0), best: Best::default() }
     }
 
     /// A ray about to start, if it can hit anything.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Ray, way: &Way, bounds: &Aabb) -> Option<ExactLane> {
+    /// `bounds` are those of large triangles, or of all, and those of all others.
+    pub fn new(ray: &Ray, way: &Way, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })
     }
@@ -234,7 +244,8 @@ unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit
         let v = S::sub(S::mul(ax, cy), S::mul(ay, cx));
         let w = S::sub(S::mul(bx, ay), S::mul(by, ax));
         let width = S::max(wa, S::max(wb, wc));
-        let error = S::add(S::mul(S::splat(reach.edge), width), S::splat(reach.least));
+        let [edge, least] = reach.errors[usize::from(!block.is_large())];
+        let error = S::add(S::mul(S::splat(edge), width), S::splat(least));
         let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
         let above = S::le(error, S::max(u, S::max(v, w)));
         let nearest = S::min(da, S::min(db, dc));
@@ -385,12 +396,11 @@ mod tests {
                 let ray = ray(&mut random, &triangles[..count], scale);
                 let mut way = Way::none();
                 let Readiness::Ready = way.prepare(&ray, &scene, Query::Closest) else { continue };
-                let Some(mut lane) = ExactLane::new(&ray, &way, &bounds) else { continue };
+                let Some(mut lane) = ExactLane::new(&ray, &way, &[bounds; 2]) else { continue };
                 if way.ray().origin != lane.ray.origin {
                     continue;
                 }
-                lane.reach.edge *= share;
-                lane.reach.least *= share;
+                lane.reach.errors.as_flattened_mut().iter_mut().for_each(|error| *error *= share);
                 let found: Vec<_> = triangles[..count]
                     .iter()
                     .map(|corners| {
@@ -404,7 +414,8 @@ mod tests {
                     let mut bits = 0;
                     for first in (0..count).step_by(set.lanes()) {
                         let count = (count - first).min(set.lanes());
-                        let block = Block { words: &words[first..], stride: 16, count };
+                        let block =
+                            Block { words: &words[first..], stride: 16, count, large: false };
                         let sift = Sift { way: &way, reach: &lane.reach, block: &block, limit };
                         // SAFETY: the caller names sets that there are; the words reach on.
                         let some = unsafe { set.run(sift) };

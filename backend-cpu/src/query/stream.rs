@@ -258,6 +258,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let room = blocks.wide.stack();
     let Flight { lanes, children, t, ready, ways, packet } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
+    let bounds = [scene.bounds, blocks.large.others];
     let mut supply = Supply { batch, next: 0, left: 0, ready, ways, packet };
     let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
@@ -288,7 +289,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             state.best = BestHit::NONE;
             if exactly {
                 let ray = &rays[way.index as usize];
-                let exact = ExactLane::new(ray, way, &scene.bounds);
+                let exact = ExactLane::new(ray, way, &bounds);
                 // Rays that can hit nothing are not handed out.
                 state.exact = exact.unwrap_or(ExactLane::idle());
             }

@@ -16,9 +16,11 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::intersect::{longest_extent, widened};
 
 use super::blocks::{self, WalkNode};
+use super::large::Large;
 use super::layout::{Size, part};
 use super::order::Order;
 use super::plan::{Branch, run_nodes};
+use super::record::Record;
 use super::simd::{MOST_LANES, prefetch};
 use crate::buffers::{Memory, bytes_of};
 use crate::lookout::{self, Lookout};
@@ -66,6 +68,7 @@ struct Writer<'a> {
     lanes: usize,
     leaves: LeafChildren<'a>,
     branches: &'a [Branch],
+    large: &'a Large,
     /// A child that nobody goes to; who did would lose nothing by it.
     nothing: u32,
     look: &'a Lookout<'a>,
@@ -167,9 +170,15 @@ impl WideNodes {
         };
         let share = (nodes / 2 / size.wide) as u64;
         let nothing = LEAF_MARK | nothing;
-        let writer = Writer { lanes: self.lanes, leaves, branches, nothing, look, share };
-        let root = size.root.map(|root| writer.child(root));
-        self.depth = writer.write(root, 0, &mut self.lines, 0);
+        let large = &size.large;
+        let writer = Writer { lanes: self.lanes, leaves, branches, large, nothing, look, share };
+        let mut made = Made::none();
+        match size.root.map(|root| writer.child(root)) {
+            root if !large.is_empty() => writer.spread_root(root, nodes as u32, &mut made),
+            Some(root) => writer.spread(root, self.lanes, true, &mut made),
+            None => {}
+        }
+        self.depth = writer.write(&made, 0, &mut self.lines, 0);
     }
 }
 
@@ -202,16 +211,12 @@ impl Writer<'_> {
         }
     }
 
-    /// Writes the nodes of a subtree, or one without children, and says how many levels they have. `first`
+    /// Writes the nodes of a subtree, given the children of its root, and says how many levels they have. `first`
     /// is the number of the first, `lines` are theirs, and `above` is the number of levels above them.
-    fn write(&self, root: Option<Child>, first: usize, lines: &mut [Line], above: usize) -> usize {
+    fn write(&self, made: &Made, first: usize, lines: &mut [Line], above: usize) -> usize {
         let lines_each = self.lanes / 2;
         let nodes = lines.len() / lines_each;
         let (own, below) = lines.split_at_mut(lines_each);
-        let mut made = Made::none();
-        if let Some(child) = root {
-            self.spread(child, self.lanes, true, &mut made);
-        }
         self.look.advance(self.share);
         if self.look.worked(8) {
             return 0;
@@ -228,7 +233,7 @@ impl Writer<'_> {
         });
         let mut named = [self.nothing; MOST_LANES];
         named.iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
-        self.put(&made, &named, own);
+        self.put(made, &named, own);
 
         let below = children.iter().zip(&named).scan(below, |rest, (child, &number)| {
             let lines = self.nodes(child) * lines_each;
@@ -237,13 +242,31 @@ impl Writer<'_> {
             Some((*child, number as usize, lines))
         });
         let below = below.filter(|(_, _, lines)| !lines.is_empty());
-        let write = |(child, number, lines)| self.write(Some(child), number, lines, above + 1);
+        let write = |(child, number, lines)| {
+            let mut made = Made::none();
+            self.spread(child, self.lanes, true, &mut made);
+            self.write(&made, number, lines, above + 1)
+        };
         let deepest = if nodes > TASK && above < DIVIDED {
             in_tasks(below, write)
         } else {
             below.map(write).max()
         };
         1 + deepest.unwrap_or(0)
+    }
+
+    /// The children of the root where there are large triangles: they, and the tree's root. `nodes` is the number of the
+    /// tree's nodes.
+    fn spread_root(&self, root: Option<Child>, nodes: u32, made: &mut Made) {
+        let bounds = widened(&self.large.bounds, longest_extent(&self.large.bounds));
+        match self.large.blocks {
+            // The compact layout.
+            [_, 0] => made.push(Child { kind: Kind::Leaf(nodes), bounds }),
+            [unit, blocks] => self.share(unit, blocks, self.lanes - 1, &bounds, made),
+        }
+        root.into_iter().for_each(|root| made.push(root));
+        made.order = Order::default();
+        made.order.in_a_row(0, made.count);
     }
 
     /// Distributes a child over some places of a node; over all of a node of its own, where it is `whole`.
@@ -284,13 +307,22 @@ impl Writer<'_> {
             let kind = Writer::run(unit, blocks);
             let mut all = Aabb::EMPTY;
             for record in blocks::leaf(words, &leaf) {
-                all = all.union(&record.bounds());
+                all = all.union(&self.bounds(&record));
                 unit += record.units();
             }
             // The leaf's box is widened for its largest triangle, each of these for its own.
             made.push(Child { kind, bounds: part(bounds, &widened(&all, longest_extent(&all))) });
         }
         made.order.in_a_row(start, made.count);
+    }
+
+    /// The bounds of a block of large triangles, or of a block's triangles that are not large.
+    fn bounds(&self, record: &Record<'_>) -> Aabb {
+        if record.is_large() || self.large.is_empty() {
+            return record.bounds();
+        }
+        let triangle = |index: usize| (record.triangle(index), record.corners(index));
+        self.large.bounds_of_others((0..record.count()).map(triangle))
     }
 
     /// Writes a node.

@@ -22,6 +22,7 @@ use super::source::Source;
 use crate::backend::Shared;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::host;
 use crate::query::limits::limits_from;
 use crate::query::{DeviceTree, TreeParts};
 
@@ -364,19 +365,13 @@ impl PendingBuild {
         let host_tree = if self.tree_to_host {
             let nodes_end = readback::TREE + 8 * u64::from(nodes);
             let at = readback::TREE + self.capacities.bytes_of(Buffer::Nodes);
-            let view = |from: u64, to: u64| {
-                readback.get_mapped_range(from..to).map(|view| view.to_vec()).map_err(refused)
+            let view = |from: u64, to: u64| readback.get_mapped_range(from..to).map_err(refused);
+            let nodes = host::copied(&view(readback::TREE, nodes_end)?)?;
+            let references = match references {
+                0 => Vec::new(),
+                _ => host::copied(&view(at, at + 4 * u64::from(references))?)?,
             };
-            let node_bytes = view(readback::TREE, nodes_end)?;
-            let reference_bytes =
-                if references > 0 { view(at, at + 4 * u64::from(references))? } else { Vec::new() };
-            Some(KdTree {
-                nodes: bytemuck::pod_collect_to_vec(&node_bytes),
-                references: bytemuck::pod_collect_to_vec(&reference_bytes),
-                bounds,
-                triangles,
-                config,
-            })
+            Some(KdTree { nodes, references, bounds, triangles, config })
         } else {
             None
         };

@@ -3,7 +3,6 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::intersect::{Limits, SceneScale};
-use splitplane_core::node::KdNode;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
@@ -12,6 +11,7 @@ use super::scene::SceneUniform;
 use super::scope::checked;
 use crate::error::GpuError;
 use crate::gpu::Gpu;
+use crate::host;
 
 /// The parts of a finished tree that are already on the device.
 #[derive(Clone, Debug)]
@@ -139,9 +139,8 @@ impl DeviceTree {
         let references =
             read_buffer(gpu, &parts.leaf_references, 4 * u64::from(parts.reference_count))?;
         Ok(KdTree {
-            // The bytes of a Vec<u8> need not be aligned.
-            nodes: bytemuck::pod_collect_to_vec::<u8, KdNode>(&nodes),
-            references: bytemuck::pod_collect_to_vec::<u8, u32>(&references),
+            nodes: host::copied(&nodes)?,
+            references: host::copied(&references)?,
             bounds: parts.bounds,
             triangles: parts.triangle_count,
             config: parts.config,

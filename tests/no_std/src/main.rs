@@ -189,7 +189,7 @@ fn first_wrong_with_alloc() -> i32 {
         return 20;
     }
     let Ok(mesh) = Mesh::indexed(&SQUARE, &[[0, 1, 2], [0, 2, 3]]) else { return 21 };
-    let bytes = file::write(&tree.view(), &mesh);
+    let Ok(bytes) = file::write(&tree.view(), &mesh) else { return 23 };
     if bytes.len() < 100 {
         return 22;
     }

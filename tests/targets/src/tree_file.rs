@@ -55,7 +55,7 @@ fn samples() -> Vec<Sample> {
             let mesh = scene.mesh();
             let options = BuildOptions::from(small(preset));
             let (tree, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
-            let bytes = file::write(&tree.view(), &mesh);
+            let bytes = file::write(&tree.view(), &mesh).expect("memory");
             let rays = [Kind::Faces, Kind::Vertices, Kind::AxisParallel]
                 .into_iter()
                 .flat_map(|kind| aim::rays(&mesh, kind, 4, 9))
@@ -126,21 +126,21 @@ fn altered(source: &mut Source<'_>, sample: &Sample) {
         assert!(changes > 0 || length < 4 * words.len(), "a good file is refused");
         return;
     };
-    use_tree(&KdTree::from(file.tree), sample);
+    use_tree(&file.tree.to_tree().expect("memory"), sample);
 }
 
 /// A tree that keeps the form of one, in a file that is right in itself.
 fn forged(source: &mut Source<'_>, sample: &Sample) {
     let mesh = sample.scene.mesh();
     let file = parse(cast_slice(&sample.words)).expect("a good file");
-    let mut tree = KdTree::from(file.tree);
+    let mut tree = file.tree.to_tree().expect("memory");
     for _ in 0..=source.below(3) {
         let forgery = Forgery::ALL[source.below(Forgery::ALL.len())];
         forge(&mut tree, &mesh, forgery, &mut |n| source.below(n));
     }
-    let words = words_of(&file::write(&tree.view(), &mesh));
+    let words = words_of(&file::write(&tree.view(), &mesh).expect("memory"));
     if let Ok(file) = parse(cast_slice(&words)) {
-        use_tree(&KdTree::from(file.tree), sample);
+        use_tree(&file.tree.to_tree().expect("memory"), sample);
     }
 }
 
@@ -229,7 +229,7 @@ fn use_tree(tree: &KdTree, sample: &Sample) {
     let stats = TreeStats::of(&view);
     assert_eq!(stats.interior + stats.leaves, tree.nodes.len());
     let mesh = sample.scene.mesh();
-    let again = file::write(&view, &mesh);
+    let again = file::write(&view, &mesh).expect("memory");
     let words = words_of(&again);
     let file = TreeFile::parse(cast_slice(&words)).expect("what is written can be read");
     assert_eq!(file.tree.digest(), tree.digest());

@@ -1,0 +1,191 @@
+//! Triangles that are much larger than the leaves that name them, such as the ground under everything.
+//!
+//! Where rays hit a triangle is certain to a part of its size ([`splitplane_core::intersect::widened`]). Of a ground of a
+//! thousand kilometres that is some metres: if all leaves that name it were widened for it, they would all overlap. So the
+//! largest few are children of the root, of their own, and leaves are widened for their other triangles only. Leaves that
+//! name no others vanish. The tree itself stays what it is: its leaves still name them, and a ray may test one twice.
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::intersect::{SIZE_SLACK, longest_extent};
+use splitplane_core::node::NodeKind;
+use splitplane_core::tree::KdTreeView;
+use splitplane_core::triangle::{Triangle, prepare};
+
+use super::layout::halves;
+use crate::lookout::Lookout;
+
+/// Most of them: every ray tests them, so where there are more they stay in their leaves.
+const MOST: usize = 16;
+/// How many times as long as a leaf is a triangle that widens it by a 64th of itself.
+const TIMES: f32 = 1.0 / (64.0 * SIZE_SLACK);
+/// Leaves that are looked at to learn how long leaves are.
+const SAMPLES: usize = 63;
+
+/// The triangles of a tree that are much larger than its leaves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Large {
+    count: usize,
+    triangles: [u32; MOST],
+    /// Their bounds.
+    pub bounds: Aabb,
+    /// Bounds of all other triangles.
+    pub others: Aabb,
+    /// The unit of the first of their blocks, and how many there are; none in the compact layout.
+    pub blocks: [u32; 2],
+}
+
+impl Large {
+    /// No triangles.
+    pub const NONE: Large = Large {
+        count: 0,
+        triangles: [0; MOST],
+        bounds: Aabb::EMPTY,
+        others: Aabb::EMPTY,
+        blocks: [0; 2],
+    };
+
+    /// Those of a tree over snapped triangles, if there are some and they are few; of no use when the lookout has
+    /// ended it.
+    pub fn of(tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) -> Large {
+        let limit = typical_leaf(tree) * TIMES;
+        let none = Large { others: tree.bounds, ..Large::NONE };
+        // No triangle is longer than all.
+        if longest_extent(&tree.bounds) <= limit {
+            return none;
+        }
+        let chunks = triangles.par_chunks(4096).enumerate().map(|(chunk, triangles)| {
+            let mut large = Large::NONE;
+            if look.worked(triangles.len() as u64) {
+                return large;
+            }
+            for (corners, index) in triangles.iter().zip(4096 * chunk as u32..) {
+                let bounds = Aabb::of_points(corners);
+                if !prepare(corners).kept {
+                    // Named by no leaf.
+                } else if longest_extent(&bounds) > limit {
+                    large.push(index);
+                    large.bounds = large.bounds.union(&bounds);
+                } else {
+                    large.others = large.others.union(&bounds);
+                }
+            }
+            large
+        });
+        let all = chunks.reduce(
+            || Large::NONE,
+            |mut all, some| {
+                (0..some.count).for_each(|i| all.push(some.triangles.get(i).map_or(0, |&t| t)));
+                all.bounds = all.bounds.union(&some.bounds);
+                all.others = all.others.union(&some.others);
+                all
+            },
+        );
+        if all.count > MOST { none } else { all }
+    }
+
+    /// One more, which is only counted where there is no place for it.
+    fn push(&mut self, triangle: u32) {
+        if let Some(place) = self.triangles.get_mut(self.count) {
+            *place = triangle;
+        }
+        self.count += 1;
+    }
+
+    /// Their indices.
+    #[inline]
+    pub fn triangles(&self) -> &[u32] {
+        &self.triangles[..self.count]
+    }
+
+    /// Whether there are any.
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Bounds of those of some triangles that are not large, given by index and corners.
+    pub fn bounds_of_others(&self, triangles: impl Iterator<Item = (u32, Triangle)>) -> Aabb {
+        let others = triangles.filter(|(index, _)| !self.triangles().contains(index));
+        others.fold(Aabb::EMPTY, |all, (_, corners)| all.union(&Aabb::of_points(&corners)))
+    }
+}
+
+/// The median of some leaves' longest extents; infinite where all that were looked at are empty.
+fn typical_leaf(tree: &KdTreeView<'_>) -> f32 {
+    let mut extents = [f32::INFINITY; SAMPLES];
+    for (sample, extent) in extents.iter_mut().enumerate() {
+        let target =
+            (tree.nodes.len() as u64 * (2 * sample as u64 + 1) / (2 * SAMPLES as u64)) as u32;
+        let (mut node, mut cell) = (0, tree.bounds);
+        while let Some(at) = tree.nodes.get(node as usize) {
+            match at.kind() {
+                NodeKind::Interior { axis, split, right } => {
+                    let (left_cell, right_cell) = halves(&cell, axis as usize, split);
+                    (node, cell) =
+                        if target < right { (node + 1, left_cell) } else { (right, right_cell) };
+                }
+                NodeKind::Leaf { count, .. } => {
+                    if count > 0 {
+                        *extent = longest_extent(&cell);
+                    }
+                    break;
+                }
+            }
+        }
+    }
+    extents.sort_unstable_by(f32::total_cmp);
+    let seen = extents.iter().filter(|extent| extent.is_finite()).count();
+    extents[seen / 2]
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::backend::{Accelerator, BuildOptions};
+    use splitplane_core::mesh::Mesh;
+    use splitplane_test_support::scenes;
+
+    use super::*;
+    use crate::CpuBackend;
+    use crate::lookout::UNWATCHED;
+
+    /// The large ones of a soup with some more triangles in front.
+    fn large(more: &[Triangle]) -> Large {
+        let soup = scenes::soup(2000, 0.01, 3).triangles();
+        let all = [more, &soup].concat();
+        let mesh = Mesh::soup(&all).expect("a mesh");
+        let backend = CpuBackend::new();
+        let built = backend.build_accelerator(&mesh, &BuildOptions::default()).expect("a tree");
+        let large = Large::of(&built.tree().view(), &all, &UNWATCHED);
+        if large.is_empty() {
+            assert_eq!((large.others, large.bounds), (built.tree().bounds, Aabb::EMPTY));
+        } else {
+            let others = (0..).zip(all.iter().copied()).filter(|(_, t)| prepare(t).kept);
+            assert_eq!(large.others, large.bounds_of_others(others));
+            assert!(large.others.contains(&Aabb::of_points(soup.as_flattened())));
+            assert!(longest_extent(&large.others) < 3.0);
+        }
+        large
+    }
+
+    #[test]
+    fn the_largest_few_are_apart() {
+        let triangle = |size: f32| [[-size, 0.0, 0.0], [size, 0.0, 0.1], [0.0, size, 0.2]];
+        let far = triangle(1e5);
+        assert!(large(&[]).is_empty());
+        assert!(large(&[triangle(1.0)]).is_empty(), "as long as the soup");
+        assert_eq!(large(&[triangle(1.0), far]).triangles(), [1]);
+        // In no leaf.
+        let dropped = [[1e5; 3], [1e5; 3], [1e5; 3]];
+        assert_eq!(large(&[dropped, far]).triangles(), [1]);
+        let most = large(&[far; MOST]);
+        assert_eq!(most.triangles(), (0..MOST as u32).collect::<Vec<_>>());
+        assert_eq!(most.bounds, Aabb::of_points(&far));
+        assert!(large(&[far; MOST + 1]).is_empty(), "too many");
+        // Without any others nothing is larger than its leaf.
+        let mesh = [far; 3];
+        let mesh = Mesh::soup(&mesh).expect("a mesh");
+        let built = CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default());
+        let built = built.expect("a tree");
+        assert!(Large::of(&built.tree().view(), &[far; 3], &UNWATCHED).is_empty());
+    }
+}
