@@ -125,6 +125,11 @@ impl AllHits {
         (starts + self.crossings.capacity() * size_of::<Crossing>()) as u64
     }
 
+    /// Bytes that both lists will take besides what they hold when these answers are added.
+    pub(crate) fn growth(&self, more: &AllHits) -> u64 {
+        growth(&self.starts, more.rays()) + growth(&self.crossings, more.crossings.len())
+    }
+
     /// Adds the answers to more rays behind those to the rays so far.
     ///
     /// # Errors
@@ -248,12 +253,7 @@ impl Collector {
 
     /// Bytes that `out` will take besides what it holds when this is added to it.
     pub fn growth(&self, out: &Vec<Crossing>) -> u64 {
-        let length = out.len() + self.found.len();
-        if length <= out.capacity() {
-            return 0;
-        }
-        // Until the old room is given back both are held.
-        (length.max(2 * out.capacity()) * size_of::<Crossing>()) as u64
+        growth(out, self.found.len())
     }
 
     /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray. After a no
@@ -285,6 +285,16 @@ impl Collector {
         out.extend(self.found.drain(..).map(crossing));
         Ok(())
     }
+}
+
+/// Bytes that a list will take besides what it holds when so many items are added.
+fn growth<T>(list: &Vec<T>, items: usize) -> u64 {
+    let length = list.len() + items;
+    if length <= list.capacity() {
+        return 0;
+    }
+    // Until the old room is given back both are held.
+    (length.max(2 * list.capacity()) * size_of::<T>()) as u64
 }
 
 /// Each triangle once, in the order of their indices.

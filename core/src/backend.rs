@@ -1,6 +1,6 @@
 //! The seam between backends: object-safe traits at batch level.
 
-use crate::all_hits::{AllHits, refused};
+use crate::all_hits::{AllHits, check_bytes, refused};
 use crate::config::{BuildConfig, ConfigError, Preset};
 use crate::inside::{self, Located};
 use crate::mesh::Mesh;
@@ -208,7 +208,9 @@ pub trait Accelerator: Send + Sync {
             go_on_tracing(watch, (slice << 12) as u64, total)?;
             let room = options.max_memory.map(|limit| limit.saturating_sub(all.bytes()));
             let part = self.all_hits(rays, &QueryOptions { max_memory: room, ..*options });
-            all.append(part.map_err(|error| error.beside(all.bytes(), options.max_memory))?)?;
+            let part = part.map_err(|error| error.beside(all.bytes(), options.max_memory))?;
+            check_bytes(all.bytes() + part.bytes() + all.growth(&part), options)?;
+            all.append(part)?;
         }
         go_on_tracing(watch, total, total)?;
         Ok(all)
@@ -583,3 +585,6 @@ pub enum QueryError {
         seconds: u64,
     },
 }
+
+#[cfg(test)]
+mod tests;

@@ -235,7 +235,16 @@ fn beside<R>(
 }
 
 /// Gives files their names: all or none. They must be whole.
-fn keep(mut parts: Vec<Part>) -> Result<(), Failure> {
+fn keep(parts: Vec<Part>) -> Result<(), Failure> {
+    keep_with(parts, |file, name| fs::hard_link(file, name))
+}
+
+/// The same where `link` gives a file a second name. Where it cannot, the old files have none of their own for a
+/// moment.
+fn keep_with(
+    mut parts: Vec<Part>,
+    link: impl Fn(&Path, &Path) -> io::Result<()>,
+) -> Result<(), Failure> {
     ending::check()?;
     // From here on the run does not end before it is done.
     let _undivided = ending::undivided();
@@ -244,15 +253,26 @@ fn keep(mut parts: Vec<Part>) -> Result<(), Failure> {
     for place in 0..parts.len() {
         let part = &mut parts[place];
         // A second name of what is replaced, in case the next one fails.
-        let second = |file: &Path| beside(file, |name| fs::hard_link(file, name)).ok();
-        let there = several && part.file.exists();
-        old.push((there, if there { second(&part.file) } else { None }));
-        if let Err(error) = part.rename() {
+        let (mut second, mut moved) = (Ok(None), false);
+        if several && fs::symlink_metadata(&part.file).is_ok_and(|there| there.is_file()) {
+            second = beside(&part.file, |name| match link(&part.file, name) {
+                Err(error) if error.kind() != io::ErrorKind::AlreadyExists => {
+                    moved = true;
+                    fs::rename(&part.file, name)
+                }
+                linked => linked,
+            })
+            .map(Some);
+        }
+        let renamed = second.map(|second| old.push(second)).and_then(|()| part.rename());
+        if let Err(error) = renamed {
             let failure = unwritten(&part.path, &error);
-            for (part, (there, old)) in parts.iter().zip(old).take(place) {
+            for ((here, part), old) in parts.iter().enumerate().zip(old) {
                 match old {
+                    // Still there under its own name.
+                    Some(_) if here == place && !moved => {}
                     Some(old) => drop(old.into_temp_path().persist(&part.file)),
-                    None if there => {}
+                    None if here == place => {}
                     None => drop(fs::remove_file(&part.file)),
                 }
             }
@@ -285,6 +305,24 @@ mod tests {
         assert_eq!(fs::read(&old).unwrap(), b"before");
         assert!(!new.exists());
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        // Where no file may have two names.
+        let no_links = |_: &Path, _: &Path| Err(io::Error::from(io::ErrorKind::Unsupported));
+        for order in [[&old, &new, &last], [&last, &old, &new], [&old, &last, &new]] {
+            fs::remove_dir_all(&last).unwrap();
+            let parts = order.map(|path| begun(path)).into();
+            fs::create_dir(&last).unwrap();
+            fs::write(last.join("in it"), "").unwrap();
+            assert!(keep_with(parts, no_links).is_err());
+            assert_eq!(fs::read(&old).unwrap(), b"before");
+            assert!(!new.exists());
+            assert!(last.join("in it").exists());
+            assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 2);
+        }
+        keep_with(vec![begun(&old), begun(&new)], no_links).unwrap();
+        assert_eq!([fs::read(&old).unwrap(), fs::read(&new).unwrap()], [b"now", b"now"]);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3);
+        fs::write(&old, "before").unwrap();
+        fs::remove_file(&new).unwrap();
         let parts = vec![begun(&old), begun(&new)];
         keep(parts).unwrap();
         assert_eq!([fs::read(&old).unwrap(), fs::read(&new).unwrap()], [b"now", b"now"]);
