@@ -20,7 +20,8 @@ use crate::kernels::{self, allocate_children::Lists, scatter_references::Inputs}
 use crate::lookout::{Lookout, UNWATCHED};
 use crate::query::{InstructionSet, WalkNode};
 
-/// The CPU executor: one build over one mesh, in the arithmetic `A`: [`Strict`] but in tests. Work runs in the rayon pool of the calling thread.
+/// The CPU executor: one build over one mesh, in the arithmetic `A`: [`Strict`] but in tests. Work runs in the
+/// rayon pool of the calling thread.
 #[derive(Debug)]
 pub struct CpuExecutor<'a, A = Strict> {
     mesh: Mesh<'a>,
@@ -96,7 +97,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     }
 
     /// The executor with the lower levels built by tasks: the same tree, unless [`CpuExecutor::is_void`], and not
-    /// where the last build of the kind was void. What buffers hold between dispatches is then not what other executors hold.
+    /// where the last build of the kind was void. What buffers hold between dispatches is then not what other
+    /// executors hold.
     pub(crate) fn cached(self) -> CpuExecutor<'a, A> {
         let triangles = self.mesh.len() as u32;
         let void_before = self.buffers.voided == Some((triangles, self.config));

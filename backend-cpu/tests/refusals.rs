@@ -2,8 +2,10 @@
 //! there before serves as before.
 //!
 //! On one thread each request is refused in turn, whatever its size: no request of a build, a load, all hits or
-//! points is exempt but those aligned to [`QUEUES`] bytes: these are what the thread pool's queues leave behind when they grow, which
-//! depends on what else the machine does, and nothing of ours is aligned so. On several threads those of less than [`SHARED`] bytes are granted: they are the thread
+//! points is exempt but those aligned to [`QUEUES`] bytes: these are what the thread pool's queues leave behind
+//! when they grow, which
+//! depends on what else the machine does, and nothing of ours is aligned so. On several threads those of less
+//! than [`SHARED`] bytes are granted: they are the thread
 //! pool's own, which has no way to say that it got none. Each of its queues takes 1 KiB of jobs at first,
 //! what is handed to it from outside 1.5 KiB for 63 jobs, and what threads leave to each other 2 KiB; all of
 //! that depends on the number of threads and of tasks within tasks, not on the size of what is worked on.

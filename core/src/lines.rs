@@ -269,6 +269,8 @@ pub fn scene_scale(tree: &KdTreeView<'_>, triangles: &(impl Triangles + ?Sized))
 
 #[cfg(test)]
 mod tests {
+    use core::ops::Range;
+
     use super::*;
     use crate::config::BuildConfig;
     use crate::node::{Axis, KdNode};
@@ -306,6 +308,26 @@ mod tests {
             &mut visits,
         );
         (visits.to_array(), hit.is_hit())
+    }
+
+    #[test]
+    fn sums_of_parts_are_sums_of_all() {
+        let visit = |ray: u32| {
+            let mut visits = Visits::new(4, false);
+            (0..4 + ray % 5).for_each(|_| visits.node());
+            (0..=ray % 3).for_each(|leaf| {
+                visits.leaf(ray * leaf % 11);
+            });
+            visits
+        };
+        let tally = |rays: Range<u32>| {
+            let mut tally = Tally::default();
+            rays.for_each(|ray| tally.add(&visit(ray), ray % 3 == 1));
+            tally
+        };
+        let all = tally(0..50);
+        assert_eq!(all, tally(0..17).union(tally(17..50)));
+        assert_eq!((all.rays, all.hits), (50, 17));
     }
 
     #[test]

@@ -114,6 +114,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn meshes_have_so_many_triangles_at_most() {
+        assert_eq!(check_count(MAX_TRIANGLES), Ok(()));
+        let triangles = MAX_TRIANGLES + 1;
+        assert_eq!(check_count(triangles), Err(MeshError::TooManyTriangles { triangles }));
+    }
+
+    #[test]
     fn a_bad_index_is_named() {
         let positions = [[0.0; 3]; 3];
         let error = Mesh::indexed(&positions, &[[0, 1, 2], [0, 7, 1]]).unwrap_err();

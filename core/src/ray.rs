@@ -158,3 +158,25 @@ pub struct QueryOptions {
     /// limit. Other queries have answers of known size, and take no notice.
     pub max_memory: Option<u64>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn misses_and_marks_are_no_hits() {
+        let hit = |triangle| Hit { triangle, ..Hit::MISS };
+        assert!(hit(0).is_hit() && hit(0).some().is_some() && !hit(0).is_undecided());
+        assert!(hit(Hit::UNDECIDED - 1).is_hit());
+        assert!(!hit(Hit::UNDECIDED).is_hit() && hit(Hit::UNDECIDED).is_undecided());
+        assert!(!Hit::MISS.is_hit() && !Hit::MISS.is_undecided() && Hit::MISS.some().is_none());
+    }
+
+    #[test]
+    fn the_lower_triangle_comes_first_at_equal_distance() {
+        let hit = |t, triangle| Hit { t, triangle, ..Hit::MISS };
+        assert!(hit(1.0, 7).precedes(&hit(2.0, 3)) && !hit(2.0, 3).precedes(&hit(1.0, 7)));
+        assert!(hit(1.0, 3).precedes(&hit(1.0, 7)) && !hit(1.0, 7).precedes(&hit(1.0, 3)));
+        assert!(!hit(1.0, 3).precedes(&hit(1.0, 3)));
+    }
+}

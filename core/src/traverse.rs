@@ -115,7 +115,8 @@ pub fn trace<A: Arithmetic>(
     trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
 }
 
-/// The one loop, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Front to back; both children are visited when the plane lies
+/// The one loop, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Front to
+/// back; both children are visited when the plane lies
 /// within its error of the interval; triangles are tested against the whole ray; it stops when the
 /// next entry lies beyond the best hit and its error.
 pub fn trace_observed<A: Arithmetic, O: Observer>(

@@ -7,7 +7,8 @@
 //! [`splitplane_core::sah`] with blocks of W triangles, times `1 - empty_bonus / 256` where a side is
 //! empty. Candidates are compared with children that cost what [`splitplane_core::sah::expected_quarters`]
 //! says; whether a split pays is asked with leaves for children, and where the first does not pay, the
-//! one that is least with leaves is tried. References planar in the plane go left together or right together, whichever costs less, left
+//! one that is least with leaves is tried. References planar in the plane go left together or right together,
+//! whichever costs less, left
 //! on a tie. A straddling reference goes to both sides, its bounds those of what the triangle has in
 //! either child's cell ([`clip`]).
 //!

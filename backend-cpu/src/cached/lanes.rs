@@ -375,8 +375,8 @@ impl Lanes for Avx512 {
         // and reach at most 15 beyond its end, so they stay within the columns' room by the assertions. A
         // block is loaded whole before anything of it is stored. `lefts` and `rights` are at most the number
         // of references before the block, so stores to the left end at the end of a whole block or before
-        // it, which is before `right`, and those to the right within the room. `crossing` is at most the number of references
-        // before the block, and cuts have room for TILE + WIDTH.
+        // it, which is before `right`, and those to the right within the room. `crossing` is at most the number
+        // of references before the block, and cuts have room for TILE + WIDTH.
         unsafe {
             let at = _mm512_set1_ps(plane);
             let mut block = 0;

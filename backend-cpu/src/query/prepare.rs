@@ -24,7 +24,8 @@ pub(crate) type PerRay<T> = [T; CHUNK];
 #[repr(C, align(64))]
 pub(crate) struct Way {
     pub reciprocal: [f32; 3],
-    /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their triangles' sizes.
+    /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their
+    /// triangles' sizes.
     pub near: [f32; 3],
     pub far: [f32; 3],
     pub enter: f32,
@@ -169,15 +170,16 @@ impl Way {
     }
 }
 
-/// Distances to planes are differences of products here. At most five roundings are of the origin's product, three of them only
-/// where rays leave; this is eight.
+/// Distances to planes are differences of products here. At most five roundings are of the origin's product,
+/// three of them only where rays leave; this is eight.
 pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
-/// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it at T (1 + e) or before and
+/// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it
+/// at T (1 + e) or before and
 /// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters. It is
 /// multiplied into the reciprocals beforehand; as a multiplication in each step it took 2 % of the time.
 pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
-/// The part by which planes are widened for rays that begin before their origin, of the greatest distance at which the ray is
-/// within the bounds: distances below 0 are not made greater by a factor.
+/// The part by which planes are widened for rays that begin before their origin, of the greatest distance at
+/// which the ray is within the bounds: distances below 0 are not made greater by a factor.
 const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
 
 /// What planes are widened by besides, for a ray that is within the bounds from here to there.
@@ -349,7 +351,8 @@ impl PreparedRays {
         let mut given = [[0.0f32; CHUNK]; MOST_LANES];
         for lane in (0..CHUNK).step_by(S::N) {
             let to = given.as_flattened_mut()[lane..].as_mut_ptr();
-            // SAFETY: the caller's contract; one ray more of 8 floats than there are lanes, and rows for all columns that a vector takes.
+            // SAFETY: the caller's contract; one ray more of 8 floats than there are lanes, and rows for all
+            // columns that a vector takes.
             unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, CHUNK) };
         }
         let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;

@@ -29,8 +29,8 @@ pub(crate) struct Refined<S: Simd> {
 }
 
 impl<S: Simd> Pairs<S> {
-    /// The same with corners at 0 in all other lanes: what is there by chance may be subnormal numbers, with which processors
-    /// take a hundred times as long.
+    /// The same with corners at 0 in all other lanes: what is there by chance may be subnormal numbers, with
+    /// which processors take a hundred times as long.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -48,7 +48,8 @@ impl<S: Simd> Pairs<S> {
         self
     }
 
-    /// Where the rays meet the planes. For lanes that are robust, with sheared coordinates that need no scaling, and no needles.
+    /// Where the rays meet the planes. For lanes that are robust, with sheared coordinates that need no scaling,
+    /// and no needles.
     ///
     /// # Safety
     /// The processor must have the set.

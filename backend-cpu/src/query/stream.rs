@@ -3,8 +3,8 @@
 //! A step of a ray is one wide node, whose boxes are tested all at once, or one block of triangles.
 //! After it the ray knows where it goes next, asks for that memory, and waits while others take
 //! their steps: when its turn comes the memory is there. Rays at nodes and rays at blocks take
-//! turns, those that wait for either as bits of one word, so that processors are not left to guess what a ray stands at; a ray that
-//! is answered makes room for the next one. Rays that go the same way are traced by
+//! turns, those that wait for either as bits of one word, so that processors are not left to guess what a ray
+//! stands at; a ray that is answered makes room for the next one. Rays that go the same way are traced by
 //! [`super::packet`] instead.
 
 use core::cell::RefCell;

@@ -16,16 +16,16 @@ pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 /// the least normal number.
 pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
 
-/// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as they are: the
-/// planes of such triangles are not known well enough.
+/// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as
+/// they are: the planes of such triangles are not known well enough.
 pub const NEEDLE: f32 = 7.0;
 
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
 /// edge, from which the ray is then less than 2^-21 away.
 const THIN: f32 = 4.768_371_6e-7; // 2^-21
 
-/// Products below this, of coordinates of which the greatest is near 1, count as 0: others have 46 bits that are normal numbers, so that
-/// nothing is lost on devices that flush.
+/// Products below this, of coordinates of which the greatest is near 1, count as 0: others have 46 bits that are
+/// normal numbers, so that nothing is lost on devices that flush.
 const PRODUCT_LEAST: f32 = 3.308_722_5e-24; // 2^-78
 
 /// Whether the ray passes all three edges by more than images err: then it meets the triangle itself, too. `area` is R P.
@@ -35,13 +35,15 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
     least > 0.0 && A::product(area, ROBUST) <= least
 }
 
-/// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and products of
+/// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and
+/// products of
 /// about 46 bits (Moeller and Trumbore 1997, with the triangle's normal). `width` is P, the greatest sheared coordinate.
 ///
-/// For triangles whose edge functions are at least [`ROBUST`] R P, and which are no deeper than [`NEEDLE`] P. With N the normal, d
-/// the direction, a the first corner from the origin and L the triangle's longest extent on any axis:
+/// For triangles whose edge functions are at least [`ROBUST`] R P, and which are no deeper than [`NEEDLE`] P.
+/// With N the normal, d the direction, a the first corner from the origin and L the triangle's longest extent on any axis:
 ///
-/// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d / d_z, differ from that
+/// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d /
+/// d_z, differ from that
 ///   by at most 76 u R P: 8 P times an image's error, and roundings. So |N.d| >= 116 u R P d_z; and L <= 2 P + 2 * 7 P = 16 P.
 /// - A product of doubled floats errs by less than 8 u^2 of its factors. A component of N is below 2 L^2 and errs by
 ///   30 u^2 L^2; a dot product with N errs by less than 208 u^2 L^2 times the greatest component of the other factor.
@@ -101,10 +103,12 @@ fn dot<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> f32 {
 /// Where the ray meets the image of a triangle, and the weights of that point. The image may be as thin as it likes;
 /// it has an area, whose sign is that of its front or back.
 ///
-/// Both axes are scaled by powers of two so that coordinates are near 1, which changes neither weights nor `t`. The ray is within the
-/// image, so this is at least 1 long on either axis. Edge functions err by less than 2^-44; where the area is at least [`THIN`], the point of
-/// the weights is within 2^-22 of the ray. Else the ray is within [`THIN`] of the longest edge, and the point of that edge is taken which is nearest to it.
-/// With the roundings of either that is less than 2^-20, and so 16 * 2^-24 of P.
+/// Both axes are scaled by powers of two so that coordinates are near 1, which changes neither weights nor `t`.
+/// The ray is within the
+/// image, so this is at least 1 long on either axis. Edge functions err by less than 2^-44; where the area is at
+/// least [`THIN`], the point of
+/// the weights is within 2^-22 of the ray. Else the ray is within [`THIN`] of the longest edge, and the point of
+/// that edge is taken which is nearest to it. With the roundings of either that is less than 2^-20, and so 16 * 2^-24 of P.
 pub(super) fn careful<A: Arithmetic>(
     flat: &[[f32; 2]; 3],
     depths: &[f32; 3],

@@ -2,9 +2,10 @@
 //!
 //! *What is met.* A corner's image is where it stands as the ray sees it: the origin subtracted, the
 //! direction's largest axis as z, sheared so that the ray runs along z, each step rounded once (Woop, Benthin and
-//! Wald 2013). An image depends on ray and corner alone. So the images of a mesh's triangles are a mesh again, as closed as the
-//! mesh is, with the ray as its z axis. **The ray meets a triangle where in real arithmetic it meets the
-//! triangle's closed image**; an image seen exactly edge on has no area and is met nowhere. Signs of edge functions decide that, and
+//! Wald 2013). An image depends on ray and corner alone. So the images of a mesh's triangles are a mesh again, as
+//! closed as the mesh is, with the ray as its z axis. **The ray meets a triangle where in real arithmetic it meets the
+//! triangle's closed image**; an image seen exactly edge on has no area and is met nowhere. Signs of edge
+//! functions decide that, and
 //! they are exact: a rounded difference of rounded products has the right sign or is zero, and zeros are looked at again.
 //!
 //! *Why no ray is lost.* A ray from inside a closed mesh of images leaves it. Moved sideways by ever less,
@@ -32,8 +33,8 @@ pub const SLIVER: f32 = 0.003_906_25; // 2^-8
 /// Determinants from here on are known: edge functions that count as 0, below [`EDGE_LEAST`], are 2^-24 of it or less.
 pub const DET_LEAST: f32 = 5.293_956e-23; // 2^-74
 
-/// Sums of products of edge functions and depths from here on, times 8, are known: what is lost of a product that is subnormal
-/// is 2^-33 of it or less.
+/// Sums of products of edge functions and depths from here on, times 8, are known: what is lost of a product that
+/// is subnormal is 2^-33 of it or less.
 pub const SUM_LEAST: f32 = 8.077_936e-28; // 2^-90
 
 /// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
@@ -58,7 +59,8 @@ pub fn watertight<A: Arithmetic>(
     finish::<A>(ray, &ray.origin, triangle, &seen, edges, front, [ray.t_min, ray.t_max])
 }
 
-/// The test where exponents leave the range of the plain one. Each corner is scaled by a power of two so that its distance is near
+/// The test where exponents leave the range of the plain one. Each corner is scaled by a power of two so that its
+/// distance is near
 /// 1: its image then depends on ray and corner alone, and in an edge function the scales of two corners are one factor.
 /// What follows takes the triangle scaled as a whole, to be as large as scenes that are not wide may be; what that flushes
 /// moves `t` by nothing that counts.
@@ -209,9 +211,10 @@ impl Seen {
 ///    The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at most 4 u of the greatest
 ///    depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|, `t` is off the image by less than 2^-15 |t|, and
 ///    off the triangle's plane by less than 2^-14 |t|.
-/// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by more than the images
-///    err. It then meets the triangle itself, and all three numbers are the triangle's.
-/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers are those of the image.
+/// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by
+/// more than the images    err. It then meets the triangle itself, and all three numbers are the triangle's.
+/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers
+/// are those of the image.
 ///
 /// So the point at `t` is always within a few roundings of a point of the triangle, and every traversal that allows for
 /// these visits the leaf which holds that point.

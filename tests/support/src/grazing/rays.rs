@@ -21,8 +21,8 @@ pub enum Kind {
     EdgeOn,
     /// Along an axis, mostly in planes along axes that corners lie in.
     AxisParallel,
-    /// To a point within a triangle, at a small angle to its plane: from before it, above an edge or above itself, so that it is
-    /// seen as thin as rounding allows, from the side or lengthwise.
+    /// To a point within a triangle, at a small angle to its plane: from before it, above an edge or above
+    /// itself, so that it is seen as thin as rounding allows, from the side or lengthwise.
     Skimming,
     /// From inside a closed surface, past its own faces; [`Surface`]s that are not closed have none.
     Inside,
