@@ -5,6 +5,7 @@
 use splitplane_test_support as _;
 use std::ffi::OsStr;
 use std::fs;
+use std::io::ErrorKind;
 use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
 use std::os::unix::process::CommandExt;
@@ -104,6 +105,58 @@ fn permissions_of_a_file_that_is_replaced_stay() {
             assert_ne!(fs::read(&path).unwrap(), b"old", "{name}");
         }
     }
+}
+
+/// Who may give files to other groups sees that the group stays; for all others it cannot change.
+#[test]
+fn the_group_of_a_file_that_is_replaced_stays() {
+    let folder = square();
+    let (arguments, name) = WRITERS[0];
+    let path = folder.path().join(name);
+    fs::write(&path, "old").unwrap();
+    let own = fs::metadata(&path).unwrap().gid();
+    let other = own + 1;
+    let expected = match std::os::unix::fs::chown(&path, None, Some(other)) {
+        Ok(()) => other,
+        Err(error) => {
+            assert_eq!(error.kind(), ErrorKind::PermissionDenied);
+            own
+        }
+    };
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
+    succeed(&folder, arguments);
+    let about = fs::metadata(&path).unwrap();
+    assert_eq!((about.gid(), about.mode() & 0o7777), (expected, 0o640));
+    assert_ne!(fs::read(&path).unwrap(), b"old");
+}
+
+#[test]
+fn all_hits_do_not_go_to_a_pipe_or_a_device() {
+    let folder = square();
+    for name in ["/dev/stdout", "/dev/null"] {
+        let arguments =
+            ["query", "square.obj", "--rays", "one.rays", "--kind", "all", "--hits", name];
+        let output = program(&folder).args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        assert_eq!(output.stdout, b"");
+        let error = String::from_utf8(output.stderr).unwrap();
+        assert!(error.contains("all hits are two files") && error.contains(name), "{error}");
+    }
+}
+
+/// A stream may lead to a file that others write to as well.
+#[test]
+fn streams_go_on_behind_what_is_there() {
+    let folder = square();
+    let log = folder.path().join("log");
+    fs::write(&log, "before\n").unwrap();
+    let to = fs::OpenOptions::new().append(true).open(&log).unwrap();
+    let arguments =
+        ["query", "square.obj", "--rays", "one.rays", "--hits", "/dev/stdout", "--quiet"];
+    let status = program(&folder).args(arguments).stdout(to).status().unwrap();
+    assert!(status.success());
+    let bytes = fs::read(&log).unwrap();
+    assert!(bytes.starts_with(b"before\n") && bytes.len() >= 7 + 16, "{bytes:?}");
 }
 
 #[test]

@@ -82,6 +82,18 @@ fn variants() -> Vec<Variant> {
         with.extend([[quad[0], quad[1], quad[2]], [quad[0], quad[2], quad[3]]]);
         add(format!("quad of {size:e} below"), with, &near, 0);
     }
+    // As many as leaves are not widened for, and more.
+    for (rows, size) in [(3, 1e6f32), (5, 1e6), (10, 1e6), (30, 1e6)] {
+        let mut with = base.clone();
+        let at = |i: i32| size * (2.0 * i as f32 / rows as f32 - 1.0);
+        let corner = |i: i32, j: i32| [at(i), -1.01 * HALF as f32, at(j)];
+        for (i, j) in (0..rows).flat_map(|i| (0..rows).map(move |j| (i, j))) {
+            let [a, b, c, d] =
+                [corner(i, j), corner(i + 1, j), corner(i + 1, j + 1), corner(i, j + 1)];
+            with.extend([[a, b, c], [a, c, d]]);
+        }
+        add(format!("{} triangles below", 2 * rows * rows), with, &near, 0);
+    }
     for least in [1e-10, 1e-20, 1e-30] {
         let mut with = base.clone();
         with[7][1][2] = least;

@@ -243,7 +243,12 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
 impl<A: Arithmetic> Inspect<TreeBuilder> for CpuExecutor<'_, A> {
     /// Empty for the input, which is the caller's, and for buffers that stand for several.
     fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, BuildError> {
-        Ok(CpuExecutor::live(self, buffer).unwrap_or_default().to_vec())
+        let bytes = CpuExecutor::live(self, buffer).unwrap_or_default();
+        let (mut copy, needed) = (Vec::new(), bytes.len() as u64);
+        let refused = |_| BuildError::OutOfMemory { needed, limit: needed };
+        copy.try_reserve_exact(bytes.len()).map_err(refused)?;
+        copy.extend_from_slice(bytes);
+        Ok(copy)
     }
 }
 

@@ -232,7 +232,8 @@ fn tree_bytes(built: &CpuAccelerator) -> u64 {
 #[test]
 fn rebuilt_and_loaded_ones_are_like_new() {
     let large = scenes::sphere(30, [0.0; 3], 1.0);
-    let scenes = [large, scenes::soup(700, 0.1, 3), scenes::none(), scenes::nested_spheres()];
+    let [soup, none] = [scenes::soup(700, 0.1, 3), scenes::none()];
+    let scenes = [large, scenes::giants(), soup, none, scenes::giants(), scenes::nested_spheres()];
     let backend = CpuBackend::new();
     let set = InstructionSet::detect();
     let first = options(BuildConfig::default(), QueryLayout::Fast);

@@ -78,9 +78,10 @@ fn peak_of<T>(work: impl FnOnce() -> T) -> (T, i64) {
     (out, PEAK.load(Relaxed) - before)
 }
 
-/// A mesh that shares corners, one that does not, and one that is a single leaf.
-fn scenes() -> [Scene; 3] {
-    [scenes::sphere(120, [0.0; 3], 1.0), scenes::soup(9_000, 0.05, 3), scenes::identical(100_000)]
+/// A mesh that shares corners, one that does not, one that is a single leaf, and one with large triangles.
+fn scenes() -> [Scene; 4] {
+    let [sphere, soup] = [scenes::sphere(120, [0.0; 3], 1.0), scenes::soup(9_000, 0.05, 3)];
+    [sphere, soup, scenes::identical(100_000), scenes::giants()]
 }
 
 fn options(preset: Preset, layout: QueryLayout) -> BuildOptions {
@@ -124,6 +125,14 @@ fn limits_are_held_to_the_byte() {
         for limit in [peak - 1, peak - peak / 50] {
             let error = build(Some(limit)).err().expect("not enough");
             assert_eq!(error, BuildError::OutOfMemory { needed: peak, limit }, "{what}");
+        }
+        // Wherever it is met.
+        for limit in (0..32).map(|part| peak * part / 32) {
+            let error = build(Some(limit)).err().expect("not enough");
+            let BuildError::OutOfMemory { needed, limit: said } = error else {
+                panic!("{what}: {error}");
+            };
+            assert!(said == limit && limit < needed && needed <= peak, "{what}: {needed}, {limit}");
         }
 
         // The same for rebuilds, which keep what they had when there is not enough. The least limit is that

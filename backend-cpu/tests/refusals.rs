@@ -240,7 +240,8 @@ fn builds_say_so() {
     let _alone = alone();
     let other = scenes::sphere(8, [0.0; 3], 1.0);
     // For preset best: nodes that are divided among tasks, and one that is a leaf above them all.
-    let scenes = [small(), scenes::soup(9_000, 0.02, 3), scenes::identical(9_000), scenes::none()];
+    let [soup, same] = [scenes::soup(9_000, 0.02, 3), scenes::identical(9_000)];
+    let scenes = [small(), soup, same, scenes::none(), scenes::giants()];
     for scene in &scenes {
         let mesh = scene.mesh();
         for (preset, layout) in PRESETS.into_iter().flat_map(|p| LAYOUTS.map(|layout| (p, layout)))

@@ -7,7 +7,7 @@
 
 use super::failure::Failure;
 use super::{npy, output};
-use splitplane::{AllHits, Hit, Located, Location, Rule};
+use splitplane::{AllHits, Hit, Located, Location, QueryError, Rule};
 use std::path::{Path, PathBuf};
 
 const HIT_TYPE: &str = "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4')]";
@@ -19,7 +19,7 @@ const NO_ANSWER: u8 = 255;
 
 /// Writes closest hits; a miss is `inf 4294967295 0 0`.
 pub(super) fn write_closest(path: &Path, hits: &[Hit]) -> Result<(), Failure> {
-    let mut bytes = start(path, HIT_TYPE, hits.len());
+    let mut bytes = start(path, HIT_TYPE, 16, hits.len())?;
     for hit in hits {
         let words = [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
         bytes.extend(words.into_iter().flat_map(u32::to_le_bytes));
@@ -30,7 +30,7 @@ pub(super) fn write_closest(path: &Path, hits: &[Hit]) -> Result<(), Failure> {
 /// Writes 1 for every ray that hits anything, 0 for the others; [`NO_ANSWER`] at the places in
 /// `flagged`.
 pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result<(), Failure> {
-    let mut bytes = start(path, "'|u1'", hits.len());
+    let mut bytes = start(path, "'|u1'", 1, hits.len())?;
     let first = bytes.len();
     bytes.extend(hits.iter().map(|&hit| u8::from(hit)));
     for &place in flagged {
@@ -41,14 +41,14 @@ pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result
 
 /// Writes all crossings of every ray; gives the names of both files, which appear together.
 pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Failure> {
-    let mut bytes = start(path, CROSSING_TYPE, all.crossings.len());
+    let mut bytes = start(path, CROSSING_TYPE, 20, all.crossings.len())?;
     for met in &all.crossings {
         let Hit { t, triangle, u, v } = met.hit;
         let words = [t.to_bits(), triangle, u.to_bits(), v.to_bits(), u32::from(met.front)];
         bytes.extend(words.into_iter().flat_map(u32::to_le_bytes));
     }
     let beside = starts_beside(path);
-    let mut starts = start(&beside, "'<u8'", all.starts.len());
+    let mut starts = start(&beside, "'<u8'", 8, all.starts.len())?;
     starts.extend(all.starts.iter().flat_map(|start| (*start as u64).to_le_bytes()));
     output::files([(path.to_owned(), bytes.as_slice()), (beside.clone(), starts.as_slice())])?;
     Ok([path.to_owned(), beside])
@@ -67,7 +67,7 @@ fn starts_beside(path: &Path) -> PathBuf {
 
 /// Writes 0 for every point outside, 1 for those inside, 2 for those on a triangle.
 pub(super) fn write_inside(path: &Path, located: &Located) -> Result<(), Failure> {
-    let mut bytes = start(path, "'|u1'", located.windings.len());
+    let mut bytes = start(path, "'|u1'", 1, located.windings.len())?;
     bytes.extend((0..located.windings.len()).map(|point| {
         match located.location(point, Rule::NonZero) {
             Location::Outside => 0,
@@ -78,9 +78,15 @@ pub(super) fn write_inside(path: &Path, located: &Located) -> Result<(), Failure
     output::file(path, &bytes)
 }
 
-fn start(path: &Path, kind: &str, count: usize) -> Vec<u8> {
-    match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy")) {
+/// The head of a file, and room for so many records of so many bytes behind it.
+fn start(path: &Path, kind: &str, size: usize, count: usize) -> Result<Vec<u8>, Failure> {
+    let mut bytes = match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy"))
+    {
         true => npy::header(kind, count),
         false => Vec::new(),
-    }
+    };
+    let needed = bytes.len() as u64 + size as u64 * count as u64;
+    let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
+    bytes.try_reserve_exact(size * count).map_err(refused)?;
+    Ok(bytes)
 }

@@ -60,7 +60,8 @@ pub(super) fn files<'a>(
     for (path, bytes) in files {
         let failed = |error: io::Error| unwritten(&path, &error);
         if let Place::Stream = Place::of(&path).map_err(failed)? {
-            let stream = fs::OpenOptions::new().write(true).open(&path);
+            // Behind what is there, where it leads to a file.
+            let stream = fs::OpenOptions::new().append(true).open(&path);
             stream.and_then(|mut stream| stream.write_all(bytes)).map_err(failed)?;
             ending::kept();
             continue;
@@ -92,6 +93,11 @@ pub(super) fn check_ending(path: &Path) -> Result<(), Failure> {
     }
     let shown = quoted_path(path);
     Err(Failure::usage(format!("`{shown}` does not end in .png; screenshots are written as PNG")))
+}
+
+/// Whether a name leads to what takes bytes as they come, such as a pipe.
+pub(super) fn is_stream(path: &Path) -> bool {
+    matches!(Place::of(path), Ok(Place::Stream))
 }
 
 /// What a name leads to.
@@ -192,8 +198,12 @@ impl Part {
         #[cfg(unix)]
         if let Some(permissions) = permissions {
             use std::os::unix::fs::PermissionsExt;
-            let plain = fs::Permissions::from_mode(permissions.mode() & 0o777);
-            handle.set_permissions(plain).map_err(failed)?;
+            let mut mode = permissions.mode() & 0o777;
+            // What only the old file's group may do is not for another one.
+            if !takes_group(&handle, &part.file) {
+                mode &= 0o707;
+            }
+            handle.set_permissions(fs::Permissions::from_mode(mode)).map_err(failed)?;
         }
         Ok((part, handle))
     }
@@ -221,6 +231,14 @@ impl Drop for Part {
             ending::done(&name);
         }
     }
+}
+
+/// Gives a file the group of another one; whether it has it now.
+#[cfg(unix)]
+fn takes_group(file: &fs::File, other: &Path) -> bool {
+    use std::os::unix::fs::{MetadataExt, fchown};
+    let (Ok(own), Ok(other)) = (file.metadata(), fs::metadata(other)) else { return false };
+    own.gid() == other.gid() || fchown(file, None, Some(other.gid())).is_ok()
 }
 
 /// Makes something under a name in the folder of a file that nobody can foresee.
@@ -266,17 +284,24 @@ fn keep_with(
         }
         let renamed = second.map(|second| old.push(second)).and_then(|()| part.rename());
         if let Err(error) = renamed {
-            let failure = unwritten(&part.path, &error);
+            let mut reason = error.to_string();
             for ((here, part), old) in parts.iter().enumerate().zip(old) {
                 match old {
                     // Still there under its own name.
                     Some(_) if here == place && !moved => {}
-                    Some(old) => drop(old.into_temp_path().persist(&part.file)),
+                    Some(old) => {
+                        let back = old.into_temp_path().persist(&part.file);
+                        // Rather under another name than gone.
+                        if let Some(Ok(name)) = back.err().map(|error| error.path.keep()) {
+                            let [file, name] = [&part.file, &name].map(|path| quoted_path(path));
+                            reason += &format!("; what `{file}` held is in `{name}` now");
+                        }
+                    }
                     None if here == place => {}
                     None => drop(fs::remove_file(&part.file)),
                 }
             }
-            return Err(failure);
+            return Err(unwritten(&parts[place].path, &io::Error::other(reason)));
         }
     }
     parts.iter().for_each(|_| ending::kept());

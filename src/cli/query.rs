@@ -6,8 +6,10 @@ use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
+use splitplane::from_file::quoted_path;
 use splitplane::{
-    Accelerator, AllHits, Hit, Located, Location, QueryOptions, Ray, Rule, Undecided, Watch,
+    Accelerator, AllHits, Hit, Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
+    Watch,
 };
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -88,8 +90,25 @@ enum Asked {
     Inside(Vec<[f32; 3]>, Located),
 }
 
+/// Room for so many answers.
+fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
+    let (mut answers, needed) = (Vec::new(), (count * size_of::<T>()) as u64);
+    let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
+    answers.try_reserve_exact(count).map_err(refused)?;
+    answers.resize(count, none);
+    Ok(answers)
+}
+
 impl Asked {
     fn read(arguments: &Arguments) -> Result<Asked, Failure> {
+        if let (Kind::All, Some(path)) = (arguments.kind, &arguments.hits)
+            && output::is_stream(path)
+        {
+            return Err(Failure::usage(format!(
+                "all hits are two files, which `{}` cannot be; give --hits the name of a file",
+                quoted_path(path)
+            )));
+        }
         let points = arguments.kind == Kind::Inside;
         let file = if points { &arguments.points } else { &arguments.rays };
         let Some(file) = file else {
@@ -106,8 +125,8 @@ impl Asked {
         let rays = ray_file::read(file, limit)?;
         let count = rays.len();
         Ok(match arguments.kind {
-            Kind::Closest => Asked::Closest(rays, vec![Hit::MISS; count]),
-            Kind::Any => Asked::Any(rays, vec![false; count]),
+            Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
+            Kind::Any => Asked::Any(rays, answers(count, false)?),
             Kind::All | Kind::Inside => Asked::All(rays, AllHits::none()),
         })
     }

@@ -109,7 +109,7 @@ impl Blocks {
             nodes: Vec::new(),
             wide: WideNodes::new(set.lanes()),
             words: Vec::new(),
-            large: Large::NONE,
+            large: Large::none(Aabb::EMPTY),
             mesh: None,
         }
     }

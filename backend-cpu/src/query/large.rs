@@ -1,9 +1,10 @@
 //! Triangles that are much larger than the leaves that name them, such as the ground under everything.
 //!
-//! Where rays hit a triangle is certain to a part of its size ([`splitplane_core::intersect::widened`]). Of a ground of a
-//! thousand kilometres that is some metres: if all leaves that name it were widened for it, they would all overlap. So the
-//! largest few are children of the root, of their own, and leaves are widened for their other triangles only. Leaves that
-//! name no others vanish. The tree itself stays what it is: its leaves still name them, and a ray may test one twice.
+//! The point of a hit may be off by a part of the triangle's size, so the boxes of leaves are widened by as much
+//! ([`splitplane_core::intersect::widened`]). For a ground of a thousand kilometres that is four metres: smaller leaves
+//! that name it would all overlap. So the few largest triangles become children of the root of the wide tree, and leaves
+//! are widened for their other triangles only. Leaves without other triangles vanish. The kd-tree itself stays as it is:
+//! its leaves still name the large triangles, and a ray may test one twice.
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
@@ -15,10 +16,15 @@ use splitplane_core::triangle::{Triangle, prepare};
 use super::layout::halves;
 use crate::lookout::Lookout;
 
-/// Most of them: every ray tests them, so where there are more they stay in their leaves.
-const MOST: usize = 16;
-/// How many times as long as a leaf is a triangle that widens it by a 64th of itself.
-const TIMES: f32 = 1.0 / (64.0 * SIZE_SLACK);
+/// Most of them: rays test them in whatever leaf they start, so where there are more they stay in their leaves.
+const MOST: usize = 64;
+/// So few cost rays next to nothing.
+const FEW: usize = 16;
+/// How many times as long as a leaf is a triangle that widens the leaf by a 64th of its length. Such triangles are large
+/// where they are few.
+const TIMES_FEW: f32 = 1.0 / (64.0 * SIZE_SLACK);
+/// The same for an eighth of the length, for up to [`MOST`] triangles.
+const TIMES_MANY: f32 = 1.0 / (8.0 * SIZE_SLACK);
 /// Leaves that are looked at to learn how long leaves are.
 const SAMPLES: usize = 63;
 
@@ -36,26 +42,33 @@ pub(crate) struct Large {
 }
 
 impl Large {
-    /// No triangles.
-    pub const NONE: Large = Large {
-        count: 0,
-        triangles: [0; MOST],
-        bounds: Aabb::EMPTY,
-        others: Aabb::EMPTY,
-        blocks: [0; 2],
-    };
+    /// None of some triangles with these bounds.
+    pub const fn none(others: Aabb) -> Large {
+        let (triangles, bounds) = ([0; MOST], Aabb::EMPTY);
+        Large { count: 0, triangles, bounds, others, blocks: [0; 2] }
+    }
 
-    /// Those of a tree over snapped triangles, if there are some and they are few; of no use when the lookout has
-    /// ended it.
+    /// Those of a tree over snapped triangles, if there are some and they are few. After cancellation the result is
+    /// incomplete and must not be used.
     pub fn of(tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) -> Large {
-        let limit = typical_leaf(tree) * TIMES;
-        let none = Large { others: tree.bounds, ..Large::NONE };
-        // No triangle is longer than all.
-        if longest_extent(&tree.bounds) <= limit {
-            return none;
+        let leaf = typical_leaf(tree);
+        for (times, most) in [(TIMES_FEW, FEW), (TIMES_MANY, MOST)] {
+            // No triangle is longer than all together.
+            if longest_extent(&tree.bounds) <= leaf * times {
+                break;
+            }
+            let large = Large::longer(leaf * times, triangles, look);
+            if large.count <= most {
+                return large;
+            }
         }
+        Large::none(tree.bounds)
+    }
+
+    /// Triangles that are longer than a limit, and bounds of all others.
+    fn longer(limit: f32, triangles: &[Triangle], look: &Lookout<'_>) -> Large {
         let chunks = triangles.par_chunks(4096).enumerate().map(|(chunk, triangles)| {
-            let mut large = Large::NONE;
+            let mut large = Large::none(Aabb::EMPTY);
             if look.worked(triangles.len() as u64) {
                 return large;
             }
@@ -72,16 +85,15 @@ impl Large {
             }
             large
         });
-        let all = chunks.reduce(
-            || Large::NONE,
+        chunks.reduce(
+            || Large::none(Aabb::EMPTY),
             |mut all, some| {
                 (0..some.count).for_each(|i| all.push(some.triangles.get(i).map_or(0, |&t| t)));
                 all.bounds = all.bounds.union(&some.bounds);
                 all.others = all.others.union(&some.others);
                 all
             },
-        );
-        if all.count > MOST { none } else { all }
+        )
     }
 
     /// One more, which is only counted where there is no place for it.
@@ -181,6 +193,10 @@ mod tests {
         assert_eq!(most.triangles(), (0..MOST as u32).collect::<Vec<_>>());
         assert_eq!(most.bounds, Aabb::of_points(&far));
         assert!(large(&[far; MOST + 1]).is_empty(), "too many");
+        // Large where they are few.
+        let longer = triangle(500.0);
+        assert_eq!(large(&[longer; FEW]).triangles().len(), FEW);
+        assert!(large(&[longer; FEW + 1]).is_empty());
         // Without any others nothing is larger than its leaf.
         let mesh = [far; 3];
         let mesh = Mesh::soup(&mesh).expect("a mesh");

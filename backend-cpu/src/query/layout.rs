@@ -21,8 +21,8 @@ use super::InstructionSet;
 use super::blocks::WalkNode;
 use super::large::Large;
 use super::pack::{MOST_WORDS, Packer};
-use super::plan::{Branch, Branches, Costs, Planner};
-use super::record::{Record, UNIT_WORDS};
+use super::plan::{Branch, Branches, Costs, Planner, run_nodes};
+use super::record::UNIT_WORDS;
 use crate::buffers::{Memory, bytes_of};
 use crate::lookout::Lookout;
 use crate::scatter::Scatter;
@@ -219,8 +219,12 @@ impl LayoutScratch {
         let wide = match large.is_empty() {
             _ if tree.bounds.is_empty() => 0,
             true => root.whole().max(1) as usize,
-            // A root above the tree's nodes, if there are any.
-            false => root.whole() as usize + 1,
+            // A root above the tree's nodes, if there are any, and those of the large triangles.
+            false => {
+                let (lanes, blocks) = (set.lanes() as u32, large.blocks[1]);
+                let own = if blocks < lanes { 0 } else { run_nodes(blocks, lanes) };
+                (1 + own + root.whole()) as usize
+            }
         };
         let scratch = budget.held.into_inner() - memory.held;
         Ok(Size { words, wide, large, root: root.branch(), scratch })
@@ -421,12 +425,8 @@ impl Maker<'_> {
         if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
             return Some(0);
         }
-        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        let mut packer = Packer::large(self.set.lanes(), self.source.triangles);
         let (_, blocks) = self.pack(triangles, [triangles.len(), 0], &mut packer, part)?;
-        let mut words = &mut part.words[..part.used];
-        while !words.is_empty() {
-            words = Record::mark_large(words);
-        }
         Some(blocks)
     }
 

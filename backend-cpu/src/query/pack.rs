@@ -27,6 +27,8 @@ pub(crate) const MOST_WORDS: usize = Record::words(MOST_LANES, 2 * MOST_LANES);
 pub(crate) struct Packer<'a> {
     /// Triangles of a block.
     lanes: usize,
+    /// What the first word of a block says besides its lengths.
+    mark: u32,
     /// The corners of the mesh's triangles.
     triangles: &'a [Triangle],
     /// By hash: the number of the corner seen last, over all blocks.
@@ -57,6 +59,7 @@ impl<'a> Packer<'a> {
     pub fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer {
             lanes,
+            mark: 0,
             triangles,
             seen: [0; SLOTS],
             start: 0,
@@ -65,6 +68,11 @@ impl<'a> Packer<'a> {
             places: [0; MOST_CORNERS],
             different: [0; MOST_CORNERS],
         }
+    }
+
+    /// The same for large triangles, in blocks that say so.
+    pub fn large(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
+        Packer { mark: Record::LARGE, ..Packer::new(lanes, triangles) }
     }
 
     /// Packs as many as fit of the first `left` of some references, one at least, into a block. The references
@@ -79,7 +87,7 @@ impl<'a> Packer<'a> {
             }
         };
         let before = Record::before_coordinates(count);
-        out[0] = count as u32 | (different as u32) << 8 | (before as u32) << 16;
+        out[0] = self.mark | count as u32 | (different as u32) << 8 | (before as u32) << 16;
         let words = Record::words(count, different);
         let (_, coordinates) = out[..words].split_at_mut(before);
         let (x, yz) = coordinates.split_at_mut(different);

@@ -32,14 +32,8 @@ pub(crate) struct Record<'a> {
 }
 
 impl Record<'_> {
-    const LARGE: u32 = 1 << 7;
-
-    /// Says of the first block of some that its triangles are large. Gives the others.
-    pub fn mark_large(words: &mut [u32]) -> &mut [u32] {
-        let units = Record::at(words, 0).units() as usize;
-        words[0] |= Record::LARGE;
-        &mut words[units * UNIT_WORDS..]
-    }
+    /// Set in the first word of a block of [`super::large`] triangles.
+    pub const LARGE: u32 = 1 << 7;
 
     /// Words before the coordinates of a block of so many triangles.
     pub const fn before_coordinates(count: usize) -> usize {

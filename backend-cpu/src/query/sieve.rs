@@ -123,9 +123,9 @@ impl ExactLane {
         ExactLane { ray, reach: Reach::of([0.0; 2], 0.0, 0.0), best: Best::default() }
     }
 
-    /// A ray about to start, if it can hit anything.
+    /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
+    /// [`super::large`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    /// `bounds` are those of large triangles, or of all, and those of all others.
     pub fn new(ray: &Ray, way: &Way, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })

@@ -262,7 +262,10 @@ impl Writer<'_> {
         match self.large.blocks {
             // The compact layout.
             [_, 0] => made.push(Child { kind: Kind::Leaf(nodes), bounds }),
-            [unit, blocks] => self.share(unit, blocks, self.lanes - 1, &bounds, made),
+            [unit, blocks] if (blocks as usize) < self.lanes => {
+                self.share(unit, blocks, self.lanes - 1, &bounds, made);
+            }
+            [unit, blocks] => made.push(Child { kind: Kind::Run(unit, blocks), bounds }),
         }
         root.into_iter().for_each(|root| made.push(root));
         made.order = Order::default();
@@ -375,7 +378,7 @@ impl Made {
 mod tests {
     use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
     use splitplane_core::config::{BuildConfig, Preset};
-    use splitplane_core::node::{KdNode, NodeKind};
+    use splitplane_core::node::NodeKind;
     use splitplane_test_support::scenes;
 
     use super::*;
@@ -383,7 +386,6 @@ mod tests {
     use crate::buffers::Memory;
     use crate::lookout::UNWATCHED;
     use crate::query::blocks::Blocks;
-    use crate::query::record::{Record, UNIT_WORDS};
     use crate::query::{InstructionSet, LayoutScratch, Source};
 
     /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
@@ -432,8 +434,9 @@ mod tests {
 
     #[test]
     fn nodes_name_every_leaf_once() {
-        for (count, same) in [(1, 0), (30, 0), (3, 5_000), (20_000, 700)] {
-            let scene = scenes::sizes(count, same, 5);
+        let sizes = [(1, 0), (30, 0), (3, 5_000), (20_000, 700)];
+        let sizes = sizes.map(|(count, same)| scenes::sizes(count, same, 5));
+        for scene in sizes.into_iter().chain([scenes::giants()]) {
             let (mesh, triangles) = (scene.mesh(), scene.triangles());
             let options = BuildOptions::from(BuildConfig::preset(Preset::Fast));
             let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
@@ -451,23 +454,37 @@ mod tests {
                     assert_eq!(next * blocks.wide.node_lines(), lines, "no node is left out");
                     assert_eq!(levels, blocks.wide.depth);
                     leaves.sort_unstable();
-                    let expected: Vec<u32> = if layout == QueryLayout::Compact {
-                        let nodes = built.tree().nodes.iter().zip(0..);
-                        let full = |node: &KdNode| {
-                            matches!(node.kind(), NodeKind::Leaf { count: 1.., .. })
-                        };
-                        nodes.filter(|(node, _)| full(node)).map(|(_, i)| i).collect()
-                    } else {
-                        let mut units = vec![0];
-                        let end = (blocks.words.len() - crate::query::record::TAIL) / UNIT_WORDS;
-                        while *units.last().unwrap() < end as u32 {
-                            let unit = units.last().unwrap();
-                            units.push(unit + Record::at(&blocks.words, *unit).units());
+                    // Leaves that name nothing but large triangles have vanished.
+                    let tree = built.tree();
+                    let large = blocks.large.triangles();
+                    let full = (0..).zip(&tree.nodes).filter(|(_, node)| match node.kind() {
+                        NodeKind::Leaf { first, count } => {
+                            let references = tree.view().leaf(first, count);
+                            references.iter().any(|triangle| !large.contains(triangle))
                         }
-                        units.pop();
-                        units
+                        NodeKind::Interior { .. } => false,
+                    });
+                    let full = full.map(|(number, _)| number);
+                    let mut expected: Vec<u32> = if layout == QueryLayout::Compact {
+                        full.chain((!large.is_empty()).then_some(tree.nodes.len() as u32)).collect()
+                    } else {
+                        let [unit, count] = blocks.large.blocks;
+                        let large = WalkNode::leaf(unit, count);
+                        let all = full.map(|node| blocks.nodes[node as usize]).chain([large]);
+                        all.flat_map(|leaf| {
+                            let units = blocks::leaf(&blocks.words, &leaf).map(|at| at.units());
+                            let end = |from: &mut u32, units: u32| {
+                                let begin = *from;
+                                *from += units;
+                                Some(begin)
+                            };
+                            units.scan(leaf.word, end).collect::<Vec<u32>>()
+                        })
+                        .collect()
                     };
-                    assert_eq!(leaves, expected, "{count} {same} {layout:?}");
+                    expected.sort_unstable();
+                    assert_eq!(leaves, expected, "{} {layout:?}", triangles.len());
+                    assert_eq!(large.len(), if scene.name == "giants" { 64 } else { 0 });
                 }
             }
         }

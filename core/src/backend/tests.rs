@@ -135,23 +135,23 @@ impl Accelerator for Leaf {
 }
 
 /// Adds up what it is told, weighted by how often it was told before, and ends the work at one of its looks.
-struct Looks {
+struct Recorder {
     count: AtomicU64,
     sum: AtomicU64,
     total: u64,
     last: u64,
 }
 
-impl Looks {
-    fn until(last: u64, total: u64) -> Looks {
-        Looks { count: AtomicU64::new(0), sum: AtomicU64::new(0), total, last }
+impl Recorder {
+    fn until(last: u64, total: u64) -> Recorder {
+        Recorder { count: AtomicU64::new(0), sum: AtomicU64::new(0), total, last }
     }
 }
 
-impl Watch for Looks {
+impl Watch for Recorder {
     fn progress(&self, progress: &Progress) -> ControlFlow<()> {
         assert_eq!(progress.total, self.total);
-        let looks = self.count.fetch_add(1, Relaxed) + 1;
+        let recorder = self.count.fetch_add(1, Relaxed) + 1;
         self.sum.fetch_add(progress.done * looks, Relaxed);
         if looks == self.last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -172,11 +172,11 @@ fn batches_are_answered_in_slices() {
     let (leaf, options) = (OneLeaf::leaf(&BuildOptions::default()), QueryOptions::default());
     let rays = rays(COUNT);
     let mut hits = alloc::vec![Hit::MISS; COUNT];
-    let looks = Looks::until(u64::MAX, COUNT as u64);
+    let recorder = Recorder::until(u64::MAX, COUNT as u64);
     let report =
-        leaf.closest_hits_watched(&rays, &mut hits, &options, &looks).expect("equal lengths");
+        leaf.closest_hits_watched(&rays, &mut hits, &options, &recorder).expect("equal lengths");
     let [once, twice, done] = [SLICE as u64, 2 * SLICE as u64, COUNT as u64];
-    assert_eq!(looks.sum.into_inner(), 2 * once + 3 * twice + 4 * done);
+    assert_eq!(recorder.sum.into_inner(), 2 * once + 3 * twice + 4 * done);
     for (ray, hit) in rays.iter().zip(&hits) {
         assert_eq!(*hit, leaf.closest_hit(ray, &options).unwrap_or(Hit::MISS));
     }
@@ -194,9 +194,9 @@ fn batches_are_answered_in_slices() {
     assert_eq!(report, expected);
     for (last, done) in [(1, 0), (2, SLICE), (3, 2 * SLICE), (4, COUNT)] {
         let cancelled = Err(QueryError::Cancelled { done: done as u64, total: COUNT as u64 });
-        let looks = || Looks::until(last, COUNT as u64);
-        assert_eq!(leaf.closest_hits_watched(&rays, &mut hits, &options, &looks()), cancelled);
-        assert_eq!(leaf.any_hits_watched(&rays, &mut any, &options, &looks()), cancelled);
+        let recorder = || Recorder::until(last, COUNT as u64);
+        assert_eq!(leaf.closest_hits_watched(&rays, &mut hits, &options, &recorder()), cancelled);
+        assert_eq!(leaf.any_hits_watched(&rays, &mut any, &options, &recorder()), cancelled);
     }
     let mismatch = Err(QueryError::LengthMismatch { rays: COUNT, results: COUNT - 1 });
     assert_eq!(leaf.closest_hits_watched(&rays, &mut hits[1..], &options, &()), mismatch);
@@ -207,15 +207,15 @@ fn all_hits_are_answered_in_slices() {
     const COUNT: usize = 2 * 4096 + 5;
     let (leaf, options) = (OneLeaf::leaf(&BuildOptions::default()), QueryOptions::default());
     let rays = rays(COUNT);
-    let looks = Looks::until(u64::MAX, COUNT as u64);
-    let all = leaf.all_hits_watched(&rays, &options, &looks).expect("memory");
-    assert_eq!(looks.sum.into_inner(), 2 * 4096 + 3 * 8192 + 4 * COUNT as u64);
+    let recorder = Recorder::until(u64::MAX, COUNT as u64);
+    let all = leaf.all_hits_watched(&rays, &options, &recorder).expect("memory");
+    assert_eq!(recorder.sum.into_inner(), 2 * 4096 + 3 * 8192 + 4 * COUNT as u64);
     let expected = leaf.all_hits(&rays, &options).expect("memory");
     assert_eq!((&all.starts, &all.crossings), (&expected.starts, &expected.crossings));
     assert!(!all.crossings.is_empty());
     let cancelled = QueryError::Cancelled { done: 4096, total: COUNT as u64 };
     assert_eq!(
-        leaf.all_hits_watched(&rays, &options, &Looks::until(2, COUNT as u64)),
+        leaf.all_hits_watched(&rays, &options, &Recorder::until(2, COUNT as u64)),
         Err(cancelled)
     );
 
@@ -250,7 +250,7 @@ fn points_are_located_by_hits_alone() {
     assert_eq!(located.location(0, Rule::NonZero), Location::Inside);
     assert_eq!(leaf.answered_by_cpu(), 0);
     let total = points.len() as u64;
-    let ended = leaf.locate_watched(&points, None, &Looks::until(9, total));
+    let ended = leaf.locate_watched(&points, None, &Recorder::until(9, total));
     assert!(matches!(ended, Err(QueryError::Cancelled { total: 5, .. })), "{ended:?}");
     let lacking = leaf.locate_watched(&points, Some(3), &());
     assert!(matches!(lacking, Err(QueryError::OutOfMemory { limit: 3, .. })), "{lacking:?}");
@@ -259,19 +259,19 @@ fn points_are_located_by_hits_alone() {
 #[test]
 fn builds_and_loads_ask_before_and_after() {
     let (mesh, options) = (mesh(), BuildOptions::default());
-    let whole = Looks::until(3, 4);
+    let whole = Recorder::until(3, 4);
     let built = OneLeaf.build_watched(&mesh, &options, &whole).ok().expect("a tree");
     let tree = built.tree().clone();
     assert_eq!(whole.sum.into_inner(), 2 * 4);
-    let whole = Looks::until(3, 4);
+    let whole = Recorder::until(3, 4);
     assert!(OneLeaf.load_watched(&mesh, tree.clone(), &options, &whole).is_ok());
     assert_eq!(whole.sum.into_inner(), 2 * 4);
     for (last, stage, done) in [(1, Stage::Start, 0), (2, Stage::Layout, 4)] {
-        let looks = || Looks::until(last, 4);
+        let recorder = || Recorder::until(last, 4);
         let cancelled = BuildError::Cancelled { progress: Progress { stage, done, total: 4 } };
-        let built = OneLeaf.build_watched(&mesh, &options, &looks());
+        let built = OneLeaf.build_watched(&mesh, &options, &recorder());
         assert_eq!(built.err(), Some(cancelled.clone()));
-        let loaded = OneLeaf.load_watched(&mesh, tree.clone(), &options, &looks());
+        let loaded = OneLeaf.load_watched(&mesh, tree.clone(), &options, &recorder());
         assert_eq!(loaded.err(), Some(cancelled));
     }
 }

@@ -135,6 +135,26 @@ pub fn soup(count: usize, size: f64, seed: u64) -> Scene {
     Scene::of_soup("soup", &triangles)
 }
 
+/// A soup under a sky of twelve triangles and over a ground of two, a million times as large, and some large
+/// triangles that share no corner: as many in all as have a place of their own in query layouts.
+pub fn giants() -> Scene {
+    let corner = |i: usize| [0, 1, 2].map(|k| if i >> k & 1 == 0 { -1e6 } else { 1e6 });
+    let faces =
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]];
+    let mut large: Vec<_> = faces
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+        .map(|t| t.map(corner))
+        .collect();
+    let [a, b, c, d] = [[-9e5, 0.5, -9e5], [9e5, 0.5, -9e5], [9e5, 0.5, 9e5], [-9e5, 0.5, 9e5]];
+    large.extend([[a, b, c], [a, c, d]]);
+    large.extend((0..50).map(|i| {
+        let (x, size) = (i as f32 * 1e3, 4e5 + i as f32);
+        [[x, -size, 0.1], [size, x, 0.2], [-x, size, -size]]
+    }));
+    Scene::of_soup("soup", &large).joined(&soup(1_500, 0.02, 8), "giants")
+}
+
 /// Random triangles in the unit cube, most of them small, some large, and the first `coincident` times more.
 pub fn sizes(count: usize, coincident: usize, seed: u64) -> Scene {
     let mut random = Random::new(seed);

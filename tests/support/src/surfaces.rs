@@ -184,11 +184,15 @@ const ULP: f64 = 1.0 / 16_777_216.0;
 /// By how much the weights' sum may exceed 1.
 const WEIGHTS_OVER: f64 = 8.0 * ULP;
 
-/// How far the point at a hit's `t` and the point of its weights lie apart, in the unit of [`APART`].
+/// Origin coordinates below 2^-60 are taken for one value: points may lie so much farther apart.
+const MOVED: f64 = 1.0 / (1u64 << 59) as f64;
+
+/// How far the point at a hit's `t` and the point of its weights lie apart, less [`MOVED`], in the unit of [`APART`].
 pub fn apart(triangle: &Triangle, ray: &Ray, hit: &Hit) -> f64 {
     let (u, v) = (f64::from(hit.u), f64::from(hit.v));
     let of_weights = weighted(&triangle.map(|p| p.map(f64::from)), [1.0 - u - v, u, v]);
-    length(minus(point_at(ray, hit.t), of_weights)) / unit(triangle, ray)
+    let apart = length(minus(point_at(ray, hit.t), of_weights)) - MOVED;
+    apart.max(0.0) / unit(triangle, ray)
 }
 
 /// One unit of [`APART`].
@@ -197,8 +201,7 @@ fn unit(triangle: &Triangle, ray: &Ray) -> f64 {
     let extent = |k: usize| f64::from(bounds.hi[k]) - f64::from(bounds.lo[k]);
     let size = (0..3).map(extent).fold(0.0, f64::max);
     let distance = |corner: &[f32; 3]| length(minus(corner.map(f64::from), origin));
-    // Origin coordinates below 2^-60 are taken for one value.
-    ULP * (triangle.iter().map(distance).fold(0.0, f64::max) + size) + 2f64.powi(-59) / APART
+    ULP * (triangle.iter().map(distance).fold(0.0, f64::max) + size)
 }
 
 fn point_at(ray: &Ray, t: f32) -> [f64; 3] {
@@ -221,7 +224,7 @@ pub fn soundness(triangle: &Triangle, ray: &Ray, hit: &Hit) -> Result<(), Unsoun
         return Err(Unsound::Weights);
     }
     let (bounds, point) = (Aabb::of_points(triangle), point_at(ray, hit.t));
-    let slack = APART * unit(triangle, ray);
+    let slack = APART * unit(triangle, ray) + MOVED;
     let within = |k: usize| {
         f64::from(bounds.lo[k]) - slack <= point[k] && point[k] <= f64::from(bounds.hi[k]) + slack
     };
