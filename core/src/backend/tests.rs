@@ -151,7 +151,7 @@ impl Recorder {
 impl Watch for Recorder {
     fn progress(&self, progress: &Progress) -> ControlFlow<()> {
         assert_eq!(progress.total, self.total);
-        let recorder = self.count.fetch_add(1, Relaxed) + 1;
+        let looks = self.count.fetch_add(1, Relaxed) + 1;
         self.sum.fetch_add(progress.done * looks, Relaxed);
         if looks == self.last { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -260,7 +260,7 @@ fn points_are_located_by_hits_alone() {
 fn builds_and_loads_ask_before_and_after() {
     let (mesh, options) = (mesh(), BuildOptions::default());
     let whole = Recorder::until(3, 4);
-    let built = OneLeaf.build_watched(&mesh, &options, &whole).ok().expect("a tree");
+    let Ok(built) = OneLeaf.build_watched(&mesh, &options, &whole) else { panic!("no tree") };
     let tree = built.tree().clone();
     assert_eq!(whole.sum.into_inner(), 2 * 4);
     let whole = Recorder::until(3, 4);

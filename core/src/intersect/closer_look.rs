@@ -36,15 +36,14 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 }
 
 /// Where the ray meets the plane of a triangle, and the weights of that point: from differences without error and
-/// products of
-/// about 46 bits (Moeller and Trumbore 1997, with the triangle's normal). `width` is P, the greatest sheared coordinate.
+/// products of about 46 bits (Moeller and Trumbore 1997, with the triangle's normal). `width` is P, the greatest
+/// sheared coordinate.
 ///
 /// For triangles whose edge functions are at least [`ROBUST`] R P, and which are no deeper than [`NEEDLE`] P.
 /// With N the normal, d the direction, a the first corner from the origin and L the triangle's longest extent on any axis:
 ///
-/// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d /
-/// d_z, differ from that
-///   by at most 76 u R P: 8 P times an image's error, and roundings. So |N.d| >= 116 u R P d_z; and L <= 2 P + 2 * 7 P = 16 P.
+/// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d / d_z,
+///   differ from that by at most 76 u R P: 8 P times an image's error, and roundings. So |N.d| >= 116 u R P d_z; and L <= 2 P + 2 * 7 P = 16 P.
 /// - A product of doubled floats errs by less than 8 u^2 of its factors. A component of N is below 2 L^2 and errs by
 ///   30 u^2 L^2; a dot product with N errs by less than 208 u^2 L^2 times the greatest component of the other factor.
 /// - `t` = N.a / N.d: the numerator moves it by 208 u^2 L^2 R / |N.d| < 1.8 u L^2 / (P d_z) <= 29 u L / d_z, and so the ray's point by

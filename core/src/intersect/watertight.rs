@@ -211,10 +211,10 @@ impl Seen {
 ///    The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at most 4 u of the greatest
 ///    depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|, `t` is off the image by less than 2^-15 |t|, and
 ///    off the triangle's plane by less than 2^-14 |t|.
-/// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by
-/// more than the images    err. It then meets the triangle itself, and all three numbers are the triangle's.
-/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers
-/// are those of the image.
+/// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by more
+///    than the images err. It then meets the triangle itself, and all three numbers are the triangle's.
+/// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers are
+///    those of the image.
 ///
 /// So the point at `t` is always within a few roundings of a point of the triangle, and every traversal that allows for
 /// these visits the leaf which holds that point.
