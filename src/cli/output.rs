@@ -293,7 +293,7 @@ fn keep_with(
                         let back = old.into_temp_path().persist(&part.file);
                         // Rather under another name than gone.
                         if let Some(Ok(name)) = back.err().map(|error| error.path.keep()) {
-                            let [file, name] = [&part.file, &name].map(|path| quoted_path(path));
+                            let [file, name] = [&part.file, &name].map(quoted_path);
                             reason += &format!("; what `{file}` held is in `{name}` now");
                         }
                     }

@@ -185,7 +185,7 @@ const ULP: f64 = 1.0 / 16_777_216.0;
 const WEIGHTS_OVER: f64 = 8.0 * ULP;
 
 /// Origin coordinates below 2^-60 are taken for one value: points may lie so much farther apart.
-const MOVED: f64 = 1.0 / (1u64 << 59) as f64;
+pub const MOVED: f64 = 1.0 / (1u64 << 59) as f64;
 
 /// How far the point at a hit's `t` and the point of its weights lie apart, less [`MOVED`], in the unit of [`APART`].
 pub fn apart(triangle: &Triangle, ray: &Ray, hit: &Hit) -> f64 {
