@@ -24,7 +24,7 @@ pub const PLANE_SLACK: f32 = 9.536_743e-7; // 2^-20
 /// Absolute widening of a plane's position, per unit of the longest triangle extent: roundings of
 /// corner images, and of `t` beside the edges, that grow with the triangle and not with the distance.
 pub const SIZE_SLACK: f32 = 3.814_697_3e-6; // 2^-18
-/// Absolute widening for origins moved by less than [`ORIGIN_LEAST`], on two axes by the shear; as much again for rounding.
+/// Absolute widening for origins next to 0, which move by up to twice [`ORIGIN_LEAST`], on two axes by the shear.
 const ORIGIN_SLACK: f32 = 3.469_447e-18; // 2^-58
 /// Absolute widening per unit of the scene's extent: slopes below 2^-40 count as zero, over at most
 /// 101 diagonals.

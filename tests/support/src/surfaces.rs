@@ -184,8 +184,9 @@ const ULP: f64 = 1.0 / 16_777_216.0;
 /// By how much the weights' sum may exceed 1.
 const WEIGHTS_OVER: f64 = 8.0 * ULP;
 
-/// Origin coordinates below 2^-60 are taken for one value: points may lie so much farther apart.
-pub const MOVED: f64 = 1.0 / (1u64 << 59) as f64;
+/// Origin coordinates below 2^-60 are taken for one value, 0 or 2^-60, so they move by up to 2^-59 on each axis: points
+/// may lie so much farther apart.
+pub const MOVED: f64 = 1.0 / (1u64 << 58) as f64;
 
 /// How far the point at a hit's `t` and the point of its weights lie apart, less [`MOVED`], in the unit of [`APART`].
 pub fn apart(triangle: &Triangle, ray: &Ray, hit: &Hit) -> f64 {
