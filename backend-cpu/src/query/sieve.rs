@@ -8,7 +8,8 @@
 //! *Rays that are changed* by being made ready: the coordinates of an origin next to 0 move by up to 2^-59, and those
 //! of one that is far away along the ray, where they are rounded once, by u M with M the greatest of them then. (Rays
 //! from further off than 2^60 might lose more: they are not sieved.) Both move a sheared coordinate by 4 u M or
-//! less, with M = 2^-36 for the former. R is taken longer by M, which allows for 4.1 u M; and `t` by 8 u M, besides what the difference from the offset rounds away, in `f64`.
+//! less, with M = 2^-36 for the former. R is taken longer by M, which allows for 4.1 u M; and `t` by 8 u M,
+//! besides what the difference from the offset rounds away, in `f64`.
 //!
 //! *Corners.* A sheared coordinate `(p_x - o_x) - s (p_z - o_z)` with |s| <= 1 errs by u R from its
 //! first difference, 3 u R from slope, difference and product, 2^-40 R for a slope taken as zero, and

@@ -207,6 +207,24 @@ mod tests {
         }
     }
 
+    /// By whole numbers of up to 53 bits.
+    #[test]
+    fn products_are_known_to_the_last_bit() {
+        let mut random = Random(7);
+        let mut inexact = 0;
+        for _ in 0..10_000 {
+            let [a, b] = [(); 2].map(|()| {
+                let bits = u64::from(random.bits()) << 32 | u64::from(random.bits());
+                let size = 11 + random.bits() % 53;
+                (bits >> size) as i64 * if random.bits() & 1 == 0 { 1 } else { -1 }
+            });
+            let rest = i128::from(a) * i128::from(b) - (a as f64 * b as f64) as i128;
+            assert_eq!(rounded_off(a as f64, b as f64), rest as f64, "{a} {b}");
+            inexact += u32::from(rest != 0);
+        }
+        assert!(inexact > 2_000, "{inexact}");
+    }
+
     /// A fraction in lowest terms, its denominator positive.
     #[derive(Clone, Copy, PartialEq)]
     struct Fraction(i128, i128);
