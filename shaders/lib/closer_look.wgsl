@@ -4,7 +4,9 @@
 // Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself.
 const ROBUST: f32 = 0x1p-18f;
 // Sheared coordinates from here on need no scaling.
-const WIDTH_LEAST: f32 = 0x1p-30f;
+const WIDTH_LEAST: f32 = 0x1p-16f;
+// Smaller ones are brought near this power of two.
+const WIDTH_POWER: i32 = 30;
 // Images deeper than this many times their greatest sheared coordinate are needles along the ray.
 const NEEDLE: f32 = 7.0;
 // Images with less area than this, where coordinates are near 1, are taken for their longest edge.
@@ -44,7 +46,7 @@ fn loose_dot(p: Double3, q: Double3) -> f32 {
 
 // Where the ray meets the plane of a triangle, and the weights of that point.
 fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f32) -> Candidate {
-    let power = select(0, -exponent(width), width < WIDTH_LEAST);
+    let power = select(0, WIDTH_POWER - exponent(width), width < WIDTH_LEAST);
     var a = triangle.a;
     var b = triangle.b;
     var c = triangle.c;

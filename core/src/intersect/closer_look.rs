@@ -12,9 +12,12 @@ use crate::triangle::Triangle;
 /// roundings, 4.1 u P^2, and P <= 2.1 R that is 34 u R P. This is 64 u.
 pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 
-/// Sheared coordinates from here on need no scaling: products of two, and what rounding leaves of these, are well above
-/// the least normal number.
-pub const WIDTH_LEAST: f32 = 9.313_226e-10; // 2^-30
+/// Sheared coordinates from here on need no scaling. A normal is then at least 2^-17 of 2^-32, its product with a corner
+/// 2^-65, and what rounding leaves of that 2^-113: normal numbers, unless a coordinate is far smaller still.
+pub const WIDTH_LEAST: f32 = 1.525_878_9e-5; // 2^-16
+/// Smaller ones are brought near this power of two. Distances are at most 2^19 of them, or the triangle would not be
+/// [`ROBUST`]; so products of three are below 2^120.
+const WIDTH_POWER: i32 = 30;
 
 /// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as
 /// they are: the planes of such triangles are not known well enough.
@@ -58,7 +61,7 @@ pub fn refined<A: Arithmetic>(
     triangle: &Triangle,
     width: f32,
 ) -> Candidate {
-    let power = if width < WIDTH_LEAST { -exponent(width) } else { 0 };
+    let power = if width < WIDTH_LEAST { WIDTH_POWER - exponent(width) } else { 0 };
     // Upward, and so without error.
     let scaled = |p: &[f32; 3]| if power == 0 { *p } else { p.map(|x| scale(x, power)) };
     let ([a, b, c], origin) = (triangle.each_ref().map(scaled), scaled(origin));
