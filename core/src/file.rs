@@ -146,7 +146,7 @@ impl<'a> TreeFile<'a> {
 /// The bytes of a tree file.
 ///
 /// # Errors
-/// [`BuildError::OutOfMemory`] where the system has no memory for them.
+/// [`BuildError::OutOfMemory`](crate::backend::BuildError::OutOfMemory) where the system has no memory for them.
 #[cfg(feature = "alloc")]
 pub fn write(
     tree: &KdTreeView<'_>,

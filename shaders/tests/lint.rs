@@ -14,7 +14,7 @@
 //!   `difference` return what passed the barrier. *Written*: nothing else is written to a buffer.
 //! - *Barrier*: every entry point whose functions use `opaque_zero`, or the function through which it
 //!   reaches them, sets it first, from a member `zero` of a buffer, and nothing else writes it. *Free*: kernels
-//! of the tree builder, and those of the   ray tracer that trace no rays, call no free operation at all.
+//!   of the tree builder, and those of the ray tracer that trace no rays, call no free operation at all.
 //! - *NotFinite*: no infinity or NaN that a compiler can see, as a literal or a constant's bits.
 //!
 //! Shaders of accuracy `fast` (names that end in `_fast`) may compute as they like.

@@ -16,7 +16,7 @@ use crate::host;
 /// The parts of a finished tree that are already on the device.
 #[derive(Clone, Debug)]
 pub struct TreeParts {
-    /// [`KdNode`]s in preorder, 8 bytes each. Usages `STORAGE` and `COPY_SRC`.
+    /// [Nodes](splitplane_core::node::KdNode) in preorder, 8 bytes each. Usages `STORAGE` and `COPY_SRC`.
     pub nodes: wgpu::Buffer,
     /// Triangle indices, named by leaves. Usages `STORAGE` and `COPY_SRC`.
     pub leaf_references: wgpu::Buffer,
@@ -179,7 +179,7 @@ impl DeviceTree {
         })
     }
 
-    /// The nodes: [`KdNode`], 8 bytes each.
+    /// The nodes: [`KdNode`](splitplane_core::node::KdNode), 8 bytes each.
     pub fn nodes(&self) -> &wgpu::Buffer {
         &self.parts.nodes
     }

@@ -125,8 +125,8 @@ enum Side {
 
 /// A tree that answers rays.
 enum Built {
-    Cpu(CpuAccelerator),
-    Gpu(WgpuAccelerator),
+    Cpu(Box<CpuAccelerator>),
+    Gpu(Box<WgpuAccelerator>),
 }
 
 impl Side {
@@ -146,8 +146,8 @@ impl Side {
 
     fn build(&self, mesh: &Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
         Ok(match self {
-            Side::Cpu(backend) => Built::Cpu(backend.build_accelerator(mesh, options)?),
-            Side::Gpu(backend) => Built::Gpu(backend.build_accelerator(mesh, options)?),
+            Side::Cpu(backend) => Built::Cpu(Box::new(backend.build_accelerator(mesh, options)?)),
+            Side::Gpu(backend) => Built::Gpu(Box::new(backend.build_accelerator(mesh, options)?)),
         })
     }
 }
@@ -155,8 +155,8 @@ impl Side {
 impl Built {
     fn accelerator(&self) -> &dyn Accelerator {
         match self {
-            Built::Cpu(tree) => tree,
-            Built::Gpu(tree) => tree,
+            Built::Cpu(tree) => &**tree,
+            Built::Gpu(tree) => &**tree,
         }
     }
 }
