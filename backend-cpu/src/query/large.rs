@@ -194,7 +194,7 @@ mod tests {
         assert_eq!(most.bounds, Aabb::of_points(&far));
         assert!(large(&[far; MOST + 1]).is_empty(), "too many");
         // Large where they are few.
-        let longer = triangle(500.0);
+        let longer = triangle(1200.0);
         assert_eq!(large(&[longer; FEW]).triangles().len(), FEW);
         assert!(large(&[longer; FEW + 1]).is_empty());
         // Without any others nothing is larger than its leaf.
