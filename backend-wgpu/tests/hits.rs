@@ -464,6 +464,7 @@ fn constants_are_the_cores() {
         ("ROBUST", intersect::ROBUST),
         ("SLIVER", intersect::SLIVER),
         ("WIDTH_LEAST", intersect::WIDTH_LEAST),
+        ("DISTANCE_LEAST", intersect::DISTANCE_LEAST),
         ("SLOPE_LEAST", intersect::SLOPE_LEAST),
         ("DIRECTION_LEAST", intersect::DIRECTION_LEAST),
         ("COORDINATE_MOST", intersect::COORDINATE_MOST),

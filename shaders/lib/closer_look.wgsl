@@ -11,6 +11,8 @@ const WIDTH_POWER: i32 = 30;
 const NEEDLE: f32 = 7.0;
 // Images with less area than this, where coordinates are near 1, are taken for their longest edge.
 const THIN: f32 = 0x1p-21f;
+// Distances from a plane, times its normal, count as 0 below this.
+const DISTANCE_LEAST: f32 = 0x1p-90f;
 // Products below this, of coordinates of which the greatest is near 1, count as 0.
 const PRODUCT_LEAST: f32 = 0x1p-78f;
 
@@ -65,7 +67,8 @@ fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f
     let normal = loose_cross(ab, ac);
     let across = loose_cross(way, oa);
     let det = loose_dot(normal, way);
-    var t = quotient(loose_dot(normal, oa), det);
+    let distance = loose_dot(normal, oa);
+    var t = quotient(select(distance, 0.0, abs(distance) < DISTANCE_LEAST), det);
     if power != 0 {
         t = scale(t, -power);
     }

@@ -6,6 +6,8 @@
 //! is only what adds zero: a zero may have the other sign here, which no other number depends on, since
 //! divisors are not 0.
 
+use splitplane_core::intersect::DISTANCE_LEAST;
+
 use super::simd::Simd;
 
 /// Rays and triangles, a pair a lane; on the axes of the mesh.
@@ -71,6 +73,8 @@ impl<S: Simd> Pairs<S> {
             let [x, y, z] = normal;
             let det = dot([x.times_float(d[0]), y.times_float(d[1]), z.times_float(d[2])]);
             let distance = dot([x.times(oa[0]), y.times(oa[1]), z.times(oa[2])]);
+            let known = S::le(S::splat(DISTANCE_LEAST), S::abs(distance));
+            let distance = S::select(known, distance, S::splat(0.0));
             let [x, y, z] = across;
             let v = dot([x.times(ac[0]), y.times(ac[1]), z.times(ac[2])]);
             let w = dot([x.times(ab[0]), y.times(ab[1]), z.times(ab[2])]);

@@ -19,6 +19,10 @@ pub const WIDTH_LEAST: f32 = 1.525_878_9e-5; // 2^-16
 /// [`ROBUST`]; so products of three are below 2^120.
 const WIDTH_POWER: i32 = 30;
 
+/// Distances from a plane, times its normal, count as 0 below this: they are less than what rounding leaves of them where
+/// widths are [`WIDTH_LEAST`] or more, and a device that flushes subnormal numbers would leave something else.
+pub const DISTANCE_LEAST: f32 = 8.077_936e-28; // 2^-90
+
 /// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as
 /// they are: the planes of such triangles are not known well enough.
 pub const NEEDLE: f32 = 7.0;
@@ -69,7 +73,8 @@ pub fn refined<A: Arithmetic>(
     let normal = cross::<A>(&ab, &ac);
     let across = cross::<A>(&direction.map(Double::from_float), &oa);
     let det = dot::<A>(&normal, &direction.map(Double::from_float));
-    let t = A::quotient(dot::<A>(&normal, &oa), det);
+    let distance = dot::<A>(&normal, &oa);
+    let t = A::quotient(if distance.abs() < DISTANCE_LEAST { 0.0 } else { distance }, det);
     Candidate {
         t: if power == 0 { t } else { scale(t, -power) },
         u: A::quotient(-dot::<A>(&across, &ac), det),

@@ -10,7 +10,7 @@ mod prepare;
 mod scale;
 mod watertight;
 
-pub use closer_look::{NEEDLE, ROBUST, WIDTH_LEAST, refined};
+pub use closer_look::{DISTANCE_LEAST, NEEDLE, ROBUST, WIDTH_LEAST, refined};
 pub use moeller_trumbore::moeller_trumbore;
 pub(crate) use prepare::scale;
 pub use prepare::{PreparedRay, stop_after};
