@@ -114,3 +114,65 @@ fn rays_that_can_hit_nothing() {
     assert!(none(good.with_limits(0.0, f32::NAN)));
     assert!(!none(good.with_limits(f32::NEG_INFINITY, f32::INFINITY)));
 }
+
+/// Rays that start in the planes of triangles with coordinates of very different magnitude: what is left of the distance is
+/// subnormal in part, which devices may flush.
+#[test]
+fn what_devices_flush_decides_nothing() {
+    let unit = [[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]];
+    let cases: [(Triangle, [f32; 3], [f32; 3]); 5] = [
+        (
+            [
+                [1.296_891_7e-5, 0.0, 1.787_583e-12],
+                [-2.368_901_3e-14, 0.0, -2.828_894_2e-9],
+                [-2.731_21e-5, -8.282_862e-17, -2.575_207_8e-7],
+            ],
+            [9.446_495_7e-7, -2.221_083e-17, -6.932_082e-8],
+            [-0.336_521_5, -1.0, -0.001_837_440_1],
+        ),
+        (
+            [
+                [0.000_174_318_51, -3.909_292_4e-26, -3.371_315e-18],
+                [1.659_195_2e-15, -2.246_652_6e-7, -2.981_770_8e-19],
+                [-4.470_06e-14, 3.567_222_8e-29, -2.951_371_6e-19],
+            ],
+            [6.660_374_5e-5, -5.717_767_6e-8, -1.471_259e-18],
+            [-1.0, -0.001_186_293_1, -0.406_640_32],
+        ),
+        (
+            [
+                [2.206_956e-5, 1.773_700_8e-19, -6.103_556_4e-20],
+                [1.499_559_7e-20, -5.003_901e-17, -7.861_559e-5],
+                [-2.101_149_4e-16, -5.796_769_2e-18, -1.664_631_1e-6],
+            ],
+            [5.051_542e-6, -2.087_974_6e-17, -2.989_596_2e-5],
+            [0.964_189_05, 0.508_616_1, -1.0],
+        ),
+        (
+            [
+                [1.179_923_7e-25, 3.367_261e-28, -1.304_043_5e-8],
+                [0.000_466_221_42, 4.126_317e-17, -3.978_457e-21],
+                [-1.667_296_8e-6, -7.623_129_7e-28, 2.476_986_1e-18],
+            ],
+            [0.000_223_637_12, 1.982_482_4e-17, -3.670_120_4e-9],
+            [-0.837_724_9, 1.0, -1.014_738_1e-5],
+        ),
+        (
+            [
+                [0.0, 0.0, 2.538_244_2e-5],
+                [0.0, 0.0, 5.906_67e-11],
+                [-8.430_592e-8, -4.675_483_2e-17, -4.667_038_2e-5],
+            ],
+            [-2.546_839e-9, -1.412_439_7e-18, 1.041_208_2e-5],
+            [-0.000_551_108, -0.601_141_04, -1.0],
+        ),
+    ];
+    for (triangle, origin, direction) in cases {
+        let (scene, ray) = (scene(&[triangle, unit]), Ray::new(origin, direction));
+        let strict = PreparedRay::new::<Strict>(&ray, &scene).expect("a ray");
+        let hostile = PreparedRay::new::<Hostile>(&ray, &scene).expect("a ray");
+        let hit = watertight::<Strict>(&strict, &triangle, Culling::None);
+        assert!(hit.is_some(), "{ray:?}");
+        assert_eq!(watertight::<Hostile>(&hostile, &triangle, Culling::None), hit, "{ray:?}");
+    }
+}
