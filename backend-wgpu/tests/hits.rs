@@ -457,7 +457,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn constants_are_the_cores() {
-    let constants: [(&str, f32); 12] = [
+    let constants: [(&str, f32); 13] = [
         ("PLANE_SLACK", intersect::PLANE_SLACK),
         ("STOP_SLACK", intersect::STOP_SLACK),
         ("EDGE_LEAST", intersect::EDGE_LEAST),
