@@ -457,7 +457,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn constants_are_the_cores() {
-    let constants: [(&str, f32); 13] = [
+    let constants: [(&str, f32); 14] = [
         ("PLANE_SLACK", intersect::PLANE_SLACK),
         ("STOP_SLACK", intersect::STOP_SLACK),
         ("EDGE_LEAST", intersect::EDGE_LEAST),
@@ -465,6 +465,7 @@ fn constants_are_the_cores() {
         ("SLIVER", intersect::SLIVER),
         ("WIDTH_LEAST", intersect::WIDTH_LEAST),
         ("DISTANCE_LEAST", intersect::DISTANCE_LEAST),
+        ("T_LEAST", intersect::T_LEAST),
         ("SLOPE_LEAST", intersect::SLOPE_LEAST),
         ("DIRECTION_LEAST", intersect::DIRECTION_LEAST),
         ("COORDINATE_MOST", intersect::COORDINATE_MOST),

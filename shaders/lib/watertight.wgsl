@@ -9,6 +9,8 @@ const WIDE_POWER: i32 = 38;
 const DET_LEAST: f32 = 0x1p-74f;
 // Sums of products of edge functions and depths from here on, times 8, are known.
 const SUM_LEAST: f32 = 0x1p-90f;
+// A `t` from a closer look counts as 0 below this.
+const T_LEAST: f32 = 0x1p-64f;
 // Images with less area than this, per square of the greatest sheared coordinate, are looked at more closely.
 const SLIVER: f32 = 0x1p-8f;
 
@@ -259,6 +261,7 @@ fn finish_test(
         } else {
             hit = careful(seen, depths, side);
         }
+        hit.t = select(hit.t, 0.0, abs(hit.t) < T_LEAST);
     }
     hit.t = least(most(hit.t, nearest), farthest);
     if hit.t < t_min || hit.t > t_max {

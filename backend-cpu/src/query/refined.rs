@@ -6,7 +6,7 @@
 //! is only what adds zero: a zero may have the other sign here, which no other number depends on, since
 //! divisors are not 0.
 
-use splitplane_core::intersect::DISTANCE_LEAST;
+use splitplane_core::intersect::{DISTANCE_LEAST, T_LEAST};
 
 use super::simd::Simd;
 
@@ -75,10 +75,12 @@ impl<S: Simd> Pairs<S> {
             let distance = dot([x.times(oa[0]), y.times(oa[1]), z.times(oa[2])]);
             let known = S::le(S::splat(DISTANCE_LEAST), S::abs(distance));
             let distance = S::select(known, distance, S::splat(0.0));
+            let t = S::div(distance, det);
+            let t = S::select(S::le(S::splat(T_LEAST), S::abs(t)), t, S::splat(0.0));
             let [x, y, z] = across;
             let v = dot([x.times(ac[0]), y.times(ac[1]), z.times(ac[2])]);
             let w = dot([x.times(ab[0]), y.times(ab[1]), z.times(ab[2])]);
-            Refined { t: S::div(distance, det), v: S::sub(S::splat(0.0), v), w, det }
+            Refined { t, v: S::sub(S::splat(0.0), v), w, det }
         }
     }
 }

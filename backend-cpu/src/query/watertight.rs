@@ -7,7 +7,7 @@
 use splitplane_core::arithmetic::snap;
 use splitplane_core::intersect::{
     Candidate, DET_LEAST, EDGE_LEAST, INTERPOLATION_ERROR, NEEDLE, ROBUST, SLIVER, SUM_LEAST,
-    WIDTH_LEAST,
+    T_LEAST, WIDTH_LEAST,
 };
 use splitplane_core::ray::Culling;
 
@@ -267,8 +267,9 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let early = S::sub(interpolated, error);
         let after = S::le(span.t_min, S::add(interpolated, error));
         let before = S::le(early, span.t_max);
-        // Nothing is further off than the farthest corner, whatever the error.
-        let soon = S::le(S::min(farthest, early), span.stop);
+        // Nothing is further off than the farthest corner, whatever the error. A `t` that counts as 0 may precede the best.
+        let stop = S::max(span.stop, S::splat(T_LEAST));
+        let soon = S::le(S::min(farthest, early), stop);
         let known = S::le(det_least, size);
         let hazy = S::bits(S::le(disorder, S::max(eightfold, sum_least))) | !S::bits(known);
         let within = S::bits(S::and(S::and(after, before), soon)) | hazy;

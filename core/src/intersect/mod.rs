@@ -15,7 +15,7 @@ pub use moeller_trumbore::moeller_trumbore;
 pub(crate) use prepare::scale;
 pub use prepare::{PreparedRay, stop_after};
 pub use scale::{Limits, SceneScale, longest_extent, widened};
-pub use watertight::{DET_LEAST, INTERPOLATION_ERROR, SLIVER, SUM_LEAST, watertight};
+pub use watertight::{DET_LEAST, INTERPOLATION_ERROR, SLIVER, SUM_LEAST, T_LEAST, watertight};
 
 /// Relative widening of the distance to a plane. The accepted hit point is off the triangle by at
 /// most 8 roundings (2^-24 each) of its distance to the plane on the plane's axis (differences,

@@ -37,6 +37,11 @@ pub const DET_LEAST: f32 = 5.293_956e-23; // 2^-74
 /// is subnormal is 2^-33 of it or less.
 pub const SUM_LEAST: f32 = 8.077_936e-28; // 2^-90
 
+/// A `t` from a closer look counts as 0 below this: what is left of it may be subnormal, which a device need not keep.
+/// It is less than the slack that every traversal allows for, `ORIGIN_SLACK`. Wide scenes are scaled, and there it is
+/// 2^-102 of the triangle's size.
+pub const T_LEAST: f32 = 5.421_010_9e-20; // 2^-64
+
 /// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
 const WIDE_POWER: i32 = 38;
 
@@ -261,11 +266,12 @@ fn finish<A: Arithmetic>(
                 return None;
             }
         }
-        if is_robust::<A>([u, v, w], area) && spread <= A::product(NEEDLE, width) {
+        let closer = if is_robust::<A>([u, v, w], area) && spread <= A::product(NEEDLE, width) {
             refined::<A>(origin, &ray.direction, triangle, width)
         } else {
             careful::<A>(&seen.flat, &depths, front)
-        }
+        };
+        Candidate { t: if closer.t.abs() < T_LEAST { 0.0 } else { closer.t }, ..closer }
     };
     hit.t = min(max(hit.t, nearest), farthest);
     // Snapped, since devices may ignore the sign of zero.
