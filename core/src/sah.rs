@@ -1,6 +1,8 @@
 //! The surface area heuristic: the paper's equations, and the integer form that decides.
 //!
-//! Equations 1 to 6 are numbered as in Martin's survey of Zhou et al. 2008. They are here in `f64`
+//! Equations are numbered as in Martin's survey of Zhou et al. 2008: 1 is the surface of a box, 2 what a node
+//! costs by its children, 3 the sum of that over a tree, 4 the sum for the tree of its Figure 8 (`report::worked` of
+//! the program), 5 the cost of a tree with triangles in its leaves, 6 the greedy cost of a split. They are here in `f64`
 //! to explain and to report; no tree of the schedule depends on them. Those trees are decided by
 //! [`Extents`], [`split_cost`] and [`expected_quarters`], the same heuristic in whole numbers on
 //! extents quantised to 10 bits, which gives the same answer on every device. Preset `best` is built
@@ -9,11 +11,19 @@
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, power_of_two, truncated};
 use crate::config::BuildConfig;
+use crate::node::{KdNode, NodeKind};
+use crate::tree::KdTreeView;
 
-/// Half the surface area of a box with these extents.
+/// Equation 1: the surface area of a box with sides l, m and n, `2 ((l + m) n + l m)`.
+pub fn equation_1(extents: [f64; 3]) -> f64 {
+    2.0 * half_area(extents)
+}
+
+/// Half the surface area of a box with these extents: Equation 1 without its factor of two, which cancels wherever areas
+/// are divided by one another.
 pub fn half_area(extents: [f64; 3]) -> f64 {
-    let [x, y, z] = extents;
-    x * (y + z) + y * z
+    let [l, m, n] = extents;
+    (l + m) * n + l * m
 }
 
 /// Half the surface area of a box; 0 for an empty one.
@@ -24,45 +34,35 @@ pub fn half_area_of(bounds: &Aabb) -> f64 {
     half_area([0, 1, 2].map(|axis| f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis])))
 }
 
-/// Equation 1: the expected cost of a ray through a node that is split, from the probabilities that
-/// it meets the children and what they then cost.
-pub fn equation_1(
-    traversal: f64,
-    p_left: f64,
-    cost_left: f64,
-    p_right: f64,
-    cost_right: f64,
-) -> f64 {
-    traversal + p_left * cost_left + p_right * cost_right
+/// Equation 2: the average cost of a node with `children` children (k), `k SA_self / SA_root`. The areas may be half
+/// areas. 0 for a leaf, k for the root.
+pub fn equation_2(children: u32, own_area: f64, root_area: f64) -> f64 {
+    f64::from(children) * area_ratio(own_area, root_area)
 }
 
-/// Equation 2: the probability that a ray that meets a box also meets a box inside it: the ratio of
-/// their surface areas.
-pub fn equation_2(inner_half_area: f64, outer_half_area: f64) -> f64 {
-    inner_half_area / outer_half_area
+/// The probability that a line that meets a box also meets a convex box inside it: the ratio of their surface
+/// areas, which may be half areas (MacDonald and Booth 1990).
+pub fn area_ratio(inner_area: f64, outer_area: f64) -> f64 {
+    inner_area / outer_area
 }
 
-/// Equation 3: the cost of a node split into leaves of `left` and `right` triangles.
-pub fn equation_3(traversal: f64, intersection: f64, area: [f64; 3], left: f64, right: f64) -> f64 {
-    let [node, left_area, right_area] = area;
-    equation_1(
-        traversal,
-        equation_2(left_area, node),
-        intersection * left,
-        equation_2(right_area, node),
-        intersection * right,
-    )
+/// Equation 3: the cost of a tree by the children of its nodes, the sum of [`equation_2`] over all of them. 0 where the
+/// bounds have no area.
+///
+/// Equation 4 is this sum for the tree of the survey's Figure 8: `2 (1 + 18/30 + 22/30) = 4.67`.
+pub fn equation_3(tree: &KdTreeView<'_>) -> f64 {
+    let root = half_area_of(&tree.bounds);
+    let mut sum = 0.0;
+    tree.walk(|_, kind, cell, _| {
+        let children = if matches!(kind, NodeKind::Interior { .. }) { 2 } else { 0 };
+        sum += equation_2(children, half_area_of(cell), root);
+    });
+    if root > 0.0 { sum } else { 0.0 }
 }
 
-/// Equation 4: Equation 3 with free traversal and unit tests, the form of the survey's worked
-/// example.
-pub fn equation_4(area: [f64; 3], left: f64, right: f64) -> f64 {
-    equation_3(0.0, 1.0, area, left, right)
-}
-
-/// Equation 5, corrected: the cost of a finished tree. The survey divides by the parent's area and
-/// leaves the triangle count out; summed over a tree the areas are relative to the *root*, and a
+/// Equation 5, corrected: the cost of a finished tree. Areas are relative to the *root*, and a
 /// leaf costs K_I for each of its triangles (as Aila, Karras and Laine 2013 print it).
+/// [`equation_5_printed`] is the form that the survey prints.
 ///
 /// `interior_area` is the sum of interior half areas, `leaf_area` the sum of leaf half areas each
 /// times its triangle count.
@@ -79,9 +79,36 @@ pub fn equation_5(
     (traversal * interior_area + intersection * leaf_area) / root_area
 }
 
-/// Equation 6: the greedy cost that the small-node stage minimises, in units of K_I.
-pub fn equation_6(cost_ratio: f64, area: [f64; 3], left: f64, right: f64) -> f64 {
-    equation_3(cost_ratio, 1.0, area, left, right)
+/// Equation 5 as the survey prints it: areas relative to the node's *parent*, the root its own, and K_I once a leaf, however
+/// many triangles it has. It grows with the number of nodes and says little of what rays cost. Nodes whose parent has
+/// no area count nothing.
+pub fn equation_5_printed(traversal: f64, intersection: f64, tree: &KdTreeView<'_>) -> f64 {
+    let cost = |index: usize| {
+        let leaf = tree.nodes.get(index).is_some_and(KdNode::is_leaf);
+        if leaf { intersection } else { traversal }
+    };
+    let mut sum = if half_area_of(&tree.bounds) > 0.0 { cost(0) } else { 0.0 };
+    tree.walk(|index, kind, cell, _| {
+        let NodeKind::Interior { axis, split, right } = kind else { return };
+        let parent = half_area_of(cell);
+        if parent > 0.0 {
+            let (mut low, mut high) = (*cell, *cell);
+            low.hi[axis.index()] = split;
+            high.lo[axis.index()] = split;
+            for (child, index) in [(low, index + 1), (high, right as usize)] {
+                sum += cost(index) * area_ratio(half_area_of(&child), parent);
+            }
+        }
+    });
+    sum
+}
+
+/// Equation 6: the greedy cost of a split, `C_ts + C_L SA_L / SA_parent + C_R SA_R / SA_parent`. `areas` are those of the
+/// node and of its children; the children's costs are taken to be their numbers of triangles, as if both were
+/// leaves, in units of K_I.
+pub fn equation_6(cost_ratio: f64, areas: [f64; 3], left: f64, right: f64) -> f64 {
+    let [node, left_area, right_area] = areas;
+    cost_ratio + left * area_ratio(left_area, node) + right * area_ratio(right_area, node)
 }
 
 /// A cell's extents, scaled by a power of two so that the longest is in `512..=1023`, as integers.
@@ -189,6 +216,7 @@ fn quarters_of_power(power: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::node::Axis;
 
     /// Near the power it stands for, never falling, and concave but for the rounding.
     #[test]
@@ -226,33 +254,54 @@ mod tests {
     }
     use crate::arithmetic::Strict;
 
-    /// Two rows of the survey's Table 1 are mistyped: the half area of a 4 x 2 x 10 part is
-    /// (4 + 2) 10 + 4 * 2 = 68, not 88, and that of a 6 x 10 x 10 part is
-    /// (6 + 10) 10 + 6 * 10 = 220, where it prints 4 * 10.
+    /// The tree of the survey's Figure 8: its planes, and leaves of which one holds three triangles.
+    fn figure_8() -> [KdNode; 7] {
+        [
+            KdNode::interior(Axis::X, 4.0, 4),
+            KdNode::interior(Axis::Y, 2.0, 3),
+            KdNode::leaf(0, 0),
+            KdNode::leaf(0, 3),
+            KdNode::interior(Axis::Y, 8.0, 6),
+            KdNode::leaf(3, 0),
+            KdNode::leaf(3, 0),
+        ]
+    }
+
+    fn view(nodes: &[KdNode]) -> KdTreeView<'_> {
+        let bounds = Aabb { lo: [0.0; 3], hi: [10.0; 3] };
+        let config = BuildConfig::default();
+        KdTreeView { nodes, references: &[0, 1, 2], bounds, triangles: 3, config }
+    }
+
     #[test]
-    fn half_areas_of_the_worked_example() {
+    fn equation_1_is_the_sum_of_six_faces() {
+        assert_eq!(equation_1([2.0, 3.0, 5.0]), 62.0);
         assert_eq!(half_area([4.0, 2.0, 10.0]), 68.0);
         assert_eq!(half_area([6.0, 10.0, 10.0]), 220.0);
     }
 
-    /// The survey's Equation 4 comes to 4.67. Here as a cube of side 10 cut in the middle with 2 and
-    /// 5 triangles: (2 * 200 + 5 * 200) / 300. A part with no triangle adds nothing, whatever its
-    /// area, which is why the misprint of 88 for 68 does not show in the survey's sum.
+    /// 2 (300 + 180 + 220) / 300: Equation 4.
     #[test]
-    fn the_worked_example_costs_4_67() {
-        let whole = half_area([10.0; 3]);
-        let half = half_area([5.0, 10.0, 10.0]);
-        let cost = equation_4([whole, half, half], 2.0, 5.0);
+    fn equation_4_is_equation_3_of_figure_8() {
+        let cost = equation_3(&view(&figure_8()));
         assert!((cost - 14.0 / 3.0).abs() < 1e-12, "{cost}");
-        for misprint in [68.0, 88.0] {
-            let with_empty = cost + 0.0 * equation_2(misprint, whole);
-            assert_eq!(format_2(with_empty), 467);
-        }
+        assert_eq!(equation_2(2, 300.0, 300.0), 2.0);
+        assert_eq!(equation_2(0, 88.0, 300.0), 0.0);
+        let flat = Aabb { lo: [0.0; 3], hi: [0.0, 0.0, 1.0] };
+        assert_eq!(equation_3(&KdTreeView { bounds: flat, ..view(&figure_8()) }), 0.0);
     }
 
-    /// Hundredths, rounded.
-    fn format_2(x: f64) -> u32 {
-        (x * 100.0 + 0.5) as u32
+    /// By hand: K_T (1 + 180/300 + 220/300) and K_I ((68 + 152)/180 + (188 + 92)/220).
+    #[test]
+    fn equation_5_as_printed_divides_by_the_parent() {
+        let expected = 3.0 * (700.0 / 300.0) + 5.0 * (220.0 / 180.0 + 280.0 / 220.0);
+        let cost = equation_5_printed(3.0, 5.0, &view(&figure_8()));
+        assert!((cost - expected).abs() < 1e-12, "{cost} {expected}");
+        assert_eq!(equation_5_printed(3.0, 5.0, &view(&[KdNode::leaf(0, 3)])), 5.0);
+        // A line has no area, and neither have its parts.
+        let bounds = Aabb { lo: [0.0; 3], hi: [0.0, 0.0, 1.0] };
+        let nodes = [KdNode::interior(Axis::Z, 0.5, 2), KdNode::leaf(0, 3), KdNode::leaf(3, 0)];
+        assert_eq!(equation_5_printed(3.0, 5.0, &KdTreeView { bounds, ..view(&nodes) }), 0.0);
     }
 
     #[test]
@@ -260,8 +309,8 @@ mod tests {
         // One split of a unit cube in the middle, 3 and 5 triangles: root area 3, halves 2 each.
         let cost = equation_5(1.5, 2.0, 3.0, 3.0, 3.0 * 2.0 + 5.0 * 2.0);
         assert!((cost - (1.5 + 2.0 * 16.0 / 3.0)).abs() < 1e-12);
-        // Which is Equation 3 for the same split.
-        assert!((cost - equation_3(1.5, 2.0, [3.0, 2.0, 2.0], 3.0, 5.0)).abs() < 1e-12);
+        // Which is Equation 6 for the same split, there in units of K_I.
+        assert!((cost - 2.0 * equation_6(0.75, [3.0, 2.0, 2.0], 3.0, 5.0)).abs() < 1e-12);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 
 use crate::config::MAX_DEPTH;
 use crate::node::NodeKind;
-use crate::sah::{equation_2, equation_5, half_area_of};
+use crate::sah::{area_ratio, equation_5, half_area_of};
 use crate::tree::KdTreeView;
 
 /// Classes of [`TreeStats::leaf_sizes`]: 0, 1, 2, 3-4, 5-8, ... and everything above 2^14.
@@ -146,7 +146,7 @@ impl TreeStats {
         stats.sah_cost = equation_5(ratio, 1.0, root, areas.interior, areas.tests);
         stats.block_cost = equation_5(ratio, 1.0, root, areas.interior, areas.blocks);
         if root > 0.0 {
-            stats.expected = RayCost::from_array(areas.to_array().map(|a| equation_2(a, root)));
+            stats.expected = RayCost::from_array(areas.to_array().map(|a| area_ratio(a, root)));
         }
         stats
     }

@@ -84,12 +84,12 @@ impl Report {
         out += "The presets that shaped the trees:\n\n";
         out += &presets(&self.presets).markdown();
         out += "\n## Tables 1 and 2, Equation 4: the worked example\n\n\
-                Half areas and costs by the survey's equations (`core/src/sah.rs`): the two rows with a \
-                misprint, and Equation 4 for a cut of the same cost, a cube of side 10 halved, with 2 and 5 \
-                triangles. The other rows are not reproduced.\n\n";
+                The tree of the survey's Figure 8, built node by node in its cube of side 10; half areas (Equation 1 without \
+                its factor of two), costs by the number of children k (Equation 2) and their sum (Equations 3 and 4) by \
+                `core/src/sah.rs`. Two rows are misprinted.\n\n";
         out += &table_1;
-        out += "\nThe misprint of 88 for 68 goes into Table 2 and Equation 4 with a factor of no \
-                triangles, and so changes neither:\n\n";
+        out += "\nThe misprint of 88 for 68 goes into Table 2 and Equation 4 with k = 0, a leaf's, and so \
+                changes neither:\n\n";
         out += &table_2;
         out += "\n## Table 3: time to build, time to trace, cost\n\n\
                 T_tree: from triangles in memory to a tree that rays can be traced through; the offline \

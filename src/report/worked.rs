@@ -1,107 +1,197 @@
-//! The survey's worked example (its Tables 1 and 2 and Equation 4), as far as it is known here.
+//! The survey's worked example: the tree of its Figure 8, its Tables 1 and 2, and Equation 4.
 
 use super::table::{Cell, Table};
 use serde::Serialize;
-use splitplane_core::sah::{equation_2, equation_4, half_area};
+use splitplane_core::aabb::Aabb;
+use splitplane_core::config::BuildConfig;
+use splitplane_core::node::{Axis, KdNode, NodeKind};
+use splitplane_core::sah::{equation_2, equation_3, half_area_of};
+use splitplane_core::tree::KdTreeView;
 
-/// A half area of Table 1 whose terms are known, which are those with a misprint.
+/// A node of Figure 8, as printed and as computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Row {
-    /// The row, as it is named there.
+    /// The node's three keys, by which it is named there.
     pub name: &'static str,
-    /// Extents of the part.
+    /// Its cell.
     pub extents: [f64; 3],
-    /// The terms, as they are printed.
-    pub typed: &'static str,
+    /// Table 1: the terms of the half area, as they are printed.
+    pub printed_terms: &'static str,
     /// What these terms come to.
-    pub typed_value: f64,
-    /// The printed half area.
-    pub printed: f64,
+    pub printed_terms_value: f64,
+    /// The half area, as printed.
+    pub printed_area: f64,
     /// The half area.
-    pub computed: f64,
-    /// What is wrong.
+    pub area: f64,
+    /// k, the number of children.
+    pub children: u32,
+    /// Table 2: Equation 2 with the area as printed.
+    pub printed_cost: f64,
+    /// Equation 2.
+    pub cost: f64,
+    /// What is wrong in print; empty where nothing is.
     pub misprint: &'static str,
 }
 
 /// The worked example.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Worked {
-    /// Table 1: half areas.
-    pub table_1: Vec<Row>,
-    /// Table 2: what the misprinted area adds to the cost, printed and computed.
-    pub empty_part: [f64; 2],
+    /// All seven nodes, in the order of Table 1.
+    pub rows: Vec<Row>,
     /// Equation 4, as printed.
     pub equation_4_printed: f64,
-    /// Equation 4 of a cut with the same cost.
+    /// Equation 4: [`equation_3`] of the tree.
     pub equation_4: f64,
 }
 
-/// The whole of the cut that stands in for the survey's: a cube.
-const CUBE: [f64; 3] = [10.0; 3];
-/// Either half of it.
-const HALF: [f64; 3] = [5.0, 10.0, 10.0];
+/// What is printed of a node.
+struct Printed {
+    name: &'static str,
+    /// Its index in the tree, in preorder.
+    node: usize,
+    terms: &'static str,
+    terms_value: f64,
+    area: f64,
+    misprint: &'static str,
+}
+
+/// Table 1, in its order.
+const PRINTED: [Printed; 7] = [
+    Printed {
+        name: "(4, 6, 2)",
+        node: 0,
+        terms: "(10 + 10) 10 + 10 x 10",
+        terms_value: (10.0 + 10.0) * 10.0 + 10.0 * 10.0,
+        area: 300.0,
+        misprint: "",
+    },
+    Printed {
+        name: "(3, 2, 5)",
+        node: 1,
+        terms: "(4 + 10) 10 + 4 x 10",
+        terms_value: (4.0 + 10.0) * 10.0 + 4.0 * 10.0,
+        area: 180.0,
+        misprint: "",
+    },
+    Printed {
+        name: "(6, 8, 8)",
+        node: 4,
+        terms: "(6 + 10) 10 + 4 x 10",
+        terms_value: (6.0 + 10.0) * 10.0 + 4.0 * 10.0,
+        area: 220.0,
+        misprint: "a term: 6 x 10, not 4 x 10; 220 is right",
+    },
+    Printed {
+        name: "(2, 1, 5)",
+        node: 2,
+        terms: "(4 + 2) 10 + 4 x 2",
+        terms_value: (4.0 + 2.0) * 10.0 + 4.0 * 2.0,
+        area: 88.0,
+        misprint: "the sum: 68, not 88",
+    },
+    Printed {
+        name: "(3, 5, 3)",
+        node: 3,
+        terms: "(4 + 8) 10 + 4 x 8",
+        terms_value: (4.0 + 8.0) * 10.0 + 4.0 * 8.0,
+        area: 152.0,
+        misprint: "",
+    },
+    Printed {
+        name: "(6, 4, 9)",
+        node: 5,
+        terms: "(6 + 8) 10 + 6 x 8",
+        terms_value: (6.0 + 8.0) * 10.0 + 6.0 * 8.0,
+        area: 188.0,
+        misprint: "",
+    },
+    Printed {
+        name: "(8, 9, 3)",
+        node: 6,
+        terms: "(6 + 2) 10 + 6 x 2",
+        terms_value: (6.0 + 2.0) * 10.0 + 6.0 * 2.0,
+        area: 92.0,
+        misprint: "",
+    },
+];
+
+/// Figure 8: the root splits x at 4; its left child splits y at 2, its right child y at 8. The
+/// third level, which would split z, are leaves.
+const NODES: [KdNode; 7] = [
+    KdNode::interior(Axis::X, 4.0, 4),
+    KdNode::interior(Axis::Y, 2.0, 3),
+    KdNode::leaf(0, 0),
+    KdNode::leaf(0, 0),
+    KdNode::interior(Axis::Y, 8.0, 6),
+    KdNode::leaf(0, 0),
+    KdNode::leaf(0, 0),
+];
+
+/// The tree of the survey's Figure 8 in its bounds, a cube of side 10. Its leaves are empty: the survey's example
+/// has points in its nodes, and counts no triangles.
+pub fn figure_8() -> KdTreeView<'static> {
+    KdTreeView {
+        nodes: &NODES,
+        references: &[],
+        bounds: Aabb { lo: [0.0; 3], hi: [10.0; 3] },
+        triangles: 0,
+        config: BuildConfig::default(),
+    }
+}
 
 impl Worked {
     /// Computes the example with the equations of [`splitplane_core::sah`].
     pub fn compute() -> Worked {
-        let row = |name, extents, typed, typed_value, printed, misprint| Row {
-            name,
-            extents,
-            typed,
-            typed_value,
-            printed,
-            computed: half_area(extents),
-            misprint,
+        let tree = figure_8();
+        let mut nodes = [(Aabb::EMPTY, 0); NODES.len()];
+        tree.walk(|index, kind, cell, _| {
+            let children = if matches!(kind, NodeKind::Interior { .. }) { 2 } else { 0 };
+            nodes[index] = (*cell, children);
+        });
+        let root = half_area_of(&tree.bounds);
+        let row = |printed: &Printed| {
+            let (cell, children) = nodes[printed.node];
+            let area = half_area_of(&cell);
+            Row {
+                name: printed.name,
+                extents: [0, 1, 2].map(|axis| f64::from(cell.hi[axis]) - f64::from(cell.lo[axis])),
+                printed_terms: printed.terms,
+                printed_terms_value: printed.terms_value,
+                printed_area: printed.area,
+                area,
+                children,
+                printed_cost: equation_2(children, printed.area, root),
+                cost: equation_2(children, area, root),
+                misprint: printed.misprint,
+            }
         };
-        let table_1 = vec![
-            row(
-                "(2, 1, 5)",
-                [4.0, 2.0, 10.0],
-                "(4 + 2) 10 + 4 x 2",
-                (4.0 + 2.0) * 10.0 + 4.0 * 2.0,
-                88.0,
-                "the sum: 68, not 88",
-            ),
-            row(
-                "(6, 8, 8)",
-                [6.0, 10.0, 10.0],
-                "(6 + 10) 10 + 4 x 10",
-                (6.0 + 10.0) * 10.0 + 4.0 * 10.0,
-                220.0,
-                "a term: 6 x 10, not 4 x 10; 220 is right",
-            ),
-        ];
-        let whole = half_area(CUBE);
-        let half = half_area(HALF);
-        let none = |area| 0.0 * equation_2(area, whole);
         Worked {
-            empty_part: [none(table_1[0].printed), none(table_1[0].computed)],
+            rows: PRINTED.iter().map(row).collect(),
             equation_4_printed: 4.67,
-            equation_4: equation_4([whole, half, half], 2.0, 5.0),
-            table_1,
+            equation_4: equation_3(&tree),
         }
     }
 
-    /// Table 1.
+    /// Table 1: half areas.
     pub fn table_1(&self) -> Table {
         let mut table = Table::new(&[
-            "row",
-            "extents",
+            "node",
+            "cell",
             "printed terms",
             "printed terms come to",
             "printed",
             "computed",
             "misprint",
         ]);
-        for row in &self.table_1 {
+        for row in &self.rows {
             let [x, y, z] = row.extents;
             table.push(vec![
                 row.name.into(),
                 format!("{x} x {y} x {z}").into(),
-                row.typed.into(),
-                Cell::Number(row.typed_value, 0),
-                Cell::Number(row.printed, 0),
-                Cell::Number(row.computed, 0),
+                row.printed_terms.into(),
+                Cell::Number(row.printed_terms_value, 0),
+                Cell::Number(row.printed_area, 0),
+                Cell::Number(row.area, 0),
                 row.misprint.into(),
             ]);
         }
@@ -110,14 +200,20 @@ impl Worked {
 
     /// Table 2 and Equation 4: costs.
     pub fn table_2(&self) -> Table {
-        let mut table = Table::new(&["cost", "printed", "computed"]);
+        let mut table = Table::new(&["node", "k", "as printed", "printed", "computed"]);
+        for row in &self.rows {
+            table.push(vec![
+                row.name.into(),
+                row.children.into(),
+                format!("{} ({} / 300)", row.children, row.printed_area).into(),
+                Cell::Number(row.printed_cost, 4),
+                Cell::Number(row.cost, 4),
+            ]);
+        }
         table.push(vec![
-            "part (2, 1, 5), without triangles: 0 x area / whole".into(),
-            Cell::Number(self.empty_part[0], 2),
-            Cell::Number(self.empty_part[1], 2),
-        ]);
-        table.push(vec![
-            "Equation 4".into(),
+            "all, Equation 4".into(),
+            Cell::Missing,
+            "2 (1 + 18/30 + 22/30)".into(),
             Cell::Number(self.equation_4_printed, 2),
             Cell::Number(self.equation_4, 2),
         ]);
@@ -134,16 +230,33 @@ mod tests {
         let worked = Worked::compute();
         // Surfaces of boxes, face by face, halved.
         let faces = |[x, y, z]: [f64; 3]| (2.0 * x * y + 2.0 * y * z + 2.0 * x * z) / 2.0;
-        for row in &worked.table_1 {
-            assert_eq!(row.computed, faces(row.extents), "{}", row.name);
-            let right = [row.typed_value == row.computed, row.printed == row.computed];
-            assert_eq!(right, if row.name == "(2, 1, 5)" { [true, false] } else { [false, true] });
+        for row in &worked.rows {
+            assert_eq!(row.area, faces(row.extents), "{}", row.name);
+            let right = [row.printed_terms_value == row.area, row.printed_area == row.area];
+            let expected = match row.name {
+                "(2, 1, 5)" => [true, false],
+                "(6, 8, 8)" => [false, true],
+                _ => [true, true],
+            };
+            assert_eq!((right, row.misprint.is_empty()), (expected, expected == [true; 2]));
         }
-        assert_eq!(worked.empty_part, [0.0; 2]);
-        assert_eq!(
-            format!("{:.2}", worked.equation_4),
-            format!("{:.2}", worked.equation_4_printed)
+        let sum: f64 = worked.rows.iter().map(|row| row.printed_cost).sum();
+        assert!((sum - worked.equation_4).abs() < 1e-12, "no misprint reaches the sum");
+        assert_eq!(format!("{:.2}", worked.equation_4), "4.67");
+    }
+
+    /// All that the report says of the example.
+    #[test]
+    fn snapshot() {
+        let worked = Worked::compute();
+        insta::assert_snapshot!(
+            "figure-8",
+            format!(
+                "{}\n{}\n{}",
+                splitplane_core::dump::dump(&figure_8(), usize::MAX),
+                worked.table_1().markdown(),
+                worked.table_2().markdown()
+            )
         );
-        assert_eq!((worked.table_1().rows().len(), worked.table_2().rows().len()), (2, 2));
     }
 }

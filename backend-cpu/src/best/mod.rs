@@ -3,8 +3,8 @@
 //!
 //! # What is built
 //! The candidates of a node are the faces of its references' bounds that lie strictly inside its cell.
-//! The node is split by the candidate of least (cost, axis, position); the cost is Equation 3 of
-//! [`splitplane_core::sah`] with blocks of W triangles, times `1 - empty_bonus / 256` where a side is
+//! The node is split by the candidate of least (cost, axis, position); the cost is Equation 6 of
+//! [`splitplane_core::sah`] with blocks of W triangles and K_T and K_I apart, times `1 - empty_bonus / 256` where a side is
 //! empty. Candidates are compared with children that cost what [`splitplane_core::sah::expected_quarters`]
 //! says; whether a split pays is asked with leaves for children, and where the first does not pay, the
 //! one that is least with leaves is tried. References planar in the plane go left together or right together,
