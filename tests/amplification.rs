@@ -303,8 +303,7 @@ fn textures_are_read_where_they_are_seen() {
         (&[&picture[..], &["--heatmap", "nodes"]].concat(), false),
         (&[&picture[..], &["--no-textures"]].concat(), false),
     ] {
-        let backend = if verb[0] == "trade" { "--backends" } else { "--backend" };
-        let output = run(folder.path(), &[verb, &[backend, "cpu"]].concat());
+        let output = run(folder.path(), &[verb, &["--backend", "cpu"]].concat());
         let notes = text(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{verb:?}: {notes}");
         assert_eq!(notes.contains("the texture `a.png`"), reads, "{verb:?}: {notes}");

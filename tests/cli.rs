@@ -690,6 +690,34 @@ fn adapters_are_listed_and_none_is_no_failure() {
     assert_ne!(adapter["parity"], "bitwise");
 }
 
+/// Without a desktop a layer of Mesa's complains whenever Vulkan is opened. The program starts itself anew without it, with the same
+/// arguments, input and output.
+#[test]
+#[cfg_attr(not(target_os = "linux"), ignore = "Mesa's layer is on Linux")]
+fn mesa_does_not_complain_that_there_is_no_desktop() {
+    let folder = square();
+    for runtime in [None, Some(""), Some("relative")] {
+        for arguments in
+            [&["adapters"][..], &["build", "square.obj", "--json"], &["build", "no such.obj"]]
+        {
+            let mut command = program(folder.path(), arguments);
+            command.env_remove("XDG_RUNTIME_DIR").env_remove("NODEVICE_SELECT");
+            if let Some(runtime) = runtime {
+                command.env("XDG_RUNTIME_DIR", runtime);
+            }
+            let output = command.output().unwrap();
+            let notes = text(&output.stderr);
+            assert!(!notes.contains("XDG_RUNTIME_DIR"), "{arguments:?}: {notes}");
+            let missing = arguments[0] == "build";
+            assert_eq!(output.status.code(), Some(if missing { 3 } else { 0 }), "{notes}");
+            assert_eq!(
+                (output.stdout.is_empty(), notes.contains("no such.obj")),
+                (missing, missing)
+            );
+        }
+    }
+}
+
 /// The adapter that computes nothing, with a driver that may take no time: the second process says so, and the
 /// device is not opened in this one.
 #[test]
@@ -706,7 +734,7 @@ fn a_driver_that_takes_too_long_is_passed_over() {
         &["render", "square.obj", "-o", "out.png", "--size", "8x8", "--backend", "wgpu"],
         &["parity", "square.obj"],
         &["paper", "--quick", "--backend", "wgpu", "--out", "paper"],
-        &["trade", "square.obj", "--quick", "--backends", "wgpu", "--out", "trade"],
+        &["trade", "square.obj", "--quick", "--backend", "wgpu", "--out", "trade"],
     ] {
         let error = fails(limited(verb, "0"), 6, verb);
         assert!(error.contains("`noop wgpu backend` (wgpu)") && error.contains(what), "{error}");

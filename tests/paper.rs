@@ -249,16 +249,24 @@ fn the_worked_example_is_right_where_the_survey_is_not() {
 #[test]
 fn ratios_follow_from_their_columns() {
     let table = made().table("table-3");
-    // Offline, balanced and fast for each of two scenes.
-    assert_eq!(table.len(), 6);
-    for scene in table.chunks(3) {
+    // Offline, balanced and fast, tuned and at equal knobs, for each of two scenes.
+    assert_eq!(table.len(), 12);
+    for (index, scene) in table.chunks(3).enumerate() {
         let [offline, balanced, fast] = scene else { panic!("three builders") };
         assert_eq!(
             [offline, balanced, fast].map(|row| row["builder"].as_str()),
             ["best", "balanced", "fast"]
         );
         assert_eq!([offline, fast].map(|row| row["threads"].as_str()), ["1", "2"]);
-        for column in ["build speed-up", "SAH ratio", "block cost ratio", "T_trace ratio"] {
+        let knobs = if index % 2 == 0 { "tuned" } else { "equal" };
+        assert!(scene.iter().all(|row| row["knobs"] == knobs));
+        for column in [
+            "build speed-up",
+            "SAH ratio",
+            "SAH ratio as printed",
+            "block cost ratio",
+            "T_trace ratio",
+        ] {
             assert_eq!(offline[column], "");
         }
         for row in [balanced, fast] {
@@ -267,6 +275,8 @@ fn ratios_follow_from_their_columns() {
             near(number(row, "build speed-up"), base / own);
             let (base, own) = of("SAH cost");
             near(number(row, "SAH ratio"), own / base);
+            let (base, own) = of("SAH cost as printed");
+            near(number(row, "SAH ratio as printed"), own / base);
             let (base, own) = of("block cost");
             near(number(row, "block cost ratio"), own / base);
             let (base, own) = of("T_trace ms");

@@ -678,10 +678,10 @@ fn wrong_usage_and_missing_devices_have_their_codes() {
         (2, &[SCENE, "--rays", "0"]),
         (2, &[SCENE, "--max-error=-1"]),
         (2, &[SCENE, "--compare", "old.json", "--quick"]),
-        (2, &[SCENE, "--quick", "--backends", "wgpu", "--presets", "best"]),
+        (2, &[SCENE, "--quick", "--backend", "wgpu", "--presets", "best"]),
         (3, &["nowhere.obj", "--quick"]),
         (4, &[SCENE, "--quick", "--max-memory", "64"]),
-        (5, &[SCENE, "--quick", "--backends", "cpu,wgpu"]),
+        (5, &[SCENE, "--quick", "--backend", "cpu,wgpu"]),
     ] {
         ends(folder.path(), code, arguments);
     }
@@ -692,7 +692,7 @@ fn wrong_usage_and_missing_devices_have_their_codes() {
 #[test]
 fn a_sweep_that_is_cut_short_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
-    let long = ["builtin:city:20000", "--backends", "cpu", "--seconds", "600", "--out", "report"];
+    let long = ["builtin:city:20000", "--backend", "cpu", "--seconds", "600", "--out", "report"];
     let said = fails(folder.path(), 7, &[&long[..], &["--timeout", "1.5"]].concat());
     assert!(said.contains("limit of 1.5 seconds ran out in: "), "{said}");
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
@@ -720,7 +720,7 @@ fn a_device_stands_beside_the_cpu() {
     let arguments = [
         SCENE,
         "--quick",
-        "--backends",
+        "--backend",
         "cpu,wgpu",
         "--presets",
         "fast",

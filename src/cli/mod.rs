@@ -9,6 +9,7 @@ pub(crate) mod failure;
 mod hit_file;
 mod knobs;
 mod look;
+mod mesa;
 pub(crate) mod npy;
 mod options;
 mod output;
@@ -116,6 +117,7 @@ the old contents.";
 
 /// Runs the program and gives its exit code.
 pub(crate) fn main() -> ExitCode {
+    mesa::silence();
     bug::install();
     ending::install();
     // Wrong usage ends here, with a message and exit code 2.

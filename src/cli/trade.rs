@@ -61,12 +61,18 @@ pub(super) struct Arguments {
     no_knobs: bool,
     /// What to measure on: `cpu`, `wgpu` or both; `auto` is the CPU, and a GPU if there is one fit for
     /// it
-    #[arg(long, value_name = "auto|cpu|wgpu", value_delimiter = ',', default_value = "auto")]
+    #[arg(
+        long = "backend",
+        alias = "backends",
+        value_name = "auto|cpu|wgpu",
+        value_delimiter = ',',
+        default_value = "auto"
+    )]
     backends: Vec<BackendKind>,
     /// The GPU, by part of its name or by its number in the list of `splitplane adapters`
     #[arg(long, value_name = "NAME|INDEX")]
     adapter: Option<String>,
-    /// Allow --backends wgpu a GPU whose results differ from the CPU's in some bits
+    /// Allow --backend wgpu a GPU whose results differ from the CPU's in some bits
     #[arg(long)]
     allow_structural: bool,
     /// Most threads; all cores when left out. Presets are also measured on one
@@ -236,7 +242,7 @@ impl Arguments {
         let on_cpu = self.backends.iter().any(|kind| *kind != BackendKind::Wgpu);
         if !on_cpu && self.presets.iter().all(|builder| *builder == PresetName::Best) {
             return Err(Failure::usage(
-                "preset best is built on the CPU only; add cpu to --backends",
+                "preset best is built on the CPU only; add cpu to --backend",
             ));
         }
         let gpu = self.gpu()?;

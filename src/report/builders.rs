@@ -1,7 +1,7 @@
 //! Who builds, for a row of a table.
 
 use serde::Serialize;
-use splitplane_core::config::Preset;
+use splitplane_core::config::{BuildConfig, Preset};
 
 /// A preset on a backend.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -12,20 +12,46 @@ pub struct Builder {
     pub gpu: bool,
     /// The one that the others are compared with: it builds on one thread.
     pub offline: bool,
+    /// With the costs of [`EQUAL_COSTS`], as all others of this kind; else as its preset is tuned.
+    pub equal: bool,
 }
+
+/// K_T and K_I of builders at equal knobs, with W = 1: as 15 to 20, the ratio of Wald and Havran 2006. The survey does not
+/// give its own.
+pub const EQUAL_COSTS: [u32; 2] = [3, 4];
 
 impl Builder {
     /// The builders of a report, the offline one first: it on one thread, then the presets that build
-    /// in parallel on all threads, then these on the GPU.
+    /// in parallel on all threads, then these on the GPU; all as tuned, then all at equal knobs.
     pub fn all(offline: Preset, gpu: bool) -> Vec<Builder> {
-        let mut builders = vec![Builder { preset: offline, gpu: false, offline: true }];
-        for gpu in [false, true].into_iter().take(1 + usize::from(gpu)) {
-            for preset in [Preset::Balanced, Preset::Fast] {
-                builders.push(Builder { preset, gpu, offline: false });
+        let mut builders = Vec::new();
+        for equal in [false, true] {
+            builders.push(Builder { preset: offline, gpu: false, offline: true, equal });
+            for gpu in [false, true].into_iter().take(1 + usize::from(gpu)) {
+                for preset in [Preset::Balanced, Preset::Fast] {
+                    builders.push(Builder { preset, gpu, offline: false, equal });
+                }
             }
         }
         builders
     }
+
+    /// What shapes its trees.
+    pub fn config(&self) -> BuildConfig {
+        let config = BuildConfig::preset(self.preset);
+        if self.equal { at_equal_knobs(config) } else { config }
+    }
+
+    /// `tuned` or `equal`.
+    pub fn knobs(&self) -> &'static str {
+        if self.equal { "equal" } else { "tuned" }
+    }
+}
+
+/// The same with the costs of all builders at equal knobs, triangles counted one by one.
+pub fn at_equal_knobs(config: BuildConfig) -> BuildConfig {
+    let [traversal_cost, intersection_cost] = EQUAL_COSTS;
+    BuildConfig { traversal_cost, intersection_cost, block_width: 1, ..config }
 }
 
 /// What shaped the trees of a preset.
@@ -57,7 +83,7 @@ pub struct Knobs {
 
 impl From<Preset> for Knobs {
     fn from(preset: Preset) -> Knobs {
-        let config = splitplane_core::config::BuildConfig::preset(preset);
+        let config = BuildConfig::preset(preset);
         Knobs {
             preset: preset.name(),
             traversal_cost: config.traversal_cost,

@@ -95,12 +95,14 @@ impl Report {
                 T_tree: from triangles in memory to a tree that rays can be traced through; the offline \
                 builder has one thread, as the survey's, the others all of them. T_trace: a frame of \
                 camera and shadow rays, one camera ray a pixel, no reflections, shaded, until its pixels are \
-                in memory; traced on all threads, or on the GPU, whoever built the tree. SAH cost: \
-                relative to the root, in units of K_I, each triangle of a leaf counted, with the \
-                C_ts of preset fast for all. Builders for wide triangle tests make the block cost small, \
-                which counts leaves by blocks of W triangles; both columns are in the units of preset fast, \
-                so that trees compare, though best is tuned for W = 8 and K_T : K_I = 1 : 2. The survey does not give its constants, so only ratios to the \
-                offline builder compare. The T_trace ratio is given where both were traced on the \
+                in memory; traced on all threads, or on the GPU, whoever built the tree. Rows with \
+                equal knobs are of builders that are all told W = 1, K_T = 3 and K_I = 4 (the ratio of Wald and Havran 2006; the \
+                survey does not give its own): they compare as the survey's builders do. Rows with tuned knobs are the \
+                presets. SAH cost: Equation 5 relative to the root, each triangle of a leaf counted, in units of K_I, with \
+                these K_T and K_I for all rows. As printed: relative to each node's parent, a leaf's \
+                triangles not counted. Presets make the block cost small, \
+                which counts leaves by blocks of W triangles, here with W, K_T and K_I of preset fast. Ratios are to the \
+                offline builder with the same knobs. The T_trace ratio is given where both were traced on the \
                 same device.\n\n";
         out += &table_3;
         out += &self.left_out();

@@ -27,6 +27,6 @@ pub mod tables;
 pub(crate) mod timing;
 pub mod worked;
 
-pub use builders::Builder;
+pub use builders::{Builder, EQUAL_COSTS, at_equal_knobs};
 pub use error::ReportError;
 pub use timing::{median, pool};

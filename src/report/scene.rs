@@ -4,7 +4,7 @@ use super::machine::Knobs;
 use super::rays::FrameRays;
 use super::survey::{SurveyScene, nearest};
 use super::timing::{median, pool, timed};
-use super::{Builder, ReportError};
+use super::{Builder, ReportError, at_equal_knobs};
 use crate::backend::{BackendKind, OpenOptions};
 use crate::scene::{Camera, Placement, Scene, SceneOptions};
 use crate::tracer::{FrameRequest, Tracer, TracerError};
@@ -12,6 +12,7 @@ use serde::Serialize;
 use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::{Hit, QueryOptions};
+use splitplane_core::sah::equation_5_printed;
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
 use splitplane_render::{Outputs, RenderSettings, Size};
@@ -37,11 +38,12 @@ pub struct Settings {
 impl Settings {
     /// How a preset builds.
     pub fn build(&self, preset: Preset) -> BuildOptions {
-        BuildOptions {
-            config: BuildConfig::preset(preset),
-            max_memory: self.max_memory,
-            ..BuildOptions::default()
-        }
+        self.build_with(BuildConfig::preset(preset))
+    }
+
+    /// How trees of a configuration are built.
+    pub fn build_with(&self, config: BuildConfig) -> BuildOptions {
+        BuildOptions { config, max_memory: self.max_memory, ..BuildOptions::default() }
     }
 }
 
@@ -124,6 +126,8 @@ impl Placed {
 pub struct BuilderRow {
     /// The preset's name.
     pub preset: &'static str,
+    /// `tuned`, or `equal` for the costs that all builders of this kind share.
+    pub knobs: &'static str,
     /// `cpu` or `wgpu`.
     pub backend: String,
     /// Whether the others are compared with it.
@@ -136,10 +140,12 @@ pub struct BuilderRow {
     pub trace_ms: f64,
     /// The rays of the report alone, as two batches from and to host memory.
     pub rays_ms: f64,
-    /// SAH cost of the finished tree, root-normalised, in units of K_I with every triangle counted
-    /// and the C_ts of preset `fast`, whatever the builder's own.
+    /// Equation 5, corrected: SAH cost of the finished tree, root-normalised, in units of K_I with every
+    /// triangle counted and K_T and K_I of [`super::EQUAL_COSTS`], whatever the builder's own.
     pub sah_cost: f64,
-    /// The same with leaves costed by blocks of W triangles, W of preset `fast`.
+    /// Equation 5 as printed, in the same units: relative to parents, a leaf's triangles not counted.
+    pub printed_cost: f64,
+    /// The cost with leaves costed by blocks of W triangles, with W, K_T and K_I of preset `fast`.
     pub block_cost: f64,
     /// Nodes.
     pub nodes: usize,
@@ -191,15 +197,16 @@ impl SceneReport {
     pub fn differing(&self) -> Vec<&'static str> {
         let gpu = self.builders.iter().filter(|row| row.threads.is_none());
         let differs = |row: &&BuilderRow| {
-            let same = |other: &&BuilderRow| other.preset == row.preset && other.threads.is_some();
+            let alike = |other: &BuilderRow| (other.preset, other.knobs) == (row.preset, row.knobs);
+            let same = |other: &&BuilderRow| alike(other) && other.threads.is_some();
             self.builders.iter().find(same).is_some_and(|other| other.digest != row.digest)
         };
         gpu.filter(differs).map(|row| row.preset).collect()
     }
 
-    /// The builder that the others are compared with.
-    pub fn offline(&self) -> Option<&BuilderRow> {
-        self.builders.iter().find(|row| row.offline)
+    /// The builder that a row is compared with: the offline one with the same knobs.
+    pub fn offline(&self, knobs: &str) -> Option<&BuilderRow> {
+        self.builders.iter().find(|row| row.offline && row.knobs == knobs)
     }
 }
 
@@ -295,7 +302,7 @@ impl Contender {
         let (mut tracer, _) = Tracer::open(kind, &open)?;
         let threads = if builder.offline { 1 } else { settings.threads };
         let building = pool(threads)?;
-        let options = settings.build(builder.preset);
+        let options = settings.build_with(builder.config());
         let scene = &placed.scene;
         building.install(|| tracer.build(scene, &options))?;
         tracer.describe_looks(scene)?;
@@ -309,16 +316,20 @@ impl Contender {
         };
         let rays_ms = tracing.install(|| trace(accelerator, rays, settings.repeat))?;
         let view = accelerator.tree().view();
-        // One C_ts for all, whatever shaped the tree.
-        let config = BuildConfig {
-            traversal_cost: BuildConfig::default().traversal_cost,
-            intersection_cost: BuildConfig::default().intersection_cost,
-            block_width: BuildConfig::default().block_width,
+        // The same constants for all, whatever shaped the tree.
+        let usual = BuildConfig::default();
+        let blocks = BuildConfig {
+            traversal_cost: usual.traversal_cost,
+            intersection_cost: usual.intersection_cost,
+            block_width: usual.block_width,
             ..view.config
         };
-        let stats = TreeStats::of(&KdTreeView { config, ..view });
+        let block_cost = TreeStats::of(&KdTreeView { config: blocks, ..view }).block_cost;
+        let equal = KdTreeView { config: at_equal_knobs(view.config), ..view };
+        let stats = TreeStats::of(&equal);
         let row = BuilderRow {
             preset: builder.preset.name(),
+            knobs: builder.knobs(),
             backend: tracer.backend().name,
             offline: builder.offline,
             threads: (!builder.gpu).then_some(threads),
@@ -326,7 +337,8 @@ impl Contender {
             trace_ms: 0.0,
             rays_ms,
             sah_cost: stats.sah_cost,
-            block_cost: stats.block_cost,
+            printed_cost: equation_5_printed(equal.config.cost_ratio(), 1.0, &equal),
+            block_cost,
             nodes: stats.nodes,
             leaves: stats.leaves,
             references: stats.references,

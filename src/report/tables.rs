@@ -7,20 +7,23 @@ use super::scene::{BuilderRow, SceneReport};
 use super::table::{Cell, Table};
 
 /// Columns of [`table_3`]. Ratios are ours over the offline builder's, but for the speed-up.
-pub const TABLE_3: [&str; 22] = [
+pub const TABLE_3: [&str; 25] = [
     "picture",
     "scene",
     "triangles",
     "lights",
     "builder",
+    "knobs",
     "backend",
     "threads",
     "T_tree ms",
     "T_trace ms",
     "SAH cost",
+    "SAH cost as printed",
     "block cost",
     "build speed-up",
     "SAH ratio",
+    "SAH ratio as printed",
     "block cost ratio",
     "T_trace ratio",
     "survey's triangles",
@@ -44,7 +47,7 @@ pub fn table_3(scenes: &[SceneReport]) -> Table {
 }
 
 fn row_of_table_3(scene: &SceneReport, row: &BuilderRow) -> Vec<Cell> {
-    let base = scene.offline().filter(|_| !row.offline);
+    let base = scene.offline(row.knobs).filter(|_| !row.offline);
     // What another device traces does not compare trees.
     let traced_alike = base.filter(|base| base.backend == row.backend);
     let survey = scene.survey;
@@ -62,14 +65,17 @@ fn row_of_table_3(scene: &SceneReport, row: &BuilderRow) -> Vec<Cell> {
         scene.triangles.into(),
         scene.lights.into(),
         row.preset.into(),
+        row.knobs.into(),
         row.backend.as_str().into(),
         row.threads.map_or(Cell::Missing, Cell::from),
         Cell::Number(row.tree_ms, 2),
         Cell::Number(row.trace_ms, 2),
         Cell::Number(row.sah_cost, 2),
+        Cell::Number(row.printed_cost, 2),
         Cell::Number(row.block_cost, 2),
         Cell::number(base.map(|base| base.tree_ms / row.tree_ms), 2),
         Cell::number(base.map(|base| row.sah_cost / base.sah_cost), 3),
+        Cell::number(base.map(|base| row.printed_cost / base.printed_cost), 3),
         Cell::number(base.map(|base| row.block_cost / base.block_cost), 3),
         Cell::number(traced_alike.map(|base| row.trace_ms / base.trace_ms), 3),
         column.map_or(Cell::Missing, |_| Cell::from(1000 * survey.kilo_triangles)),
@@ -113,7 +119,7 @@ pub fn table_4(scenes: &[SceneReport], others: Option<&Others>) -> Table {
             let triangles = Cell::from(1000 * survey.kilo_triangles);
             [if printed.is_some() { triangles } else { Cell::Missing }, Cell::number(printed, 2)]
         };
-        for row in &scene.builders {
+        for row in scene.builders.iter().filter(|row| row.knobs == "tuned") {
             let (structure, printed) = match (row.offline, row.preset, row.backend.as_str()) {
                 (true, ..) => ("offline", None),
                 (_, "fast", _) => ("Zhou et al. 2008", Some(survey.fps)),
