@@ -40,7 +40,7 @@ pub const SUM_LEAST: f32 = 8.077_936e-28; // 2^-90
 /// A `t` from a closer look counts as 0 below this: what is left of it may be subnormal, which a device need not keep.
 /// It is less than the slack that every traversal allows for, `ORIGIN_SLACK`. Wide scenes are scaled, and there it is
 /// 2^-102 of the triangle's size.
-pub const T_LEAST: f32 = 5.421_010_9e-20; // 2^-64
+pub const T_LEAST: f32 = 5.421_011e-20; // 2^-64
 
 /// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
 const WIDE_POWER: i32 = 38;
