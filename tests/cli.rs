@@ -700,7 +700,9 @@ fn mesa_does_not_complain_that_there_is_no_desktop() {
         for arguments in
             [&["adapters"][..], &["build", "square.obj", "--json"], &["build", "no such.obj"]]
         {
-            let mut command = program(folder.path(), arguments);
+            // The machine's own drivers.
+            let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));
+            command.current_dir(folder.path()).args(arguments);
             command.env_remove("XDG_RUNTIME_DIR").env_remove("NODEVICE_SELECT");
             if let Some(runtime) = runtime {
                 command.env("XDG_RUNTIME_DIR", runtime);
