@@ -338,6 +338,9 @@ pub enum QueryLayout {
 }
 
 impl QueryLayout {
+    /// Both, the default first.
+    pub const ALL: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
+
     /// The name in options and reports.
     pub const fn name(self) -> &'static str {
         match self {

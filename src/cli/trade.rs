@@ -16,6 +16,7 @@ use splitplane::trade::budget::{Fixed, FixedRays};
 use splitplane::trade::compare::{Comparison, Old, Thresholds};
 use splitplane::trade::held::Held;
 use splitplane::trade::measure::{Event, Settings};
+use splitplane::trade::pareto::Standing;
 use splitplane::trade::plan::{Device, Scope, Station, stations};
 use splitplane::trade::recommend::Wish;
 use splitplane::trade::{Trade, measure, plot, rays};
@@ -59,6 +60,9 @@ pub(super) struct Arguments {
     /// Measure presets as they are only, not each knob by itself
     #[arg(long)]
     no_knobs: bool,
+    /// Draw no pictures to see what their settings cost and lose
+    #[arg(long)]
+    no_picture: bool,
     /// What to measure on: `cpu`, `wgpu` or both; `auto` is the CPU, and a GPU if there is one fit for
     /// it
     #[arg(
@@ -95,7 +99,7 @@ pub(super) struct Arguments {
     quick: bool,
     /// Measure again what this file says was measured, and end with exit code 1 where a figure got worse
     /// past the threshold; the scene is the file's when left out
-    #[arg(long, value_name = "OLD.json", conflicts_with_all = ["presets", "accuracies", "no_knobs", "backends", "threads", "repeat", "sample_rays", "error_rays", "quick"])]
+    #[arg(long, value_name = "OLD.json", conflicts_with_all = ["presets", "accuracies", "no_knobs", "no_picture", "backends", "threads", "repeat", "sample_rays", "error_rays", "quick"])]
     compare: Option<PathBuf>,
     /// How much worse times, memory and costs may be: the least of the rounds, against the file's
     #[arg(long, value_name = "PERCENT", default_value_t = 25.0, value_parser = at_least_zero)]
@@ -174,6 +178,12 @@ impl Arguments {
             fixed: old.map_or_else(|| self.fixed(), Old::fixed),
             gpu: sweep.gpu.backend.as_deref(),
             max_memory: self.max_memory,
+            merge: old.is_none(),
+            picture: if self.no_picture || old.is_some() {
+                None
+            } else {
+                Some(self.picture_size()?)
+            },
             watch: &progress::Unseen,
         };
         let bar = progress::bar(self.quiet, "measuring", 0);
@@ -228,8 +238,8 @@ impl Arguments {
             open: OpenOptions::default(),
             max_memory: self.max_memory,
         };
-        // Nothing is drawn.
-        let options = SceneOptions { textures: false, ..SceneOptions::default() };
+        let textures = !self.no_picture && self.compare.is_none();
+        let options = SceneOptions { textures, ..SceneOptions::default() };
         let placed = Placed::open_with(spec, None, &settings, &options)?;
         spinner.finish_and_clear();
         Ok(placed)
@@ -313,6 +323,11 @@ impl Arguments {
         };
         let repeat = self.repeat.map(usize::from).or(self.quick.then_some(3));
         Fixed { repeat, cpu: rays, gpu: rays }
+    }
+
+    fn picture_size(&self) -> Result<Size, Failure> {
+        let (width, height) = if self.quick { (64, 48) } else { (320, 240) };
+        Size::new(width, height).map_err(|error| Failure::usage(error.to_string()))
     }
 
     fn wish(&self) -> Wish {
@@ -434,7 +449,11 @@ fn described(trade: &Trade) -> String {
         text += &format!(
             "row {:>3}{} {:<44} build {:>9.2} ms  {:>7.0} ns a ray  {:>8.2} MB  SAH {:>7.2}  {:>8.1} errors/M  {:>8.1} rounded/M  pays {}\n",
             row.number,
-            if row.pareto { "*" } else { " " },
+            match row.pareto {
+                Standing::Optimal => "*",
+                Standing::Perhaps => "?",
+                Standing::Beaten => " ",
+            },
             row.title(),
             row.build_ms,
             row.ns_per_ray,

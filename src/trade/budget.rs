@@ -1,6 +1,7 @@
 //! How much is measured, so that a sweep ends in time.
 
 use super::plan::{Device, Station};
+use super::row::KINDS;
 use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;
 
@@ -145,7 +146,7 @@ pub fn divide(
         let ([_, rays], judged) = sums(device);
         let samples = SAMPLES * left / (rounds * 4.0 * rays).max(1e-9);
         // Judging a ray takes about as long as tracing two.
-        let errors = (1.0 - SAMPLES) * left / (3.0 * 4.0 * judged).max(1e-9);
+        let errors = (1.0 - SAMPLES) * left / (3.0 * KINDS as f64 * judged).max(1e-9);
         let fixed = if device == Device::Cpu { fixed.cpu } else { fixed.gpu };
         let [least, most] = SAMPLE_RAYS.map(|x| x as f64);
         let samples = samples.clamp(least, most) as usize;
@@ -213,7 +214,7 @@ mod tests {
                 let ray = threads * ns * 1e-6 * station.accuracies.len() as f64;
                 ms += rounds * ray * 4.0 * budget.cpu.sample_rays as f64;
                 if station.threads == 2 {
-                    ms += 12.0 * ray * budget.cpu.error_rays as f64;
+                    ms += 3.0 * KINDS as f64 * ray * budget.cpu.error_rays as f64;
                 }
             }
             assert!(ms <= 100_000.0, "{build_ms} {ns}: {ms}");

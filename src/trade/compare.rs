@@ -7,6 +7,7 @@ use super::plan::{Device, Station};
 use super::row::{Row, Sets};
 use crate::from_file::{self, quoted, quoted_reason};
 use serde::{Deserialize, Serialize};
+use splitplane_core::backend::QueryLayout;
 use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;
 use std::path::{Path, PathBuf};
@@ -134,12 +135,18 @@ impl Old {
                 return bad("is not where its number says");
             }
             // It is told again.
+            if row.also.len() > 64 || row.also.iter().any(|name| !is_name(name)) {
+                return bad("has no proper names of the same tree");
+            }
             if !is_name(&row.name) || row.knob.as_deref().is_some_and(|knob| !is_name(knob)) {
                 return bad("has no proper name");
             }
             let Some(preset) = preset(&row.preset) else { return bad("no such preset") };
             if let Err(error) = row.config.with(preset).validate() {
                 return bad(&error.to_string());
+            }
+            if layout(&row.layout).is_none() {
+                return bad("no such layout in this version");
             }
             if accuracy(&row.accuracy).is_none() {
                 return bad("no such accuracy in this version");
@@ -150,7 +157,10 @@ impl Old {
             }
             let times = [row.build_ms, row.least_build_ms];
             let traces = row.trace.each().map(|trace| trace.least_ns);
-            let all = times.into_iter().chain(traces.into_iter().flatten());
+            let intervals = [row.build_interval, row.ns_interval];
+            let ends = intervals.map(|interval| [interval.low, interval.high]);
+            let times = times.into_iter().chain(ends.into_iter().flatten());
+            let all = times.chain(traces.into_iter().flatten());
             if all.clone().any(|time| !(time.is_finite() && time > 0.0)) {
                 return bad("a time that is not above 0");
             }
@@ -188,12 +198,14 @@ impl Old {
                 continue;
             };
             let device = if row.backend == "cpu" { Device::Cpu } else { Device::Gpu };
+            let Some(layout) = layout(&row.layout) else { continue };
             let config = row.config.with(preset);
             let most = self.rows.iter().filter_map(|row| row.threads).max().unwrap_or(1);
             let threads = row.threads.unwrap_or(most);
             match stations.last_mut() {
                 Some(last)
-                    if (last.config, last.device, last.threads) == (config, device, threads) =>
+                    if (last.config, last.layout, last.device, last.threads)
+                        == (config, layout, device, threads) =>
                 {
                     last.accuracies.push(accuracy);
                 }
@@ -201,6 +213,7 @@ impl Old {
                     name: row.name.clone(),
                     knob: row.knob.clone(),
                     config,
+                    layout,
                     device,
                     threads,
                     accuracies: vec![accuracy],
@@ -338,6 +351,10 @@ impl Comparison {
 
 fn preset(name: &str) -> Option<Preset> {
     Preset::ALL.into_iter().find(|preset| preset.name() == name)
+}
+
+fn layout(name: &str) -> Option<QueryLayout> {
+    QueryLayout::ALL.into_iter().find(|layout| layout.name() == name)
 }
 
 fn accuracy(name: &str) -> Option<Accuracy> {

@@ -2,17 +2,18 @@
 
 use super::bvh::{self, Verdict};
 use super::held::Held;
+use super::interval::{LEAST_APART, confidence};
 use super::measure::Measured;
 use super::pareto;
-use super::payback::{Payback, count};
+use super::payback::Payback;
+use super::picture::PictureTrade;
 use super::recommend::{self, Recommendation, Step, Wish};
-use super::row::{Aims, Row, Sets};
+use super::row::Row;
 use crate::report::machine::Machine;
-use crate::report::table::{Cell, Table};
 use serde::{Deserialize, Serialize};
 
 /// The one version of the file's format.
-pub const FORMAT: u32 = 2;
+pub const FORMAT: u32 = 3;
 /// The field of rows that use all threads, or a device.
 pub const ALL_THREADS: &str = "all";
 /// The field of rows of one thread, where others use more.
@@ -38,6 +39,8 @@ pub struct Subject {
 pub struct Amounts {
     /// Rounds of which medians and minima are given.
     pub repeat: usize,
+    /// The probability that a median lies in its interval.
+    pub confidence: f64,
     /// Most rays of a timed set on the CPU.
     pub sample_rays: usize,
     /// The same on a GPU.
@@ -71,6 +74,8 @@ pub struct Trade {
     pub recommendation: Recommendation,
     /// When another structure would likely serve better.
     pub bvh: Option<Verdict>,
+    /// What a picture loses by cheaper settings of its own; none where none was asked for.
+    pub picture: Option<PictureTrade>,
     /// Settings that were not measured, a sentence each.
     pub left_out: Vec<String>,
 }
@@ -85,10 +90,11 @@ impl Trade {
         wish: &Wish,
         left_out: Vec<String>,
     ) -> Trade {
-        let Measured { budget, mut rows, held, rays, mesh, .. } = measured;
+        let Measured { budget, mut rows, held, rays, mesh, picture, .. } = measured;
         conclude(&mut rows);
         let amounts = Amounts {
             repeat: budget.repeat,
+            confidence: confidence(budget.repeat),
             sample_rays: budget.cpu.sample_rays,
             gpu_sample_rays: budget.gpu.sample_rays,
             error_rays: budget.cpu.error_rays,
@@ -105,60 +111,10 @@ impl Trade {
             steps: recommend::steps(&rows, wish),
             recommendation: recommend::recommend(&rows, wish),
             bvh,
+            picture,
             rows,
             left_out,
         }
-    }
-
-    /// A line each setting, all figures.
-    pub fn table(&self) -> Table {
-        let mut table = Table::new(&[
-            "row",
-            "setting",
-            "preset",
-            "knob",
-            "accuracy",
-            "backend",
-            "threads",
-            "build_ms",
-            "build_least_ms",
-            "primary_ns",
-            "shadow_ns",
-            "bounce_ns",
-            "random_ns",
-            "ns_per_ray",
-            "query_bytes",
-            "peak_bytes",
-            "sah_cost",
-            "block_cost",
-            "nodes",
-            "references",
-            "depth",
-            "random_missing_per_million",
-            "random_wrong_per_million",
-            "random_phantom_per_million",
-            "edge_missing_per_million",
-            "edge_wrong_per_million",
-            "edge_phantom_per_million",
-            "vertex_missing_per_million",
-            "vertex_wrong_per_million",
-            "vertex_phantom_per_million",
-            "shadow_missing_per_million",
-            "shadow_wrong_per_million",
-            "shadow_phantom_per_million",
-            "errors_per_million",
-            "rounded_per_million",
-            "redone_per_million",
-            "pays_back",
-            "pays_back_rays",
-            "field",
-            "pareto",
-            "digest",
-        ]);
-        for row in &self.rows {
-            table.push(cells(row));
-        }
-        table
     }
 
     /// The text, with tables and plots.
@@ -171,10 +127,13 @@ impl Trade {
         );
         out += &format!(
             "- times: medians of {} rounds, in each of which every setting takes its turn; up to {} rays \
-             of each kind\n- errors: {} random, edge-aimed and vertex-aimed rays each and up to as many \
-             shadow rays, against the exact answers\n- exact answers: {}\n",
+             of each kind; in parentheses where the median lies with a probability of {:.0} %; times are told \
+             apart where these are {:.0} % apart\n- errors: {} random, edge-aimed and vertex-aimed rays each and up to as many \
+             of the timed primary, bounce and shadow rays, against the exact answers\n- exact answers: {}\n",
             self.amounts.repeat,
             self.amounts.sample_rays,
+            100.0 * self.amounts.confidence,
+            100.0 * LEAST_APART,
             self.amounts.error_rays,
             self.held.words()
         );
@@ -193,103 +152,30 @@ impl Trade {
             out += &format!("\n## {caption}\n\n![{caption}]({file})\n");
         }
         out += "\n## All settings\n\n\
-                *opt* marks rows that no row of the same field beats in build time, ns a ray, memory, \
-                errors and rounded answers at once. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
+                Settings of a preset whose trees have the same nodes and references are one row. A row beats another of its field when it is \
+                worse in none of build time, ns a ray, memory, errors and rounded answers, and better in one, beyond the noise. *opt* \
+                marks rows that are better than each other row in something, so that none can beat them; *opt?* those that none beats, \
+                though one is not told apart. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
-                phantom hits a million rays, over random, edge-aimed, vertex-aimed and shadow rays; rounded are \
+                phantom hits a million rays, over all kinds of rays; rounded are \
                 answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
                 costs less than preset fast at the same accuracy, backend and threads.\n\n";
         out += &self.summary().markdown();
         out += "\n## Errors by kind of ray\n\n";
         out += &self.errors().markdown();
-        out
-    }
-
-    fn steps_table(&self) -> Table {
-        let mut table = Table::new(&["from rays a build", "row", "setting"]);
-        for step in &self.steps {
-            let title = self.row(step.row).map_or(String::new(), Row::title);
-            table.push(vec![count(step.from_rays).into(), step.row.into(), title.into()]);
+        out += "\n## How far off\n\n\
+                By how much distances along the ray differ from the exact ones, in parts of the diagonal of the scene's box, over all \
+                kinds of rays: answers that are right or rounded, on the exact triangle and on another, and wrong ones.\n\n";
+        out += &self.sizes().markdown();
+        if let Some(picture) = &self.picture {
+            out += &picture.markdown();
         }
-        table
+        out
     }
 
     /// A row by its number.
     pub fn row(&self, number: usize) -> Option<&Row> {
         self.rows.iter().find(|row| row.number == number)
-    }
-
-    fn summary(&self) -> Table {
-        let mut table = Table::new(&[
-            "row",
-            "setting",
-            "opt",
-            "build ms",
-            "primary",
-            "shadow",
-            "bounce",
-            "random",
-            "ns a ray",
-            "MB",
-            "peak MB",
-            "SAH cost",
-            "block cost",
-            "errors / M",
-            "rounded / M",
-            "pays",
-        ]);
-        for row in &self.rows {
-            let [primary, shadow, bounce, random] =
-                row.trace.each().map(|trace| Cell::number(trace.ns, 0));
-            table.push(vec![
-                row.number.into(),
-                row.title().into(),
-                if row.pareto { "opt" } else { "" }.into(),
-                Cell::Number(row.build_ms, 2),
-                primary,
-                shadow,
-                bounce,
-                random,
-                Cell::Number(row.ns_per_ray, 0),
-                Cell::Number(row.query_bytes as f64 / 1e6, 2),
-                Cell::Number(row.peak_bytes as f64 / 1e6, 2),
-                Cell::Number(row.sah_cost, 2),
-                Cell::Number(row.block_cost, 2),
-                Cell::Number(row.errors_per_million, 1),
-                Cell::Number(row.rounded_per_million, 1),
-                row.payback.words().into(),
-            ]);
-        }
-        table
-    }
-
-    fn errors(&self) -> Table {
-        let mut table = Table::new(&[
-            "row",
-            "setting",
-            "rays",
-            "judged",
-            "missing / M",
-            "wrong / M",
-            "phantom / M",
-            "rounded / M",
-        ]);
-        for row in &self.rows {
-            for (kind, errors) in Aims::<()>::NAMES.into_iter().zip(row.errors.each()) {
-                let rate = |count| Cell::Number(errors.per_million(count), 1);
-                table.push(vec![
-                    row.number.into(),
-                    row.title().into(),
-                    kind.into(),
-                    Cell::Count(errors.rays),
-                    rate(errors.missing),
-                    rate(errors.wrong),
-                    rate(errors.phantom),
-                    rate(errors.rounded),
-                ]);
-            }
-        }
-        table
     }
 }
 
@@ -300,15 +186,12 @@ pub fn conclude(rows: &mut [Row]) {
         let single = row.threads == Some(1) && most > 1;
         row.field = if single { ONE_THREAD } else { ALL_THREADS }.to_owned();
     }
-    let point = |row: &Row| {
-        let bytes = row.query_bytes as f64;
-        [row.build_ms, row.ns_per_ray, bytes, row.errors_per_million, row.rounded_per_million]
-    };
     for field in [ALL_THREADS, ONE_THREAD] {
         let places: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].field == field).collect();
-        let points: Vec<[f64; 5]> = places.iter().map(|&i| point(&rows[i])).collect();
-        for (place, optimal) in places.into_iter().zip(pareto::optimal(&points)) {
-            rows[place].pareto = optimal;
+        let standings =
+            pareto::standings(places.len(), |i, j| rows[places[i]].compare(&rows[places[j]]));
+        for (place, standing) in places.into_iter().zip(standings) {
+            rows[place].pareto = standing;
         }
     }
     let base = |row: &Row| {
@@ -324,59 +207,10 @@ pub fn conclude(rows: &mut [Row]) {
         .map(|row| match base(row) {
             None => Payback::Unknown,
             Some(base) if base.number == row.number => Payback::Base,
-            Some(base) => Payback::of(row.line(), base.line()),
+            Some(base) => row.payback_against(base),
         })
         .collect();
     for (row, payback) in rows.iter_mut().zip(paybacks) {
         row.payback = payback;
     }
-}
-
-fn cells(row: &Row) -> Vec<Cell> {
-    let mut out: Vec<Cell> = vec![
-        row.number.into(),
-        row.name.as_str().into(),
-        row.preset.as_str().into(),
-        row.knob.as_deref().map_or(Cell::Missing, Cell::from),
-        row.accuracy.as_str().into(),
-        row.backend.as_str().into(),
-        row.threads.map_or(Cell::Missing, Cell::from),
-        Cell::Number(row.build_ms, 3),
-        Cell::Number(row.least_build_ms, 3),
-    ];
-    let times: &Sets<_> = &row.trace;
-    out.extend(times.each().map(|trace| Cell::number(trace.ns, 1)));
-    out.extend([
-        Cell::Number(row.ns_per_ray, 1),
-        Cell::Count(row.query_bytes),
-        Cell::Count(row.peak_bytes),
-        Cell::Number(row.sah_cost, 3),
-        Cell::Number(row.block_cost, 3),
-        row.nodes.into(),
-        row.references.into(),
-        row.depth.into(),
-    ]);
-    for errors in row.errors.each() {
-        let counts = [errors.missing, errors.wrong, errors.phantom];
-        out.extend(counts.map(|count| Cell::Number(errors.per_million(count), 1)));
-    }
-    let (kind, rays) = match row.payback {
-        Payback::Base => ("base", None),
-        Payback::Always => ("always", None),
-        Payback::After { rays } => ("after", Some(rays)),
-        Payback::Until { rays } => ("until", Some(rays)),
-        Payback::Never => ("never", None),
-        Payback::Unknown => ("unknown", None),
-    };
-    out.extend([
-        Cell::Number(row.errors_per_million, 1),
-        Cell::Number(row.rounded_per_million, 1),
-        Cell::Number(row.redone_per_million, 1),
-        kind.into(),
-        Cell::number(rays, 0),
-        row.field.as_str().into(),
-        if row.pareto { "yes" } else { "no" }.into(),
-        row.digest.as_str().into(),
-    ]);
-    out
 }

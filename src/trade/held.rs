@@ -109,6 +109,7 @@ fn rounded(hit: Option<Hit64>) -> Hit {
 
 #[cfg(test)]
 mod tests {
+    use super::super::row::KINDS;
     use super::*;
     use crate::verify::reference::Reference;
     use splitplane_core::mesh::Mesh;
@@ -133,14 +134,14 @@ mod tests {
             Ray::new([x, y, 1.0], [0.0, 0.0, -1.0])
         };
         let set: Vec<Ray> = (0..100).map(down).collect();
-        let rays = Aims::of([set.clone(), set.clone(), set.clone(), set.clone()]);
+        let rays = Aims::of([(); KINDS].map(|()| set.clone()));
         let right: Vec<Hit> = set
             .iter()
             .map(|ray| rounded(reference.closest_by_brute_force(&Ray64::from(ray))))
             .collect();
-        let exact = Aims::of([right.clone(), right.clone(), right.clone(), right]);
+        let exact = Aims::of([(); KINDS].map(|()| right.clone()));
         let held = judge.hold(&rays, &exact);
-        assert_eq!((held.checked, held.by_brute_force), (400, 400));
+        assert_eq!((held.checked, held.by_brute_force), (100 * KINDS as u64, 100 * KINDS as u64));
         assert_eq!((held.rounded, held.disagreements, &held.first), (0, 0, &None));
         // Lost, too far, and from nowhere.
         let mut planted = exact.clone();

@@ -50,6 +50,8 @@ pub enum Outcome {
 pub struct Judge<'a> {
     mesh: &'a Mesh<'a>,
     reference: &'a Reference,
+    /// Of the scene's box.
+    diagonal: f64,
     /// How many triangles have an edge, by a name of its two ends.
     edges: HashMap<u64, u8>,
     /// Whether rounding explains an answer, by ray and answer.
@@ -67,7 +69,8 @@ impl<'a> Judge<'a> {
                 *count = count.saturating_add(1);
             }
         }
-        Judge { mesh, reference, edges, known: Mutex::default() }
+        let known = Mutex::default();
+        Judge { mesh, reference, diagonal: diagonal(mesh), edges, known }
     }
 
     /// The mesh in `f64`.
@@ -79,25 +82,45 @@ impl<'a> Judge<'a> {
     pub fn count(&self, rays: &[Ray], exact: &[Hit], answers: &[Hit]) -> Errors {
         let one = |((ray, exact), answer): ((&Ray, &Hit), &Hit)| {
             let outcome = self.outcome(ray, exact, answer);
-            let mut errors = Errors { rays: 1, ..Errors::default() };
-            let count = match outcome {
-                Outcome::Right => return errors,
-                _ if self.is_rounded(ray, exact, answer, outcome) => &mut errors.rounded,
-                Outcome::Missing => &mut errors.missing,
-                Outcome::Phantom => &mut errors.phantom,
-                Outcome::Behind | Outcome::Before => &mut errors.wrong,
+            let rounded = outcome != Outcome::Right && self.is_rounded(ray, exact, answer, outcome);
+            (outcome, rounded, self.apart(ray, exact, answer))
+        };
+        let all: Vec<(Outcome, bool, Option<f64>)> =
+            rays.par_iter().zip(exact).zip(answers).map(one).collect();
+        // In the order of the rays: a sum of floats depends on its order.
+        let mut errors = Errors { rays: all.len() as u64, ..Errors::default() };
+        for ((outcome, rounded, apart), (exact, answer)) in
+            all.into_iter().zip(exact.iter().zip(answers))
+        {
+            let mut wrong = false;
+            match outcome {
+                Outcome::Right => {}
+                _ if rounded => errors.rounded += 1,
+                Outcome::Missing => errors.missing += 1,
+                Outcome::Phantom => errors.phantom += 1,
+                Outcome::Behind | Outcome::Before => {
+                    errors.wrong += 1;
+                    wrong = true;
+                }
+            }
+            let kind = match answer.triangle == exact.triangle {
+                _ if wrong => &mut errors.off,
+                true => &mut errors.same,
+                false => &mut errors.other,
             };
-            *count = 1;
-            errors
-        };
-        let add = |a: Errors, b: Errors| Errors {
-            rays: a.rays + b.rays,
-            missing: a.missing + b.missing,
-            wrong: a.wrong + b.wrong,
-            phantom: a.phantom + b.phantom,
-            rounded: a.rounded + b.rounded,
-        };
-        rays.par_iter().zip(exact).zip(answers).map(one).reduce(Errors::default, add)
+            if let Some(apart) = apart {
+                kind.take(apart);
+            }
+        }
+        errors
+    }
+
+    /// How far apart the points of two hits are along the ray, in parts of the diagonal of the scene's box; none
+    /// where one is a miss.
+    fn apart(&self, ray: &Ray, exact: &Hit, answer: &Hit) -> Option<f64> {
+        let length = ray.direction.iter().map(|&x| f64::from(x).powi(2)).sum::<f64>().sqrt();
+        let apart = (f64::from(answer.t) - f64::from(exact.t)).abs() * length;
+        (exact.is_hit() && answer.is_hit()).then(|| apart / self.diagonal)
     }
 
     /// What one answer is.
@@ -196,6 +219,21 @@ impl<'a> Judge<'a> {
     }
 }
 
+/// The diagonal of the box of all corners; the least number above 0 for a single point.
+fn diagonal(mesh: &Mesh<'_>) -> f64 {
+    let (mut least, mut most) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for index in 0..mesh.len() {
+        for corner in mesh.triangle(index) {
+            for axis in 0..3 {
+                least[axis] = least[axis].min(f64::from(corner[axis]));
+                most[axis] = most[axis].max(f64::from(corner[axis]));
+            }
+        }
+    }
+    let squares = (0..3).map(|axis| (most[axis] - least[axis]).powi(2));
+    squares.sum::<f64>().sqrt().max(f64::MIN_POSITIVE)
+}
+
 /// A name of an edge that does not depend on its direction.
 fn name([a, b]: [[f32; 3]; 2]) -> u64 {
     // Adding 0 makes -0 and 0 one.
@@ -206,6 +244,7 @@ fn name([a, b]: [[f32; 3]; 2]) -> u64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::row::Apart;
     use super::*;
 
     /// Two triangles that share an edge, and a floor beneath them.
@@ -264,10 +303,39 @@ mod tests {
             // What is remembered is the same.
             for _ in 0..2 {
                 let found = judge.count(&[ray], &[exact], &[answer]);
-                assert_eq!(found, Errors { rays: 1, ..expected }, "{ray:?} {answer:?}");
+                let none = Apart::default();
+                let counts = Errors { same: none, other: none, off: none, ..found };
+                assert_eq!(counts, Errors { rays: 1, ..expected }, "{ray:?} {answer:?}");
             }
         }
-        let errors = Errors { rays: 8, missing: 1, wrong: 1, phantom: 2, rounded: 3 };
+        let errors =
+            Errors { rays: 8, missing: 1, wrong: 1, phantom: 2, rounded: 3, ..Errors::default() };
         assert_eq!((errors.all(), errors.per_million(errors.rounded)), (4, 375_000.0));
+    }
+
+    /// The box of the two floors has a diagonal of the root of 3.
+    #[test]
+    fn sizes_of_errors_by_hand() {
+        let (positions, indices) = square();
+        let mesh = Mesh::indexed(&positions, &indices).unwrap();
+        let reference = Reference::new(&mesh);
+        let judge = Judge::new(&mesh, &reference);
+        let ray = Ray::new([0.5, 0.25, 1.0], [0.0, 0.0, -2.0]);
+        let exact = hit(0.5, 0);
+        let near = 0.5 + f32::EPSILON;
+        let answers = [exact, hit(near, 0), hit(0.5, 1), hit(1.0, 2), hit(0.75, 0), Hit::MISS];
+        let errors = judge.count(&[ray; 6], &[exact; 6], &answers);
+        assert_eq!((errors.wrong, errors.missing, errors.rounded), (2, 1, 0));
+        let epsilon = 2.0 * f64::from(near - 0.5) / 3.0f64.sqrt();
+        let close = |found: Apart, answers: u64, mean: f64, greatest: f64| {
+            assert_eq!(found.answers, answers, "{found:?}");
+            assert!((found.mean - mean).abs() <= 1e-12 * mean, "{found:?}");
+            assert!((found.greatest - greatest).abs() <= 1e-12 * greatest, "{found:?}");
+        };
+        close(errors.same, 2, 0.5 * epsilon, epsilon);
+        close(errors.other, 1, 0.0, 0.0);
+        close(errors.off, 2, 0.75 / 3.0f64.sqrt(), 1.0 / 3.0f64.sqrt());
+        let both = errors.same.and(errors.off);
+        close(both, 4, (0.5 * epsilon + 0.75 / 3.0f64.sqrt()) / 2.0, 1.0 / 3.0f64.sqrt());
     }
 }

@@ -4,16 +4,19 @@
 use super::TradeError;
 use super::budget::{Budget, Fixed, Pilot, divide};
 use super::held::Held;
+use super::interval::Interval;
 use super::judge::Judge;
+use super::pareto::Standing;
 use super::payback::Payback;
+use super::picture::PictureTrade;
 use super::plan::{Device, Station};
 use super::rays::{RaySets, judged, timed as timed_rays};
-use super::row::{Aims, Errors, Row, Sets, Trace};
+use super::row::{Aims, Apart, Errors, KINDS, Row, Sets, Trace};
 use crate::report::scene::Placed;
 use crate::report::timing::timed;
 use crate::report::{median, pool};
 use crate::verify::reference::Reference;
-use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions};
+use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, QueryLayout};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
@@ -21,6 +24,7 @@ use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::watch::Watch;
 use splitplane_cpu::CpuBackend;
+use splitplane_render::Size;
 use std::collections::{HashMap, hash_map};
 
 /// How to measure.
@@ -34,6 +38,10 @@ pub struct Settings<'a> {
     pub gpu: Option<&'a dyn Backend>,
     /// Most bytes of a build.
     pub max_memory: Option<u64>,
+    /// Whether settings of the same tree become one row; not where rows of an earlier run are repeated.
+    pub merge: bool,
+    /// The size of pictures whose settings are tried, too; none for no pictures.
+    pub picture: Option<Size>,
     /// Asked again and again whether to go on.
     pub watch: &'a dyn Watch,
 }
@@ -54,6 +62,8 @@ pub struct Measured {
     pub budget: Budget,
     /// The rows, without conclusions: [`super::document`] draws them.
     pub rows: Vec<Row>,
+    /// What pictures lose by their settings.
+    pub picture: Option<PictureTrade>,
     /// What the independent reference says of the exact answers.
     pub held: Held,
     /// The name of the timed rays, see [`super::rays::digest`].
@@ -65,6 +75,9 @@ pub struct Measured {
     /// The GPU backend, if it was measured.
     pub gpu: Option<BackendInfo>,
 }
+
+/// Times this much above the median of their rounds are measured again.
+const OUTLIER: f64 = 1.3;
 
 /// Rays of the first look at a device.
 const PILOT_RAYS: usize = 1 << 11;
@@ -83,7 +96,7 @@ pub fn measure(
     let mesh = placed.scene.mesh()?;
     let bench = Bench::open(&mesh, stations, settings)?;
     let (reference, base) = bench.all.install(|| {
-        let base = bench.build(Device::Cpu, "fast", &BuildConfig::default())?;
+        let base = bench.build_fast(Device::Cpu)?;
         Ok::<_, TradeError>((Reference::new(&mesh), base))
     })?;
     let sets =
@@ -92,7 +105,11 @@ pub fn measure(
     let pilot = |device: Device| pilots[usize::from(device == Device::Gpu)];
     let budget = divide(settings.seconds, stations, pilot, &settings.fixed);
     let sets = sets(budget.cpu.sample_rays.max(budget.gpu.sample_rays))?;
-    event(Event::Steps((budget.repeat as u64 + 1) * stations.len() as u64 + 1));
+    event(Event::Steps(
+        (budget.repeat as u64 + 1) * stations.len() as u64
+            + 1
+            + u64::from(settings.picture.is_some()),
+    ));
     let errors = bench.all.install(|| {
         let count = budget.cpu.error_rays.max(budget.gpu.error_rays);
         let rays = judged(&reference, &sets, count);
@@ -107,6 +124,10 @@ pub fn measure(
     for round in 0..=budget.repeat {
         for place in in_turns(round, stations.len()) {
             let (station, entry) = (&stations[place], &mut entries[place]);
+            if entry.merged {
+                event(Event::Step(&station.name));
+                continue;
+            }
             entry.round(&bench, &sets, round > 0)?;
             if round == 0 {
                 // Answers do not depend on threads: one of these stations is enough.
@@ -118,8 +139,21 @@ pub fn measure(
             }
             event(Event::Step(&station.name));
         }
+        if round == 0 && settings.merge {
+            merge(&mut entries);
+        }
     }
+    for entry in &mut entries {
+        entry.look_again(&bench, &sets)?;
+    }
+    let picture = |size: Size| {
+        let watch = settings.watch;
+        bench.all.install(|| PictureTrade::measure(placed, size, settings.max_memory, watch))
+    };
+    let picture = settings.picture.map(picture).transpose()?;
+    event(Event::Step("pictures"));
     let answers: HashMap<usize, Vec<Judgement>> = (0..stations.len())
+        .filter(|&place| !entries[place].merged)
         .filter_map(|place| {
             let same = |other: &Station| other.answers_as(&stations[place]);
             let judged = stations.iter().position(same)?;
@@ -129,10 +163,12 @@ pub fn measure(
     let rows = entries
         .into_iter()
         .enumerate()
+        .filter(|(_, entry)| !entry.merged)
         .flat_map(|(place, entry)| entry.rows(answers.get(&place).map_or(&[], Vec::as_slice)));
     Ok(Measured {
         budget,
         rows: rows.enumerate().map(|(i, row)| Row { number: i + 1, ..row }).collect(),
+        picture,
         held,
         rays: super::rays::digest(sets.each()),
         mesh: name_of(&mesh),
@@ -141,9 +177,33 @@ pub fn measure(
     })
 }
 
+/// Makes one of settings of the same preset, device and threads whose trees have the same nodes and references: the first
+/// stands for them all.
+fn merge(entries: &mut [Entry<'_>]) {
+    for place in 1..entries.len() {
+        let (before, rest) = entries.split_at_mut(place);
+        let Some(own) = rest.first_mut() else { return };
+        let same = |other: &&mut Entry<'_>| !other.merged && other.stands_for(own);
+        if let Some(first) = before.iter_mut().find(same) {
+            first.also.push(own.station.name.clone());
+            own.merged = true;
+        }
+    }
+}
+
 /// Places in the order of a round: every other round backwards, so that drift within rounds cancels.
 fn in_turns(round: usize, count: usize) -> Box<dyn Iterator<Item = usize>> {
     if round.is_multiple_of(2) { Box::new(0..count) } else { Box::new((0..count).rev()) }
+}
+
+/// XXH64 over nodes and references.
+fn name_of_nodes(tree: &KdTreeView<'_>) -> u64 {
+    let mut state = splitplane_core::digest::Xxh64::new(0);
+    for node in tree.nodes {
+        state.write_words(&node.words());
+    }
+    state.write_words(tree.references);
+    state.finish()
 }
 
 /// XXH64 over all corners.
@@ -164,7 +224,7 @@ fn exact_answers(
     watch: &dyn Watch,
 ) -> Result<Aims<Vec<Hit>>, TradeError> {
     let options = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
-    let mut exact: [Vec<Hit>; 4] = Default::default();
+    let mut exact: [Vec<Hit>; KINDS] = Default::default();
     for (exact, rays) in exact.iter_mut().zip(rays.each()) {
         exact.resize(rays.len(), Hit::MISS);
         tree.closest_hits_watched(rays, exact, &options, watch)?;
@@ -246,17 +306,19 @@ impl<'a> Bench<'a> {
         device: Device,
         name: &str,
         config: &BuildConfig,
+        layout: QueryLayout,
     ) -> Result<Box<dyn Accelerator>, TradeError> {
-        let options = BuildOptions {
-            config: *config,
-            max_memory: self.max_memory,
-            ..BuildOptions::default()
-        };
+        let options = BuildOptions { config: *config, max_memory: self.max_memory, layout };
         let built = match (device, self.gpu) {
             (Device::Gpu, Some(backend)) => backend.build_watched(self.mesh, &options, self.watch),
             _ => self.cpu.build_watched(self.mesh, &options, self.watch),
         };
         built.map_err(|error| TradeError::Build { setting: name.to_owned(), error })
+    }
+
+    /// Preset `fast` as it is.
+    fn build_fast(&self, device: Device) -> Result<Box<dyn Accelerator>, TradeError> {
+        self.build(device, "fast", &BuildConfig::default(), QueryLayout::Fast)
     }
 
     fn pool(&self, station: &Station) -> &rayon::ThreadPool {
@@ -267,8 +329,7 @@ impl<'a> Bench<'a> {
     fn pilots(&self, sets: &RaySets) -> Result<[Pilot; 2], TradeError> {
         let pilot = |device: Device| {
             self.all.install(|| {
-                let (tree, mut build_ms) =
-                    timed(|| self.build(device, "fast", &BuildConfig::default()));
+                let (tree, mut build_ms) = timed(|| self.build_fast(device));
                 let tree = tree?;
                 let mut ns_per_ray = [0.0; 3];
                 // The first time warms up.
@@ -283,9 +344,7 @@ impl<'a> Bench<'a> {
                     }
                 }
                 if device == Device::Cpu {
-                    build_ms = timed(|| self.build(device, "fast", &BuildConfig::default()))
-                        .1
-                        .min(build_ms);
+                    build_ms = timed(|| self.build_fast(device)).1.min(build_ms);
                 }
                 Ok::<Pilot, TradeError>(Pilot { build_ms, ns_per_ray })
             })
@@ -347,6 +406,12 @@ struct Entry<'a> {
     /// Nanoseconds a ray, by accuracy and set.
     ns: Vec<[Vec<f64>; 4]>,
     rays: [usize; 4],
+    /// Settings of the same tree.
+    also: Vec<String>,
+    /// Another one stands for it.
+    merged: bool,
+    /// Rounds measured again.
+    again: usize,
     /// The tree of the first round, until it is judged.
     tree: Option<Box<dyn Accelerator>>,
     judgements: Vec<Judgement>,
@@ -357,6 +422,8 @@ struct Entry<'a> {
 struct Likeness {
     stats: TreeStats,
     digest: String,
+    /// A name of nodes and references alone; the digest counts what shaped them, too.
+    tree: u64,
     query_bytes: u64,
     peak_bytes: u64,
 }
@@ -369,6 +436,9 @@ impl<'a> Entry<'a> {
             build_ms: Vec::new(),
             ns: station.accuracies.iter().map(|_| Default::default()).collect(),
             rays: [0; 4],
+            also: Vec::new(),
+            merged: false,
+            again: 0,
             tree: None,
             judgements: Vec::new(),
             like: None,
@@ -377,10 +447,10 @@ impl<'a> Entry<'a> {
 
     /// Builds and traces once.
     fn round(&mut self, bench: &Bench<'_>, sets: &RaySets, counts: bool) -> Result<(), TradeError> {
-        let Station { name, config, device, .. } = self.station;
+        let Station { name, config, layout, device, .. } = self.station;
         let most = self.budget.of(*device).sample_rays;
         bench.pool(self.station).install(|| {
-            let (tree, build_ms) = timed(|| bench.build(*device, name, config));
+            let (tree, build_ms) = timed(|| bench.build(*device, name, config, *layout));
             let tree = tree?;
             for (place, &accuracy) in self.station.accuracies.iter().enumerate() {
                 for (set, rays) in sets.each().into_iter().enumerate() {
@@ -409,7 +479,7 @@ impl<'a> Entry<'a> {
         let most = self.budget.of(self.station.device).error_rays as usize;
         for &accuracy in &self.station.accuracies {
             let options = QueryOptions { accuracy, ..QueryOptions::default() };
-            let (mut errors, mut redone) = ([Errors::default(); 4], 0);
+            let (mut errors, mut redone) = ([Errors::default(); KINDS], 0);
             for (kind, errors) in errors.iter_mut().enumerate() {
                 let (rays, exact) = (judged.rays.each()[kind], judged.exact.each()[kind]);
                 let count = rays.len().min(most);
@@ -424,10 +494,61 @@ impl<'a> Entry<'a> {
                 };
                 redone += undecided;
                 *errors = judged.judge.count(rays, exact, &hits);
+                if Aims::<()>::NAMES[kind] == "shadow" {
+                    // Whether anything is hit has no place, and so no size.
+                    let none = Apart::default();
+                    *errors = Errors { same: none, other: none, off: none, ..*errors };
+                }
             }
             self.judgements.push(Judgement { errors: Aims::of(errors), redone });
         }
         Ok(())
+    }
+
+    /// Whether its rows are another's rows too.
+    fn stands_for(&self, other: &Entry<'_>) -> bool {
+        let (own, its) = (self.station, other.station);
+        let of = |station: &Station| {
+            (station.config.preset, station.layout, station.device, station.threads)
+        };
+        let tree = |entry: &Entry<'_>| entry.like.as_ref().map(|like| like.tree);
+        of(own) == of(its)
+            && its.accuracies.iter().all(|accuracy| own.accuracies.contains(accuracy))
+            && tree(self).is_some()
+            && tree(self) == tree(other)
+    }
+
+    /// Measures rounds again in which a time was far above the median of all rounds, twice at most.
+    fn look_again(&mut self, bench: &Bench<'_>, sets: &RaySets) -> Result<(), TradeError> {
+        for _ in 0..2 {
+            let Some(round) = self.outlier().filter(|_| !self.merged) else { return Ok(()) };
+            self.build_ms.remove(round);
+            for times in self.ns.iter_mut().flatten().filter(|times| !times.is_empty()) {
+                times.remove(round);
+            }
+            self.again += 1;
+            self.round(bench, sets, true)?;
+        }
+        Ok(())
+    }
+
+    /// A round in which the build or a set took far longer than it usually does.
+    fn outlier(&self) -> Option<usize> {
+        let far = |times: &Vec<f64>| {
+            let usual = median(times.clone());
+            times.iter().position(|&time| times.len() >= 3 && time > OUTLIER * usual)
+        };
+        far(&self.build_ms).or_else(|| self.ns.iter().flatten().find_map(far))
+    }
+
+    /// Nanoseconds a ray in each round, the mean over the sets.
+    fn ns_by_round(times: &[Vec<f64>; 4]) -> Vec<f64> {
+        let rounds = times.iter().map(Vec::len).max().unwrap_or(0);
+        let of = |round: usize| {
+            let own: Vec<f64> = times.iter().filter_map(|set| set.get(round).copied()).collect();
+            mean(&own)
+        };
+        (0..rounds).map(of).collect()
     }
 
     /// Lets the tree go.
@@ -437,12 +558,13 @@ impl<'a> Entry<'a> {
 
     /// A row for each accuracy, not yet numbered and without conclusions.
     fn rows(self, judgements: &[Judgement]) -> Vec<Row> {
-        let Entry { station, build_ms, ns, rays, like, .. } = self;
+        let Entry { station, build_ms, ns, rays, like, also, again, .. } = self;
         let Some(like) = like else { return Vec::new() };
         let least = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
         let row = |(place, times): (usize, [Vec<f64>; 4])| {
             let judgement = judgements.get(place).copied();
             let errors = judgement.map_or(Aims::default(), |judgement| judgement.errors);
+            let ns_interval = Interval::of(&Entry::ns_by_round(&times));
             let mut set = 0;
             let trace = times.map(|times| {
                 set += 1;
@@ -459,14 +581,19 @@ impl<'a> Entry<'a> {
                 name: station.name.clone(),
                 preset: station.config.preset.name().to_owned(),
                 knob: station.knob.clone(),
+                layout: station.layout.name().to_owned(),
+                also: also.clone(),
                 config: station.config.into(),
                 backend: station.device.name().to_owned(),
                 threads,
                 accuracy: station.accuracies[place].name().to_owned(),
                 build_ms: median(build_ms.clone()),
                 least_build_ms: least(&build_ms),
+                build_interval: Interval::of(&build_ms),
                 trace: Sets::of(trace),
                 ns_per_ray: mean(&present),
+                ns_interval,
+                again,
                 query_bytes: like.query_bytes,
                 peak_bytes: like.peak_bytes,
                 sah_cost: like.stats.sah_cost,
@@ -475,6 +602,7 @@ impl<'a> Entry<'a> {
                 references: like.stats.references,
                 depth: like.stats.max_depth,
                 digest: like.digest.clone(),
+                tree: format!("{:016x}", like.tree),
                 errors,
                 errors_per_million: per_million(errors.each().into_iter().map(Errors::all).sum()),
                 rounded_per_million: per_million(
@@ -482,7 +610,7 @@ impl<'a> Entry<'a> {
                 ),
                 redone_per_million: per_million(judgement.map_or(0, |judgement| judgement.redone)),
                 field: String::new(),
-                pareto: false,
+                pareto: Standing::Beaten,
                 payback: Payback::Unknown,
             }
         };
@@ -504,6 +632,7 @@ impl Likeness {
         Likeness {
             stats: TreeStats::of(&KdTreeView { config, ..view }),
             digest: tree.tree().digest().to_string(),
+            tree: name_of_nodes(&view),
             query_bytes: tree.query_bytes(),
             peak_bytes: tree.summary().peak_bytes,
         }

@@ -1,79 +1,97 @@
 //! Which settings no other setting beats.
 
-/// Which of the points are optimal in the sense of Pareto: no other is at most as great in every
-/// coordinate and less in one. Equal points do not beat each other. A point with a NaN is never
-/// optimal and beats none.
-pub fn optimal<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
-    let valid = |point: &[f64; N]| point.iter().all(|x| !x.is_nan());
-    let beats = |a: &[f64; N], b: &[f64; N]| {
-        a.iter().zip(b).all(|(a, b)| a <= b) && a.iter().zip(b).any(|(a, b)| a < b)
-    };
-    // In lexicographic order whatever beats a point comes before it, and among those that beat it one
-    // is optimal itself: comparing with the optimal ones found so far is enough.
-    let mut order: Vec<usize> = (0..points.len()).filter(|&i| valid(&points[i])).collect();
-    order.sort_by(|&a, &b| {
-        let pairs = points[a].iter().zip(&points[b]);
-        pairs.map(|(a, b)| a.total_cmp(b)).find(|order| order.is_ne()).unwrap_or(a.cmp(&b))
-    });
-    let mut front: Vec<usize> = Vec::new();
-    for i in order {
-        if !front.iter().any(|&j| beats(&points[j], &points[i])) {
-            front.push(i);
+use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
+
+/// How a setting stands among others, in the sense of Pareto. One beats another when it is worse in no figure and
+/// better in one, beyond the noise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Standing {
+    /// Optimal: it is better than each of the others in some figure, beyond the noise, so none can beat it.
+    Optimal,
+    /// None beats it beyond the noise, but of one at least it is not told apart in what would save it.
+    Perhaps,
+    /// Another beats it.
+    Beaten,
+}
+
+impl Standing {
+    /// Its name in files.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Standing::Optimal => "optimal",
+            Standing::Perhaps => "perhaps",
+            Standing::Beaten => "beaten",
         }
     }
-    let mut out = vec![false; points.len()];
-    for i in front {
-        out[i] = true;
+
+    /// As a table marks it.
+    pub const fn mark(self) -> &'static str {
+        match self {
+            Standing::Optimal => "opt",
+            Standing::Perhaps => "opt?",
+            Standing::Beaten => "",
+        }
     }
-    out
+}
+
+/// How `count` settings stand. `compare(i, j)` compares the figures of two of them, equal where they are not told apart.
+pub fn standings<const N: usize>(
+    count: usize,
+    compare: impl Fn(usize, usize) -> [Ordering; N],
+) -> Vec<Standing> {
+    let standing = |own: usize| {
+        let others = || (0..count).filter(|&other| other != own).map(|other| compare(own, other));
+        let beaten = |figures: [Ordering; N]| {
+            figures.iter().all(|figure| figure.is_ge())
+                && figures.iter().any(|figure| figure.is_gt())
+        };
+        if others().any(beaten) {
+            Standing::Beaten
+        } else if others().all(|figures| figures.iter().any(|figure| figure.is_lt())) {
+            Standing::Optimal
+        } else {
+            Standing::Perhaps
+        }
+    };
+    (0..count).map(standing).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::Standing::{Beaten, Optimal, Perhaps};
     use super::*;
-    use crate::random::hash;
 
-    /// By the definition, every pair.
-    fn by_definition<const N: usize>(points: &[[f64; N]]) -> Vec<bool> {
-        let beaten = |i: usize| {
-            (0..points.len()).any(|j| {
-                (0..N).all(|k| points[j][k] <= points[i][k])
-                    && (0..N).any(|k| points[j][k] < points[i][k])
-            })
-        };
-        (0..points.len()).map(|i| !beaten(i) && points[i].iter().all(|x| !x.is_nan())).collect()
+    fn of<const N: usize>(points: &[[f64; N]]) -> Vec<Standing> {
+        standings::<N>(points.len(), |i, j| {
+            std::array::from_fn(|k| points[i][k].partial_cmp(&points[j][k]).unwrap())
+        })
     }
 
     #[test]
     fn a_staircase() {
         let points = [[1.0, 4.0], [2.0, 2.0], [4.0, 1.0], [3.0, 3.0], [2.0, 2.0], [1.0, 5.0]];
-        assert_eq!(optimal(&points), [true, true, true, false, true, false]);
-        assert_eq!(optimal(&[[0.0, -0.0], [-0.0, 0.0]]), [true, true]);
-        assert_eq!(optimal(&[[f64::NAN, 0.0], [1.0, 1.0]]), [false, true]);
-        assert_eq!(optimal::<3>(&[]), Vec::<bool>::new());
+        assert_eq!(of(&points), [Optimal, Perhaps, Optimal, Beaten, Perhaps, Beaten]);
+        assert_eq!(of::<3>(&[]), Vec::new());
+        assert_eq!(of(&[[1.0]]), [Optimal], "the only one");
+        assert_eq!(of(&[[0.0], [-0.0]]), [Perhaps; 2], "equal ones do not beat each other");
     }
 
-    /// Few values, so that ties and equal points are common; marks equal the definition, somebody is
-    /// always optimal, and the order of the points does not matter.
     #[test]
-    fn equals_the_definition_whatever_the_points() {
-        for case in 0..3000u64 {
-            let count = (hash(case, &[0]) % 12) as usize;
-            let values = 2 + hash(case, &[1]) % 4;
-            let mut points: Vec<[f64; 4]> = (0..count as u64)
-                .map(|i| std::array::from_fn(|k| (hash(case, &[2, i, k as u64]) % values) as f64))
-                .collect();
-            if case % 7 == 0 && count > 0 {
-                points[0][1] = if case % 2 == 0 { f64::NAN } else { f64::INFINITY };
-            }
-            let found = optimal(&points);
-            assert_eq!(found, by_definition(&points), "{points:?}");
-            let any_valid = points.iter().any(|p| p.iter().all(|x| !x.is_nan()));
-            assert_eq!(found.contains(&true), any_valid);
-            points.reverse();
-            let mut turned = optimal(&points);
-            turned.reverse();
-            assert_eq!(turned, found);
-        }
+    fn what_is_not_told_apart_beats_nothing_and_is_not_sure_to_be_optimal() {
+        // Apart are only figures more than 1 apart.
+        let figures: [f64; 3] = [1.0, 1.8, 2.6];
+        let compare = |i: usize, j: usize| {
+            let apart = figures[i] - figures[j];
+            [if apart < -1.0 {
+                Ordering::Less
+            } else if apart > 1.0 {
+                Ordering::Greater
+            } else {
+                Ordering::Equal
+            }]
+        };
+        assert_eq!(standings(3, compare), [Perhaps, Perhaps, Beaten]);
     }
 }

@@ -1,6 +1,7 @@
 //! After how many rays a slower build has paid for itself.
 
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// What a tree costs: its build, and every ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,21 +39,23 @@ pub enum Payback {
     },
     /// It costs more, however many rays.
     Never,
+    /// Neither build nor rays are told apart from the other's.
+    Alike,
     /// There is nothing to compare it with.
     Unknown,
 }
 
 impl Payback {
     /// Compares a setting with a base by their two lines: `b + n r` against `b' + n r'`, which meet at
-    /// `n = (b - b') / (r' - r)`.
-    pub fn of(own: Line, base: Line) -> Payback {
-        let more_build = own.build_ms - base.build_ms;
-        let less_a_ray = base.ns_per_ray - own.ns_per_ray;
-        let rays = 1e6 * more_build / less_a_ray;
-        match (more_build > 0.0, less_a_ray > 0.0) {
-            (false, _) if less_a_ray >= 0.0 => Payback::Always,
-            (true, true) => Payback::After { rays },
-            (false, false) if more_build < 0.0 => Payback::Until { rays },
+    /// `n = (b - b') / (r' - r)`. `build` and `ray` say how the times compare beyond their noise; what is not
+    /// told apart counts as equal.
+    pub fn of(own: Line, base: Line, build: Ordering, ray: Ordering) -> Payback {
+        let rays = 1e6 * (own.build_ms - base.build_ms) / (base.ns_per_ray - own.ns_per_ray);
+        match (build, ray) {
+            (Ordering::Equal, Ordering::Equal) => Payback::Alike,
+            (Ordering::Less | Ordering::Equal, Ordering::Less | Ordering::Equal) => Payback::Always,
+            (Ordering::Greater, Ordering::Less) => Payback::After { rays },
+            (Ordering::Less, Ordering::Greater) => Payback::Until { rays },
             (_, _) => Payback::Never,
         }
     }
@@ -65,6 +68,7 @@ impl Payback {
             Payback::After { rays } => format!("after {}", count(*rays)),
             Payback::Until { rays } => format!("up to {}", count(*rays)),
             Payback::Never => "never".into(),
+            Payback::Alike => "not told apart".into(),
             Payback::Unknown => "nothing to compare with".into(),
         }
     }
@@ -142,14 +146,21 @@ mod tests {
     fn closed_forms() {
         let base = line(100.0, 200.0);
         // 50 ms more, 100 ns a ray less: 500,000 rays.
-        assert_eq!(Payback::of(line(150.0, 100.0), base), Payback::After { rays: 5e5 });
-        assert_eq!(Payback::of(line(50.0, 300.0), base), Payback::Until { rays: 5e5 });
-        assert_eq!(Payback::of(line(50.0, 100.0), base), Payback::Always);
-        assert_eq!(Payback::of(base, base), Payback::Always);
-        assert_eq!(Payback::of(line(100.0, 199.0), base), Payback::Always);
-        assert_eq!(Payback::of(line(150.0, 200.0), base), Payback::Never);
-        assert_eq!(Payback::of(line(150.0, 300.0), base), Payback::Never);
-        assert_eq!(Payback::of(line(100.0, 300.0), base), Payback::Never);
+        let of = |own: Line| {
+            let build = own.build_ms.total_cmp(&base.build_ms);
+            Payback::of(own, base, build, own.ns_per_ray.total_cmp(&base.ns_per_ray))
+        };
+        assert_eq!(of(line(150.0, 100.0)), Payback::After { rays: 5e5 });
+        assert_eq!(of(line(50.0, 300.0)), Payback::Until { rays: 5e5 });
+        assert_eq!(of(line(50.0, 100.0)), Payback::Always);
+        assert_eq!(of(base), Payback::Alike);
+        assert_eq!(of(line(100.0, 199.0)), Payback::Always);
+        assert_eq!(of(line(150.0, 200.0)), Payback::Never);
+        assert_eq!(of(line(150.0, 300.0)), Payback::Never);
+        assert_eq!(of(line(100.0, 300.0)), Payback::Never);
+        // A build that is dearer, but not beyond the noise, needs no paying back.
+        let alike = Payback::of(line(101.0, 100.0), base, Ordering::Equal, Ordering::Less);
+        assert_eq!(alike, Payback::Always);
     }
 
     #[test]

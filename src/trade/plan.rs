@@ -1,5 +1,6 @@
 //! What a sweep tries: presets as they are, each knob by itself, accuracies, backends and threads.
 
+use splitplane_core::backend::QueryLayout;
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::Accuracy;
 
@@ -46,6 +47,8 @@ pub struct Station {
     pub knob: Option<String>,
     /// What shapes the tree.
     pub config: BuildConfig,
+    /// How the copies that queries read are laid out.
+    pub layout: QueryLayout,
     /// Who builds and traces.
     pub device: Device,
     /// Threads, on the CPU.
@@ -59,6 +62,7 @@ impl Station {
     /// the same accuracies.
     pub fn answers_as(&self, other: &Station) -> bool {
         self.config == other.config
+            && self.layout == other.layout
             && self.device == other.device
             && self.accuracies == other.accuracies
     }
@@ -78,22 +82,38 @@ pub fn stations(scope: &Scope) -> Vec<Station> {
                 continue;
             }
             let config = BuildConfig::preset(preset);
-            let station = |knob: Option<String>, config, threads, accuracies| {
+            let station = |knob: Option<String>, config, layout, threads, accuracies| {
                 let name = match &knob {
                     Some(knob) => format!("{}, {knob}", preset.name()),
                     None => preset.name().to_owned(),
                 };
-                Station { name, knob, config, device, threads, accuracies }
+                Station { name, knob, config, layout, device, threads, accuracies }
             };
-            stations.push(station(None, config, most, scope.accuracies.clone()));
+            let usually = QueryLayout::Fast;
+            stations.push(station(None, config, usually, most, scope.accuracies.clone()));
             if device == Device::Cpu {
                 for &threads in scope.threads.iter().rev().skip(1) {
-                    stations.push(station(None, config, threads, scope.accuracies.clone()));
+                    stations.push(station(
+                        None,
+                        config,
+                        usually,
+                        threads,
+                        scope.accuracies.clone(),
+                    ));
                 }
             }
             let turned = if scope.knobs && place == 0 { knobs(preset) } else { Vec::new() };
             for (knob, config) in turned {
-                stations.push(station(Some(knob), config, most, usual.into_iter().collect()));
+                let usual = usual.into_iter().collect();
+                stations.push(station(Some(knob), config, usually, most, usual));
+            }
+            // The GPU has one layout.
+            if scope.knobs && device == Device::Cpu {
+                for layout in QueryLayout::ALL.into_iter().filter(|layout| *layout != usually) {
+                    let knob = format!("{} layout", layout.name());
+                    let usual = usual.into_iter().collect();
+                    stations.push(station(Some(knob), config, layout, most, usual));
+                }
             }
         }
     }
@@ -122,6 +142,9 @@ pub fn knobs(preset: Preset) -> Vec<(String, BuildConfig)> {
     }
     if preset == Preset::Balanced {
         out.extend([16, 64].map(|bins| (format!("{bins} bins"), BuildConfig { bins, ..own })));
+    }
+    if own.block_width != 1 {
+        out.push(("W 1".to_owned(), BuildConfig { block_width: 1, ..own }));
     }
     let max_depth = own.max_depth / 2;
     out.push((format!("depth {max_depth}"), BuildConfig { max_depth, ..own }));
@@ -170,7 +193,7 @@ mod tests {
         }
         let plain = stations.iter().filter(|station| station.knob.is_none()).count();
         assert_eq!(plain, 3 * 2 + 2, "presets by threads, and two of them on the GPU");
-        assert_eq!(stations.len() - plain, 8 + 10 + 5, "knobs");
+        assert_eq!(stations.len() - plain, 9 + 11 + 6 + 3, "knobs, and a layout each");
         let rows: usize = stations.iter().map(|station| station.accuracies.len()).sum();
         assert!(rows < 60, "{rows} rows are no table to read");
     }

@@ -65,7 +65,8 @@ pub fn timed(
     })
 }
 
-/// The rays that are judged, `count` of each kind; of the timed rays towards lights as many as there are.
+/// The rays that are judged, `count` of each kind; of the timed rays of the camera, off surfaces and towards lights as many as
+/// there are, evenly spread over the picture.
 pub fn judged(reference: &Reference, sets: &RaySets, count: u64) -> Aims<Vec<Ray>> {
     let generator = Generator::new(reference);
     // Chords that are timed are not the ones that are judged.
@@ -74,8 +75,12 @@ pub fn judged(reference: &Reference, sets: &RaySets, count: u64) -> Aims<Vec<Ray
         let numbers = first(aim)..first(aim) + count;
         numbers.into_par_iter().map(|number| generator.ray(aim, number)).collect()
     });
-    let shadow = sets.shadow.iter().take(count as usize).copied().collect();
-    Aims { random, edge, vertex, shadow }
+    let spread = |rays: &Vec<Ray>| {
+        let count = (count as usize).min(rays.len());
+        (0..count).map(|i| rays[i * rays.len() / count]).collect()
+    };
+    let [primary, bounce, shadow] = [&sets.primary, &sets.bounce, &sets.shadow].map(spread);
+    Aims { random, edge, vertex, primary, bounce, shadow }
 }
 
 /// A name of rays: XXH64 over their bits. Equal rays have equal names.

@@ -43,10 +43,16 @@ pub struct Recommendation {
     pub row: Option<usize>,
     /// Milliseconds for all frames by that row.
     pub total_ms: Option<f64>,
-    /// The row that comes next among those of other trees.
+    /// Other presets whose totals are not told apart from the least; the plainest is taken.
+    pub alike: Vec<usize>,
+    /// The preset that comes next.
     pub next: Option<usize>,
     /// Its milliseconds.
     pub next_total_ms: Option<f64>,
+    /// The row of a turned knob that takes least of all, where that is told apart.
+    pub turned: Option<usize>,
+    /// Its milliseconds.
+    pub turned_total_ms: Option<f64>,
     /// All of it in words.
     pub words: String,
 }
@@ -61,9 +67,6 @@ pub struct Step {
     pub row: usize,
 }
 
-/// Totals closer than this are the same on a machine that others use too.
-const NOISE: f64 = 0.05;
-
 /// Whether a row will do for a wish, whatever it costs.
 pub fn will_do(row: &Row, wish: &Wish) -> bool {
     let rank = |name: &str| Accuracy::ALL.iter().position(|own| own.name() == name);
@@ -77,39 +80,89 @@ fn is_single(row: &Row) -> bool {
     row.field == super::document::ONE_THREAD
 }
 
-/// Who is least for how many rays a build.
-pub fn steps(rows: &[Row], wish: &Wish) -> Vec<Step> {
-    let usable: Vec<&Row> = rows.iter().filter(|row| will_do(row, wish)).collect();
-    let lines: Vec<Line> = usable.iter().map(|row| row.line()).collect();
-    let step = |reign: Reign| Step { from_rays: reign.from, row: usable[reign.line].number };
-    envelope(&lines).into_iter().map(step).collect()
+/// Rows whose totals for so many rays a build are told apart from the least by no round, the plainest first: quick
+/// builds before slow ones, in the order of the table.
+fn least<'a>(rows: &[&'a Row], rays: f64) -> Vec<&'a Row> {
+    let least = rows.iter().min_by(|a, b| a.total_ms(rays).total_cmp(&b.total_ms(rays)));
+    let Some(least) = least.copied() else { return Vec::new() };
+    let alike = |row: &&&Row| !is_less(least, row, rays);
+    let mut alike: Vec<&Row> = rows.iter().filter(alike).copied().collect();
+    alike.sort_by_key(|row| row.number);
+    alike
 }
 
-/// The row that takes least for all frames: builds + rays.
+/// Whether a row's total is below another's, beyond the noise of both.
+fn is_less(row: &Row, other: &Row, rays: f64) -> bool {
+    row.compare_total(other, rays).is_lt()
+}
+
+/// Rows that will do, presets as they are before those of turned knobs.
+fn usable<'a>(rows: &'a [Row], wish: &Wish) -> [Vec<&'a Row>; 2] {
+    let (plain, turned) =
+        rows.iter().filter(|row| will_do(row, wish)).partition(|row| row.knob.is_none());
+    [plain, turned]
+}
+
+/// Which preset to take for how many rays a build; a turned knob only where no preset as it is will do.
+pub fn steps(rows: &[Row], wish: &Wish) -> Vec<Step> {
+    let [plain, turned] = usable(rows, wish);
+    let rows = if plain.is_empty() { turned } else { plain };
+    let lines: Vec<Line> = rows.iter().map(|row| row.line()).collect();
+    let reigns = envelope(&lines);
+    let mut steps: Vec<Step> = Vec::new();
+    for (place, reign) in reigns.iter().enumerate() {
+        // In the middle of the reign, by ratio.
+        let end = reigns.get(place + 1).map_or(4.0 * reign.from, |next: &Reign| next.from);
+        let middle = if reign.from > 0.0 { (reign.from * end).sqrt() } else { 0.25 * end };
+        let Some(row) = least(&rows, middle).first().map(|row| row.number) else { continue };
+        if steps.last().is_none_or(|last| last.row != row) {
+            steps.push(Step { from_rays: reign.from, row });
+        }
+    }
+    steps
+}
+
+/// The row that takes least for all frames, builds and rays: of presets as they are, the plainest of those that are
+/// not told apart. A turned knob that takes less still is named beside it: what it gains holds for this scene.
 pub fn recommend(rows: &[Row], wish: &Wish) -> Recommendation {
     let rays = wish.rays_per_build();
     let total = |row: &Row| wish.builds() as f64 * row.total_ms(rays);
-    let mut usable: Vec<&Row> = rows.iter().filter(|row| will_do(row, wish)).collect();
-    usable.sort_by(|a, b| total(a).total_cmp(&total(b)).then(a.number.cmp(&b.number)));
-    let best = usable.first().copied();
-    let next = best.and_then(|best| {
-        usable.iter().copied().find(|row| row.name != best.name || row.backend != best.backend)
-    });
+    let by_total = |a: &&Row, b: &&Row| total(a).total_cmp(&total(b)).then(a.number.cmp(&b.number));
+    let [plain, turned] = usable(rows, wish);
+    let (mut candidates, turned) = if plain.is_empty() { (turned, plain) } else { (plain, turned) };
+    let alike = least(&candidates, rays);
+    let best = alike.first().copied();
+    candidates.retain(|row| alike.iter().all(|other| other.number != row.number));
+    let next = candidates.iter().copied().min_by(by_total);
+    let turned = turned
+        .into_iter()
+        .filter(|row| best.is_some_and(|best| is_less(row, best, rays)))
+        .min_by(by_total);
     let words = match best {
         None => nothing(rows, wish),
-        Some(best) => in_words(best, next, wish, &total),
+        Some(best) => in_words(best, &alike[1..], next, turned, wish, &total),
     };
     Recommendation {
         wish: wish.clone(),
         row: best.map(|row| row.number),
         total_ms: best.map(total),
+        alike: alike.iter().skip(1).map(|row| row.number).collect(),
         next: next.map(|row| row.number),
         next_total_ms: next.map(total),
+        turned: turned.map(|row| row.number),
+        turned_total_ms: turned.map(total),
         words,
     }
 }
 
-fn in_words(best: &Row, next: Option<&Row>, wish: &Wish, total: &dyn Fn(&Row) -> f64) -> String {
+fn in_words(
+    best: &Row,
+    alike: &[&Row],
+    next: Option<&Row>,
+    turned: Option<&Row>,
+    wish: &Wish,
+    total: &dyn Fn(&Row) -> f64,
+) -> String {
     let rays = wish.rays_per_build();
     let (traced, all) = (rays * best.ns_per_ray * 1e-6, total(best));
     let builds = wish.builds();
@@ -128,19 +181,39 @@ fn in_words(best: &Row, next: Option<&Row>, wish: &Wish, total: &dyn Fn(&Row) ->
         short(best.query_bytes as f64 / 1e6),
         short(best.errors_per_million),
     );
+    match alike {
+        [] => {}
+        [other] => {
+            out += &format!(
+                " {} (row {}) is not told apart from it by these rounds; it is taken since it is plainer.",
+                other.title(),
+                other.number
+            );
+        }
+        others => {
+            let numbers: Vec<String> = others.iter().map(|row| row.number.to_string()).collect();
+            out += &format!(
+                " Rows {} are not told apart from it by these rounds; it is taken as the plainest of them.",
+                numbers.join(", ")
+            );
+        }
+    }
     if let Some(next) = next {
-        let more = total(next) / all - 1.0;
         out += &format!(
-            " Next comes {} (row {}) with {} ms, {:.0} % more{}.",
+            " Next comes {} (row {}) with {} ms, {:.0} % more.",
             next.title(),
             next.number,
             short(total(next)),
-            100.0 * more,
-            if more < NOISE {
-                ": within the noise of most machines, so either will do"
-            } else {
-                ""
-            }
+            100.0 * (total(next) / all - 1.0)
+        );
+    }
+    if let Some(turned) = turned {
+        out += &format!(
+            " On this scene {} (row {}) takes {} ms, {:.0} % less.",
+            turned.title(),
+            turned.number,
+            short(total(turned)),
+            100.0 * (1.0 - total(turned) / all)
         );
     }
     if !wish.still && wish.frames > 1 {
@@ -244,5 +317,29 @@ mod tests {
         let mut rows = rows();
         rows[0].field = super::super::document::ONE_THREAD.to_owned();
         assert_eq!(recommend(&rows, &wish(1)).row, Some(2));
+    }
+
+    #[test]
+    fn what_is_not_told_apart_is_not_ranked() {
+        let mut rows = rows();
+        // Better by 4 %, but each is known to 2 % only.
+        rows[1] = Row { number: 2, ..row("balanced", "watertight", 96.0, 192.0) };
+        let of = |rows: &[Row], rays| {
+            let found = recommend(rows, &wish(rays));
+            (found.row, found.alike, found.next, found.turned)
+        };
+        assert_eq!(of(&rows, 1_000), (Some(1), vec![2], None, None));
+        // Better by 10 %.
+        rows[1] = Row { number: 2, ..row("balanced", "watertight", 90.0, 180.0) };
+        assert_eq!(of(&rows, 1_000), (Some(2), vec![], Some(1), None));
+        // A turned knob is named, not taken.
+        rows[1].knob = Some("T 32".into());
+        assert_eq!(of(&rows, 1_000), (Some(1), vec![], None, Some(2)));
+        let words = recommend(&rows, &wish(1_000)).words;
+        assert!(words.contains("10 % less"), "{words}");
+        // Where no preset as it is will do, it is.
+        rows[0].errors_per_million = 9.0;
+        let strict = Wish { max_error: Some(1.0), ..wish(1_000) };
+        assert_eq!(recommend(&rows, &strict).row, Some(2));
     }
 }

@@ -1,8 +1,11 @@
 //! A row: one setting, what it costs and what it gets wrong.
 
+use super::interval::Interval;
+use super::pareto::Standing;
 use super::payback::{Line, Payback};
 use serde::{Deserialize, Serialize};
 use splitplane_core::config::{BuildConfig, Preset};
+use std::cmp::Ordering;
 
 /// Something for each of the four sets of rays that are timed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -33,7 +36,10 @@ impl<T> Sets<T> {
     }
 }
 
-/// Something for each of the four kinds of rays whose answers are judged.
+/// Kinds of rays whose answers are judged.
+pub const KINDS: usize = 6;
+
+/// Something for each of the kinds of rays whose answers are judged.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Aims<T> {
@@ -43,23 +49,28 @@ pub struct Aims<T> {
     pub edge: T,
     /// Aimed at vertices.
     pub vertex: T,
-    /// From what the camera sees towards lights, of which only is asked whether anything is hit; of the
+    /// Rays of the camera, as many of the timed ones as there are.
+    pub primary: T,
+    /// From what the camera sees into the half-space above the surface, likewise.
+    pub bounce: T,
+    /// From what the camera sees towards lights, likewise; of these only is asked whether anything is hit, of the
     /// others, what is.
     pub shadow: T,
 }
 
 impl<T> Aims<T> {
     /// The names of the kinds, in their order.
-    pub const NAMES: [&'static str; 4] = ["random", "edge", "vertex", "shadow"];
+    pub const NAMES: [&'static str; KINDS] =
+        ["random", "edge", "vertex", "primary", "bounce", "shadow"];
 
-    /// All four, in their order.
-    pub fn each(&self) -> [&T; 4] {
-        [&self.random, &self.edge, &self.vertex, &self.shadow]
+    /// All of them, in their order.
+    pub fn each(&self) -> [&T; KINDS] {
+        [&self.random, &self.edge, &self.vertex, &self.primary, &self.bounce, &self.shadow]
     }
 
-    /// The same from four values in their order.
-    pub fn of([random, edge, vertex, shadow]: [T; 4]) -> Aims<T> {
-        Aims { random, edge, vertex, shadow }
+    /// The same from values in their order.
+    pub fn of([random, edge, vertex, primary, bounce, shadow]: [T; KINDS]) -> Aims<T> {
+        Aims { random, edge, vertex, primary, bounce, shadow }
     }
 }
 
@@ -76,8 +87,43 @@ pub struct Trace {
     pub least_ns: Option<f64>,
 }
 
+/// By how much the distances of some answers differ from the exact ones, in parts of the diagonal of the
+/// scene's box: how far off the point is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Apart {
+    /// Answers.
+    pub answers: u64,
+    /// The mean over them. 0 without any.
+    pub mean: f64,
+    /// The greatest.
+    pub greatest: f64,
+}
+
+impl Apart {
+    /// Takes one more answer. What is no number counts as the whole diagonal.
+    pub fn take(&mut self, apart: f64) {
+        let apart = if apart.is_finite() { apart } else { 1.0 };
+        self.answers += 1;
+        self.mean += (apart - self.mean) / self.answers as f64;
+        self.greatest = self.greatest.max(apart);
+    }
+
+    /// Those of two sets of answers together.
+    #[must_use]
+    pub fn and(self, other: Apart) -> Apart {
+        let answers = self.answers + other.answers;
+        let sum = self.answers as f64 * self.mean + other.answers as f64 * other.mean;
+        Apart {
+            answers,
+            mean: sum / answers.max(1) as f64,
+            greatest: self.greatest.max(other.greatest),
+        }
+    }
+}
+
 /// Answers that differ from the exact ones; what each word means is in [`super::judge`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Errors {
     /// Rays judged.
@@ -90,6 +136,12 @@ pub struct Errors {
     pub phantom: u64,
     /// Answers of any of these kinds that rounding explains; they are no errors.
     pub rounded: u64,
+    /// Right or rounded answers that name the exact triangle.
+    pub same: Apart,
+    /// Right or rounded answers that name another triangle.
+    pub other: Apart,
+    /// Wrong answers.
+    pub off: Apart,
 }
 
 impl Errors {
@@ -186,6 +238,10 @@ pub struct Row {
     pub preset: String,
     /// The knob that is not the preset's own; none for a preset as it is.
     pub knob: Option<String>,
+    /// How the copies that queries read are laid out, by its name.
+    pub layout: String,
+    /// Settings of the same preset whose trees have the same nodes and references: they are this row too.
+    pub also: Vec<String>,
     /// What shaped the tree.
     pub config: Config,
     /// `cpu` or `wgpu`.
@@ -199,10 +255,16 @@ pub struct Row {
     pub build_ms: f64,
     /// The same, the least of the repeats.
     pub least_build_ms: f64,
+    /// Where the median of the build times lies.
+    pub build_interval: Interval,
     /// Time to trace each set.
     pub trace: Sets<Trace>,
     /// Nanoseconds a ray, the mean over the sets that have rays: as many rays of each kind.
     pub ns_per_ray: f64,
+    /// Where the median of that mean lies.
+    pub ns_interval: Interval,
+    /// Rounds that were measured again, since a time in them was far off.
+    pub again: usize,
     /// Bytes that queries read.
     pub query_bytes: u64,
     /// Most bytes that the build held at once besides the mesh.
@@ -218,11 +280,13 @@ pub struct Row {
     pub references: usize,
     /// Most levels below the root.
     pub depth: u32,
-    /// The tree's name.
+    /// The tree's name, which says what shaped it, too.
     pub digest: String,
+    /// A name of its nodes and references alone.
+    pub tree: String,
     /// Answers that differ from the exact ones.
     pub errors: Aims<Errors>,
-    /// Missing, wrong and phantom hits for each million rays, over all four kinds.
+    /// Missing, wrong and phantom hits for each million rays, over all kinds.
     pub errors_per_million: f64,
     /// Answers that differ from the exact ones within rounding, for each million rays.
     pub rounded_per_million: f64,
@@ -231,9 +295,9 @@ pub struct Row {
     pub redone_per_million: f64,
     /// Which rows it competes with: those of equal words.
     pub field: String,
-    /// Whether no row of its field is at least as good in build time, trace time, memory, errors and
-    /// rounded answers, and better in one of them.
-    pub pareto: bool,
+    /// Whether a row of its field beats it: is no worse in build time, trace time, memory, errors and
+    /// rounded answers, and better in one of them, beyond the noise.
+    pub pareto: Standing,
     /// When its build pays against preset `fast`.
     pub payback: Payback,
 }
@@ -243,6 +307,14 @@ impl Row {
     pub fn short_title(&self) -> String {
         let on = if self.threads.is_none() { "; wgpu" } else { "" };
         format!("{}; {}{on}", self.name, self.accuracy)
+    }
+
+    /// The title, and the settings that are this row too.
+    pub fn title_with_others(&self) -> String {
+        match self.also.as_slice() {
+            [] => self.title(),
+            also => format!("{} (the same tree: {})", self.title(), also.join("; ")),
+        }
     }
 
     /// Preset, knob, accuracy and who does the work, in words.
@@ -265,7 +337,70 @@ impl Row {
         self.line().total_ms(rays)
     }
 
-    /// All errors of a kind, added up over the four kinds of rays.
+    /// Where the time for one build and this many rays lies, in milliseconds.
+    pub fn total_interval(&self, rays: f64) -> Interval {
+        self.build_interval.plus(self.ns_interval.times(rays * 1e-6))
+    }
+
+    /// When its build pays against another row's, as far as both are told apart.
+    pub fn payback_against(&self, base: &Row) -> Payback {
+        let [build, ray, ..] = self.compare(base);
+        Payback::of(self.line(), base.line(), build, ray)
+    }
+
+    /// How it compares with another row: build time, trace time, memory, errors and rounded answers. Times within
+    /// their noise are equal, and so are those of the very same work, whatever the rounds say: rays of one accuracy
+    /// through the same nodes and references by the same device, and builds of them by the same preset. Memory
+    /// within [`super::interval::LEAST_APART`] is equal, too.
+    pub fn compare(&self, other: &Row) -> [Ordering; 5] {
+        let bytes = |row: &Row| Interval::exactly(row.query_bytes as f64);
+        [
+            self.compare_build(other),
+            self.compare_ray(other),
+            bytes(self).compare(bytes(other)),
+            self.errors_per_million.total_cmp(&other.errors_per_million),
+            self.rounded_per_million.total_cmp(&other.rounded_per_million),
+        ]
+    }
+
+    /// How the time for one build and this many rays compares, with the same care.
+    pub fn compare_total(&self, other: &Row, rays: f64) -> Ordering {
+        match (self.is_built_as(other), self.is_traced_as(other)) {
+            (true, _) => self.compare_ray(other),
+            (false, true) => self.compare_build(other),
+            (false, false) => self.total_interval(rays).compare(other.total_interval(rays)),
+        }
+    }
+
+    fn compare_build(&self, other: &Row) -> Ordering {
+        match self.is_built_as(other) {
+            true => Ordering::Equal,
+            false => self.build_interval.compare(other.build_interval),
+        }
+    }
+
+    fn compare_ray(&self, other: &Row) -> Ordering {
+        match self.is_traced_as(other) {
+            true => Ordering::Equal,
+            false => self.ns_interval.compare(other.ns_interval),
+        }
+    }
+
+    /// Whether it has the nodes, references and layout of another row, on the same device and threads.
+    fn is_like(&self, other: &Row) -> bool {
+        (&self.tree, &self.layout) == (&other.tree, &other.layout)
+            && (&self.backend, self.threads) == (&other.backend, other.threads)
+    }
+
+    fn is_built_as(&self, other: &Row) -> bool {
+        self.is_like(other) && self.preset == other.preset
+    }
+
+    fn is_traced_as(&self, other: &Row) -> bool {
+        self.is_like(other) && self.accuracy == other.accuracy
+    }
+
+    /// All errors of a kind, added up over the kinds of rays.
     pub fn sum(&self, of: impl Fn(&Errors) -> u64) -> u64 {
         self.errors.each().into_iter().map(of).sum()
     }
@@ -283,14 +418,19 @@ pub(super) mod tests {
             name: name.to_owned(),
             preset: name.to_owned(),
             knob: None,
+            layout: "fast".into(),
+            also: Vec::new(),
             config: BuildConfig::default().into(),
             backend: "cpu".into(),
             threads: Some(2),
             accuracy: accuracy.to_owned(),
             build_ms,
             least_build_ms: build_ms,
+            build_interval: Interval { low: 0.99 * build_ms, high: 1.01 * build_ms },
             trace: Sets::of([trace; 4]),
             ns_per_ray: ns,
+            ns_interval: Interval { low: 0.99 * ns, high: 1.01 * ns },
+            again: 0,
             query_bytes: 1_000,
             peak_bytes: 2_000,
             sah_cost: 20.0,
@@ -299,12 +439,13 @@ pub(super) mod tests {
             references: 4,
             depth: 1,
             digest: "0".into(),
+            tree: format!("{build_ms} {ns}"),
             errors: Aims::default(),
             errors_per_million: 0.0,
             rounded_per_million: 0.0,
             redone_per_million: 0.0,
             field: "all".into(),
-            pareto: false,
+            pareto: Standing::Beaten,
             payback: Payback::Unknown,
         }
     }
@@ -317,5 +458,27 @@ pub(super) mod tests {
             let read: Config = serde_json::from_str(&text).unwrap();
             assert_eq!(read.with(preset), config);
         }
+    }
+
+    /// Times of equal trees are noise, however far apart they are.
+    #[test]
+    fn equal_trees_are_never_ranked() {
+        let first = row("fast", "watertight", 100.0, 200.0);
+        let planted =
+            Row { knob: Some("depth 63".into()), ..row("fast", "watertight", 50.0, 400.0) };
+        let planted = Row { tree: first.tree.clone(), ..planted };
+        for (a, b) in [(&first, &planted), (&planted, &first)] {
+            assert_eq!(a.compare(b), [Ordering::Equal; 5]);
+            assert_eq!(a.compare_total(b, 1e6), Ordering::Equal);
+            assert_eq!(a.payback_against(b), Payback::Alike);
+        }
+        // Another preset takes another way to the same tree: only builds may differ.
+        let best = Row { preset: "best".into(), ..planted.clone() };
+        assert_eq!(first.compare(&best)[..2], [Ordering::Greater, Ordering::Equal]);
+        assert_eq!(first.compare_total(&best, 1e9), Ordering::Greater);
+        // The same numbers of another tree do rank.
+        let other = Row { tree: "other".into(), ..planted };
+        assert_eq!(first.compare(&other)[..2], [Ordering::Greater, Ordering::Less]);
+        assert_eq!(first.compare_total(&other, 1e9), Ordering::Less);
     }
 }

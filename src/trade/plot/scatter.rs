@@ -8,7 +8,7 @@ use super::place::place;
 use crate::report::plot::style::{GREY, INK, bold, letters};
 use crate::report::plot::{Area, Drawn, Plot};
 use crate::trade::document::{ALL_THREADS, Trade};
-use crate::trade::pareto;
+use crate::trade::pareto::{self, Standing};
 use crate::trade::row::Row;
 use plotters::prelude::{DrawingBackend, PathElement};
 use plotters::style::Color;
@@ -232,8 +232,10 @@ fn points<'a>(
         })
         .collect();
     let places: Vec<[f64; 2]> = points.iter().map(|point| point.at).collect();
-    for (point, optimal) in points.iter_mut().zip(pareto::optimal(&places)) {
-        point.labelled |= optimal;
+    let compare =
+        |i: usize, j: usize| [0, 1].map(|axis| places[i][axis].total_cmp(&places[j][axis]));
+    for (point, standing) in points.iter_mut().zip(pareto::standings(places.len(), compare)) {
+        point.labelled |= standing != Standing::Beaten;
     }
     let beyond = points.iter().enumerate().filter(|(_, point)| point.labelled).map(|(i, _)| i);
     for place in beyond.skip(NAMED).collect::<Vec<usize>>() {

@@ -78,13 +78,12 @@ impl Totals {
             let (from, to) = (place(pair[0].row)?, place(pair[1].row)?);
             Some(Crossing { rays: pair[1].from_rays, from, to })
         });
-        let paybacks = (1..courses.len()).filter_map(|to| {
-            match Payback::of(courses[to].line, courses[0].line) {
+        let paybacks =
+            (1..courses.len()).filter_map(|to| match rows[to].payback_against(rows[0]) {
                 Payback::After { rays } => Some(Crossing { rays, from: 0, to }),
                 Payback::Until { rays } => Some(Crossing { rays, from: to, to: 0 }),
                 _ => None,
-            }
-        });
+            });
         let mut crossings: Vec<Crossing> = Vec::new();
         for crossing in steps.chain(paybacks) {
             let same = |other: &Crossing| (other.from, other.to) == (crossing.from, crossing.to);
