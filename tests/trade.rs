@@ -211,6 +211,7 @@ fn csv_and_json_agree() {
         for (what, apart) in [
             ("same_triangle", row.errors.each().map(|errors| errors.same)),
             ("other_triangle", row.errors.each().map(|errors| errors.other)),
+            ("rounded", row.errors.each().map(|errors| errors.outline)),
             ("wrong", row.errors.each().map(|errors| errors.off)),
         ] {
             let answers: u64 = apart.iter().map(|apart| apart.answers).sum();
@@ -316,6 +317,7 @@ fn errors_are_those_of_the_accuracies() {
             }
             let right = errors.rays - errors.missing - errors.wrong - errors.phantom;
             assert!(errors.same.answers + errors.other.answers <= right, "{kind}");
+            assert!(errors.outline.answers <= errors.rounded, "{kind}");
             match row.accuracy.as_str() {
                 "exact" => {
                     assert_eq!(errors.all() + errors.rounded, 0, "{}", row.title());
@@ -885,4 +887,44 @@ fn a_device_stands_beside_the_cpu() {
     assert_eq!(rows[0]["errors"], rows[1]["errors"], "the same answers");
     assert_eq!((&rows[1]["threads"], &rows[1]["payback"]["kind"]), (&Value::Null, &"base".into()));
     assert!(printed["machine"]["adapter"].is_string());
+}
+
+/// Pictures: more samples are nearer to the most, and a scene with mirrors needs its depth.
+#[test]
+fn pictures_lose_by_their_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let few = ["--quick", "--presets", "fast", "--no-knobs", "--threads", "1", "--json"];
+    let of = |scene: &str, out: &str, more: &[&str]| -> Value {
+        let arguments = [&[scene], &few[..], &["--out", out], more].concat();
+        serde_json::from_slice(&ends(folder.path(), 0, &arguments).stdout).unwrap()
+    };
+    let with = |report: &Value, knob: &str| -> Vec<(f64, f64)> {
+        let rows = report["picture"]["rows"].as_array().unwrap();
+        let own = rows.iter().filter(|row| row["knob"] == knob);
+        let number = |row: &Value, name: &str| row[name].as_f64().unwrap();
+        own.map(|row| (number(row, "value"), number(row, "root_mean_square"))).collect()
+    };
+    let plain = of(SCENE, "plain", &[]);
+    let samples = with(&plain, "samples");
+    assert_eq!(samples.len(), 4);
+    assert!(samples.windows(2).all(|pair| pair[0].1 > pair[1].1 && pair[1].1 > 0.0), "{samples:?}");
+    for knob in ["depth", "weight"] {
+        assert!(with(&plain, knob).iter().all(|(_, apart)| *apart == 0.0), "nothing mirrors");
+    }
+    assert!(
+        fs::read_to_string(folder.path().join("plain/trade.md"))
+            .unwrap()
+            .contains("change no pixel")
+    );
+    let mirrors = of("builtin:gallery", "mirrors", &[]);
+    let depths = with(&mirrors, "depth");
+    assert!(depths[0].1 > 1.0, "without depth mirrors are black: {depths:?}");
+    assert!(depths.last().unwrap().1 < 0.5 * depths[0].1, "{depths:?}");
+    let weights = with(&mirrors, "weight");
+    assert!(weights.windows(2).all(|pair| pair[0].1 >= pair[1].1), "{weights:?}");
+    let again = of("builtin:gallery", "again", &[]);
+    for knob in ["samples", "depth", "weight"] {
+        assert_eq!(with(&mirrors, knob), with(&again, knob), "pictures depend on nothing else");
+    }
+    assert_eq!(of(SCENE, "none", &["--no-picture"])["picture"], Value::Null);
 }

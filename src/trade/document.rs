@@ -165,7 +165,8 @@ impl Trade {
         out += &self.errors().markdown();
         out += "\n## How far off\n\n\
                 By how much distances along the ray differ from the exact ones, in parts of the diagonal of the scene's box, over all \
-                kinds of rays: answers that are right or rounded, on the exact triangle and on another, and wrong ones.\n\n";
+                kinds of rays: of right answers on the exact triangle and on another, of rounded ones, which pass an outline and may be \
+                anywhere, and of wrong ones. Of rows with equal figures the first stands for all.\n\n";
         out += &self.sizes().markdown();
         if let Some(picture) = &self.picture {
             out += &picture.markdown();

@@ -92,21 +92,19 @@ impl<'a> Judge<'a> {
         for ((outcome, rounded, apart), (exact, answer)) in
             all.into_iter().zip(exact.iter().zip(answers))
         {
-            let mut wrong = false;
-            match outcome {
-                Outcome::Right => {}
-                _ if rounded => errors.rounded += 1,
-                Outcome::Missing => errors.missing += 1,
-                Outcome::Phantom => errors.phantom += 1,
-                Outcome::Behind | Outcome::Before => {
-                    errors.wrong += 1;
-                    wrong = true;
-                }
-            }
-            let kind = match answer.triangle == exact.triangle {
-                _ if wrong => &mut errors.off,
-                true => &mut errors.same,
-                false => &mut errors.other,
+            let count = match outcome {
+                Outcome::Right => &mut 0,
+                _ if rounded => &mut errors.rounded,
+                Outcome::Missing => &mut errors.missing,
+                Outcome::Phantom => &mut errors.phantom,
+                Outcome::Behind | Outcome::Before => &mut errors.wrong,
+            };
+            *count += 1;
+            let kind = match outcome {
+                Outcome::Right if answer.triangle == exact.triangle => &mut errors.same,
+                Outcome::Right => &mut errors.other,
+                _ if rounded => &mut errors.outline,
+                _ => &mut errors.off,
             };
             if let Some(apart) = apart {
                 kind.take(apart);
@@ -304,7 +302,7 @@ mod tests {
             for _ in 0..2 {
                 let found = judge.count(&[ray], &[exact], &[answer]);
                 let none = Apart::default();
-                let counts = Errors { same: none, other: none, off: none, ..found };
+                let counts = Errors { same: none, other: none, outline: none, off: none, ..found };
                 assert_eq!(counts, Errors { rays: 1, ..expected }, "{ray:?} {answer:?}");
             }
         }
@@ -334,6 +332,7 @@ mod tests {
         };
         close(errors.same, 2, 0.5 * epsilon, epsilon);
         close(errors.other, 1, 0.0, 0.0);
+        assert_eq!(errors.outline, Apart::default());
         close(errors.off, 2, 0.75 / 3.0f64.sqrt(), 1.0 / 3.0f64.sqrt());
         let both = errors.same.and(errors.off);
         close(both, 4, (0.5 * epsilon + 0.75 / 3.0f64.sqrt()) / 2.0, 1.0 / 3.0f64.sqrt());

@@ -497,7 +497,8 @@ impl<'a> Entry<'a> {
                 if Aims::<()>::NAMES[kind] == "shadow" {
                     // Whether anything is hit has no place, and so no size.
                     let none = Apart::default();
-                    *errors = Errors { same: none, other: none, off: none, ..*errors };
+                    *errors =
+                        Errors { same: none, other: none, outline: none, off: none, ..*errors };
                 }
             }
             self.judgements.push(Judgement { errors: Aims::of(errors), redone });

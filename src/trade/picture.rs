@@ -105,6 +105,7 @@ impl PictureTrade {
             Tracer::open(BackendKind::Cpu, &OpenOptions::default()).map_err(ReportError::from)?;
         let options = BuildOptions { max_memory, ..BuildOptions::default() };
         tracer.build(&placed.scene, &options).map_err(ReportError::from)?;
+        tracer.describe_looks(&placed.scene).map_err(ReportError::from)?;
         let total = (SAMPLES.len() + DEPTHS.len() + WEIGHTS.len() + 2) as u64;
         let mut done = 0;
         let mut frame = |samples, depth, minimum_weight| {
@@ -151,7 +152,7 @@ impl PictureTrade {
         for row in &self.rows {
             table.push(vec![
                 row.knob.option().into(),
-                super::recommend::short(row.value).into(),
+                row.value.to_string().into(),
                 Cell::Number(row.ms, 1),
                 Cell::Number(100.0 * row.part_of_time, 1),
                 Cell::Count(row.rays),
@@ -161,6 +162,10 @@ impl PictureTrade {
             ]);
         }
         out += &table.markdown();
+        let paths = |row: &&PictureRow| row.knob != Knob::Samples;
+        if self.rows.iter().filter(paths).all(|row| row.greatest == 0) {
+            out += "\nDepth and least weight change no pixel: what the camera sees neither mirrors nor refracts.\n";
+        }
         out
     }
 }

@@ -136,10 +136,12 @@ pub struct Errors {
     pub phantom: u64,
     /// Answers of any of these kinds that rounding explains; they are no errors.
     pub rounded: u64,
-    /// Right or rounded answers that name the exact triangle.
+    /// Right answers that name the exact triangle.
     pub same: Apart,
-    /// Right or rounded answers that name another triangle.
+    /// Right answers that name another triangle.
     pub other: Apart,
+    /// Rounded answers: the ray passes an outline within rounding, so they may be anywhere.
+    pub outline: Apart,
     /// Wrong answers.
     pub off: Apart,
 }

@@ -7,14 +7,19 @@ use super::row::{Aims, Apart, Errors, Row, Sets};
 use crate::report::table::{Cell, Table};
 
 /// Kinds of answers whose distances are held against the exact ones, as tables name them.
-const APART: [&str; 3] = ["same triangle", "other triangle", "wrong"];
+const APART: [&str; 4] = ["same triangle", "other triangle", "rounded", "wrong"];
 
-/// The three kinds, over all kinds of rays.
-fn apart(row: &Row) -> [Apart; 3] {
+/// These kinds, over all kinds of rays.
+fn apart(row: &Row) -> [Apart; 4] {
     let sum = |of: fn(&Errors) -> Apart| {
         row.errors.each().into_iter().map(of).fold(Apart::default(), Apart::and)
     };
-    [sum(|errors| errors.same), sum(|errors| errors.other), sum(|errors| errors.off)]
+    [
+        sum(|errors| errors.same),
+        sum(|errors| errors.other),
+        sum(|errors| errors.outline),
+        sum(|errors| errors.off),
+    ]
 }
 
 impl Trade {
@@ -73,6 +78,9 @@ impl Trade {
             "other_triangle_answers",
             "other_triangle_apart_mean",
             "other_triangle_apart_greatest",
+            "rounded_answers",
+            "rounded_apart_mean",
+            "rounded_apart_greatest",
             "wrong_answers",
             "wrong_apart_mean",
             "wrong_apart_greatest",
@@ -174,16 +182,17 @@ impl Trade {
         table
     }
 
-    /// How far off answers are, of presets as they are and of rows with wrong answers.
+    /// How far off answers are. Of rows with equal figures the first stands for all.
     pub(super) fn sizes(&self) -> Table {
         let head = ["row", "setting", "answers", "count", "off by, mean", "off by at most"];
         let mut table = Table::new(&head);
-        for row in self.rows.iter().filter(|row| row.knob.is_none() || row.errors_per_million > 0.0)
-        {
-            for (what, apart) in APART.into_iter().zip(apart(row)) {
-                if apart.answers == 0 {
-                    continue;
-                }
+        let mut told: Vec<[Apart; 4]> = Vec::new();
+        for row in &self.rows {
+            let own = apart(row);
+            if told.contains(&own) {
+                continue;
+            }
+            for (what, apart) in APART.into_iter().zip(own).filter(|(_, apart)| apart.answers > 0) {
                 table.push(vec![
                     row.number.into(),
                     row.title().into(),
@@ -193,6 +202,7 @@ impl Trade {
                     small(apart.greatest),
                 ]);
             }
+            told.push(own);
         }
         table
     }
