@@ -57,7 +57,9 @@ impl Pilot {
 pub const SAMPLE_RAYS: [usize; 2] = [1 << 10, 1 << 17];
 /// The same for rays of each kind that are judged.
 pub const ERROR_RAYS: [u64; 2] = [1_000, 250_000];
-/// Repeats that count, where there is time.
+/// Repeats that count where builds leave time for rays: the more, the better a median is known.
+const REPEATS: [usize; 3] = [21, 15, 9];
+/// Repeats that count, where builds take no more than half of the time.
 pub const REPEAT: usize = 5;
 /// Part of the time that builds may take before repeats are given up.
 const BUILDS: f64 = 0.5;
@@ -134,9 +136,18 @@ pub fn divide(
     let fits = |repeat: usize| {
         devices.iter().all(|&device| (repeat + 1) as f64 * builds(device) <= BUILDS * part)
     };
-    let repeat = fixed
-        .repeat
-        .unwrap_or_else(|| [REPEAT, 3].into_iter().find(|&repeat| fits(repeat)).unwrap_or(1));
+    // More rounds only where they leave sets their most rays.
+    let fits_with_rays = |repeat: usize| {
+        devices.iter().all(|&device| {
+            let rays = 4.0 * SAMPLE_RAYS[1] as f64 * sums(device).0[1];
+            let rounds = (repeat + 1) as f64;
+            rounds * builds(device) <= BUILDS * part
+                && rounds * rays <= SAMPLES * (part - rounds * builds(device))
+        })
+    };
+    let more = REPEATS.into_iter().find(|&repeat| fits_with_rays(repeat));
+    let few = || [REPEAT, 3].into_iter().find(|&repeat| fits(repeat)).unwrap_or(1);
+    let repeat = fixed.repeat.unwrap_or_else(|| more.unwrap_or_else(few));
     let amount = |device: Device| {
         if !devices.contains(&device) {
             return Amount { sample_rays: 0, error_rays: 0 };
@@ -182,12 +193,15 @@ mod tests {
     #[test]
     fn a_small_scene_gets_all_and_a_large_one_less() {
         let small = divided(1.0, 50.0, Fixed::default());
-        assert_eq!(small.repeat, REPEAT);
+        assert_eq!(small.repeat, REPEATS[0]);
         assert_eq!(small.cpu, Amount { sample_rays: SAMPLE_RAYS[1], error_rays: ERROR_RAYS[1] });
         assert_eq!(small.gpu.sample_rays, 0, "there is none");
-        let slower = divided(100.0, 2_000.0, Fixed::default());
+        let slower = divided(60.0, 2_000.0, Fixed::default());
         assert!(slower.cpu.sample_rays < SAMPLE_RAYS[1] && slower.cpu.error_rays < ERROR_RAYS[1]);
         assert!(slower.cpu.sample_rays > SAMPLE_RAYS[0]);
+        assert_eq!(slower.repeat, REPEAT);
+        let between = divided(8.0, 80.0, Fixed::default());
+        assert_eq!((between.repeat, between.cpu.sample_rays), (15, SAMPLE_RAYS[1]));
         let huge = divided(60_000.0, 50.0, Fixed::default());
         assert_eq!((huge.repeat, huge.cpu.sample_rays), (1, SAMPLE_RAYS[0]));
     }
