@@ -33,6 +33,7 @@ pub mod node;
 pub mod ray;
 pub mod sah;
 pub mod schedule;
+mod slabs;
 pub mod split;
 pub mod stats;
 pub mod traverse;

@@ -24,6 +24,7 @@ use crate::random::hash;
 use crate::verify::bound::{Bound, edges_within, rings};
 use crate::verify::reference::{Hit64, Ray64, Reference};
 use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, Ray};
 use std::collections::HashMap;
@@ -219,17 +220,9 @@ impl<'a> Judge<'a> {
 
 /// The diagonal of the box of all corners; the least number above 0 for a single point.
 fn diagonal(mesh: &Mesh<'_>) -> f64 {
-    let (mut least, mut most) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for index in 0..mesh.len() {
-        for corner in mesh.triangle(index) {
-            for axis in 0..3 {
-                least[axis] = least[axis].min(f64::from(corner[axis]));
-                most[axis] = most[axis].max(f64::from(corner[axis]));
-            }
-        }
-    }
-    let squares = (0..3).map(|axis| (most[axis] - least[axis]).powi(2));
-    squares.sum::<f64>().sqrt().max(f64::MIN_POSITIVE)
+    let boxes = (0..mesh.len()).map(|index| Aabb::of_points(&mesh.triangle(index)));
+    let bounds = boxes.fold(Aabb::EMPTY, |all, own| all.union(&own));
+    bounds.diagonal().max(f64::MIN_POSITIVE)
 }
 
 /// A name of an edge that does not depend on its direction.
