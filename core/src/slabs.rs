@@ -146,6 +146,16 @@ mod tests {
         assert!(met > 20_000 && touched > 2_000, "{met} {touched}");
     }
 
+    /// A ray that meets a box in one point of an edge, at 2^60 + 96. One end rounds up, the other down.
+    #[test]
+    fn ends_that_round_apart_still_meet() {
+        let far = (1u64 << 60) as f32;
+        let bounds = Aabb { lo: [288.0, -1000.0, 0.0], hi: [1000.0, 96.0, 1.0] };
+        let ray = Ray::new([-3.0 * far, -far, 0.5], [3.0, 1.0, 0.0]);
+        let (enter, exit) = bounds.ray_interval(&ray).expect("it meets the edge");
+        assert!(enter <= far && far < exit);
+    }
+
     #[test]
     fn the_ends_of_the_floats() {
         let unit = Aabb { lo: [0.0; 3], hi: [1.0; 3] };
