@@ -415,9 +415,25 @@ fn optimal_rows_are_those_that_none_beats() {
     let rows = made().rows();
     // -1 where the first is less beyond the noise, 1 where it is more.
     let apart = |a: Interval, b: Interval| {
-        i32::from(b.high * 1.03 < a.low) - i32::from(a.high * 1.03 < b.low)
+        i32::from(b.high * 1.05 < a.low) - i32::from(a.high * 1.05 < b.low)
     };
     let exactly = |value: f64| Interval { low: value, high: value };
+    let sign = |a: f64, b: f64| a.partial_cmp(&b).unwrap() as i32;
+    let seen = |a: &Row, b: &Row| {
+        let same_tree = (&a.tree, &a.layout, a.threads) == (&b.tree, &b.layout, b.threads);
+        let build = sign(a.build_ms, b.build_ms);
+        [
+            if same_tree && a.preset == b.preset { 0 } else { build },
+            if same_tree && a.accuracy == b.accuracy {
+                0
+            } else {
+                sign(a.ns_per_ray, b.ns_per_ray)
+            },
+            a.query_bytes.cmp(&b.query_bytes) as i32,
+            sign(a.errors_per_million, b.errors_per_million),
+            sign(a.rounded_per_million, b.rounded_per_million),
+        ]
+    };
     let figures = |a: &Row, b: &Row| {
         let same_tree = (&a.tree, &a.layout, a.threads) == (&b.tree, &b.layout, b.threads);
         let build = apart(a.build_interval, b.build_interval);
@@ -437,8 +453,7 @@ fn optimal_rows_are_those_that_none_beats() {
     for row in &rows {
         let others = || rows.iter().filter(|o| o.field == row.field && o.number != row.number);
         let beats = |other: &Row| {
-            let figures = figures(other, row);
-            figures.iter().all(|x| *x <= 0) && figures.iter().any(|x| *x < 0)
+            figures(other, row).iter().any(|x| *x < 0) && seen(other, row).iter().all(|x| *x <= 0)
         };
         let saved = |other: &Row| figures(row, other).iter().any(|x| *x < 0);
         let expected = match (others().any(beats), others().all(saved)) {

@@ -289,7 +289,7 @@ impl Arguments {
         let areas = splitplane::report::pool(settings.threads)?.install(count)?;
         figures.tree(placed, &trees)?;
         figures.areas(&first.scene.name, &areas)?;
-        progress.step("figures 4, 7 and 9");
+        progress.step("figures 4, 7, 8 and 9");
         figures.cut(placed, &trees)?;
         progress.step("figure 10");
         for (letter, placed) in ('a'..='z').zip(placed) {

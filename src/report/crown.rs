@@ -1,4 +1,4 @@
-//! The top of a tree as a diagram (the survey's Figure 9).
+//! The top of a tree as a diagram (the survey's Figure 8).
 
 use splitplane_core::node::{Axis, NodeKind};
 use splitplane_core::tree::KdTreeView;

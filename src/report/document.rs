@@ -115,7 +115,7 @@ impl Report {
                 for every structure, without shading. The survey's figures include shading.\n\n";
         out += &table_4;
         out += &self.others_note();
-        for figure in [4, 7, 9, 10, 11, 12] {
+        for figure in [4, 7, 8, 9, 10, 11, 12] {
             out += &self.figure(figure);
         }
         out += "\n";

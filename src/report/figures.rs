@@ -5,7 +5,7 @@ use super::plot::{Plot, ScalingPlot, png, svg};
 use super::scaling::Scaling;
 use super::scene::{Placed, Settings};
 use super::timing::pool;
-use super::{ReportError, areas, crown, cut, slice};
+use super::{ReportError, areas, cells, crown, cut, slice};
 use crate::backend::{BackendKind, OpenOptions};
 use crate::picture::{encode_png, screen};
 use crate::tracer::{FrameRequest, Tracer};
@@ -70,7 +70,7 @@ impl Figures {
         self.draw(7, "figure-7", caption, areas)
     }
 
-    /// Figures 4 and 9: of the scene whose slice shows most cells.
+    /// Figures 4, 8 and 9: of the scene whose slice shows most cells.
     ///
     /// # Errors
     /// [`ReportError::Picture`].
@@ -89,8 +89,19 @@ impl Figures {
         );
         self.draw(4, "figure-4", caption, &slice)?;
         let crown = crown::of(&view);
-        let caption = format!("The same tree as a diagram, to level {}.", crown.levels);
-        self.draw(9, "figure-9", caption, &crown)
+        let caption = format!(
+            "The same tree as a diagram, to level {}. The survey's own tree of seven nodes is in Tables 1 and 2.",
+            crown.levels
+        );
+        self.draw(8, "figure-8", caption, &crown)?;
+        let (space, level) = cells::figure_9(&view, &scene.name);
+        let caption = format!(
+            "Cells in space, seen from where all coordinates are great, drawn apart: the four leaves of the survey's \
+             Figure 8 with their names, and the nodes of the tree of `{}` at level {level} with the leaves above. Red and blue are \
+             in the left child of the root, yellow and green in the right one; cells without triangles are frames.",
+            scene.name
+        );
+        self.draw(9, "figure-9", caption, &space)
     }
 
     /// Figure 10: of the scene whose tree shows most.

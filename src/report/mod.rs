@@ -8,6 +8,7 @@
 pub mod areas;
 pub mod asked;
 mod builders;
+pub mod cells;
 mod clip;
 pub mod crown;
 pub mod cut;
@@ -21,6 +22,7 @@ pub mod rays;
 pub mod scaling;
 pub mod scene;
 pub mod slice;
+pub mod space;
 pub mod survey;
 pub mod table;
 pub mod tables;

@@ -139,6 +139,17 @@ pub fn figure_8() -> KdTreeView<'static> {
     }
 }
 
+/// The names of its leaves, in preorder.
+pub fn leaf_names() -> [&'static str; 4] {
+    let mut leaves: Vec<(usize, &'static str)> = PRINTED
+        .iter()
+        .filter(|printed| matches!(NODES[printed.node].kind(), NodeKind::Leaf { .. }))
+        .map(|printed| (printed.node, printed.name))
+        .collect();
+    leaves.sort_unstable();
+    std::array::from_fn(|place| leaves.get(place).map_or("", |leaf| leaf.1))
+}
+
 impl Worked {
     /// Computes the example with the equations of [`splitplane_core::sah`].
     pub fn compute() -> Worked {

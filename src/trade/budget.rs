@@ -1,5 +1,6 @@
 //! How much is measured, so that a sweep ends in time.
 
+use super::measure::WARM_MS;
 use super::plan::{Device, Station};
 use super::row::KINDS;
 use splitplane_core::config::Preset;
@@ -132,7 +133,10 @@ pub fn divide(
         let judged = own().filter(|station| station.threads == most || device == Device::Gpu);
         (all, judged.fold([0.0; 2], add)[1])
     };
-    let builds = |device: Device| sums(device).0[0] * pilot(device).build_ms;
+    let builds = |device: Device| {
+        let build_ms = pilot(device).build_ms;
+        sums(device).0[0] * build_ms * if build_ms < WARM_MS { 2.0 } else { 1.0 }
+    };
     let fits = |repeat: usize| {
         devices.iter().all(|&device| (repeat + 1) as f64 * builds(device) <= BUILDS * part)
     };
@@ -196,11 +200,11 @@ mod tests {
         assert_eq!(small.repeat, REPEATS[0]);
         assert_eq!(small.cpu, Amount { sample_rays: SAMPLE_RAYS[1], error_rays: ERROR_RAYS[1] });
         assert_eq!(small.gpu.sample_rays, 0, "there is none");
-        let slower = divided(60.0, 2_000.0, Fixed::default());
+        let slower = divided(30.0, 2_000.0, Fixed::default());
         assert!(slower.cpu.sample_rays < SAMPLE_RAYS[1] && slower.cpu.error_rays < ERROR_RAYS[1]);
         assert!(slower.cpu.sample_rays > SAMPLE_RAYS[0]);
         assert_eq!(slower.repeat, REPEAT);
-        let between = divided(8.0, 80.0, Fixed::default());
+        let between = divided(6.0, 80.0, Fixed::default());
         assert_eq!((between.repeat, between.cpu.sample_rays), (15, SAMPLE_RAYS[1]));
         let huge = divided(60_000.0, 50.0, Fixed::default());
         assert_eq!((huge.repeat, huge.cpu.sample_rays), (1, SAMPLE_RAYS[0]));
@@ -224,7 +228,7 @@ mod tests {
             let mut ms = 0.0;
             for station in all() {
                 let [build, threads] = weights(&station, 2);
-                ms += rounds * build * build_ms;
+                ms += 2.0 * rounds * build * build_ms;
                 let ray = threads * ns * 1e-6 * station.accuracies.len() as f64;
                 ms += rounds * ray * 4.0 * budget.cpu.sample_rays as f64;
                 if station.threads == 2 {

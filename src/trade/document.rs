@@ -153,9 +153,9 @@ impl Trade {
         }
         out += "\n## All settings\n\n\
                 Settings of a preset whose trees have the same nodes and references are one row. A row beats another of its field when it is \
-                worse in none of build time, ns a ray, memory, errors and rounded answers, and better in one, beyond the noise. *opt* \
-                marks rows that are better than each other row in something, so that none can beat them; *opt?* those that none beats, \
-                though one is not told apart. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
+                worse in none of build time, ns a ray, memory, errors and rounded answers, and better in one beyond the noise. *opt* \
+                marks rows that are better than each other row in something beyond the noise, so that none can beat them; *opt?* those that \
+                none beats, though what saves them may be noise. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
                 phantom hits a million rays, over all kinds of rays; rounded are \
                 answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
@@ -189,8 +189,11 @@ pub fn conclude(rows: &mut [Row]) {
     }
     for field in [ALL_THREADS, ONE_THREAD] {
         let places: Vec<usize> = (0..rows.len()).filter(|&i| rows[i].field == field).collect();
-        let standings =
-            pareto::standings(places.len(), |i, j| rows[places[i]].compare(&rows[places[j]]));
+        let standings = pareto::standings(
+            places.len(),
+            |i, j| rows[places[i]].compare(&rows[places[j]]),
+            |i, j| rows[places[i]].compare_medians(&rows[places[j]]),
+        );
         for (place, standing) in places.into_iter().zip(standings) {
             rows[place].pareto = standing;
         }

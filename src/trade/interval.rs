@@ -15,8 +15,9 @@ pub struct Interval {
 
 /// Confidence that is aimed at; what so few rounds give may be less, see [`confidence`].
 const WANTED: f64 = 0.9;
-/// Times closer than this part are not told apart, however quiet the rounds: memory lies otherwise in the next run.
-pub const LEAST_APART: f64 = 0.03;
+/// Times closer than this part are not told apart, however quiet the rounds: memory lies otherwise in the next run, and
+/// between runs medians of the same row were seen to move by 3 % in most cases and 5 % in nearly all, beyond their intervals.
+pub const LEAST_APART: f64 = 0.05;
 /// Of one or two rounds nothing is known; they may be off by this factor.
 const UNKNOWN: f64 = 1.5;
 
@@ -129,9 +130,9 @@ mod tests {
     fn only_what_is_apart_compares() {
         let interval = |low, high| Interval { low, high };
         assert_eq!(interval(1.0, 2.0).compare(interval(1.9, 3.0)), Ordering::Equal);
-        assert_eq!(interval(1.0, 2.0).compare(interval(2.01, 3.0)), Ordering::Equal);
-        assert_eq!(interval(1.0, 2.0).compare(interval(2.1, 3.0)), Ordering::Less);
-        assert_eq!(interval(2.1, 3.0).compare(interval(1.0, 2.0)), Ordering::Greater);
+        assert_eq!(interval(1.0, 2.0).compare(interval(2.09, 3.0)), Ordering::Equal);
+        assert_eq!(interval(1.0, 2.0).compare(interval(2.11, 3.0)), Ordering::Less);
+        assert_eq!(interval(2.11, 3.0).compare(interval(1.0, 2.0)), Ordering::Greater);
         let one = Interval::of(&[10.0]);
         assert_eq!(one.compare(Interval::of(&[20.0])), Ordering::Equal, "one round says nothing");
         assert_eq!(one.compare(Interval::of(&[30.0])), Ordering::Less);

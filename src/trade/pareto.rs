@@ -3,14 +3,14 @@
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
-/// How a setting stands among others, in the sense of Pareto. One beats another when it is worse in no figure and
-/// better in one, beyond the noise.
+/// How a setting stands among others, in the sense of Pareto. One beats another when it is better in one figure beyond the
+/// noise, and in no figure worse at all.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Standing {
     /// Optimal: it is better than each of the others in some figure, beyond the noise, so none can beat it.
     Optimal,
-    /// None beats it beyond the noise, but of one at least it is not told apart in what would save it.
+    /// None beats it, but what saves it from one of them may be noise.
     Perhaps,
     /// Another beats it.
     Beaten,
@@ -36,23 +36,24 @@ impl Standing {
     }
 }
 
-/// How `count` settings stand. `compare(i, j)` compares the figures of two of them, equal where they are not told apart.
+/// How `count` settings stand. Of two of them, `apart` compares the figures beyond the noise, equal where they are not told
+/// apart, and `seen` as they were measured. So between what is optimal in one run and beaten in the next lies the noise.
 pub fn standings<const N: usize>(
     count: usize,
-    compare: impl Fn(usize, usize) -> [Ordering; N],
+    apart: impl Fn(usize, usize) -> [Ordering; N],
+    seen: impl Fn(usize, usize) -> [Ordering; N],
 ) -> Vec<Standing> {
     let standing = |own: usize| {
-        let others = || (0..count).filter(|&other| other != own).map(|other| compare(own, other));
-        let beaten = |figures: [Ordering; N]| {
-            figures.iter().all(|figure| figure.is_ge())
-                && figures.iter().any(|figure| figure.is_gt())
+        let others = || (0..count).filter(move |&other| other != own);
+        let beats = |other: usize| {
+            apart(own, other).iter().any(|figure| figure.is_gt())
+                && seen(own, other).iter().all(|figure| figure.is_ge())
         };
-        if others().any(beaten) {
-            Standing::Beaten
-        } else if others().all(|figures| figures.iter().any(|figure| figure.is_lt())) {
-            Standing::Optimal
-        } else {
-            Standing::Perhaps
+        let saved = |other: usize| apart(own, other).iter().any(|figure| figure.is_lt());
+        match (others().any(beats), others().all(saved)) {
+            (true, _) => Standing::Beaten,
+            (false, true) => Standing::Optimal,
+            (false, false) => Standing::Perhaps,
         }
     };
     (0..count).map(standing).collect()
@@ -64,9 +65,10 @@ mod tests {
     use super::*;
 
     fn of<const N: usize>(points: &[[f64; N]]) -> Vec<Standing> {
-        standings::<N>(points.len(), |i, j| {
+        let compare = |i: usize, j: usize| -> [Ordering; N] {
             std::array::from_fn(|k| points[i][k].partial_cmp(&points[j][k]).unwrap())
-        })
+        };
+        standings::<N>(points.len(), compare, compare)
     }
 
     #[test]
@@ -79,19 +81,24 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_told_apart_beats_nothing_and_is_not_sure_to_be_optimal() {
+    fn what_is_not_told_apart_is_not_sure() {
         // Apart are only figures more than 1 apart.
-        let figures: [f64; 3] = [1.0, 1.8, 2.6];
-        let compare = |i: usize, j: usize| {
-            let apart = figures[i] - figures[j];
-            [if apart < -1.0 {
-                Ordering::Less
-            } else if apart > 1.0 {
-                Ordering::Greater
-            } else {
-                Ordering::Equal
-            }]
+        let of = |points: &[[f64; 2]]| {
+            let seen = |i: usize, j: usize| -> [Ordering; 2] {
+                std::array::from_fn(|k| points[i][k].total_cmp(&points[j][k]))
+            };
+            let apart = |i: usize, j: usize| -> [Ordering; 2] {
+                std::array::from_fn(|k| match points[i][k] - points[j][k] {
+                    apart if apart.abs() <= 1.0 => Ordering::Equal,
+                    apart => apart.total_cmp(&0.0),
+                })
+            };
+            standings(points.len(), apart, seen)
         };
-        assert_eq!(standings(3, compare), [Perhaps, Perhaps, Beaten]);
+        assert_eq!(of(&[[1.0, 0.0], [1.8, 0.0], [2.6, 0.0]]), [Perhaps, Perhaps, Beaten]);
+        // Far worse in one figure, a little better in the other: that may be noise, or save it.
+        assert_eq!(of(&[[1.0, 1.5], [9.0, 1.0]]), [Optimal, Perhaps]);
+        assert_eq!(of(&[[1.0, 1.0], [9.0, 1.5]]), [Optimal, Beaten]);
+        assert_eq!(of(&[[1.0, 9.0], [9.0, 1.0]]), [Optimal, Optimal]);
     }
 }

@@ -280,7 +280,7 @@ mod tests {
         assert_eq!(recommend(&rows, &wish(900_000)).row, Some(1));
         // Where the lines cross, they are not told apart.
         assert_eq!(recommend(&rows, &wish(1_000_001)).row, Some(1));
-        assert_eq!(recommend(&rows, &wish(1_200_000)).row, Some(2));
+        assert_eq!(recommend(&rows, &wish(1_400_000)).row, Some(2));
         let found: Vec<(f64, usize)> =
             steps(&rows, &wish(1)).iter().map(|step| (step.from_rays, step.row)).collect();
         assert_eq!(found, [(0.0, 1), (1e6, 2)]);

@@ -298,7 +298,7 @@ pub struct Row {
     /// Which rows it competes with: those of equal words.
     pub field: String,
     /// Whether a row of its field beats it: is no worse in build time, trace time, memory, errors and
-    /// rounded answers, and better in one of them, beyond the noise.
+    /// rounded answers, and better in one of them beyond the noise.
     pub pareto: Standing,
     /// When its build pays against preset `fast`.
     pub payback: Payback,
@@ -360,6 +360,21 @@ impl Row {
             self.compare_build(other),
             self.compare_ray(other),
             bytes(self).compare(bytes(other)),
+            self.errors_per_million.total_cmp(&other.errors_per_million),
+            self.rounded_per_million.total_cmp(&other.rounded_per_million),
+        ]
+    }
+
+    /// The same with medians as they were measured, noise or not. Equal work is equal here, too.
+    pub fn compare_medians(&self, other: &Row) -> [Ordering; 5] {
+        let unless = |same: bool, own: f64, other: f64| match same {
+            true => Ordering::Equal,
+            false => own.total_cmp(&other),
+        };
+        [
+            unless(self.is_built_as(other), self.build_ms, other.build_ms),
+            unless(self.is_traced_as(other), self.ns_per_ray, other.ns_per_ray),
+            self.query_bytes.cmp(&other.query_bytes),
             self.errors_per_million.total_cmp(&other.errors_per_million),
             self.rounded_per_million.total_cmp(&other.rounded_per_million),
         ]

@@ -1,4 +1,4 @@
-//! Figure 9: the top of a tree as a diagram.
+//! Figure 8: the top of a tree as a diagram.
 
 use super::cut::NAMES;
 use super::style::{BLUE, GREEN, GREY, INK, TEXT, TITLE, letters};

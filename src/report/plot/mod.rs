@@ -7,6 +7,7 @@ mod cut;
 mod map;
 mod scaling;
 mod slice;
+mod space;
 pub(crate) mod style;
 
 pub use scaling::ScalingPlot;

@@ -234,7 +234,9 @@ fn points<'a>(
     let places: Vec<[f64; 2]> = points.iter().map(|point| point.at).collect();
     let compare =
         |i: usize, j: usize| [0, 1].map(|axis| places[i][axis].total_cmp(&places[j][axis]));
-    for (point, standing) in points.iter_mut().zip(pareto::standings(places.len(), compare)) {
+    for (point, standing) in
+        points.iter_mut().zip(pareto::standings(places.len(), compare, compare))
+    {
         point.labelled |= standing != Standing::Beaten;
     }
     let beyond = points.iter().enumerate().filter(|(_, point)| point.labelled).map(|(i, _)| i);
