@@ -15,6 +15,7 @@ use splitplane::report::asked::{Asked, BadLights, STAND_INS};
 use splitplane::report::document::{File, Report};
 use splitplane::report::figures::{self, Figures};
 use splitplane::report::machine::Machine;
+use splitplane::report::objects::Objects;
 use splitplane::report::others::Others;
 use splitplane::report::scaling::{self, Scaling};
 use splitplane::report::scene::{self, Placed, SceneReport, Settings};
@@ -120,6 +121,13 @@ struct Gpu {
     reason: String,
 }
 
+/// Figures, and what some of them show.
+struct Drawn {
+    figures: Figures,
+    areas: areas::Areas,
+    objects: Option<Objects>,
+}
+
 /// The work of the report, with its progress.
 struct Progress {
     bar: ProgressBar,
@@ -216,7 +224,8 @@ impl Arguments {
             others.check(path, &scenes)?;
         }
         let scalings = scalings(&placed, settings, gpu.info.is_some(), &progress)?;
-        let (figures, areas) = self.figures(&placed, settings, &scalings, &progress)?;
+        let Drawn { figures, areas, objects } =
+            self.figures(&placed, settings, &scalings, &progress)?;
         progress.bar.finish_and_clear();
         let command = command();
         let report = Report {
@@ -234,6 +243,7 @@ impl Arguments {
             worked: Worked::compute(),
             scenes,
             others,
+            objects,
             areas_scene: placed.first().map_or(String::new(), |first| first.scene.name.clone()),
             areas,
             scaling: scalings,
@@ -276,7 +286,7 @@ impl Arguments {
         settings: &Settings,
         scalings: &[Scaling],
         progress: &Progress,
-    ) -> Result<(Figures, areas::Areas), Failure> {
+    ) -> Result<Drawn, Failure> {
         let mut trees = Vec::new();
         for placed in placed {
             trees.push(figures::tree(placed, settings)?);
@@ -288,8 +298,9 @@ impl Arguments {
         let count = || areas::count(&tree.view(), &CpuBackend::new(), boxes, lines);
         let areas = splitplane::report::pool(settings.threads)?.install(count)?;
         figures.tree(placed, &trees)?;
+        let objects = figures.objects(placed, &trees)?;
         figures.areas(&first.scene.name, &areas)?;
-        progress.step("figures 4, 7, 8 and 9");
+        progress.step("figures 4 to 9");
         figures.cut(placed, &trees)?;
         progress.step("figure 10");
         for (letter, placed) in ('a'..='z').zip(placed) {
@@ -303,7 +314,7 @@ impl Arguments {
                 figures.scaling(name, &scalings)?;
             }
         }
-        Ok((figures, areas))
+        Ok(Drawn { figures, areas, objects })
     }
 
     /// Writes all files and gives their names.

@@ -3,6 +3,7 @@
 use super::areas::Areas;
 use super::figures::Figure;
 use super::machine::{Knobs, Machine};
+use super::objects::Objects;
 use super::others::Others;
 use super::scaling::Scaling;
 use super::scene::SceneReport;
@@ -39,6 +40,8 @@ pub struct Report {
     pub scenes: Vec<SceneReport>,
     /// Other builders of Table 4.
     pub others: Option<Others>,
+    /// What Figures 5 and 6 show; none where no tree tells two objects apart.
+    pub objects: Option<Objects>,
     /// The scene of Figure 7.
     pub areas_scene: String,
     /// Figure 7.
@@ -115,7 +118,7 @@ impl Report {
                 for every structure, without shading. The survey's figures include shading.\n\n";
         out += &table_4;
         out += &self.others_note();
-        for figure in [4, 7, 8, 9, 10, 11, 12] {
+        for figure in [4, 5, 6, 7, 8, 9, 10, 11, 12] {
             out += &self.figure(figure);
         }
         out += "\n";
@@ -180,7 +183,10 @@ impl Report {
             out += &format!("\n![Figure {number}]({file})\n\n{}\n", figure.caption);
         }
         if !any {
-            out += "\nNo node of these scenes was cut and then split at its median.\n";
+            out += match number {
+                5 | 6 => "\nNo tree of these scenes tells two objects apart that could be drawn.\n",
+                _ => "\nNo node of these scenes was cut and then split at its median.\n",
+            };
         }
         out
     }

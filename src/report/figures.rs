@@ -1,6 +1,7 @@
 //! Which figures a report has, and of which scenes.
 
 use super::document::File;
+use super::objects::{self, Objects};
 use super::plot::{Plot, ScalingPlot, png, svg};
 use super::scaling::Scaling;
 use super::scene::{Placed, Settings};
@@ -102,6 +103,40 @@ impl Figures {
             scene.name
         );
         self.draw(9, "figure-9", caption, &space)
+    }
+
+    /// Figures 5 and 6: of the scene whose objects have most triangles. Gives what they show.
+    ///
+    /// # Errors
+    /// [`ReportError::Picture`].
+    pub fn objects(
+        &mut self,
+        scenes: &[Placed],
+        trees: &[KdTree],
+    ) -> Result<Option<Objects>, ReportError> {
+        let found = scenes
+            .iter()
+            .zip(trees)
+            .filter_map(|(placed, tree)| objects::find(&tree.view(), &placed.scene));
+        let Some(objects) = found.max_by_key(|objects| objects.triangles(1)[0]) else {
+            return Ok(None);
+        };
+        let [all, met] = objects.triangles(1);
+        let caption = format!(
+            "Two objects of `{}`, the triangles under the children of node {}, in their boxes. The line meets one box \
+             (`Aabb::ray_interval`), so its {met} triangles are to be tested; the other {} are not.",
+            objects.scene,
+            objects.node,
+            all - met
+        );
+        self.draw(5, "figure-5", caption, &objects.figure_5())?;
+        let [_, parts] = objects.triangles(2);
+        let caption = format!(
+            "The same objects with the boxes of the tree's next level within. The line meets boxes of {parts} triangles \
+             there."
+        );
+        self.draw(6, "figure-6", caption, &objects.figure_6())?;
+        Ok(Some(objects))
     }
 
     /// Figure 10: of the scene whose tree shows most.

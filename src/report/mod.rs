@@ -16,6 +16,7 @@ pub mod document;
 mod error;
 pub mod figures;
 pub mod machine;
+pub mod objects;
 pub mod others;
 pub mod plot;
 pub mod rays;
