@@ -54,6 +54,8 @@ pub mod backend;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
+#[cfg(feature = "paper")]
+pub mod hierarchy;
 #[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
 pub mod parity;
 #[cfg(feature = "render")]

@@ -120,7 +120,7 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()), "{a} {b}");
 }
 
-const FILES: [&str; 20] = [
+const FILES: [&str; 28] = [
     "figure-10.png",
     "figure-10.svg",
     "figure-11-a.png",
@@ -130,9 +130,15 @@ const FILES: [&str; 20] = [
     "figure-12.svg",
     "figure-4.png",
     "figure-4.svg",
+    "figure-5.png",
+    "figure-5.svg",
+    "figure-6.png",
+    "figure-6.svg",
     "figure-7.csv",
     "figure-7.png",
     "figure-7.svg",
+    "figure-8.png",
+    "figure-8.svg",
     "figure-9.png",
     "figure-9.svg",
     "report.json",
@@ -141,6 +147,8 @@ const FILES: [&str; 20] = [
     "table-2.csv",
     "table-3.csv",
     "table-4.csv",
+    "table-4.png",
+    "table-4.svg",
 ];
 
 #[test]
@@ -181,7 +189,8 @@ fn the_json_file_is_what_is_printed() {
         "figures",
         "format",
         "machine",
-        "others",
+        "motions",
+        "objects",
         "presets",
         "repeat",
         "scaling",
@@ -296,13 +305,17 @@ fn ratios_follow_from_their_columns() {
 #[test]
 fn rates_follow_from_their_columns() {
     let table = made().table("table-4");
-    assert_eq!(table.len(), 6);
+    assert_eq!(table.len(), 2 * 4);
     for row in &table {
         let update = number(row, "update ms");
-        near(number(row, "frames/s"), 1e3 / (update + number(row, "T_trace ms")));
+        if row["structure"].starts_with("kd-tree") {
+            near(number(row, "frames/s"), 1e3 / (update + number(row, "T_trace ms")));
+        } else {
+            assert_eq!((&row["frames/s"][..], &row["T_trace ms"][..]), ("", ""));
+        }
         near(number(row, "frames/s, rays alone"), 1e3 / (update + number(row, "rays ms")));
     }
-    let printed = ["", "23.5", "32"];
+    let printed = ["23.5", "32", "10.5", ""];
     for (row, printed) in table.iter().zip(printed.iter().cycle()) {
         assert_eq!(row["survey's frames/s"], *printed, "{}", row["structure"]);
     }
@@ -383,57 +396,108 @@ fn figure_10_says_which_node_it_shows() {
     assert!(svg.lines().any(|line| line.contains("node ") && line.contains("at level")));
 }
 
+/// Table 4 from the frames in the JSON file: medians, extremes and the decay of what is only refitted.
 #[test]
-fn times_of_others_join_the_table_only_where_the_rays_are_the_same() {
+fn every_frame_has_its_tree_and_refitted_rays_their_decay() {
     let made = made();
-    let scene = &made.printed["scenes"][0];
-    let mut others = serde_json::json!({
-        "format": 1,
-        "builder": "a refitted one",
-        "threads": 2,
-        "repeat": 3,
-        "scenes": [{
-            "scene": scene["name"],
-            "triangles": scene["triangles"],
-            "camera_rays": scene["camera_rays"],
-            "shadow_rays": scene["shadow_rays"],
-            "rays": scene["rays"],
-            "build_ms": 7.0,
-            "update_ms": 3.0,
-            "rays_ms": 5.0,
-            "different": 0,
-        }],
-    });
-    let folder = folder();
-    let write = |others: &Value| {
-        fs::write(folder.path().join("others.json"), others.to_string()).unwrap();
-    };
-    write(&others);
-    let arguments = ["--quick", "--others", "others.json", "-q"];
-    let output = succeed(folder.path(), &arguments);
-    assert!(output.stdout.is_empty() && output.stderr.is_empty(), "quiet");
-    let table = fs::read_to_string(folder.path().join("paper/table-4.csv")).unwrap();
-    let (head, rows) = csv(&table);
-    assert_eq!(rows.len(), 7);
-    let row: HashMap<String, String> = head.into_iter().zip(rows[3].clone()).collect();
-    assert_eq!(row["structure"], "a refitted one");
-    assert_eq!((number(&row, "frames/s, rays alone"), &row["frames/s"][..]), (125.0, ""));
-    assert_eq!(number(&row, "survey's frames/s"), 10.5);
+    let table = made.table("table-4");
+    let motions = made.printed["motions"].as_array().unwrap();
+    assert_eq!(motions.len(), 2);
+    let mut rows = table.iter();
+    for motion in motions {
+        let rays: Vec<u64> =
+            motion["rays"].as_array().unwrap().iter().map(|x| x.as_u64().unwrap()).collect();
+        assert_eq!(rays.len(), 3, "frames of --quick");
+        assert!(rays.iter().all(|count| *count >= 96 * 96));
+        // Triangles that move give other shadow rays.
+        assert!(rays.windows(2).any(|pair| pair[0] != pair[1]), "{rays:?}");
+        assert!(motion["different"].as_u64().unwrap() <= 6, "it answers as the tree does");
+        let courses = motion["courses"].as_array().unwrap();
+        let kinds: Vec<(&str, &str)> = courses
+            .iter()
+            .map(|course| {
+                (course["preset"].as_str().unwrap_or("-"), course["update"].as_str().unwrap())
+            })
+            .collect();
+        let expected =
+            [("balanced", "built"), ("fast", "built"), ("-", "refitted"), ("-", "built")];
+        assert_eq!(kinds, expected);
+        let times = |course: &Value, figure: &str| -> Vec<f64> {
+            let frames = course["frames"].as_array().unwrap();
+            frames.iter().map(|took| took[figure].as_f64().unwrap()).collect()
+        };
+        let decay: Vec<f64> = times(&courses[2], "rays_ms")
+            .iter()
+            .zip(times(&courses[3], "rays_ms"))
+            .map(|(refitted, built)| refitted / built)
+            .collect();
+        for course in courses {
+            let row = rows.next().unwrap();
+            assert_eq!(row["structure"], course["structure"].as_str().unwrap());
+            for (column, figure) in [("update ms", "update_ms"), ("rays ms", "rays_ms")] {
+                let mut all = times(course, figure);
+                all.sort_by(f64::total_cmp);
+                near(number(row, column), all[1]);
+                if figure == "rays_ms" {
+                    near(number(row, "rays ms, least"), all[0]);
+                    near(number(row, "rays ms, most"), all[2]);
+                }
+            }
+            match course["update"].as_str().unwrap() {
+                "refitted" => {
+                    let worst = decay.iter().copied().fold(0.0, f64::max);
+                    near(number(row, "worst over built anew"), worst);
+                }
+                _ => assert_eq!(row["worst over built anew"], ""),
+            }
+        }
+        // A refit is no build.
+        let update = |place: usize| times(&courses[place], "update_ms").iter().sum::<f64>();
+        assert!(update(2) < update(3), "{motion}");
+    }
+    assert!(rows.next().is_none());
+    assert!(made.text("report.md").contains("](table-4.png)"));
+}
 
-    // Other rays, a file that is none, a time that is none: no report, and what was there stays.
-    let before = fs::read(folder.path().join("paper/report.json")).unwrap();
-    others["scenes"][0]["rays"] = "0123456789abcdef".into();
-    write(&others);
-    let error = fail(folder.path(), 3, &arguments);
-    assert!(error.contains("others.json") && error.contains("0123456789abcdef"), "{error}");
-    others["scenes"][0]["update_ms"] = 0.0.into();
-    write(&others);
-    assert!(fail(folder.path(), 3, &arguments).contains("above 0"));
-    fs::write(folder.path().join("others.json"), "{}").unwrap();
-    assert!(fail(folder.path(), 3, &arguments).contains("others.json"));
-    fail(folder.path(), 3, &["--quick", "--others", "nothing.json"]);
-    assert_eq!(fs::read(folder.path().join("paper/report.json")).unwrap(), before);
-    assert!(files(&folder.path().join("paper")).iter().all(|name| !name.ends_with(".part")));
+/// What Figures 5 and 6 say of boxes and the line, again by planes in f64.
+#[test]
+fn the_line_of_figure_5_meets_one_of_two_boxes() {
+    let made = made();
+    let objects = &made.printed["objects"];
+    let vector =
+        |value: &Value| -> [f64; 3] { std::array::from_fn(|axis| value[axis].as_f64().unwrap()) };
+    let (origin, direction) = (vector(&objects["origin"]), vector(&objects["direction"]));
+    let mut met = [Vec::new(), Vec::new(), Vec::new()];
+    for own in objects["boxes"].as_array().unwrap() {
+        let (lo, hi) = (vector(&own["lo"]), vector(&own["hi"]));
+        let (mut enter, mut exit) = (0.0f64, f64::INFINITY);
+        for axis in 0..3 {
+            if direction[axis] == 0.0 {
+                if origin[axis] < lo[axis] || origin[axis] > hi[axis] {
+                    exit = -1.0;
+                }
+                continue;
+            }
+            let ends = [lo[axis], hi[axis]].map(|end| (end - origin[axis]) / direction[axis]);
+            enter = enter.max(ends[0].min(ends[1]));
+            exit = exit.min(ends[0].max(ends[1]));
+        }
+        let meets = enter <= exit;
+        assert_eq!(meets, !own["interval"].is_null(), "{own}");
+        if meets {
+            for (found, expected) in [enter, exit].into_iter().enumerate() {
+                let found = own["interval"][found].as_f64().unwrap();
+                assert!((found - expected).abs() <= 1e-6 * expected.abs(), "{own}");
+            }
+        }
+        met[own["level"].as_u64().unwrap() as usize].push(meets);
+    }
+    assert_eq!((met[0].clone(), met[1].len()), (vec![true], 2));
+    assert_ne!(met[1][0], met[1][1], "it meets one object and passes the other");
+    let svg = made.text("figure-6.svg");
+    let count = met.concat().iter().filter(|meets| **meets).count();
+    assert!(svg.contains(&format!("meets {count} of {} boxes", met.concat().len())), "{count}");
+    assert!(made.text("figure-9.svg").contains("(6, 4, 9)"), "leaves have their names");
 }
 
 #[test]
@@ -466,6 +530,7 @@ fn what_is_wrong_is_said_and_leaves_nothing() {
     fail(folder.path(), 2, &["--quick", "--repeat", "4"]);
     fail(folder.path(), 2, &["--quick", "--size", "0x0"]);
     fail(folder.path(), 2, &["--quick", "--threads", "0"]);
+    fail(folder.path(), 2, &["--quick", "--frames", "1"]);
     fail(folder.path(), 5, &["--quick", "--backend", "wgpu"]);
     fail(folder.path(), 4, &["--quick", "--max-memory", "1k"]);
     assert_eq!(files(folder.path()), before);

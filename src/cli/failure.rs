@@ -219,7 +219,8 @@ impl From<ReportError> for Failure {
             ReportError::Query(error) => error.into(),
             ReportError::Picture(error) => error.into(),
             ReportError::Threads { .. } => Failure::usage(error.to_string()),
-            ReportError::Empty(_) | ReportError::Others { .. } => Failure::file(error.to_string()),
+            ReportError::Animation(error) => error.into(),
+            ReportError::Empty(_) => Failure::file(error.to_string()),
             other => Failure { message: other.to_string(), code: BUG },
         }
     }

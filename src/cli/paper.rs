@@ -15,8 +15,8 @@ use splitplane::report::asked::{Asked, BadLights, STAND_INS};
 use splitplane::report::document::{File, Report};
 use splitplane::report::figures::{self, Figures};
 use splitplane::report::machine::Machine;
+use splitplane::report::motion;
 use splitplane::report::objects::Objects;
-use splitplane::report::others::Others;
 use splitplane::report::scaling::{self, Scaling};
 use splitplane::report::scene::{self, Placed, SceneReport, Settings};
 use splitplane::report::survey::{SCALING_LARGEST, SCALING_SMALLEST};
@@ -44,9 +44,9 @@ pub(super) struct Arguments {
     /// Folder for the report; made when it is not there
     #[arg(long, value_name = "DIR", default_value = "paper")]
     out: PathBuf,
-    /// Times of another structure to stand in Table 4, as `splitplane-dbvh` writes them
-    #[arg(long, value_name = "FILE.json")]
-    others: Option<PathBuf>,
+    /// Frames of Table 4: the scenes move, and each frame has a tree of its own; 9 when left out
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=999))]
+    frames: Option<u16>,
     /// Small scenes and pictures, one run, no GPU unless asked for: shows that it works and measures
     /// nothing
     #[arg(long)]
@@ -110,9 +110,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ending::check()?;
     let gpu = arguments.gpu()?;
     let settings = arguments.settings(gpu.info.is_some())?;
-    let others = arguments.others.as_deref().map(Others::read).transpose()?;
     let _folder = output::Folder::make(&arguments.out)?;
-    arguments.report(&settings, &gpu, others)
+    arguments.report(&settings, &gpu)
 }
 
 /// The GPU that is measured, if one is, and why.
@@ -177,6 +176,7 @@ impl Arguments {
         Ok(Settings {
             size,
             repeat: self.repeat.unwrap_or(if self.quick { 1 } else { 5 }),
+            frames: self.frames.map_or(if self.quick { 3 } else { 9 }, usize::from),
             threads: self.threads.map_or(cores, usize::from),
             builders: Builder::all(offline, gpu),
             open: self.open_options(),
@@ -193,16 +193,13 @@ impl Arguments {
         usual.iter().map(|text| asked(text).map_err(Failure::usage)).collect()
     }
 
-    fn report(
-        &self,
-        settings: &Settings,
-        gpu: &Gpu,
-        others: Option<Others>,
-    ) -> Result<(), Failure> {
+    fn report(&self, settings: &Settings, gpu: &Gpu) -> Result<(), Failure> {
         let asked = self.scenes()?;
         let devices = if gpu.info.is_some() { 2 } else { 1 };
         // A scene is opened, measured, built for figures and drawn.
-        let steps = asked.len() as u64 * (scene::steps(settings) + 3) + 2 + devices;
+        let steps = asked.len() as u64 * (scene::steps(settings) + motion::steps(settings) + 3)
+            + 2
+            + devices;
         let progress = Progress { bar: progress::bar(self.quiet, "measuring", steps) };
         if !self.quiet {
             output::note(&format!("GPU: {}", gpu.reason));
@@ -220,12 +217,15 @@ impl Arguments {
             }
             scenes.push(scene);
         }
-        if let (Some(others), Some(path)) = (&others, &self.others) {
-            others.check(path, &scenes)?;
+        let mut motions = Vec::new();
+        for ((letter, placed), asked) in ('a'..='z').zip(&placed).zip(&asked) {
+            let step = &mut |what: &str| progress.step(what);
+            motions.push(motion::measure(letter, placed, &asked.spec, settings, step)?);
         }
         let scalings = scalings(&placed, settings, gpu.info.is_some(), &progress)?;
-        let Drawn { figures, areas, objects } =
+        let Drawn { mut figures, areas, objects } =
             self.figures(&placed, settings, &scalings, &progress)?;
+        figures.motion(&motions)?;
         progress.bar.finish_and_clear();
         let command = command();
         let report = Report {
@@ -242,7 +242,7 @@ impl Arguments {
             presets: scene::knobs(&settings.builders),
             worked: Worked::compute(),
             scenes,
-            others,
+            motions,
             objects,
             areas_scene: placed.first().map_or(String::new(), |first| first.scene.name.clone()),
             areas,

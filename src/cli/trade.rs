@@ -233,6 +233,7 @@ impl Arguments {
         let settings = SceneSettings {
             size,
             repeat: 1,
+            frames: 1,
             threads,
             builders: Vec::new(),
             open: OpenOptions::default(),

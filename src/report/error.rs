@@ -1,13 +1,12 @@
 //! Why there is no report.
 
 use crate::backend::OpenError;
-use crate::from_file::{quoted, quoted_path};
+use crate::from_file::quoted;
 use crate::picture::PictureError;
-use crate::scene::SceneError;
+use crate::scene::{AnimationError, SceneError};
 use crate::tracer::TracerError;
 use splitplane_core::backend::{BuildError, QueryError};
 use splitplane_core::mesh::MeshError;
-use std::path::PathBuf;
 use thiserror::Error;
 
 /// Why there is no report.
@@ -40,14 +39,9 @@ pub enum ReportError {
         /// Why, in the system's words.
         reason: String,
     },
-    /// A file of other builders' times that is none, or belongs to other rays.
-    #[error("`{path}`: {reason}", path = quoted_path(.path))]
-    Others {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong, and what to do.
-        reason: String,
-    },
+    /// Frames of a scene that cannot be had.
+    #[error(transparent)]
+    Animation(#[from] AnimationError),
 }
 
 impl From<BuildError> for ReportError {

@@ -1,6 +1,7 @@
 //! Which figures a report has, and of which scenes.
 
 use super::document::File;
+use super::motion::Motion;
 use super::objects::{self, Objects};
 use super::plot::{Plot, ScalingPlot, png, svg};
 use super::scaling::Scaling;
@@ -20,7 +21,7 @@ use splitplane_render::{Outputs, RenderSettings};
 /// A figure in words.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// Its number in the survey.
+    /// Its number in the survey; 0 for the picture that goes with Table 4.
     pub number: u32,
     /// Its files, the one that is shown first.
     pub files: Vec<String>,
@@ -51,6 +52,23 @@ impl Figures {
         self.files.push(File { name: names[1].clone(), bytes: svg(plot)?.into_bytes() });
         self.list.push(Figure { number, files: names.to_vec(), caption });
         Ok(())
+    }
+
+    /// Table 4: of the scene in which the refitted hierarchy decays most.
+    ///
+    /// # Errors
+    /// [`ReportError::Picture`].
+    pub fn motion(&mut self, motions: &[Motion]) -> Result<(), ReportError> {
+        let worst = |motion: &Motion| motion.decay().map_or(0.0, |[_, worst]| worst);
+        let Some(motion) = motions.iter().max_by(|a, b| worst(a).total_cmp(&worst(b))) else {
+            return Ok(());
+        };
+        let caption = format!(
+            "What the rays of each frame of `{}` take, {}. The refitted hierarchy keeps the shape of the first frame; the other two \
+             structures are built for each.",
+            motion.scene, motion.moves
+        );
+        self.draw(0, "table-4", caption, motion)
     }
 
     /// Figure 7.

@@ -25,6 +25,8 @@ pub struct Settings {
     pub size: Size,
     /// Runs of each measure, of which the median counts. Odd.
     pub repeat: usize,
+    /// Frames of scenes that move.
+    pub frames: usize,
     /// Threads of whatever runs in parallel on the CPU.
     pub threads: usize,
     /// Who builds.
@@ -383,7 +385,7 @@ impl Contender {
 }
 
 /// The median time to trace the rays of a frame: closest hits, then any hits.
-fn trace(
+pub(super) fn trace(
     accelerator: &dyn Accelerator,
     rays: &FrameRays,
     repeat: usize,

@@ -1,9 +1,10 @@
 //! Tables 3 and 4 and those of the figures: ours beside the survey's.
 
 use super::areas::Areas;
-use super::others::Others;
+use super::motion::{Motion, Update};
 use super::scaling::Scaling;
 use super::scene::{BuilderRow, SceneReport};
+use super::survey::nearest;
 use super::table::{Cell, Table};
 
 /// Columns of [`table_3`]. Ratios are ours over the offline builder's, but for the speed-up.
@@ -89,11 +90,12 @@ fn row_of_table_3(scene: &SceneReport, row: &BuilderRow) -> Vec<Cell> {
 }
 
 /// Columns of [`table_4`].
-pub const TABLE_4: [&str; 13] = [
+pub const TABLE_4: [&str; 17] = [
     "picture",
     "scene",
     "triangles",
     "structure",
+    "in each frame",
     "backend",
     "threads",
     "update ms",
@@ -101,59 +103,61 @@ pub const TABLE_4: [&str; 13] = [
     "frames/s",
     "rays ms",
     "frames/s, rays alone",
+    "rays ms, least",
+    "rays ms, most",
+    "worst over built anew",
     "survey's triangles",
     "survey's frames/s",
 ];
 
-/// Table 4: frames a second with the structure rebuilt, or refitted, for each.
-pub fn table_4(scenes: &[SceneReport], others: Option<&Others>) -> Table {
+/// Table 4: frames a second of scenes that move, with the structure built, or refitted, for each frame.
+pub fn table_4(motions: &[Motion]) -> Table {
     let mut table = Table::new(&TABLE_4);
     let rate = |ms: f64| Cell::number((ms > 0.0).then(|| 1e3 / ms), 2);
-    for scene in scenes {
-        let survey = scene.survey;
-        let start = || -> Vec<Cell> {
-            let letter = scene.letter.to_string();
-            vec![letter.into(), scene.name.as_str().into(), scene.triangles.into()]
-        };
-        let end = |printed: Option<f64>| {
-            let triangles = Cell::from(1000 * survey.kilo_triangles);
-            [if printed.is_some() { triangles } else { Cell::Missing }, Cell::number(printed, 2)]
-        };
-        for row in scene.builders.iter().filter(|row| row.knobs == "tuned") {
-            let (structure, printed) = match (row.offline, row.preset, row.backend.as_str()) {
-                (true, ..) => ("offline", None),
-                (_, "fast", _) => ("Zhou et al. 2008", Some(survey.fps)),
-                (_, "balanced", "cpu") => ("Shevtsov et al. 2007", survey.fps_shevtsov),
-                _ => ("binned SAH", None),
+    for motion in motions {
+        let survey = nearest(motion.triangles);
+        for course in &motion.courses {
+            let printed = match (course.preset, course.update, course.backend.as_str()) {
+                (Some("fast"), ..) => Some(survey.fps),
+                (Some("balanced"), _, "cpu") => survey.fps_shevtsov,
+                (None, Update::Refitted, _) => survey.fps_dbvh,
+                _ => None,
             };
-            let mut cells = start();
-            cells.extend([
-                format!("kd-tree, {} ({structure})", row.preset).into(),
-                row.backend.as_str().into(),
-                row.threads.map_or(Cell::Missing, Cell::from),
-                Cell::Number(row.tree_ms, 2),
-                Cell::Number(row.trace_ms, 2),
-                rate(row.tree_ms + row.trace_ms),
-                Cell::Number(row.rays_ms, 2),
-                rate(row.tree_ms + row.rays_ms),
+            let update = course.median(|took| took.update_ms);
+            let rays = course.median(|took| took.rays_ms);
+            let all = |end: fn(f64, f64) -> f64| {
+                course.frames.iter().map(|took| took.rays_ms).reduce(end)
+            };
+            let traced = course.frames.iter().all(|took| took.trace_ms.is_some());
+            let trace = traced.then(|| course.median(|took| took.trace_ms.unwrap_or(0.0)));
+            let decays = course.preset.is_none() && course.update == Update::Refitted;
+            let worst = motion.decay().filter(|_| decays).map(|[_, worst]| worst);
+            table.push(vec![
+                motion.letter.to_string().into(),
+                motion.scene.as_str().into(),
+                motion.triangles.into(),
+                course.structure.as_str().into(),
+                match course.update {
+                    Update::Built => "built",
+                    Update::Refitted => "refitted",
+                }
+                .into(),
+                course.backend.as_str().into(),
+                course.threads.map_or(Cell::Missing, Cell::from),
+                Cell::Number(update, 2),
+                Cell::number(trace, 2),
+                trace.map_or(Cell::Missing, |trace| rate(update + trace)),
+                Cell::Number(rays, 2),
+                rate(update + rays),
+                Cell::number(all(f64::min), 2),
+                Cell::number(all(f64::max), 2),
+                Cell::number(worst, 2),
+                match printed {
+                    Some(_) => (1000 * survey.kilo_triangles).into(),
+                    None => Cell::Missing,
+                },
+                Cell::number(printed, 2),
             ]);
-            cells.extend(end(printed));
-            table.push(cells);
-        }
-        if let Some((others, other)) = others.and_then(|all| Some((all, all.of(scene)?))) {
-            let mut cells = start();
-            cells.extend([
-                others.builder.as_str().into(),
-                "cpu".into(),
-                others.threads.into(),
-                Cell::Number(other.update_ms, 2),
-                Cell::Missing,
-                Cell::Missing,
-                Cell::Number(other.rays_ms, 2),
-                rate(other.update_ms + other.rays_ms),
-            ]);
-            cells.extend(end(survey.fps_dbvh));
-            table.push(cells);
         }
     }
     table

@@ -5,6 +5,7 @@ mod areas;
 mod crown;
 mod cut;
 mod map;
+mod motion;
 mod scaling;
 mod slice;
 mod space;

@@ -1,4 +1,8 @@
-//! The hierarchy: built once, refitted, traversed.
+//! Another structure, to compare with: a bounding volume hierarchy that is built once and refitted for every frame, in
+//! the manner of Wald, Boulos and Shirley 2007.
+//!
+//! It is that of the crate `obvhs`. A refit copies the moved corners into the order of the leaves, bounds every leaf, and
+//! the nodes above it. Rays go one by one, on all threads of the pool.
 
 use glam::Vec3A;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2_from_tris};
@@ -7,17 +11,20 @@ use obvhs::rt_triangle::RtTriangle;
 use obvhs::triangle::Triangle;
 use obvhs::{BvhBuildParams, aabb::Aabb};
 use rayon::prelude::*;
-use splitplane::Ray;
+use splitplane_core::ray::Ray;
 use std::time::Duration;
 
-/// A triangle's corners.
-type Corners = [[f32; 3]; 3];
+/// A triangle's corners, finite.
+pub type Corners = [[f32; 3]; 3];
+
+/// How tables name it.
+pub const NAME: &str = "BVH, obvhs 0.4";
 
 /// Rays that a task traces.
 const BATCH: usize = 1024;
 
 /// A bounding volume hierarchy with its triangles in the order of its leaves.
-pub(crate) struct Hierarchy {
+pub struct Hierarchy {
     bvh: Bvh2,
     leaves: Vec<RtTriangle>,
     bounds: Vec<Aabb>,
@@ -26,7 +33,7 @@ pub(crate) struct Hierarchy {
 impl Hierarchy {
     /// Builds it with the crate's settings of medium quality (PLOC and reinsertion). The order of nodes
     /// is one in which a single sweep refits.
-    pub(crate) fn build(triangles: &[Corners]) -> Hierarchy {
+    pub fn build(triangles: &[Corners]) -> Hierarchy {
         let all: Vec<Triangle> = triangles.iter().map(triangle).collect();
         // Splits would tie bounds to parts of triangles, which no refit knows of.
         let settings = BvhBuildParams { pre_split: false, ..BvhBuildParams::medium_build() };
@@ -38,7 +45,7 @@ impl Hierarchy {
     }
 
     /// Takes over where the triangles now are.
-    pub(crate) fn refit(&mut self, triangles: &[Corners]) {
+    pub fn refit(&mut self, triangles: &[Corners]) {
         let Hierarchy { bvh, leaves, bounds } = self;
         let moved = |&index: &u32| {
             let moved = triangle(&triangles[index as usize]);
@@ -59,7 +66,7 @@ impl Hierarchy {
     }
 
     /// The distance of every ray's closest hit; infinity for a miss.
-    pub(crate) fn closest(&self, rays: &[Ray]) -> Vec<f32> {
+    pub fn closest(&self, rays: &[Ray]) -> Vec<f32> {
         let closest = |ray: &Ray| {
             let mut hit = RayHit::none();
             let test = |ray: &BvhRay, index: usize| self.leaves[index].intersect(ray);
@@ -70,7 +77,7 @@ impl Hierarchy {
     }
 
     /// Whether every ray meets anything.
-    pub(crate) fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
+    pub fn occluded(&self, rays: &[Ray]) -> Vec<bool> {
         let occluded = |ray: &Ray| {
             let test = |ray: &BvhRay, index: usize| self.leaves[index].intersect(ray);
             !self.bvh.ray_traverse_miss(of(ray), test)
@@ -92,8 +99,8 @@ fn of(ray: &Ray) -> BvhRay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use splitplane::scene::Scene;
-    use splitplane::{Backend, BuildOptions, CpuBackend, Hit, QueryOptions};
+    use crate::scene::Scene;
+    use crate::{Backend, BuildOptions, CpuBackend, Hit, QueryOptions};
 
     /// Refitted to triangles that have moved, it answers as a kd-tree built over them.
     #[test]
