@@ -120,7 +120,8 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()), "{a} {b}");
 }
 
-const FILES: [&str; 28] = [
+const FILES: [&str; 29] = [
+    "claims.csv",
     "figure-10.png",
     "figure-10.svg",
     "figure-11-a.png",
@@ -186,6 +187,7 @@ fn the_json_file_is_what_is_printed() {
     let expected = [
         "areas",
         "areas_scene",
+        "claims",
         "figures",
         "format",
         "machine",
@@ -201,7 +203,7 @@ fn the_json_file_is_what_is_printed() {
     assert_eq!(keys, expected);
     assert_eq!(
         (&file["format"], &file["repeat"], &file["size"]),
-        (&1.into(), &3.into(), &serde_json::json!([96, 96]))
+        (&2.into(), &3.into(), &serde_json::json!([96, 96]))
     );
     let machine = &file["machine"];
     assert!(machine["command"].as_str().unwrap().contains("paper --quick --repeat 3"));

@@ -123,6 +123,11 @@ impl Gpu {
         &self.info
     }
 
+    /// Whether the adapter is software: it runs shaders on the CPU.
+    pub fn is_software(&self) -> bool {
+        self.info.device_type == wgpu::DeviceType::Cpu
+    }
+
     /// The limits of the device.
     pub fn limits(&self) -> &wgpu::Limits {
         &self.limits

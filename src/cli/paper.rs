@@ -21,7 +21,7 @@ use splitplane::report::scaling::{self, Scaling};
 use splitplane::report::scene::{self, Placed, SceneReport, Settings};
 use splitplane::report::survey::{SCALING_LARGEST, SCALING_SMALLEST};
 use splitplane::report::worked::Worked;
-use splitplane::report::{Builder, areas};
+use splitplane::report::{Builder, areas, claims};
 use splitplane::{Backend, BackendInfo, BackendKind, CpuBackend, OpenOptions, Preset};
 use std::path::PathBuf;
 
@@ -226,10 +226,12 @@ impl Arguments {
         let Drawn { mut figures, areas, objects } =
             self.figures(&placed, settings, &scalings, &progress)?;
         figures.motion(&motions)?;
+        let claims = claims::measure(&placed[0], settings, &claims::Amounts::of(self.quick))?;
+        progress.step("claims");
         progress.bar.finish_and_clear();
         let command = command();
         let report = Report {
-            format: 1,
+            format: 2,
             machine: Machine::of(
                 command,
                 settings.threads,
@@ -247,6 +249,7 @@ impl Arguments {
             areas_scene: placed.first().map_or(String::new(), |first| first.scene.name.clone()),
             areas,
             scaling: scalings,
+            claims,
             figures: figures.list,
         };
         let files = self.write(&report, figures.files)?;

@@ -1,6 +1,7 @@
 //! The report as a whole: what was measured, as JSON, CSV and Markdown.
 
 use super::areas::Areas;
+use super::claims::{self, Claim};
 use super::figures::Figure;
 use super::machine::{Knobs, Machine};
 use super::motion::Motion;
@@ -24,7 +25,7 @@ pub struct File {
 /// What was measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// Version of this format: 1.
+    /// Version of this format: 2.
     pub format: u32,
     /// On what.
     pub machine: Machine,
@@ -48,13 +49,15 @@ pub struct Report {
     pub areas: Areas,
     /// Figure 12.
     pub scaling: Vec<Scaling>,
+    /// What the survey claims without figures.
+    pub claims: Vec<Claim>,
     /// All figures.
     pub figures: Vec<Figure>,
 }
 
 impl Report {
     /// The tables by the names of their files, without ending.
-    pub fn tables(&self) -> [(&'static str, Table); 6] {
+    pub fn tables(&self) -> [(&'static str, Table); 7] {
         [
             ("table-1", self.worked.table_1()),
             ("table-2", self.worked.table_2()),
@@ -62,13 +65,14 @@ impl Report {
             ("table-4", table_4(&self.motions)),
             ("figure-7", figure_7(&self.areas)),
             ("figure-12", figure_12(&self.scaling)),
+            ("claims", claims::table(&self.claims)),
         ]
     }
 
     /// The text, with tables and pictures.
     pub fn markdown(&self) -> String {
         let [width, height] = self.size;
-        let [table_1, table_2, table_3, table_4, _, figure_12] =
+        let [table_1, table_2, table_3, table_4, _, figure_12, claims] =
             self.tables().map(|(_, table)| table.markdown());
         let mut out = format!(
             "# What the survey reports, measured with splitplane\n\n\
@@ -127,6 +131,10 @@ impl Report {
         out += "\n";
         out += &figure_12;
         out += &self.scaling_note();
+        out += "\n## Claims without figures\n\n\
+                What the survey says of builds, cells and rays and prints no figures for. \"As claimed\" is what the claim would give if it \
+                held exactly; exponents are those of straight lines of least squares through logarithms.\n\n";
+        out += &claims;
         out
     }
 
@@ -170,6 +178,10 @@ impl Report {
     }
 
     fn scaling_note(&self) -> String {
+        let mut out = String::new();
+        if self.scaling.iter().any(|scaling| scaling.software) {
+            out += "\nThe adapter is software: it runs workgroups on the CPU's threads, so that its curve means nothing for a GPU.\n";
+        }
         let failed: Vec<String> = self
             .scaling
             .iter()
@@ -182,7 +194,7 @@ impl Report {
                 )
             })
             .collect();
-        failed.concat()
+        out + &failed.concat()
     }
 
     /// The section of a figure.

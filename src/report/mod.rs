@@ -9,6 +9,7 @@ pub mod areas;
 pub mod asked;
 mod builders;
 pub mod cells;
+pub mod claims;
 mod clip;
 pub mod crown;
 pub mod cut;

@@ -18,6 +18,8 @@ pub struct Scaling {
     pub triangles: usize,
     /// `cpu`, where processors are threads, or `wgpu`, where they are workgroups of a dispatch.
     pub backend: &'static str,
+    /// Whether the device is software, whose workgroups are threads of the CPU: its curve then says nothing.
+    pub software: bool,
     /// The greatest speed-up printed in the survey for its scene of this rank; from how many processors
     /// to how many is not known.
     pub survey_speedup: f64,
@@ -80,6 +82,7 @@ pub fn on_cpu(
         scene: scene.name.clone(),
         triangles: scene.indices.len(),
         backend: "cpu",
+        software: false,
         survey_speedup,
         points,
         failed: Vec::new(),
@@ -149,6 +152,7 @@ mod device {
             scene: scene.name.clone(),
             triangles: scene.indices.len(),
             backend: "wgpu",
+            software: backend.gpu().is_software(),
             survey_speedup,
             points,
             failed,
