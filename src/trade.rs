@@ -4,7 +4,7 @@
 //!
 //! Nothing is ranked within the noise of its own rounds ([`interval`]). [`plan`] says what is tried, [`budget`] how much of
 //! it, [`measure()`] does it; [`picture`] does the same for what pictures are made of. [`pareto`], [`payback`] and
-//! [`recommend`] draw conclusions and know nothing of scenes; [`bvh`] is a rule of thumb. [`document`] writes it down, [`compare`] sets it beside what an earlier run wrote.
+//! [`recommend`] draw conclusions and know nothing of scenes; [`bvh`] lays a hierarchy beside them. [`document`] writes it down, [`compare`] sets it beside what an earlier run wrote.
 
 pub mod budget;
 pub mod bvh;
@@ -12,6 +12,7 @@ pub mod compare;
 pub mod document;
 mod error;
 pub mod held;
+mod hierarchy;
 pub mod interval;
 pub mod judge;
 pub mod measure;

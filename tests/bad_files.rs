@@ -250,10 +250,6 @@ fn messages_quote_files_shortly_and_printably() {
     write("a.frames.json", format!("{{\"vertices\": {json}, \"frames\": 1}}").as_bytes());
     write("b.frames.json", format!("{{\"vertices\": 4, \"frames\": {json}").as_bytes());
     write("c.json", format!("{{{json}: 1}}").as_bytes());
-    let scene = "{\"format\": 1, \"builder\": \"b\", \"threads\": 1, \"repeat\": 1, \"scenes\": [{\"scene\": S, \
-                 \"triangles\": 1, \"camera_rays\": 1, \"shadow_rays\": 1, \"rays\": \"\", \"build_ms\": 0, \
-                 \"update_ms\": 1, \"rays_ms\": 1, \"different\": 0}]}";
-    write("d.json", scene.replace(": S,", &format!(": {json},")).as_bytes());
     for text in [
         format!("v {evil} 1 1\n{GOOD}"),
         format!("{GOOD}f {evil} 1 2\n"),
@@ -278,8 +274,6 @@ fn messages_quote_files_shortly_and_printably() {
         (query("long.npy"), 3),
         (with(&["animate", "good.obj", "--frames", "a.frames.json"]).join("\n"), 3),
         (with(&["animate", "good.obj", "--frames", "b.frames.json"]).join("\n"), 3),
-        ("paper\n--quick\n--backend\ncpu\n--others\nc.json".to_owned(), 3),
-        ("paper\n--quick\n--backend\ncpu\n--others\nd.json".to_owned(), 3),
         ("trade\n--compare\nc.json".to_owned(), 3),
         (with(&["build", "odd.obj"]).join("\n"), 0),
     ] {

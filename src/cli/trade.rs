@@ -179,6 +179,7 @@ impl Arguments {
             gpu: sweep.gpu.backend.as_deref(),
             max_memory: self.max_memory,
             merge: old.is_none(),
+            hierarchy: old.is_none(),
             picture: if self.no_picture || old.is_some() {
                 None
             } else {

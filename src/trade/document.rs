@@ -13,7 +13,7 @@ use crate::report::machine::Machine;
 use serde::{Deserialize, Serialize};
 
 /// The one version of the file's format.
-pub const FORMAT: u32 = 3;
+pub const FORMAT: u32 = 4;
 /// The field of rows that use all threads, or a device.
 pub const ALL_THREADS: &str = "all";
 /// The field of rows of one thread, where others use more.
@@ -72,7 +72,7 @@ pub struct Trade {
     pub steps: Vec<Step>,
     /// What to take for the wish.
     pub recommendation: Recommendation,
-    /// When another structure would likely serve better.
+    /// Whether a bounding volume hierarchy would serve better; none where none was measured.
     pub bvh: Option<Verdict>,
     /// What a picture loses by cheaper settings of its own; none where none was asked for.
     pub picture: Option<PictureTrade>,
@@ -90,7 +90,7 @@ impl Trade {
         wish: &Wish,
         left_out: Vec<String>,
     ) -> Trade {
-        let Measured { budget, mut rows, held, rays, mesh, picture, .. } = measured;
+        let Measured { budget, mut rows, held, rays, mesh, picture, hierarchy, .. } = measured;
         conclude(&mut rows);
         let amounts = Amounts {
             repeat: budget.repeat,
@@ -101,7 +101,7 @@ impl Trade {
             gpu_error_rays: budget.gpu.error_rays,
             rays,
         };
-        let bvh = bvh::judge(&rows, wish);
+        let bvh = hierarchy.and_then(|hierarchy| bvh::judge(hierarchy, &rows, wish));
         Trade {
             format: FORMAT,
             machine,

@@ -3,7 +3,9 @@
 
 use super::TradeError;
 use super::budget::{Budget, Fixed, Pilot, divide};
+use super::bvh;
 use super::held::Held;
+use super::hierarchy::Beside;
 use super::interval::Interval;
 use super::judge::Judge;
 use super::pareto::Standing;
@@ -40,6 +42,8 @@ pub struct Settings<'a> {
     pub max_memory: Option<u64>,
     /// Whether settings of the same tree become one row; not where rows of an earlier run are repeated.
     pub merge: bool,
+    /// Whether a bounding volume hierarchy takes its turn, too.
+    pub hierarchy: bool,
     /// The size of pictures whose settings are tried, too; none for no pictures.
     pub picture: Option<Size>,
     /// Asked again and again whether to go on.
@@ -62,6 +66,8 @@ pub struct Measured {
     pub budget: Budget,
     /// The rows, without conclusions: [`super::document`] draws them.
     pub rows: Vec<Row>,
+    /// What a bounding volume hierarchy takes; none where none was asked for, or nothing ran on the CPU.
+    pub hierarchy: Option<bvh::Measured>,
     /// What pictures lose by their settings.
     pub picture: Option<PictureTrade>,
     /// What the independent reference says of the exact answers.
@@ -77,7 +83,7 @@ pub struct Measured {
 }
 
 /// Times this much above the median of their rounds are measured again.
-const OUTLIER: f64 = 1.3;
+pub(super) const OUTLIER: f64 = 1.3;
 
 /// Builds that take less are done twice in a row, and the second counts.
 pub(super) const WARM_MS: f64 = 500.0;
@@ -124,7 +130,16 @@ pub fn measure(
     event(Event::Step("exact answers"));
     let mut entries: Vec<Entry> =
         stations.iter().map(|station| Entry::new(station, &budget)).collect();
+    let mut beside = bench.beside(stations, settings, &budget);
     for round in 0..=budget.repeat {
+        if let Some(beside) = &mut beside {
+            bench.all.install(|| {
+                let built = beside.round(&sets, round > 0);
+                if round == 0 {
+                    beside.judge(&built, &errors.rays, &errors.exact);
+                }
+            });
+        }
         for place in in_turns(round, stations.len()) {
             let (station, entry) = (&stations[place], &mut entries[place]);
             if entry.merged {
@@ -149,6 +164,9 @@ pub fn measure(
     for entry in &mut entries {
         entry.look_again(&bench, &sets)?;
     }
+    if let Some(beside) = &mut beside {
+        bench.all.install(|| beside.look_again(&sets));
+    }
     let picture = |size: Size| {
         let watch = settings.watch;
         bench.all.install(|| PictureTrade::measure(placed, size, settings.max_memory, watch))
@@ -171,6 +189,7 @@ pub fn measure(
     Ok(Measured {
         budget,
         rows: rows.enumerate().map(|(i, row)| Row { number: i + 1, ..row }).collect(),
+        hierarchy: beside.map(Beside::measured),
         picture,
         held,
         rays: super::rays::digest(sets.each()),
@@ -324,6 +343,20 @@ impl<'a> Bench<'a> {
         self.build(device, "fast", &BuildConfig::default(), QueryLayout::Fast)
     }
 
+    /// The hierarchy, where one is asked for and trees are measured on all threads of the CPU.
+    fn beside(
+        &self,
+        stations: &[Station],
+        settings: &Settings<'_>,
+        budget: &Budget,
+    ) -> Option<Beside> {
+        let threads = self.all.current_num_threads();
+        let on_cpu =
+            |station: &Station| station.device == Device::Cpu && station.threads == threads;
+        (settings.hierarchy && stations.iter().any(on_cpu))
+            .then(|| Beside::new(self.mesh, threads, budget.cpu.sample_rays))
+    }
+
     fn pool(&self, station: &Station) -> &rayon::ThreadPool {
         self.pools.get(&station.threads).unwrap_or(&self.all)
     }
@@ -373,7 +406,7 @@ fn trace(
 }
 
 /// The set of which only is asked whether anything is hit.
-const SHADOW: usize = 1;
+pub(super) const SHADOW: usize = 1;
 
 fn trace_first(
     tree: &dyn Accelerator,
@@ -544,21 +577,8 @@ impl<'a> Entry<'a> {
 
     /// A round in which the build or a set took far longer than it usually does.
     fn outlier(&self) -> Option<usize> {
-        let far = |times: &Vec<f64>| {
-            let usual = median(times.clone());
-            times.iter().position(|&time| times.len() >= 3 && time > OUTLIER * usual)
-        };
+        let far = |times: &Vec<f64>| far_above(times, OUTLIER);
         far(&self.build_ms).or_else(|| self.ns.iter().flatten().find_map(far))
-    }
-
-    /// Nanoseconds a ray in each round, the mean over the sets.
-    fn ns_by_round(times: &[Vec<f64>; 4]) -> Vec<f64> {
-        let rounds = times.iter().map(Vec::len).max().unwrap_or(0);
-        let of = |round: usize| {
-            let own: Vec<f64> = times.iter().filter_map(|set| set.get(round).copied()).collect();
-            mean(&own)
-        };
-        (0..rounds).map(of).collect()
     }
 
     /// Lets the tree go.
@@ -574,7 +594,7 @@ impl<'a> Entry<'a> {
         let row = |(place, times): (usize, [Vec<f64>; 4])| {
             let judgement = judgements.get(place).copied();
             let errors = judgement.map_or(Aims::default(), |judgement| judgement.errors);
-            let ns_interval = Interval::of(&Entry::ns_by_round(&times));
+            let ns_interval = Interval::of(&ns_by_round(&times));
             let mut set = 0;
             let trace = times.map(|times| {
                 set += 1;
@@ -626,6 +646,22 @@ impl<'a> Entry<'a> {
         };
         ns.into_iter().enumerate().map(row).collect()
     }
+}
+
+/// Nanoseconds a ray in each round, the mean over the sets.
+pub(super) fn ns_by_round(times: &[Vec<f64>; 4]) -> Vec<f64> {
+    let rounds = times.iter().map(Vec::len).max().unwrap_or(0);
+    let of = |round: usize| {
+        let own: Vec<f64> = times.iter().filter_map(|set| set.get(round).copied()).collect();
+        mean(&own)
+    };
+    (0..rounds).map(of).collect()
+}
+
+/// The first of at least three times that is this many times their median.
+pub(super) fn far_above(times: &[f64], factor: f64) -> Option<usize> {
+    let usual = median(times.to_vec());
+    times.iter().position(|&time| times.len() >= 3 && time > factor * usual)
 }
 
 impl Likeness {
