@@ -10,6 +10,7 @@
 # OUT     where results go; out/peers of this repository by default, which git ignores
 # NAMES   scenes to measure, "bunny dragon sponza kitchen bathroom" by default
 # THREADS thread counts, "1,2" by default
+# CLOCK   "cpu" (the default), CPU time of all threads, which other programs disturb least, or "wall"
 # REPS    repeats, of which the median counts, 3 by default
 # ONLY    other libraries, by the names or beginnings of names that the harness gives them
 #
@@ -40,7 +41,7 @@ for preset in fast balanced best; do
 done
 for scene in $names; do
     "$peers" --scene "$scenes/$scene.obj" --rays-out "$out" --threads "${THREADS:-1,2}" \
-        --reps "${REPS:-3}" --only "$only" "${ours[@]}"
+        --clock "${CLOCK:-cpu}" --reps "${REPS:-3}" --only "$only" "${ours[@]}"
 done
 "$peers" tables "$out"
 echo "results: $out/SCENE/results.md and results.jsonl; all: $out/all.jsonl"

@@ -14,7 +14,11 @@
 //!
 //! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
 //! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
+//! `PEERS_CLOCK=cpu` in the environment asks for CPU time in place of the time that passes.
 
+mod clock;
+
+use clock::Clock;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -185,7 +189,7 @@ fn measure(
 ) -> Result<Value, String> {
     let number = |text: &str| text.parse::<usize>().map_err(|_| format!("{text}: not a number"));
     let (threads, reps) = (number(threads)?, number(reps)?);
-    let plan = Plan::parse(name)?;
+    let (plan, clock) = (Plan::parse(name)?, Clock::asked()?);
     let vertices: Vec<[f32; 3]> = read(&dir.join("verts.f32"))?;
     let indices: Vec<[u32; 3]> = read(&dir.join("index.u32"))?;
     let mesh = Mesh::indexed(&vertices, &indices).map_err(|error| error.to_string())?;
@@ -203,9 +207,10 @@ fn measure(
     let mut build_ms = Vec::new();
     for _ in 0..reps {
         drop(built);
-        let start = Instant::now();
-        built = build().map_err(|error| error.to_string())?;
-        build_ms.push(start.elapsed().as_secs_f64() * 1e3);
+        let mut next = None;
+        let seconds = clock.seconds(|| next = Some(build()));
+        built = next.expect("it was built").map_err(|error| error.to_string())?;
+        build_ms.push(seconds * 1e3);
     }
     let mut sets = Map::new();
     for set in SETS {
@@ -219,9 +224,9 @@ fn measure(
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut any = vec![false; rays.len()];
         closest(&pool, &built, &plan, &rays, &mut hits);
-        let closest_s = repeat(reps, || closest(&pool, &built, &plan, &rays, &mut hits));
+        let closest_s = repeat(clock, reps, || closest(&pool, &built, &plan, &rays, &mut hits));
         occluded(&pool, &built, &plan, &rays, &mut any);
-        let any_s = repeat(reps, || occluded(&pool, &built, &plan, &rays, &mut any));
+        let any_s = repeat(clock, reps, || occluded(&pool, &built, &plan, &rays, &mut any));
         let records: Vec<[u32; 2]> =
             hits.iter().map(|hit| [hit.t.to_bits(), hit.triangle]).collect();
         write(&format!("{prefix}.{set}.hits"), bytemuck::cast_slice(&records))?;
@@ -233,6 +238,7 @@ fn measure(
     }
     Ok(json!({
         "version": env!("CARGO_PKG_VERSION"),
+        "clock": clock.name(),
         "build_ms": build_ms,
         "struct_bytes": built.accelerator().query_bytes(),
         "build_peak_bytes": peak,
@@ -256,12 +262,10 @@ fn occluded(pool: &rayon::ThreadPool, built: &Built, plan: &Plan, rays: &[Ray], 
     result.expect("rays and answers of equal length, a device that works");
 }
 
-fn repeat(reps: usize, mut run: impl FnMut()) -> Vec<f64> {
+fn repeat(clock: Clock, reps: usize, mut run: impl FnMut()) -> Vec<f64> {
     let (mut seconds, whole) = (Vec::new(), Instant::now());
     loop {
-        let start = Instant::now();
-        run();
-        seconds.push(start.elapsed().as_secs_f64());
+        seconds.push(clock.seconds(&mut run));
         if seconds.len() >= reps || whole.elapsed().as_secs_f64() > ENOUGH_SECONDS {
             return seconds;
         }
