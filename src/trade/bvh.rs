@@ -146,7 +146,7 @@ fn in_words(verdict: &Verdict, least: &Row, wish: &Wish) -> String {
         Serves::Worse => "would not serve better",
     };
     format!(
-        "A bounding volume hierarchy ({}, {} threads, measured in the same rounds) takes {:.1} ms to build, {:.1} ms to refit and {:.0} ns a \
+        "A bounding volume hierarchy ({}, {} threads, measured in the same rounds) takes {:.2} ms to build, {:.2} ms to refit and {:.0} ns a \
          ray. {} it takes {:.1} ms where row {} takes {:.1} ms, so it {serves}. Built anew it takes least {}, refitted {}, as long as its \
          shape fits the triangles. Of {} judged rays it answers {} otherwise than the exact answer, hit or miss: its test is not watertight. \
          High depth complexity favours the kd-tree (Vinkler, Havran and Bittner 2014, 2016).",
