@@ -28,7 +28,7 @@
 //!   is in [`BuildConfig`]; limits of memory are in [`BuildOptions`] and only ever end in errors.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
-//! - **[`Accuracy`]** is a knob: watertight by default, a faster test that may leak by choice.
+//! - **[`Accuracy`]** is a knob: watertight by default, exact on request; a test that may leak, by choice.
 //! - **GPUs** give the CPU's trees and watertight hits bit for bit, or say that they do not:
 //!   opening one runs a self-test. `Auto` takes only an adapter that is hardware and passes it;
 //!   [`BackendKind::Wgpu`] takes software too, and with [`OpenOptions::allow_structural`] also one

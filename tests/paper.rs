@@ -120,8 +120,9 @@ fn near(a: f64, b: f64) {
     assert!((a - b).abs() <= 1e-9 * a.abs().max(b.abs()), "{a} {b}");
 }
 
-const FILES: [&str; 29] = [
+const FILES: [&str; 30] = [
     "claims.csv",
+    "equations.csv",
     "figure-10.png",
     "figure-10.svg",
     "figure-11-a.png",
@@ -532,7 +533,13 @@ fn what_is_wrong_is_said_and_leaves_nothing() {
     fail(folder.path(), 2, &["--quick", "--repeat", "4"]);
     fail(folder.path(), 2, &["--quick", "--size", "0x0"]);
     fail(folder.path(), 2, &["--quick", "--threads", "0"]);
-    fail(folder.path(), 2, &["--quick", "--frames", "1"]);
+    fail(folder.path(), 2, &["--quick", "--count", "1"]);
+    // Frames are of one scene.
+    fail(folder.path(), 2, &["--quick", "--frames", "a.frames.bin"]);
+    let two = ["--scene", "builtin:cornell", "--scene", "builtin:spheres"];
+    fail(folder.path(), 2, &[&two[..], &["--frames", "a.frames.bin"]].concat());
+    let none = ["--quick", "--scene", "builtin:cornell", "--frames", "no.frames.bin"];
+    fail(folder.path(), 3, &none);
     fail(folder.path(), 5, &["--quick", "--backend", "wgpu"]);
     fail(folder.path(), 4, &["--quick", "--max-memory", "1k"]);
     assert_eq!(files(folder.path()), before);

@@ -104,8 +104,8 @@ pub enum Culling {
 /// Which ray/triangle test answers a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
-    /// Moeller and Trumbore 1997: a little faster, and rays aimed at edges and vertices may leak
-    /// through a closed mesh.
+    /// Moeller and Trumbore 1997: rays aimed at edges and vertices may leak through a closed mesh. Faster for rays that
+    /// scatter, by up to 1.3 times; slower for coherent ones, which only the other tests take in packets.
     Fast,
     /// Woop, Benthin and Wald 2013 with guarded arithmetic: no ray slips between two triangles
     /// that share an edge or a vertex.
@@ -119,7 +119,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// All of them, the cheapest first.
+    /// All of them, the one that promises least first.
     pub const ALL: [Accuracy; 3] = [Accuracy::Fast, Accuracy::Watertight, Accuracy::Exact];
 
     /// The name on the command line and in reports.

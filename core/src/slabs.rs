@@ -11,7 +11,7 @@ impl Aabb {
     /// Where a ray is inside the box: from which `t` to which, within the ray's own limits and both included.
     /// `None` where it passes the box, and for a ray that hits nothing or a box that holds nothing.
     ///
-    /// The interval is never too short, for whatever floats: a ray that meets the box in exact arithmetic, be it in
+    /// Components of the direction below the least normal number, 2^-126, count as 0. Otherwise the interval is never too short: a ray that meets the box in exact arithmetic, be it in
     /// a corner, along an edge or within a face, is never `None`, and its interval holds the exact one. It is too long by at
     /// most two units in the last place of each end. A ray that passes the box by less than a part in 2^50 of
     /// the distance may count as meeting it.
@@ -52,8 +52,9 @@ impl Aabb {
             if near.is_nan() || far.is_nan() {
                 return None;
             }
-            enter = if near > enter { near - near.abs() * OUTWARDS } else { enter };
-            exit = if far < exit { far + far.abs() * OUTWARDS } else { exit };
+            // Not beyond the limits, nor beyond what another axis allows: `enter` and `exit` are let out already.
+            enter = if near > enter { (near - near.abs() * OUTWARDS).max(enter) } else { enter };
+            exit = if far < exit { (far + far.abs() * OUTWARDS).min(exit) } else { exit };
         }
         // Not `enter > exit`: a limit may be NaN.
         (moves && enter <= exit).then(|| (below(enter), above(exit)))
@@ -110,6 +111,17 @@ mod tests {
             exit = if far.less(exit) { far } else { exit };
         }
         (!exit.less(enter)).then_some((enter, exit))
+    }
+
+    /// Ends are moved outwards, but not beyond the ray's own limits.
+    #[test]
+    fn intervals_keep_to_the_limits() {
+        let bounds = Aabb { lo: [1.0, 0.0, 0.0], hi: [3.0, 1.0, 1.0] };
+        let nudge = f32::EPSILON * f32::EPSILON;
+        let ray = Ray::new([-nudge, 0.5, 0.5], [1.0, 0.0, 0.0]).with_limits(1.0, 2.0);
+        assert_eq!(bounds.ray_interval(&ray), Some((1.0, 2.0)));
+        let ray = Ray::new([nudge, 0.5, 0.5], [1.0, 0.0, 0.0]).with_limits(0.0, 3.0);
+        assert_eq!(bounds.ray_interval(&ray).map(|(_, exit)| exit), Some(3.0));
     }
 
     /// Against fractions: small whole numbers, of which many rays run in faces, along edges and through corners.

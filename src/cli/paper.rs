@@ -44,9 +44,14 @@ pub(super) struct Arguments {
     /// Folder for the report; made when it is not there
     #[arg(long, value_name = "DIR", default_value = "paper")]
     out: PathBuf,
-    /// Frames of Table 4: the scenes move, and each frame has a tree of its own; 9 when left out
+    /// How the scene of Table 4 moves: a folder of .obj files in the order of their names, or
+    /// NAME.frames.bin with NAME.frames.json beside it; needs exactly one --scene. Scenes without frames
+    /// are twisted, and built-in ones that move, move
+    #[arg(long, value_name = "FILE|DIR")]
+    frames: Option<PathBuf>,
+    /// How many frames Table 4 has, each with a tree of its own; 9 when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(2..=999))]
-    frames: Option<u16>,
+    count: Option<u16>,
     /// Small scenes and pictures, one run, no GPU unless asked for: shows that it works and measures
     /// nothing
     #[arg(long)]
@@ -103,6 +108,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.scene.len() > MOST_SCENES {
         return Err(Failure::usage(format!(
             "{} scenes are more than the {MOST_SCENES} that a report can name by letter",
+            arguments.scene.len()
+        )));
+    }
+    if arguments.frames.is_some() && arguments.scene.len() != 1 {
+        return Err(Failure::usage(format!(
+            "--frames: needs exactly one --scene, whose frames they are, not {}",
             arguments.scene.len()
         )));
     }
@@ -176,7 +187,7 @@ impl Arguments {
         Ok(Settings {
             size,
             repeat: self.repeat.unwrap_or(if self.quick { 1 } else { 5 }),
-            frames: self.frames.map_or(if self.quick { 3 } else { 9 }, usize::from),
+            frames: self.count.map_or(if self.quick { 3 } else { 9 }, usize::from),
             threads: self.threads.map_or(cores, usize::from),
             builders: Builder::all(offline, gpu),
             open: self.open_options(),
@@ -220,13 +231,16 @@ impl Arguments {
         let mut motions = Vec::new();
         for ((letter, placed), asked) in ('a'..='z').zip(&placed).zip(&asked) {
             let step = &mut |what: &str| progress.step(what);
-            motions.push(motion::measure(letter, placed, &asked.spec, settings, step)?);
+            let moving = (&*asked.spec, self.frames.as_deref());
+            motions.push(motion::measure(letter, placed, moving, settings, step)?);
         }
         let scalings = scalings(&placed, settings, gpu.info.is_some(), &progress)?;
         let Drawn { mut figures, areas, objects } =
             self.figures(&placed, settings, &scalings, &progress)?;
         figures.motion(&motions)?;
-        let claims = claims::measure(&placed[0], settings, &claims::Amounts::of(self.quick))?;
+        let largest = placed.iter().max_by_key(|placed| placed.scene.indices.len());
+        let largest = largest.unwrap_or(&placed[0]);
+        let claims = claims::measure(largest, settings, &claims::Amounts::of(self.quick))?;
         progress.step("claims");
         progress.bar.finish_and_clear();
         let command = command();
@@ -405,8 +419,8 @@ fn described(scene: &SceneReport) -> String {
     );
     for row in &scene.builders {
         text += &format!(
-            "built    {:<8} {:<4} tree {:8.2} ms, frame {:8.2} ms, SAH cost {:.2}\n",
-            row.preset, row.backend, row.tree_ms, row.trace_ms, row.sah_cost
+            "built    {:<8} {:<5} knobs {:<4} tree {:8.2} ms, frame {:8.2} ms, SAH cost {:.2}\n",
+            row.preset, row.knobs, row.backend, row.tree_ms, row.trace_ms, row.sah_cost
         );
     }
     text

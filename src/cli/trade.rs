@@ -39,9 +39,9 @@ pub(super) struct Arguments {
     /// Rays of a frame, for the recommendation
     #[arg(long, value_name = "N", default_value_t = 1_000_000, value_parser = clap::value_parser!(u64).range(1..=1 << 50))]
     rays: u64,
-    /// Frames, for the recommendation; each has a build of its own
-    #[arg(long, value_name = "F", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1 << 40))]
-    frames: u64,
+    /// How many frames, for the recommendation; each has a build of its own
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1 << 40))]
+    count: u64,
     /// Nothing moves: one build serves all frames
     #[arg(long)]
     still: bool,
@@ -85,7 +85,7 @@ pub(super) struct Arguments {
     /// Seconds that measuring is to take, about; opening the scene and drawing come on top
     #[arg(long, value_name = "SECONDS", default_value_t = SECONDS, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     seconds: u32,
-    /// Rounds that count; as many as fit, up to 5, when left out
+    /// Rounds that count; 21, 15, 9, 5, 3 or 1, as many as fit, when left out
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=999))]
     repeat: Option<u16>,
     /// Rays of each timed set; as many as fit when left out
@@ -335,7 +335,7 @@ impl Arguments {
     fn wish(&self) -> Wish {
         Wish {
             rays: self.rays,
-            frames: self.frames,
+            frames: self.count,
             still: self.still,
             least_accuracy: self.min_accuracy.accuracy().name().to_owned(),
             max_error: self.max_error,

@@ -109,13 +109,14 @@ impl Figures {
         self.draw(4, "figure-4", caption, &slice)?;
         let crown = crown::of(&view);
         let caption = format!(
-            "The same tree as a diagram, to level {}. The survey's own tree of seven nodes is in Tables 1 and 2.",
+            "The same tree as a diagram, to level {}. The survey's own tree of seven nodes is in Tables 1 and 2; its axes take turns by level, which \
+             builders by SAH or by medians of the longest side do not do: a node is split where it costs least, on any axis.",
             crown.levels
         );
         self.draw(8, "figure-8", caption, &crown)?;
         let (space, level) = cells::figure_9(&view, &scene.name);
         let caption = format!(
-            "Cells in space, seen from where all coordinates are great, drawn apart: the four leaves of the survey's \
+            "Cells in space, seen from the corner of greatest x, y and z, drawn apart: the four leaves of the survey's \
              Figure 8 with their names, and the nodes of the tree of `{}` at level {level} with the leaves above. Red and blue are \
              in the left child of the root, yellow and green in the right one; cells without triangles are frames.",
             scene.name
@@ -150,8 +151,8 @@ impl Figures {
         self.draw(5, "figure-5", caption, &objects.figure_5())?;
         let [_, parts] = objects.triangles(2);
         let caption = format!(
-            "The same objects with the boxes of the tree's next level within. The line meets boxes of {parts} triangles \
-             there."
+            "The same objects with the boxes of the tree's next level within. The line meets boxes of {parts} of these {all} triangles \
+             there, each counted once."
         );
         self.draw(6, "figure-6", caption, &objects.figure_6())?;
         Ok(Some(objects))
@@ -238,7 +239,12 @@ impl Figures {
         let caption = format!(
             "Build time by preset fast against the number of {processors}, for the smallest and the \
              largest scene. Dashed: the greatest speed-ups that the survey prints for its own, 3 (toys) \
-             and 6 (dragon), whatever their numbers of processors."
+             and 6 (dragon), whatever their numbers of processors.{}",
+            match scalings.iter().any(|scaling| scaling.software) {
+                true =>
+                    " The adapter is software, whose workgroups are the CPU's threads: its curve means nothing.",
+                false => "",
+            }
         );
         self.draw(12, name, caption, &ScalingPlot(scalings))
     }

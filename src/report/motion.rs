@@ -18,6 +18,7 @@ use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_render::Outputs;
 use std::ffi::OsStr;
+use std::path::Path;
 
 /// The turn of the last frame's top against its bottom, for scenes that bring no motion.
 const TWIST: f64 = std::f64::consts::PI;
@@ -110,32 +111,40 @@ enum Mover {
 }
 
 impl Mover {
-    fn of(spec: &OsStr, scene: &Scene) -> Mover {
+    fn of(spec: &OsStr, frames: Option<&Path>, scene: &Scene) -> Result<Mover, ReportError> {
+        let options = SceneOptions::default();
+        if frames.is_some() {
+            let (own, animation) = Animation::open(spec, frames, &options)?;
+            return Ok(Mover::Own(Box::new((animation, own))));
+        }
         let builtin = spec.to_str().is_some_and(|spec| spec.starts_with("builtin:"));
-        let own = builtin.then(|| Animation::open(spec, None, &SceneOptions::default()).ok());
-        match own.flatten() {
+        let own = builtin.then(|| Animation::open(spec, None, &options).ok());
+        Ok(match own.flatten() {
             Some((own, animation)) => Mover::Own(Box::new((animation, own))),
             None => Mover::Twist(scene.positions.clone()),
-        }
+        })
     }
 
     fn words(&self) -> String {
         match self {
-            Mover::Own(_) => "by its own frames".into(),
+            Mover::Own(_) => "moved by its own frames".into(),
             Mover::Twist(_) => {
-                "twisted about the vertical, the top by up to half a turn against the bottom".into()
+                "twisted about the vertical for want of frames, the top by up to half a turn against the bottom".into()
             }
         }
     }
 
-    /// Moves a scene to a frame of so many.
-    fn set(&mut self, frame: usize, frames: usize, scene: &mut Scene) -> Result<(), ReportError> {
+    /// Moves a scene to a frame of so many, and its camera where the frame has one.
+    fn set(&mut self, frame: usize, frames: usize, placed: &mut Placed) -> Result<(), ReportError> {
+        let scene = &mut placed.scene;
         match self {
             Mover::Own(own) => {
                 let (animation, moving) = own.as_mut();
                 // Evenly over the motion, which may be a circle.
                 animation.set(frame * animation.frames() / frames, moving)?;
                 scene.positions.clone_from(&moving.positions);
+                scene.normals.clone_from(&moving.normals);
+                placed.camera = moving.camera.unwrap_or(placed.camera);
             }
             Mover::Twist(positions) => {
                 let part = frame as f64 / (frames.max(2) - 1) as f64;
@@ -180,22 +189,22 @@ pub fn steps(settings: &Settings) -> u64 {
     settings.frames as u64
 }
 
-/// Measures a scene through its frames. `step` is called after each.
+/// Measures a scene through its frames: those of a file or folder, its own, or a twist. `step` is called after each.
 ///
 /// # Errors
 /// A tree, hierarchy or frame that cannot be made.
 pub fn measure(
     letter: char,
     placed: &Placed,
-    spec: &OsStr,
+    (spec, frames): (&OsStr, Option<&Path>),
     settings: &Settings,
     step: &mut dyn FnMut(&str),
 ) -> Result<Motion, ReportError> {
     let tracing = pool(settings.threads)?;
     let mut placed = placed.clone();
-    let mut mover = Mover::of(spec, &placed.scene);
+    let mut mover = Mover::of(spec, frames, &placed.scene)?;
     let moves = mover.words();
-    mover.set(0, settings.frames, &mut placed.scene)?;
+    mover.set(0, settings.frames, &mut placed)?;
     let mut ours = ours(&placed.scene, settings)?;
     let kept: Vec<u32> = {
         let finite = |i: &u32| {
@@ -218,7 +227,7 @@ pub fn measure(
     });
     let (mut counts, mut different) = (Vec::new(), 0);
     for frame in 0..settings.frames {
-        mover.set(frame, settings.frames, &mut placed.scene)?;
+        mover.set(frame, settings.frames, &mut placed)?;
         let mut rays: Option<(FrameRays, Vec<Hit>)> = None;
         for own in &mut ours {
             let (took, traced) = own.frame(&placed, settings, &tracing, rays.take())?;

@@ -10,6 +10,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::ray::Ray;
 use splitplane_core::tree::KdTreeView;
+use std::collections::HashSet;
 
 /// Triangles of an object, at least and at most: one can be seen and told from others.
 const TRIANGLES: [usize; 2] = [8, 600];
@@ -27,6 +28,9 @@ pub struct ObjectBox {
     pub hi: [f32; 3],
     /// Triangles in it.
     pub triangles: usize,
+    /// Which.
+    #[serde(skip)]
+    members: Vec<u32>,
     /// From where to where on the line, in units of its direction; none where the line passes it.
     pub interval: Option<(f32, f32)>,
 }
@@ -56,44 +60,49 @@ struct Siblings {
     right: Vec<u32>,
 }
 
-impl Siblings {
-    fn score(&self) -> usize {
-        self.left.len().min(self.right.len())
-    }
-}
-
-/// The siblings with most triangles that make a picture; none in scenes that have no two such objects.
+/// The siblings that make a picture: of those of which the line passes a part of the object that it meets, else of all, those with
+/// most triangles. None in scenes that have no two such objects.
 pub fn find(tree: &KdTreeView<'_>, scene: &Scene) -> Option<Objects> {
-    let mut best: Option<Siblings> = None;
+    let mut best: Option<((bool, usize), Siblings)> = None;
     below(tree, 0, &mut |siblings| {
         let boxes = [&siblings.left, &siblings.right].map(|set| box_of(scene, set));
-        let better = best.as_ref().is_none_or(|best| best.score() < siblings.score());
-        if better && boxes.iter().all(is_stout) && between(&boxes).is_some() {
-            best = Some(siblings);
+        if !boxes.iter().all(is_stout) {
+            return;
+        }
+        let Some(ray) = line(&boxes) else { return };
+        let second = right_child(tree, siblings.node);
+        let parts = second.map_or(Vec::new(), |second| parts(tree, second));
+        let passes = parts.iter().any(|part| box_of(scene, part).ray_interval(&ray).is_none());
+        let score = (passes, siblings.left.len().min(siblings.right.len()));
+        if best.as_ref().is_none_or(|best| best.0 < score) {
+            best = Some((score, siblings));
         }
     });
-    let Siblings { node, left, right } = best?;
+    let (_, Siblings { node, left, right }) = best?;
     let boxes = [box_of(scene, &left), box_of(scene, &right)];
     let ray = line(&boxes)?;
     let both: Vec<u32> = left.iter().chain(&right).copied().collect();
     let described = |level, set: &[u32]| {
         let bounds = box_of(scene, set);
         let interval = bounds.ray_interval(&ray);
-        ObjectBox { level, lo: bounds.lo, hi: bounds.hi, triangles: set.len(), interval }
+        let (lo, hi, members) = (bounds.lo, bounds.hi, set.to_vec());
+        ObjectBox { level, lo, hi, triangles: set.len(), members, interval }
     };
     let mut out = vec![described(0, &both)];
     for (set, child) in [(left, node + 1), (right, right_child(tree, node)?)] {
         out.push(described(1, &set));
-        if let Some(right) = right_child(tree, child) {
-            let parts = [child + 1, right].map(|part| below(tree, part, &mut |_| {}));
-            out.extend(
-                parts.iter().flatten().filter(|set| !set.is_empty()).map(|set| described(2, set)),
-            );
-        }
+        out.extend(parts(tree, child).iter().map(|set| described(2, set)));
     }
     let triangles = both.iter().filter_map(|&triangle| scene.corners(triangle)).collect();
     let (origin, direction) = (ray.origin, ray.direction);
     Some(Objects { scene: scene.name.clone(), node, origin, direction, boxes: out, triangles })
+}
+
+/// The triangles under each child of a node that has some.
+fn parts(tree: &KdTreeView<'_>, node: usize) -> Vec<Vec<u32>> {
+    let children = right_child(tree, node).map(|right| [node + 1, right]);
+    let sets = children.into_iter().flatten().filter_map(|part| below(tree, part, &mut |_| {}));
+    sets.filter(|set| !set.is_empty()).collect()
 }
 
 fn right_child(tree: &KdTreeView<'_>, node: usize) -> Option<usize> {
@@ -163,7 +172,7 @@ fn line(boxes: &[Aabb; 2]) -> Option<Ray> {
         // Not towards the other.
         _ => 0.0,
     });
-    let origin = std::array::from_fn(|axis| middle(axis) - 1.6 * askew[axis]);
+    let origin = std::array::from_fn(|axis| middle(axis) - askew[axis]);
     let ray = Ray::new(origin, askew);
     (own.ray_interval(&ray).is_some() && other.ray_interval(&ray).is_none()).then_some(ray)
 }
@@ -174,14 +183,13 @@ impl Objects {
         self.boxes.iter().filter(move |own| own.level == level)
     }
 
-    /// Triangles of the boxes of a level: all of them, and those in boxes that the line meets. A triangle that is in two
-    /// boxes counts in both.
+    /// Triangles of the boxes of a level: all of them, and those in boxes that the line meets, each once.
     pub fn triangles(&self, level: u32) -> [usize; 2] {
-        let sum = |of: &mut dyn Iterator<Item = &ObjectBox>| of.map(|own| own.triangles).sum();
-        [
-            sum(&mut self.level(level)),
-            sum(&mut self.level(level).filter(|own| own.interval.is_some())),
-        ]
+        let count = |all: bool| {
+            let boxes = self.level(level).filter(|own| all || own.interval.is_some());
+            boxes.flat_map(|own| &own.members).collect::<HashSet<_>>().len()
+        };
+        [count(true), count(false)]
     }
 
     /// Figure 5: two boxes and a line that meets one of them.
@@ -222,7 +230,7 @@ impl Objects {
         let at = |t: f32| std::array::from_fn(|axis| self.origin[axis] + t * self.direction[axis]);
         let inside = self.level(1).find_map(|own| own.interval).unwrap_or((0.0, 0.0));
         for (from, to, dashed) in
-            [(0.0, inside.0, true), (inside.0, inside.1, false), (inside.1, inside.1 + 1.0, true)]
+            [(0.0, inside.0, true), (inside.0, inside.1, false), (inside.1, inside.1 + 0.3, true)]
         {
             paths.push(Path { points: vec![at(from), at(to)], paint: Paint::Orange, dashed });
         }

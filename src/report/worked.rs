@@ -5,7 +5,10 @@ use serde::Serialize;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::node::{Axis, KdNode, NodeKind};
-use splitplane_core::sah::{equation_2, equation_3, half_area_of};
+use splitplane_core::sah::{
+    equation_1, equation_2, equation_3, equation_5, equation_5_printed, equation_6, half_area_of,
+    split_cost,
+};
 use splitplane_core::tree::KdTreeView;
 
 /// A node of Figure 8, as printed and as computed.
@@ -42,7 +45,25 @@ pub struct Worked {
     pub equation_4_printed: f64,
     /// Equation 4: [`equation_3`] of the tree.
     pub equation_4: f64,
+    /// Equations 1, 5 and 6, as printed and as they are used.
+    pub forms: Vec<Form>,
 }
+
+/// An equation in one of its forms, applied to the example.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Form {
+    /// The equation's number in the survey.
+    pub equation: u32,
+    /// Which form.
+    pub form: &'static str,
+    /// What it is applied to.
+    pub of: String,
+    /// What comes out.
+    pub value: f64,
+}
+
+/// Triangles in every leaf where a form counts them: the survey's example has none.
+const IN_A_LEAF: u32 = 10;
 
 /// What is printed of a node.
 struct Printed {
@@ -180,7 +201,22 @@ impl Worked {
             rows: PRINTED.iter().map(row).collect(),
             equation_4_printed: 4.67,
             equation_4: equation_3(&tree),
+            forms: forms(&tree),
         }
+    }
+
+    /// Equations 1, 5 and 6 in all their forms.
+    pub fn table_of_forms(&self) -> Table {
+        let mut table = Table::new(&["equation", "form", "applied to", "comes to"]);
+        for form in &self.forms {
+            table.push(vec![
+                form.equation.into(),
+                form.form.into(),
+                form.of.as_str().into(),
+                Cell::Number(form.value, 4),
+            ]);
+        }
+        table
     }
 
     /// Table 1: half areas.
@@ -232,6 +268,66 @@ impl Worked {
     }
 }
 
+/// Equations 1, 5 and 6 of the tree of Figure 8, at the knobs of preset `fast`.
+fn forms(tree: &KdTreeView<'_>) -> Vec<Form> {
+    let config = tree.config;
+    let [traversal, intersection] =
+        [config.traversal_cost, config.intersection_cost].map(f64::from);
+    let root = half_area_of(&tree.bounds);
+    let (mut interior, mut leaves, mut sides) = (0.0, 0.0, [root; 3]);
+    tree.walk(|index, kind, cell, _| {
+        let area = half_area_of(cell);
+        match kind {
+            NodeKind::Interior { .. } => interior += area,
+            NodeKind::Leaf { .. } => leaves += area * f64::from(IN_A_LEAF),
+        }
+        match index {
+            1 => sides[1] = area,
+            4 => sides[2] = area,
+            _ => {}
+        }
+    });
+    let below = 2 * IN_A_LEAF;
+    let blocks = f64::from(below.div_ceil(config.block_width));
+    let costs = format!("K_T {traversal}, K_I {intersection}");
+    let split =
+        format!("the root's split, {below} triangles on either side, {costs}, in units of K_I");
+    let ratio = traversal / intersection;
+    let cell =
+        [0, 1, 2].map(|axis| f64::from(tree.bounds.hi[axis]) - f64::from(tree.bounds.lo[axis]));
+    let whole = split_cost(&config, sides.map(|area| area as u32), below, below);
+    let form = |equation, form, of: &str, value| Form { equation, form, of: of.into(), value };
+    vec![
+        form(1, "as printed", "the root's cell", equation_1(cell)),
+        form(1, "half, as Tables 1 and 2 and all costs take it", "the root's cell", root),
+        form(
+            5,
+            "as printed: areas over the parent's, K_I once a leaf",
+            &format!("the tree, {costs}"),
+            equation_5_printed(traversal, intersection, tree),
+        ),
+        form(
+            5,
+            "corrected: areas over the root's, K_I for each triangle",
+            &format!("the tree with {IN_A_LEAF} triangles in each leaf, {costs}"),
+            equation_5(traversal, intersection, root, interior, leaves),
+        ),
+        form(
+            6,
+            "as printed: C_ts and triangles (W = 1)",
+            &split,
+            equation_6(ratio, sides, below.into(), below.into()),
+        ),
+        form(6, "blocks of W = 16 triangles", &split, equation_6(ratio, sides, blocks, blocks)),
+        form(
+            6,
+            "blocks of W = 16, the builders' integers over K_I and the area",
+            &split,
+            f64::from(whole) / (intersection * root),
+        ),
+    ]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,6 +352,22 @@ mod tests {
         assert_eq!(format!("{:.2}", worked.equation_4), "4.67");
     }
 
+    /// By hand, with K_T 1, K_I 4, half areas 300, 180 and 220 of the upper nodes and 68, 152, 188, 92 of the leaves.
+    #[test]
+    fn forms_of_equations_by_hand() {
+        let values: Vec<f64> = Worked::compute().forms.iter().map(|form| form.value).collect();
+        let leaves = 68.0 + 152.0 + 188.0 + 92.0;
+        let printed =
+            1.0 + (180.0 + 220.0) / 300.0 + 4.0 * ((68.0 + 152.0) / 180.0 + (188.0 + 92.0) / 220.0);
+        let corrected = (700.0 + 4.0 * 10.0 * leaves) / 300.0;
+        let (triangles, blocks) = (0.25 + 20.0 * 400.0 / 300.0, 0.25 + 2.0 * 400.0 / 300.0);
+        let expected = [600.0, 300.0, printed, corrected, triangles, blocks, blocks];
+        assert_eq!(values.len(), expected.len());
+        for (value, expected) in values.into_iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-12, "{value} {expected}");
+        }
+    }
+
     /// All that the report says of the example.
     #[test]
     fn snapshot() {
@@ -263,10 +375,11 @@ mod tests {
         insta::assert_snapshot!(
             "figure-8",
             format!(
-                "{}\n{}\n{}",
+                "{}\n{}\n{}\n{}",
                 splitplane_core::dump::dump(&figure_8(), usize::MAX),
                 worked.table_1().markdown(),
-                worked.table_2().markdown()
+                worked.table_2().markdown(),
+                worked.table_of_forms().markdown()
             )
         );
     }

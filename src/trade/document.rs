@@ -101,7 +101,9 @@ impl Trade {
             gpu_error_rays: budget.gpu.error_rays,
             rays,
         };
-        let bvh = hierarchy.and_then(|hierarchy| bvh::judge(hierarchy, &rows, wish));
+        let recommendation = recommend::recommend(&rows, wish);
+        let bvh =
+            hierarchy.and_then(|hierarchy| bvh::judge(hierarchy, &rows, recommendation.row, wish));
         Trade {
             format: FORMAT,
             machine,
@@ -109,7 +111,7 @@ impl Trade {
             amounts,
             held,
             steps: recommend::steps(&rows, wish),
-            recommendation: recommend::recommend(&rows, wish),
+            recommendation,
             bvh,
             picture,
             rows,
@@ -157,11 +159,11 @@ impl Trade {
                 marks rows that are better than each other row in something beyond the noise, so that none can beat them; *opt?* those that \
                 none beats, though what saves them may be noise. ns a ray: the mean over primary, shadow, bounce and random rays. SAH \
                 costs are at the K_T, K_I and W of preset fast for all rows. Errors: missing, wrong and \
-                phantom hits a million rays, over all kinds of rays; rounded are \
+                phantom hits a million rays, over all kinds of rays, and over those that are *not aimed* at edges and vertices; rounded are \
                 answers that differ from the exact ones within rounding, which are no errors. *pays* is after how many rays a build it \
-                costs less than preset fast at the same accuracy, backend and threads.\n\n";
+                costs less than preset fast at the same accuracy, backend and threads, by the medians and by the intervals.\n\n";
         out += &self.summary().markdown();
-        out += "\n## Errors by kind of ray\n\n";
+        out += "\n## Errors by kind of ray\n\nOf rows with equal figures the first stands for all.\n\n";
         out += &self.errors().markdown();
         out += "\n## How far off\n\n\
                 By how much distances along the ray differ from the exact ones, in parts of the diagonal of the scene's box, over all \

@@ -99,7 +99,7 @@ impl Beside {
 
     /// What was measured.
     pub fn measured(self) -> Measured {
-        let ns_interval = Interval::of(&ns_by_round(&self.ns));
+        let by_round = ns_by_round(&self.ns);
         let Beside { build_ms, refit_ms, ns, rays, .. } = self;
         let [build_interval, refit_interval] = [&build_ms, &refit_ms].map(|ms| Interval::of(ms));
         let mut own = rays.into_iter();
@@ -108,7 +108,6 @@ impl Beside {
             least_ns: times.iter().copied().reduce(f64::min),
             ns: (!times.is_empty()).then(|| median(times)),
         });
-        let present: Vec<f64> = trace.iter().filter_map(|trace| trace.ns).collect();
         Measured {
             name: hierarchy::NAME.to_owned(),
             threads: self.threads,
@@ -117,8 +116,8 @@ impl Beside {
             refit_ms: median(refit_ms),
             refit_interval,
             trace: Sets::of(trace),
-            ns_per_ray: present.iter().sum::<f64>() / present.len().max(1) as f64,
-            ns_interval,
+            ns_interval: Interval::of(&by_round),
+            ns_per_ray: median(by_round),
             judged: self.judged,
             otherwise: self.otherwise,
         }

@@ -132,13 +132,19 @@ pub fn measure(
         stations.iter().map(|station| Entry::new(station, &budget)).collect();
     let mut beside = bench.beside(stations, settings, &budget);
     for round in 0..=budget.repeat {
-        if let Some(beside) = &mut beside {
+        // First and last in turns, as the settings are.
+        let first = round.is_multiple_of(2);
+        let hierarchy = |beside: &mut Option<Beside>| {
+            let Some(beside) = beside else { return };
             bench.all.install(|| {
                 let built = beside.round(&sets, round > 0);
                 if round == 0 {
                     beside.judge(&built, &errors.rays, &errors.exact);
                 }
             });
+        };
+        if first {
+            hierarchy(&mut beside);
         }
         for place in in_turns(round, stations.len()) {
             let (station, entry) = (&stations[place], &mut entries[place]);
@@ -156,6 +162,9 @@ pub fn measure(
                 entry.forget();
             }
             event(Event::Step(&station.name));
+        }
+        if !first {
+            hierarchy(&mut beside);
         }
         if round == 0 && settings.merge {
             merge(&mut entries);
@@ -594,7 +603,8 @@ impl<'a> Entry<'a> {
         let row = |(place, times): (usize, [Vec<f64>; 4])| {
             let judgement = judgements.get(place).copied();
             let errors = judgement.map_or(Aims::default(), |judgement| judgement.errors);
-            let ns_interval = Interval::of(&ns_by_round(&times));
+            // The median of what the interval is of: not the mean of the sets' medians, which may lie outside.
+            let by_round = ns_by_round(&times);
             let mut set = 0;
             let trace = times.map(|times| {
                 set += 1;
@@ -602,9 +612,13 @@ impl<'a> Entry<'a> {
                 let least_ns = any.then(|| least(&times));
                 Trace { rays: rays[set - 1], ns: any.then(|| median(times)), least_ns }
             });
-            let present: Vec<f64> = trace.iter().filter_map(|trace| trace.ns).collect();
             let judged: u64 = errors.each().into_iter().map(|errors| errors.rays).sum();
             let per_million = |count: u64| 1e6 * count as f64 / judged.max(1) as f64;
+            let unaimed = Aims::<()>::NAMES.into_iter().zip(errors.each());
+            let unaimed = unaimed.filter(|(kind, _)| !Aims::<()>::AIMED.contains(kind));
+            let [wrong, all] = unaimed.fold([0, 0], |[wrong, all], (_, errors)| {
+                [wrong + errors.all(), all + errors.rays]
+            });
             let threads = (station.device == Device::Cpu).then_some(station.threads);
             Row {
                 number: 0,
@@ -621,8 +635,8 @@ impl<'a> Entry<'a> {
                 least_build_ms: least(&build_ms),
                 build_interval: Interval::of(&build_ms),
                 trace: Sets::of(trace),
-                ns_per_ray: mean(&present),
-                ns_interval,
+                ns_interval: Interval::of(&by_round),
+                ns_per_ray: median(by_round),
                 again,
                 query_bytes: like.query_bytes,
                 peak_bytes: like.peak_bytes,
@@ -635,6 +649,7 @@ impl<'a> Entry<'a> {
                 tree: format!("{:016x}", like.tree),
                 errors,
                 errors_per_million: per_million(errors.each().into_iter().map(Errors::all).sum()),
+                unaimed_errors_per_million: 1e6 * wrong as f64 / all.max(1) as f64,
                 rounded_per_million: per_million(
                     errors.each().into_iter().map(|errors| errors.rounded).sum(),
                 ),

@@ -29,13 +29,17 @@ pub enum Payback {
     Always,
     /// It costs more up to so many rays, and no more from there on.
     After {
-        /// Rays.
+        /// Rays, by the medians.
         rays: f64,
+        /// The least and the most that the intervals of the times allow.
+        within: [f64; 2],
     },
     /// It costs less up to so many rays, and more from there on.
     Until {
-        /// Rays.
+        /// Rays, by the medians.
         rays: f64,
+        /// The least and the most that the intervals of the times allow.
+        within: [f64; 2],
     },
     /// It costs more, however many rays.
     Never,
@@ -54,9 +58,19 @@ impl Payback {
         match (build, ray) {
             (Ordering::Equal, Ordering::Equal) => Payback::Alike,
             (Ordering::Less | Ordering::Equal, Ordering::Less | Ordering::Equal) => Payback::Always,
-            (Ordering::Greater, Ordering::Less) => Payback::After { rays },
-            (Ordering::Less, Ordering::Greater) => Payback::Until { rays },
+            (Ordering::Greater, Ordering::Less) => Payback::After { rays, within: [rays; 2] },
+            (Ordering::Less, Ordering::Greater) => Payback::Until { rays, within: [rays; 2] },
             (_, _) => Payback::Never,
+        }
+    }
+
+    /// The same number of rays with what the intervals of the times allow.
+    #[must_use]
+    pub fn within(self, within: [f64; 2]) -> Payback {
+        match self {
+            Payback::After { rays, .. } => Payback::After { rays, within },
+            Payback::Until { rays, .. } => Payback::Until { rays, within },
+            other => other,
         }
     }
 
@@ -65,8 +79,12 @@ impl Payback {
         match self {
             Payback::Base => "is preset fast".into(),
             Payback::Always => "at once".into(),
-            Payback::After { rays } => format!("after {}", count(*rays)),
-            Payback::Until { rays } => format!("up to {}", count(*rays)),
+            Payback::After { rays, within: [low, high] } => {
+                format!("after {} ({} to {})", count(*rays), count(*low), count(*high))
+            }
+            Payback::Until { rays, within: [low, high] } => {
+                format!("up to {} ({} to {})", count(*rays), count(*low), count(*high))
+            }
             Payback::Never => "never".into(),
             Payback::Alike => "not told apart".into(),
             Payback::Unknown => "nothing to compare with".into(),
@@ -150,8 +168,8 @@ mod tests {
             let build = own.build_ms.total_cmp(&base.build_ms);
             Payback::of(own, base, build, own.ns_per_ray.total_cmp(&base.ns_per_ray))
         };
-        assert_eq!(of(line(150.0, 100.0)), Payback::After { rays: 5e5 });
-        assert_eq!(of(line(50.0, 300.0)), Payback::Until { rays: 5e5 });
+        assert_eq!(of(line(150.0, 100.0)), Payback::After { rays: 5e5, within: [5e5; 2] });
+        assert_eq!(of(line(50.0, 300.0)), Payback::Until { rays: 5e5, within: [5e5; 2] });
         assert_eq!(of(line(50.0, 100.0)), Payback::Always);
         assert_eq!(of(base), Payback::Alike);
         assert_eq!(of(line(100.0, 199.0)), Payback::Always);

@@ -141,7 +141,8 @@ impl PictureTrade {
         let [width, height] = self.size;
         let mut out = format!(
             "\n## What a picture loses\n\nPictures of {width} x {height} pixels by `splitplane render`'s tracer on the CPU, one \
-             knob turned at a time. Samples are held against {MAX_SAMPLES} a pixel; depth and least weight against depth \
+             knob turned at a time. Samples are held against {MAX_SAMPLES} a pixel, which are these and more, so the error against endless samples is greater: by \
+             41 % at 32 and 15 % at 16 if samples were independent; depth and least weight against depth \
              {MAX_DEPTH} and least weight 0 with the same {FEW} samples. Differences are of colour values as they are shown, 0 to \
              255; the last column has the pixels with one of more than {}.\n\n",
             PictureTrade::SEEN

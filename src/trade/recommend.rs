@@ -45,8 +45,10 @@ pub struct Recommendation {
     pub total_ms: Option<f64>,
     /// Other presets whose totals are not told apart from the least; the plainest is taken.
     pub alike: Vec<usize>,
-    /// The preset that comes next.
+    /// The preset that comes next: of those whose totals are not told apart there, the plainest.
     pub next: Option<usize>,
+    /// The others that are not told apart from it.
+    pub next_alike: Vec<usize>,
     /// Its milliseconds.
     pub next_total_ms: Option<f64>,
     /// The row of a turned knob that takes least of all, where that is told apart.
@@ -133,14 +135,16 @@ pub fn recommend(rows: &[Row], wish: &Wish) -> Recommendation {
     let alike = least(&candidates, rays);
     let best = alike.first().copied();
     candidates.retain(|row| alike.iter().all(|other| other.number != row.number));
-    let next = candidates.iter().copied().min_by(by_total);
+    let after = least(&candidates, rays);
+    let next = after.first().copied();
+    let after = after.get(1..).unwrap_or_default();
     let turned = turned
         .into_iter()
         .filter(|row| best.is_some_and(|best| is_less(row, best, rays)))
         .min_by(by_total);
     let words = match best {
         None => nothing(rows, wish),
-        Some(best) => in_words(best, &alike[1..], next, turned, wish, &total),
+        Some(best) => in_words(best, &alike[1..], (next, after), turned, wish, &total),
     };
     Recommendation {
         wish: wish.clone(),
@@ -148,6 +152,7 @@ pub fn recommend(rows: &[Row], wish: &Wish) -> Recommendation {
         total_ms: best.map(total),
         alike: alike.iter().skip(1).map(|row| row.number).collect(),
         next: next.map(|row| row.number),
+        next_alike: after.iter().map(|row| row.number).collect(),
         next_total_ms: next.map(total),
         turned: turned.map(|row| row.number),
         turned_total_ms: turned.map(total),
@@ -158,7 +163,7 @@ pub fn recommend(rows: &[Row], wish: &Wish) -> Recommendation {
 fn in_words(
     best: &Row,
     alike: &[&Row],
-    next: Option<&Row>,
+    (next, after): (Option<&Row>, &[&Row]),
     turned: Option<&Row>,
     wish: &Wish,
     total: &dyn Fn(&Row) -> f64,
@@ -167,10 +172,11 @@ fn in_words(
     let (traced, all) = (rays * best.ns_per_ray * 1e-6, total(best));
     let builds = wish.builds();
     let mut out = format!(
-        "For {} rays through each of {builds} build{}: {} (row {}). {} ms to build and {} ms to trace \
+        "For {builds} build{} and {} rays through {}: {} (row {}). {} ms to build and {} ms to trace \
          at {:.0} ns a ray, {} ms in all, {:.0} % of it building; {} MB; {} wrong answers a million.",
-        count(rays),
         if builds == 1 { "" } else { "s" },
+        count(rays),
+        if builds == 1 { "it" } else { "each" },
         best.title(),
         best.number,
         short(best.build_ms),
@@ -191,20 +197,24 @@ fn in_words(
             );
         }
         others => {
-            let numbers: Vec<String> = others.iter().map(|row| row.number.to_string()).collect();
             out += &format!(
                 " Rows {} are not told apart from it by these rounds; it is taken as the plainest of them.",
-                numbers.join(", ")
+                numbers(others)
             );
         }
     }
     if let Some(next) = next {
         out += &format!(
-            " Next comes {} (row {}) with {} ms, {:.0} % more.",
+            " Next comes {} (row {}) with {} ms, {:.0} % more{}.",
             next.title(),
             next.number,
             short(total(next)),
-            100.0 * (total(next) / all - 1.0)
+            100.0 * (total(next) / all - 1.0),
+            match after {
+                [] => String::new(),
+                [row] => format!("; row {} is not told apart from it", row.number),
+                rows => format!("; rows {} are not told apart from it", numbers(rows)),
+            }
         );
     }
     if let Some(turned) = turned {
@@ -220,6 +230,12 @@ fn in_words(
         out += " Every frame has a build of its own, so the number of frames does not change the choice.";
     }
     out
+}
+
+/// Numbers of rows in words.
+fn numbers(rows: &[&Row]) -> String {
+    let numbers: Vec<String> = rows.iter().map(|row| row.number.to_string()).collect();
+    numbers.join(", ")
 }
 
 fn nothing(rows: &[Row], wish: &Wish) -> String {
@@ -334,6 +350,13 @@ mod tests {
         // Better by 10 %.
         rows[1] = Row { number: 2, ..row("balanced", "watertight", 90.0, 180.0) };
         assert_eq!(of(&rows, 1_000), (Some(2), vec![], Some(1), None));
+        // Of those that come next and are not told apart, the plainest is named, and the others beside it.
+        let mut more = rows.clone();
+        more.push(Row { number: 3, ..row("best", "watertight", 99.0, 199.0) });
+        more[0].number = 1;
+        let found = recommend(&more, &wish(1_000));
+        assert_eq!((found.row, found.next, found.next_alike), (Some(2), Some(1), vec![3]));
+        assert!(found.words.contains("row 3 is not told apart from it"), "{}", found.words);
         // A turned knob is named, not taken.
         rows[1].knob = Some("T 32".into());
         assert_eq!(of(&rows, 1_000), (Some(1), vec![], None, Some(2)));

@@ -63,6 +63,9 @@ impl<T> Aims<T> {
     pub const NAMES: [&'static str; KINDS] =
         ["random", "edge", "vertex", "primary", "bounce", "shadow"];
 
+    /// Those that are aimed where tests go wrong; real rays are hardly ever.
+    pub const AIMED: [&'static str; 2] = ["edge", "vertex"];
+
     /// All of them, in their order.
     pub fn each(&self) -> [&T; KINDS] {
         [&self.random, &self.edge, &self.vertex, &self.primary, &self.bounce, &self.shadow]
@@ -261,7 +264,7 @@ pub struct Row {
     pub build_interval: Interval,
     /// Time to trace each set.
     pub trace: Sets<Trace>,
-    /// Nanoseconds a ray, the mean over the sets that have rays: as many rays of each kind.
+    /// Nanoseconds a ray, the median over the rounds of the mean over the sets that have rays: as many rays of each kind.
     pub ns_per_ray: f64,
     /// Where the median of that mean lies.
     pub ns_interval: Interval,
@@ -290,6 +293,8 @@ pub struct Row {
     pub errors: Aims<Errors>,
     /// Missing, wrong and phantom hits for each million rays, over all kinds.
     pub errors_per_million: f64,
+    /// The same over the kinds that are not aimed at edges and vertices: what rays of pictures and chords lose.
+    pub unaimed_errors_per_million: f64,
     /// Answers that differ from the exact ones within rounding, for each million rays.
     pub rounded_per_million: f64,
     /// Rays that the backend could not decide in its own arithmetic and had decided elsewhere, for
@@ -347,7 +352,20 @@ impl Row {
     /// When its build pays against another row's, as far as both are told apart.
     pub fn payback_against(&self, base: &Row) -> Payback {
         let [build, ray, ..] = self.compare(base);
-        Payback::of(self.line(), base.line(), build, ray)
+        // The ends of the intervals that make the number of rays least and greatest.
+        let rays = |own: (f64, f64), other: (f64, f64)| 1e6 * (own.0 - other.0) / (other.1 - own.1);
+        let [own, other] = [self, base].map(|row| (row.build_interval, row.ns_interval));
+        let ends = match build {
+            Ordering::Greater => [
+                rays((own.0.low, own.1.low), (other.0.high, other.1.high)),
+                rays((own.0.high, own.1.high), (other.0.low, other.1.low)),
+            ],
+            _ => [
+                rays((own.0.high, own.1.high), (other.0.low, other.1.low)),
+                rays((own.0.low, own.1.low), (other.0.high, other.1.high)),
+            ],
+        };
+        Payback::of(self.line(), base.line(), build, ray).within(ends)
     }
 
     /// How it compares with another row: build time, trace time, memory, errors and rounded answers. Times within
@@ -459,6 +477,7 @@ pub(super) mod tests {
             tree: format!("{build_ms} {ns}"),
             errors: Aims::default(),
             errors_per_million: 0.0,
+            unaimed_errors_per_million: 0.0,
             rounded_per_million: 0.0,
             redone_per_million: 0.0,
             field: "all".into(),

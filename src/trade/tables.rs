@@ -3,6 +3,7 @@
 use super::document::Trade;
 use super::interval::Interval;
 use super::payback::{Payback, count};
+use super::recommend::short;
 use super::row::{Aims, Apart, Errors, Row, Sets};
 use crate::report::table::{Cell, Table};
 
@@ -85,10 +86,13 @@ impl Trade {
             "wrong_apart_mean",
             "wrong_apart_greatest",
             "errors_per_million",
+            "unaimed_errors_per_million",
             "rounded_per_million",
             "redone_per_million",
             "pays_back",
             "pays_back_rays",
+            "pays_back_rays_low",
+            "pays_back_rays_high",
             "field",
             "pareto",
             "tree",
@@ -125,6 +129,7 @@ impl Trade {
             "SAH cost",
             "block cost",
             "errors / M",
+            "not aimed",
             "rounded / M",
             "pays",
         ]);
@@ -135,17 +140,18 @@ impl Trade {
                 row.number.into(),
                 row.title_with_others().into(),
                 row.pareto.mark().into(),
-                around(row.build_ms, row.build_interval, 2),
+                around(row.build_ms, row.build_interval),
                 primary,
                 shadow,
                 bounce,
                 random,
-                around(row.ns_per_ray, row.ns_interval, 0),
-                Cell::Number(row.query_bytes as f64 / 1e6, 2),
-                Cell::Number(row.peak_bytes as f64 / 1e6, 2),
+                around(row.ns_per_ray, row.ns_interval),
+                short(row.query_bytes as f64 / 1e6).into(),
+                short(row.peak_bytes as f64 / 1e6).into(),
                 Cell::Number(row.sah_cost, 2),
                 Cell::Number(row.block_cost, 2),
                 Cell::Number(row.errors_per_million, 1),
+                Cell::Number(row.unaimed_errors_per_million, 1),
                 Cell::Number(row.rounded_per_million, 1),
                 row.payback.words().into(),
             ]);
@@ -153,6 +159,7 @@ impl Trade {
         table
     }
 
+    /// Errors by kind of ray. Of rows with equal figures the first stands for all.
     pub(super) fn errors(&self) -> Table {
         let mut table = Table::new(&[
             "row",
@@ -164,7 +171,12 @@ impl Trade {
             "phantom / M",
             "rounded / M",
         ]);
+        let mut told: Vec<&Aims<Errors>> = Vec::new();
         for row in &self.rows {
+            if told.contains(&&row.errors) {
+                continue;
+            }
+            told.push(&row.errors);
             for (kind, errors) in Aims::<()>::NAMES.into_iter().zip(row.errors.each()) {
                 let rate = |count| Cell::Number(errors.per_million(count), 1);
                 table.push(vec![
@@ -214,8 +226,8 @@ fn small(value: f64) -> Cell {
 }
 
 /// A median with its interval.
-fn around(value: f64, Interval { low, high }: Interval, decimals: usize) -> Cell {
-    format!("{value:.decimals$} ({low:.decimals$} to {high:.decimals$})").into()
+fn around(value: f64, Interval { low, high }: Interval) -> Cell {
+    format!("{} ({} to {})", short(value), short(low), short(high)).into()
 }
 
 fn cells(row: &Row) -> Vec<Cell> {
@@ -256,8 +268,8 @@ fn cells(row: &Row) -> Vec<Cell> {
     let (kind, rays) = match row.payback {
         Payback::Base => ("base", None),
         Payback::Always => ("always", None),
-        Payback::After { rays } => ("after", Some(rays)),
-        Payback::Until { rays } => ("until", Some(rays)),
+        Payback::After { rays, within } => ("after", Some([rays, within[0], within[1]])),
+        Payback::Until { rays, within } => ("until", Some([rays, within[0], within[1]])),
         Payback::Never => ("never", None),
         Payback::Alike => ("alike", None),
         Payback::Unknown => ("unknown", None),
@@ -271,10 +283,13 @@ fn cells(row: &Row) -> Vec<Cell> {
     }
     out.extend([
         Cell::Number(row.errors_per_million, 1),
+        Cell::Number(row.unaimed_errors_per_million, 1),
         Cell::Number(row.rounded_per_million, 1),
         Cell::Number(row.redone_per_million, 1),
         kind.into(),
-        Cell::number(rays, 0),
+        Cell::number(rays.map(|rays| rays[0]), 0),
+        Cell::number(rays.map(|rays| rays[1]), 0),
+        Cell::number(rays.map(|rays| rays[2]), 0),
         row.field.as_str().into(),
         row.pareto.name().into(),
         row.tree.as_str().into(),

@@ -30,6 +30,7 @@ impl Plot for ScalingPlot<'_> {
         let printed = self.0.iter().map(|scaling| scaling.survey_speedup);
         let top = 1.1 * points().map(|point| point.speedup).chain(printed).fold(1.0, f64::max);
         let device = self.0.first().is_some_and(|scaling| scaling.backend != "cpu");
+        let software = self.0.iter().any(|scaling| scaling.software);
         let processors = if device { "workgroups of a dispatch" } else { "threads" };
         let (left, right) = (place(1), place(most).max(place(1) + 1.0));
         let pad = 0.03 * (right - left);
@@ -37,7 +38,8 @@ impl Plot for ScalingPlot<'_> {
             .caption(
                 format!("Building by preset fast: speed-up over 1 of the {processors}")
                     .replace("1 of the threads", "one thread")
-                    .replace("1 of the workgroups of a dispatch", "one workgroup a dispatch"),
+                    .replace("1 of the workgroups of a dispatch", "one workgroup a dispatch")
+                    + if software { " (software: the curve means nothing)" } else { "" },
                 letters(TITLE, INK, HPos::Left, VPos::Top),
             )
             .margin(18)

@@ -60,7 +60,7 @@ where
             upper[axis] = upper[axis].max(point[axis]);
         }
     }
-    if !(lower[0] <= upper[0]) {
+    if lower[0] > upper[0] {
         return Ok(());
     }
     let map = Map::new(lower, upper, pixels);

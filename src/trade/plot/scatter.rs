@@ -8,6 +8,7 @@ use super::place::place;
 use crate::report::plot::style::{GREY, INK, bold, letters};
 use crate::report::plot::{Area, Drawn, Plot};
 use crate::trade::document::{ALL_THREADS, Trade};
+use crate::trade::interval::Interval;
 use crate::trade::pareto::{self, Standing};
 use crate::trade::row::Row;
 use plotters::prelude::{DrawingBackend, PathElement};
@@ -20,6 +21,8 @@ struct Point {
     number: usize,
     words: String,
     at: [f64; 2],
+    /// Where the figures lie, for times.
+    spans: [Option<Interval>; 2],
     look: Marker,
     /// Whether its number stands beside it.
     labelled: bool,
@@ -60,8 +63,13 @@ impl Scatter {
             title: format!("Build against trace: {scene}"),
             means: ["milliseconds to build", "nanoseconds a ray, mean of the four sets"],
             with_zero: false,
-            note: "to the lower left is better",
-            points: points(shown(), Row::short_title, |row| [row.build_ms, row.ns_per_ray]),
+            note: "to the lower left is better; bars: intervals",
+            points: points(
+                shown(),
+                Row::short_title,
+                |row| [row.build_ms, row.ns_per_ray],
+                |row| [Some(row.build_interval), Some(row.ns_interval)],
+            ),
         };
         let errors = Scatter {
             title: format!("Errors against trace: {scene}"),
@@ -70,10 +78,13 @@ impl Scatter {
                 "missing, wrong and phantom hits a million rays",
             ],
             with_zero: true,
-            note: "to the lower left is better; 0 at the bottom",
-            points: points(shown(), Row::short_title, |row| {
-                [row.ns_per_ray, row.errors_per_million]
-            }),
+            note: "to the lower left is better; 0 at the bottom; bars: intervals",
+            points: points(
+                shown(),
+                Row::short_title,
+                |row| [row.ns_per_ray, row.errors_per_million],
+                |row| [Some(row.ns_interval), None],
+            ),
         };
         let most = trees.iter().map(|row| row.query_bytes).max().unwrap_or(0);
         let (unit, bytes) = match most < 1_000_000 {
@@ -85,9 +96,12 @@ impl Scatter {
             means: ["SAH cost at the constants of preset fast", bytes],
             with_zero: false,
             note: "to the lower left is better; a point a tree",
-            points: points(trees.into_iter(), of_tree, |row| {
-                [row.sah_cost, row.query_bytes as f64 / unit]
-            }),
+            points: points(
+                trees.into_iter(),
+                of_tree,
+                |row| [row.sah_cost, row.query_bytes as f64 / unit],
+                |_| [None; 2],
+            ),
         };
         let memory = memory.without_accuracy();
         vec![("build-trace", build), ("error-trace", errors), ("memory-quality", memory)]
@@ -102,7 +116,12 @@ impl Scatter {
     }
 
     fn axes(&self) -> [Axis; 2] {
-        let values = |k: usize| self.points.iter().map(|point| point.at[k]).collect::<Vec<f64>>();
+        let ends = |point: &Point, k: usize| match point.spans[k] {
+            Some(Interval { low, high }) => [low, high],
+            None => [point.at[k]; 2],
+        };
+        let values =
+            |k: usize| self.points.iter().flat_map(|point| ends(point, k)).collect::<Vec<f64>>();
         let [left, top, right, bottom] = FRAME;
         let x = Axis::around(&values(0), left, right);
         let y = match self.with_zero {
@@ -211,6 +230,7 @@ fn points<'a>(
     rows: impl Iterator<Item = &'a Row>,
     words: impl Fn(&Row) -> String,
     at: impl Fn(&Row) -> [f64; 2],
+    spans: impl Fn(&Row) -> [Option<Interval>; 2],
 ) -> Vec<Point> {
     let colour = |preset: &str| match preset {
         "fast" => COLOURS[0],
@@ -222,6 +242,7 @@ fn points<'a>(
             number: row.number,
             words: words(row),
             at: at(row),
+            spans: spans(row),
             look: Marker {
                 shape: Shape::of(&row.accuracy),
                 colour: colour(&row.preset),
@@ -265,6 +286,17 @@ impl Plot for Scatter {
             .collect();
         let placed = place(&pixels, &wanted, &[], FRAME);
         labels(area, &pixels, &placed, |point| self.points[point].number.to_string())?;
+        for (point, &(column, line)) in self.points.iter().zip(&pixels) {
+            let bar = point.look.colour.mix(0.45).stroke_width(1);
+            if let Some(Interval { low, high }) = point.spans[0] {
+                let bar_ends = [(x.pixel(low), line), (x.pixel(high), line)];
+                area.draw(&PathElement::new(bar_ends, bar))?;
+            }
+            if let Some(Interval { low, high }) = point.spans[1] {
+                let bar_ends = [(column, y.pixel(low)), (column, y.pixel(high))];
+                area.draw(&PathElement::new(bar_ends, bar))?;
+            }
+        }
         // Those without a number first: those with one are to be seen.
         for labelled in [false, true] {
             for (point, &at) in self.points.iter().zip(&pixels) {

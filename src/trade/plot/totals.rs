@@ -80,8 +80,8 @@ impl Totals {
         });
         let paybacks =
             (1..courses.len()).filter_map(|to| match rows[to].payback_against(rows[0]) {
-                Payback::After { rays } => Some(Crossing { rays, from: 0, to }),
-                Payback::Until { rays } => Some(Crossing { rays, from: to, to: 0 }),
+                Payback::After { rays, .. } => Some(Crossing { rays, from: 0, to }),
+                Payback::Until { rays, .. } => Some(Crossing { rays, from: to, to: 0 }),
                 _ => None,
             });
         let mut crossings: Vec<Crossing> = Vec::new();
@@ -180,7 +180,7 @@ impl Totals {
         if self.crossings.is_empty() {
             text(
                 area,
-                "nowhere: one row is least for any number of rays",
+                "nowhere beyond the noise: one row will do for any number",
                 (left, y),
                 small(GREY),
                 right - left,
