@@ -37,16 +37,20 @@ pub struct Claim {
     pub error: Option<f64>,
     /// The figure that the claim would give.
     pub expected: Option<f64>,
+    /// Whether that is a bound from above, as with O(n), not a value.
+    pub bound: bool,
     /// In what unit.
     pub unit: &'static str,
 }
 
 impl Claim {
-    /// Whether it holds: within two standard errors, or without one within a tenth. None where nothing is expected.
+    /// Whether it holds: within two standard errors, or without one within a tenth; where it is a bound, being less is as good.
+    /// None where nothing is expected.
     pub fn holds(&self) -> Option<bool> {
         let expected = self.expected?;
         let most = self.error.map_or(0.1 * expected.abs(), |error| 2.0 * error);
-        Some((self.value - expected).abs() <= most)
+        let over = self.value - expected;
+        Some(over <= most && (self.bound || over >= -most))
     }
 }
 
@@ -181,6 +185,7 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
             value,
             error,
             expected: Some(of_n_log_n(&sizes)),
+            bound: true,
             unit: "exponent",
         });
     }
@@ -203,6 +208,7 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
             value: ms / median_ms,
             error: None,
             expected: None,
+            bound: false,
             unit: "ratio",
         });
         out.push(Claim {
@@ -215,6 +221,7 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
             value,
             error,
             expected: Some(expected),
+            bound: true,
             unit: "exponent",
         });
     }
@@ -256,6 +263,7 @@ fn small_nodes(amounts: &Amounts) -> Result<Claim, ReportError> {
         value: times[1] / times[0],
         error: None,
         expected: Some(SMALL[1] as f64 / SMALL[0] as f64),
+        bound: true,
         unit: "ratio",
     })
 }
@@ -295,6 +303,7 @@ fn shapes(
                 value,
                 error: None,
                 expected: Some(1.0),
+                bound: false,
                 unit: "ratio",
             });
         }
@@ -321,6 +330,7 @@ fn shapes(
                 value: visits.evenness(),
                 error: None,
                 expected: Some(0.5),
+                bound: false,
                 unit: "part",
             });
             out.push(Claim {
@@ -330,6 +340,7 @@ fn shapes(
                 value: visits.children(),
                 error: None,
                 expected: Some(1.0),
+                bound: false,
                 unit: "children",
             });
         }
@@ -454,6 +465,27 @@ fn follow(tree: &KdTreeView<'_>, rays: &[Ray]) -> Counts {
 mod tests {
     use super::*;
     use crate::report::worked;
+
+    #[test]
+    fn claims_hold_within_their_errors_and_bounds_below_too() {
+        let claim = |value, error, expected, bound| Claim {
+            section: "",
+            claim: "",
+            measured: String::new(),
+            value,
+            error,
+            expected,
+            bound,
+            unit: "",
+        };
+        assert_eq!(claim(1.19, Some(0.1), Some(1.0), false).holds(), Some(true));
+        assert_eq!(claim(1.21, Some(0.1), Some(1.0), true).holds(), Some(false));
+        assert_eq!(claim(0.79, Some(0.1), Some(1.0), false).holds(), Some(false));
+        assert_eq!(claim(0.79, Some(0.1), Some(1.0), true).holds(), Some(true));
+        assert_eq!(claim(2.19, None, Some(2.0), false).holds(), Some(true));
+        assert_eq!(claim(2.21, None, Some(2.0), false).holds(), Some(false));
+        assert_eq!(claim(2.21, None, None, false).holds(), None);
+    }
 
     #[test]
     fn slopes_and_their_errors() {

@@ -141,7 +141,7 @@ impl Report {
         out += "\n## Claims without figures\n\n\
                 What the survey says of builds, cells and rays and prints no figures for. \"As claimed\" is what the claim would give if it \
                 held exactly; exponents are those of straight lines of least squares through logarithms. Holds: the figure lies within two standard \
-                errors of that, or, where it has none, within a tenth. Cells and rays are those of the largest scene above.\n\n";
+                errors of that, or, where it has none, within a tenth; being less than a bound O(...) is as good. Cells and rays are those of the largest scene above.\n\n";
         out += &claims;
         out
     }
