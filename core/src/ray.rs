@@ -105,7 +105,7 @@ pub enum Culling {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Accuracy {
     /// Moeller and Trumbore 1997: rays aimed at edges and vertices may leak through a closed mesh. Faster for rays that
-    /// scatter, by up to 1.3 times; slower for coherent ones, which only the other tests take in packets.
+    /// scatter in some scenes, by up to 1.3 times; slower than watertight for coherent ones.
     Fast,
     /// Woop, Benthin and Wald 2013 with guarded arithmetic: no ray slips between two triangles
     /// that share an edge or a vertex.

@@ -1,8 +1,9 @@
 //! When a bounding volume hierarchy would serve better: one is built, refitted and traced beside the rows, in the same rounds.
 //!
 //! Its builds, refits and rays are lines and intervals like those of every row. For the wish it is laid beside the row that is
-//! recommended, and the lower envelope with the presets as they are says for how many rays a build it takes less than any of them. A refit here moves nothing, so the
-//! hierarchy keeps its shape; how rays slow down as triangles move on is in Table 4 of the verb `paper`.
+//! recommended, and the lower envelope with the presets as they are says for how many rays a build it takes less than any of
+//! them. A refit here moves nothing, so the hierarchy keeps its shape; how rays slow down as triangles move on is in Table 4 of
+//! the verb `paper`.
 //!
 //! Vinkler, Havran and Bittner (2014, 2016) compared the two structures on GPUs: hierarchies win on simple and moderate scenes,
 //! kd-trees on complex ones of high depth complexity.
@@ -53,7 +54,7 @@ pub struct Reach {
     pub to: Option<f64>,
 }
 
-/// Whether the hierarchy takes less for the wish than any row.
+/// Whether the hierarchy takes less for the wish than the row it is laid beside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Serves {
@@ -71,13 +72,13 @@ pub enum Serves {
 pub struct Verdict {
     /// The hierarchy.
     pub hierarchy: Measured,
-    /// Where it takes least when it is built anew, by the medians; none for nowhere.
+    /// Where it takes less than every preset when it is built anew, by the medians; none for nowhere.
     pub rebuilt: Option<Reach>,
-    /// Where it takes least when it is refitted.
+    /// The same when it is refitted.
     pub refitted: Option<Reach>,
     /// Milliseconds for all frames of the wish: built once and then refitted where frames move, else built once.
     pub total_ms: f64,
-    /// How that compares with the least of the rows.
+    /// How that compares with the row it is laid beside.
     pub serves: Serves,
     /// All of it in words.
     pub words: String,
