@@ -2,6 +2,7 @@
 //! and Booth 1990): what the surface area heuristic rests on, counted by ray queries.
 
 use super::ReportError;
+use super::fit::{Fit, fit};
 use crate::random::unit;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -72,7 +73,8 @@ pub fn count(
         })
         .collect();
     let points = points?;
-    let (slope, intercept, r_squared) = fit(&points);
+    let at: Vec<[f64; 2]> = points.iter().map(|point| [point.area, point.hits as f64]).collect();
+    let Fit { slope, intercept, r_squared, .. } = fit(&at);
     Ok(Areas { lines, points, slope, intercept, r_squared })
 }
 
@@ -161,32 +163,9 @@ fn shell(solid: &Aabb) -> ([[f32; 3]; 8], [[u32; 3]; 12]) {
     (std::array::from_fn(corner), std::array::from_fn(triangle))
 }
 
-/// The least-squares line and its coefficient of determination; 1 where hits do not vary.
-fn fit(points: &[Point]) -> (f64, f64, f64) {
-    let n = points.len().max(1) as f64;
-    let mean = |value: &dyn Fn(&Point) -> f64| points.iter().map(value).sum::<f64>() / n;
-    let (x, y) = (mean(&|p| p.area), mean(&|p| p.hits as f64));
-    let xx = mean(&|p| (p.area - x) * (p.area - x));
-    let xy = mean(&|p| (p.area - x) * (p.hits as f64 - y));
-    let yy = mean(&|p| (p.hits as f64 - y) * (p.hits as f64 - y));
-    let slope = if xx > 0.0 { xy / xx } else { 0.0 };
-    let r_squared = if xx > 0.0 && yy > 0.0 { xy * xy / (xx * yy) } else { 1.0 };
-    (slope, y - slope * x, r_squared)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_line_is_fitted_and_scatter_is_seen() {
-        let point = |area: f64, hits| Point { cell: false, area, hits };
-        let (slope, intercept, r_squared) = fit(&[point(0.0, 5), point(1.0, 7), point(2.0, 9)]);
-        assert!((slope - 2.0).abs() < 1e-12 && (intercept - 5.0).abs() < 1e-12);
-        assert!((r_squared - 1.0).abs() < 1e-12);
-        let (_, _, r_squared) = fit(&[point(0.0, 5), point(1.0, 9), point(2.0, 5)]);
-        assert!(r_squared < 1e-12);
-    }
 
     /// Cauchy: a convex body's mean shadow is a quarter of its surface. So the lines that meet a box
     /// are in the ratio of its surface to the sphere's.

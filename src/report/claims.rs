@@ -2,6 +2,7 @@
 //! how cubic cells are, how evenly rays and space are divided.
 
 use super::ReportError;
+use super::fit::{Fit, fit};
 use super::rays::FrameRays;
 use super::scene::{Placed, Settings};
 use super::table::{Cell, Table};
@@ -115,26 +116,13 @@ pub fn table(claims: &[Claim]) -> Table {
     table
 }
 
-/// The slope of the straight line of least squares, and its standard error; of two points it has none.
-pub fn slope(points: &[[f64; 2]]) -> (f64, Option<f64>) {
-    let n = points.len() as f64;
-    let mean = |k: usize| points.iter().map(|p| p[k]).sum::<f64>() / n;
-    let (x, y) = (mean(0), mean(1));
-    let sum = |of: &dyn Fn(&[f64; 2]) -> f64| points.iter().map(of).sum::<f64>();
-    let squares = sum(&|p| (p[0] - x).powi(2));
-    let slope = sum(&|p| (p[0] - x) * (p[1] - y)) / squares;
-    let rest = sum(&|p| (p[1] - y - slope * (p[0] - x)).powi(2));
-    let error = (points.len() > 2).then(|| (rest / (n - 2.0) / squares).sqrt());
-    (slope, error)
-}
-
 /// The exponent that times like n log n have over these sizes.
 fn of_n_log_n(sizes: &[usize]) -> f64 {
     let point = |&n: &usize| {
         let n = n as f64;
         [n.ln(), (n * n.ln()).ln()]
     };
-    slope(&sizes.iter().map(point).collect::<Vec<_>>()).0
+    fit(&sizes.iter().map(point).collect::<Vec<_>>()).slope
 }
 
 /// Build times and plane searches against the number of triangles.
@@ -165,8 +153,8 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
             }
             points.push([(scene.indices.len() as f64).ln(), median(times).ln()]);
         }
-        let (value, error) = slope(&points);
-        Ok((value, error, points.last().map_or(0.0, |point| point[1].exp())))
+        let Fit { slope, error, .. } = fit(&points);
+        Ok((slope, error, points.last().map_or(0.0, |point| point[1].exp())))
     };
     let mut out = Vec::new();
     for preset in Preset::ALL {
@@ -488,15 +476,7 @@ mod tests {
     }
 
     #[test]
-    fn slopes_and_their_errors() {
-        let (value, error) = slope(&[[0.0, 1.0], [1.0, 3.0], [2.0, 5.0]]);
-        assert!((value - 2.0).abs() < 1e-12 && error.unwrap() < 1e-9);
-        // Residuals of -1/6, 1/3, -1/6 about a slope of 1/2: the root of (1/6) / 1 / 2.
-        let (value, error) = slope(&[[0.0, 0.0], [1.0, 1.0], [2.0, 1.0]]);
-        assert!(
-            (value - 0.5).abs() < 1e-12 && (error.unwrap() - (1.0f64 / 12.0).sqrt()).abs() < 1e-12
-        );
-        assert_eq!(slope(&[[0.0, 0.0], [1.0, 3.0]]), (3.0, None));
+    fn the_exponent_of_n_log_n() {
         let found = of_n_log_n(&[1 << 10, 1 << 11]);
         assert!((found - (1.0 + (11.0f64 / 10.0).log2())).abs() < 1e-12, "{found}");
     }
