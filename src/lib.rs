@@ -57,14 +57,14 @@ pub mod tracer;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
-pub use splitplane_core::all_hits::{AllHits, Crossing};
+pub use splitplane_core::all_hits::{AllHits, AllHitsOptions, Crossing};
 pub use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
-    QueryLayout, QueryReport,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, DeviceError,
+    LoadOptions, QueryError, QueryLayout, QueryReport,
 };
 pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
 pub use splitplane_core::digest::Digest;
-pub use splitplane_core::inside::{Located, Location, Rule};
+pub use splitplane_core::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};

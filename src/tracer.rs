@@ -81,7 +81,7 @@ pub struct FrameRequest<'a> {
     /// What is wanted.
     pub outputs: Outputs,
     /// How rays are traced.
-    pub query: QueryOptions,
+    pub query: QueryOptions<'a>,
 }
 
 impl<'a> FrameRequest<'a> {
@@ -181,7 +181,7 @@ impl Tracer {
     ///
     /// # Errors
     /// As for [`splitplane_core::backend::Backend::build`]; the tree that was there is kept.
-    pub fn build(&mut self, scene: &Scene, options: &BuildOptions) -> Result<(), TracerError> {
+    pub fn build(&mut self, scene: &Scene, options: &BuildOptions<'_>) -> Result<(), TracerError> {
         let mesh = scene.mesh()?;
         on!(&mut self.on, on => on.build(&mesh, options))
     }
@@ -189,15 +189,15 @@ impl Tracer {
     /// As [`Tracer::build`], telling `watch` how far it is; `watch` may end it.
     ///
     /// # Errors
-    /// As for [`splitplane_core::backend::Backend::build_watched`]; the tree that was there is kept.
+    /// As for [`splitplane_core::backend::Backend::build`]; the tree that was there is kept.
     pub fn build_watched(
         &mut self,
         scene: &Scene,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
         watch: &dyn Watch,
     ) -> Result<(), TracerError> {
         let mesh = scene.mesh()?;
-        on!(&mut self.on, on => on.build_watched(&mesh, options, watch))
+        on!(&mut self.on, on => on.build(&mesh, &BuildOptions { watch: Some(watch), ..*options }))
     }
 
     /// Builds the tree of a scene that has changed, for frames alone: on a GPU nothing but some
@@ -205,7 +205,11 @@ impl Tracer {
     ///
     /// # Errors
     /// As for [`Tracer::build`].
-    pub fn rebuild(&mut self, scene: &Scene, options: &BuildOptions) -> Result<(), TracerError> {
+    pub fn rebuild(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
         let mesh = scene.mesh()?;
         on!(&mut self.on, on => on.rebuild(&mesh, options))
     }

@@ -2,8 +2,8 @@
 //! edges, vertices and planes included.
 
 use splitplane::{
-    Accelerator, AllHits, Backend, BuildConfig, BuildOptions, CpuBackend, Culling, Mesh, Preset,
-    QueryOptions, Ray,
+    Accelerator, AllHits, AllHitsOptions, Backend, BuildConfig, BuildOptions, CpuBackend, Culling,
+    Mesh, Preset, QueryOptions, Ray,
 };
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::Oracle;
@@ -115,11 +115,12 @@ fn every_crossing_is_that_of_whole_numbers() {
         let rays = rays(scene, 6, number as u64);
         for culling in [Culling::None, Culling::Back, Culling::Front] {
             let ignore = (number % 3 == 0).then_some(number as u32 % 4);
-            let options = QueryOptions { culling, ignore, ..Default::default() };
+            let options = AllHitsOptions { culling, ignore, ..Default::default() };
+            let query = options.query();
             let mut first = None;
             for accelerator in accelerators(&mesh) {
                 let all = accelerator.all_hits(&rays, &options).unwrap();
-                assert_eq!((all.rays(), all.answered_by_cpu), (rays.len(), 0));
+                assert_eq!((all.rays(), all.report.answered_by_cpu), (rays.len(), 0));
                 let found: Vec<_> = (0..rays.len()).map(|ray| bits(&all, ray)).collect();
                 if let Some(first) = &first {
                     assert_eq!(first, &found, "{}", scene.name);
@@ -127,14 +128,14 @@ fn every_crossing_is_that_of_whole_numbers() {
                 }
                 for (ray, found) in rays.iter().zip(&found) {
                     let by_hand: Vec<(u32, u32, bool)> =
-                        rational::surface_crossings(&mesh, ray, &options, Shift::TINY)
+                        rational::surface_crossings(&mesh, ray, &query, Shift::TINY)
                             .iter()
                             .filter(|met| rational::is_within(&met.t, ray))
                             .map(|met| (met.t.rounded().to_bits(), met.triangle, met.front))
                             .collect();
                     assert_eq!(found, &by_hand, "{} {ray:?} {options:?}", scene.name);
                     crossings += found.len();
-                    let touched = rational::crossings(&mesh, ray, &options);
+                    let touched = rational::crossings(&mesh, ray, &query);
                     let touched =
                         touched.iter().filter(|met| rational::is_within(&met.t, ray)).count();
                     grazing += usize::from(touched > found.len());
@@ -158,7 +159,7 @@ fn closed_surfaces_are_entered_and_left_in_turn() {
             .iter()
             .map(|ray| ray.with_limits(f32::NEG_INFINITY, f32::INFINITY))
             .collect();
-        let all = accelerator.all_hits(&lines, &QueryOptions::default()).unwrap();
+        let all = accelerator.all_hits(&lines, &AllHitsOptions::default()).unwrap();
         for (ray, line) in lines.iter().enumerate() {
             let found = all.of(ray);
             assert!(found.len() <= oracle.crossings(line, &QueryOptions::default()).len() * 2);
@@ -193,7 +194,7 @@ fn limits_are_closed() {
     let ray = Ray::new([0.25, 0.5, -3.0], [0.0, 0.0, 1.0]);
     let count = |t_min: f32, t_max: f32| {
         let ray = ray.with_limits(t_min, t_max);
-        accelerator.all_hits(&[ray], &QueryOptions::default()).unwrap().of(0).len()
+        accelerator.all_hits(&[ray], &AllHitsOptions::default()).unwrap().of(0).len()
     };
     assert_eq!(count(0.0, f32::INFINITY), 2);
     assert_eq!(count(2.0, 4.0), 2);
@@ -208,7 +209,7 @@ fn limits_are_closed() {
         Ray::new([f32::NAN, 0.0, 0.0], [1.0; 3]),
         Ray::new([0.0; 3], [f32::INFINITY, 0.0, 0.0]),
     ];
-    let all = accelerator.all_hits(&odd, &QueryOptions::default()).unwrap();
+    let all = accelerator.all_hits(&odd, &AllHitsOptions::default()).unwrap();
     assert_eq!((all.rays(), all.crossings.len()), (3, 0));
-    assert_eq!(accelerator.all_hits(&[], &QueryOptions::default()).unwrap(), AllHits::none());
+    assert_eq!(accelerator.all_hits(&[], &AllHitsOptions::default()).unwrap(), AllHits::none());
 }

@@ -193,7 +193,7 @@ const FIELDS: [Field; 11] = [
     ("bad_splits", |c| &mut c.bad_splits),
 ];
 
-fn options(random: &mut Random) -> BuildOptions {
+fn options(random: &mut Random) -> BuildOptions<'static> {
     let mut config = BuildConfig::preset(random.pick(&Preset::ALL));
     if random.below(2) == 0 {
         config.small_node_limit = 1 + random.below(8) as u32;
@@ -220,7 +220,7 @@ fn options(random: &mut Random) -> BuildOptions {
 fn build(
     backend: &dyn Backend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     tally: &mut Tally,
 ) -> Option<Box<dyn Accelerator>> {
     let mut count = |what| *tally.entry(what).or_default() += 1;

@@ -531,7 +531,7 @@ fn all_entries_of_the_backend_build_it() {
     let options = BuildOptions::from(best());
     let mut accelerator = backend.build_accelerator(&one.mesh(), &options).expect("no limit");
     assert_eq!(*accelerator.tree(), build(&one.mesh(), best()));
-    backend.rebuild(&mut accelerator, &other.mesh(), &options).expect("no limit");
+    backend.rebuild_accelerator(&mut accelerator, &other.mesh(), &options).expect("no limit");
     assert_eq!(*accelerator.tree(), build(&other.mesh(), best()));
     let summary = *accelerator.summary();
     let (_, fast) = backend.build_tree(&other.mesh(), &BuildOptions::default()).expect("no limit");

@@ -131,11 +131,11 @@ mod suite {
         [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()]
     }
 
-    fn options(accuracy: Accuracy) -> QueryOptions {
+    fn options(accuracy: Accuracy) -> QueryOptions<'static> {
         QueryOptions { accuracy, ..QueryOptions::default() }
     }
 
-    fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+    fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<Hit> {
         let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
         let mut hits = vec![stale; rays.len()];
         built.closest_hits(rays, &mut hits, options).expect("equal lengths");

@@ -1,7 +1,7 @@
 //! Tree files: what is written is read back in place, and whatever is done to the bytes ends in a
 //! typed error.
 
-use splitplane_core::all_hits::AllHits;
+use splitplane_core::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::backend::{Backend, BuildError, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::digest::Xxh64;
@@ -189,10 +189,14 @@ fn answers(tree: &KdTreeView<'_>, mesh: &Mesh<'_>, rays: &[Ray]) -> (Vec<Hit>, V
         |ray: &Ray, query| splitplane_core::exact::trace(tree, mesh, ray, &options, query, &mut ());
     let closest = rays.iter().map(|ray| trace(ray, Query::Closest)).collect();
     let any = rays.iter().map(|ray| trace(ray, Query::Any).is_hit()).collect();
-    (closest, any, AllHits::one_by_one(tree, mesh, rays, &options).expect("memory"))
+    (
+        closest,
+        any,
+        AllHits::one_by_one(tree, mesh, rays, &AllHitsOptions::default()).expect("memory"),
+    )
 }
 
-fn exact() -> QueryOptions {
+fn exact() -> QueryOptions<'static> {
     QueryOptions { accuracy: Accuracy::Exact, ..Default::default() }
 }
 
@@ -246,7 +250,7 @@ fn a_forged_tree_is_refused_or_answers_rightly() {
                 };
                 assert_eq!(file.mesh, mesh_digest(&mesh));
                 let violation = validate_mesh(&file.tree, &mesh);
-                let loaded = match backend.load(&mesh, forged.clone(), &options) {
+                let loaded = match backend.load(&mesh, forged.clone(), &options.for_loading()) {
                     Err(BuildError::WrongMesh { reason }) => {
                         assert_eq!(Err(reason), violation.map_err(|v| v.to_string()));
                         count[0] += 1;

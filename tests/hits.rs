@@ -7,7 +7,9 @@
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 use rayon::prelude::*;
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryError};
+use splitplane_core::backend::{
+    Accelerator, Backend, BuildError, BuildOptions, LoadOptions, QueryError,
+};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_cpu::CpuBackend;
@@ -47,7 +49,7 @@ fn build(backend: &dyn Backend, scene: &Scene) -> Box<dyn Accelerator> {
         .unwrap_or_else(|error| panic!("{}: {error}", scene.name))
 }
 
-fn closest(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+fn closest(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<Hit> {
     // Results of an earlier batch: a backend that leaves one standing is found out.
     let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
     let mut hits = vec![stale; rays.len()];
@@ -55,7 +57,7 @@ fn closest(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions) 
     hits
 }
 
-fn any(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions) -> Vec<bool> {
+fn any(accelerator: &dyn Accelerator, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<bool> {
     let mut first = vec![false; rays.len()];
     let mut second = vec![true; rays.len()];
     accelerator.any_hits(rays, &mut first, options).expect("equal lengths");
@@ -97,7 +99,7 @@ fn judge(
     oracle: &Oracle,
     accelerator: &dyn Accelerator,
     rays: &[Ray],
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     what: &str,
 ) -> Counts {
     let mesh = scene.mesh();
@@ -558,7 +560,7 @@ fn loaded_trees_answer_alike(backend: &dyn Backend, effort: Effort) {
         let mesh = scene.mesh();
         let built = build(backend, &scene);
         let loaded = backend
-            .load(&mesh, built.tree().clone(), &BuildOptions::default())
+            .load(&mesh, built.tree().clone(), &LoadOptions::default())
             .unwrap_or_else(|error| panic!("{}: {error}", scene.name));
         let rays = mixed_rays(&scene, effort.rays(10, 100), 10);
         let options = QueryOptions::default();
@@ -572,7 +574,7 @@ fn loaded_trees_answer_alike(backend: &dyn Backend, effort: Effort) {
     }
     let tree = build(backend, &scenes::soup(100, 0.2, 1)).tree().clone();
     let other = scenes::soup(90, 0.2, 1);
-    let refused = backend.load(&other.mesh(), tree, &BuildOptions::default());
+    let refused = backend.load(&other.mesh(), tree, &LoadOptions::default());
     assert!(matches!(refused, Err(BuildError::WrongMesh { .. })), "a tree of another mesh loads");
 }
 

@@ -2,14 +2,14 @@
 //! them by one float, far away, tiny and huge; the same in every direction.
 
 use splitplane::core::inside::{DIRECTION, locate_along};
-use splitplane::{Backend, BuildOptions, CpuBackend, Located, Location, Rule};
+use splitplane::{Backend, BuildOptions, CpuBackend, LocateOptions, Located, Location, Rule};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::rational;
 use splitplane_test_support::scenes::{self, Scene};
 
 fn locate(scene: &Scene, points: &[[f32; 3]]) -> Located {
     let accelerator = CpuBackend::new().build(&scene.mesh(), &BuildOptions::default()).unwrap();
-    let located = accelerator.locate(points).unwrap();
+    let located = accelerator.locate(points, &LocateOptions::default()).unwrap();
     // Any direction gives the same, those along axes and edges too.
     let mut random = Random::new(points.len() as u64);
     let mut directions = vec![
@@ -21,10 +21,11 @@ fn locate(scene: &Scene, points: &[[f32; 3]]) -> Located {
     ];
     directions.extend((0..3).map(|_| random.direction().map(|x| x as f32)));
     for direction in directions {
-        let other = locate_along(&*accelerator, points, direction, None, &()).unwrap();
+        let other =
+            locate_along(&*accelerator, points, direction, &LocateOptions::default()).unwrap();
         assert_eq!(other, located, "{} {direction:?}", scene.name);
     }
-    assert!(DIRECTION.iter().all(|x| *x != 0.0) && located.answered_by_cpu == 0);
+    assert!(DIRECTION.iter().all(|x| *x != 0.0) && located.report.answered_by_cpu == 0);
     located
 }
 

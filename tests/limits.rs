@@ -4,11 +4,13 @@
 
 use splitplane::core::inside::{DIRECTION, locate_along};
 use splitplane::{
-    Accelerator, Accuracy, AllHits, Backend, BuildConfig, BuildError, BuildOptions, CpuBackend,
-    Hit, Preset, Progress, QueryError, QueryOptions, Ray, Stage, Watch,
+    Accelerator, Accuracy, AllHits, AllHitsOptions, Backend, BuildConfig, BuildError, BuildOptions,
+    CpuBackend, Hit, LoadOptions, LocateOptions, Preset, Progress, QueryError, QueryOptions, Ray,
+    Stage, Watch,
 };
 use splitplane_test_support::aim;
 use splitplane_test_support::scenes::{self, Scene};
+use splitplane_test_support::watch::goes_on;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -202,7 +204,7 @@ const DIGESTS: [(Preset, &str); 3] = [
     (Preset::Best, "00d9ff48afedd8a6"),
 ];
 
-fn options(preset: Preset) -> BuildOptions {
+fn options(preset: Preset) -> BuildOptions<'static> {
     BuildOptions::from(BuildConfig::preset(preset))
 }
 
@@ -218,21 +220,26 @@ fn builds_end_at_any_call() {
                 let what = format!("{preset:?}, {threads} threads");
                 let backend = CpuBackend::new();
                 let calls = ends_anywhere(&format!("build, {what}"), |watch| {
-                    CpuBackend::new().build_watched(&mesh, &options, watch)
+                    CpuBackend::new().build(&mesh, &BuildOptions { watch: Some(watch), ..options })
                 });
                 assert!(calls > 80, "{what}: {calls} calls");
                 let calls = ends_anywhere(&format!("tree, {what}"), |watch| {
-                    CpuBackend::new().build_tree_watched(&mesh, &options, watch)
+                    CpuBackend::new()
+                        .build_tree(&mesh, &BuildOptions { watch: Some(watch), ..options })
                 });
                 assert!(calls > 40, "{what}: {calls} calls");
                 // The same backend, ended again and again.
                 for at in [1, 3, 10, 40] {
                     let watch = Ends::at(at);
-                    let error = backend.build_watched(&mesh, &options, &watch).err();
+                    let error = backend
+                        .build(&mesh, &BuildOptions { watch: Some(&watch), ..options })
+                        .err();
                     let cancelled = BuildError::Cancelled { progress: watch.last() };
                     assert_eq!(error, Some(cancelled));
                 }
-                let built = backend.build_watched(&mesh, &options, &Ends::never()).unwrap();
+                let built = backend
+                    .build(&mesh, &BuildOptions { watch: Some(&Ends::never()), ..options })
+                    .unwrap();
                 assert_eq!(built.tree().digest().to_string(), digest, "{what}");
                 let built = backend.build(&mesh, &options).unwrap();
                 assert_eq!(built.tree().digest().to_string(), digest, "{what}");
@@ -246,23 +253,37 @@ fn builds_end_at_any_call() {
                 ends_anywhere(&format!("rebuild, {what}"), |watch| {
                     let kept = &mut **kept.lock().unwrap_or_else(PoisonError::into_inner);
                     assert_eq!(kept.tree().digest(), before, "{what}");
-                    let rebuilt = CpuBackend::new().rebuild_watched(kept, &mesh, &options, watch);
+                    let rebuilt = CpuBackend::new().rebuild_accelerator(
+                        kept,
+                        &mesh,
+                        &BuildOptions { watch: Some(watch), ..options },
+                    );
                     if rebuilt.is_ok() {
                         assert_eq!(kept.tree().digest().to_string(), digest);
                         // Back again, for the next.
-                        CpuBackend::new().rebuild(kept, &other, &options).unwrap();
+                        CpuBackend::new().rebuild_accelerator(kept, &other, &options).unwrap();
                     }
                     rebuilt
                 });
                 let kept = kept.into_inner().unwrap_or_else(PoisonError::into_inner);
                 assert_eq!(closest(kept, &rays), answers, "{what}");
-                backend.rebuild_watched(kept, &mesh, &options, &Ends::never()).unwrap();
+                backend
+                    .rebuild_accelerator(
+                        kept,
+                        &mesh,
+                        &BuildOptions { watch: Some(&Ends::never()), ..options },
+                    )
+                    .unwrap();
                 assert_eq!(kept.tree().digest().to_string(), digest, "{what}");
                 assert_eq!(closest(kept, &rays), closest(built.as_ref(), &rays));
 
                 let tree = built.tree();
                 ends_anywhere(&format!("load, {what}"), |watch| {
-                    CpuBackend::new().load_watched(&mesh, tree.clone(), &options, watch)
+                    CpuBackend::new().load(
+                        &mesh,
+                        tree.clone(),
+                        &LoadOptions { watch: Some(watch), ..options.for_loading() },
+                    )
                 });
             });
         }
@@ -291,28 +312,36 @@ fn batches_end_at_any_call() {
             rayon::broadcast(|_| drop(closest(&*built, few)));
             ends_anywhere(&format!("closest hits, {threads} threads"), |watch| {
                 let mut hits = vec![Hit::MISS; rays.len()];
-                built.closest_hits_watched(&rays, &mut hits, &options, watch)
+                built.closest_hits(
+                    &rays,
+                    &mut hits,
+                    &QueryOptions { watch: Some(watch), ..options },
+                )
             });
             ends_anywhere(&format!("any hits, {threads} threads"), |watch| {
                 let mut hits = vec![false; rays.len()];
-                built.any_hits_watched(&rays, &mut hits, &options, watch)
+                built.any_hits(&rays, &mut hits, &QueryOptions { watch: Some(watch), ..options })
             });
             let calls = ends_anywhere(&format!("all hits, {threads} threads"), |watch| {
-                built.all_hits_watched(few, &options, watch)
+                built.all_hits(few, &AllHitsOptions { watch: Some(watch), ..Default::default() })
             });
             assert!(calls > 10, "{calls}");
             let mut hits = vec![Hit::MISS; rays.len()];
             let watch = Ends::never();
-            built.closest_hits_watched(&rays, &mut hits, &options, &watch).unwrap();
+            built
+                .closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(&watch), ..options })
+                .unwrap();
             stages_in_order(&watch, &[(Stage::Rays, Some(40_000))]);
             assert_eq!(hits, closest(built.as_ref(), &rays));
             let mut any = vec![false; rays.len()];
-            built.any_hits_watched(&rays, &mut any, &options, &()).unwrap();
+            built.any_hits(&rays, &mut any, &options).unwrap();
             assert!(any.iter().zip(&hits).all(|(any, hit)| *any == hit.is_hit()));
             let watch = Ends::never();
-            let all = built.all_hits_watched(few, &options, &watch).unwrap();
+            let all = built
+                .all_hits(few, &AllHitsOptions { watch: Some(&watch), ..Default::default() })
+                .unwrap();
             stages_in_order(&watch, &[(Stage::Rays, Some(4_000))]);
-            assert_eq!(all, built.all_hits(few, &options).unwrap());
+            assert_eq!(all, built.all_hits(few, &AllHitsOptions::default()).unwrap());
             if threads == 1 {
                 (first, found) = (hits, all);
             } else {
@@ -322,7 +351,7 @@ fn batches_end_at_any_call() {
     }
     let mut none = [Hit::MISS; 1];
     let built = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
-    let error = built.closest_hits_watched(&rays, &mut none, &options, &()).unwrap_err();
+    let error = built.closest_hits(&rays, &mut none, &options).unwrap_err();
     assert_eq!(error, QueryError::LengthMismatch { rays: 40_000, results: 1 });
 }
 
@@ -362,8 +391,9 @@ fn progress_is_told_in_order_with_true_totals() {
         for threads in [1, 4] {
             in_pool(threads, || {
                 let watch = Ends::never();
-                let built =
-                    CpuBackend::new().build_watched(&mesh, &options(preset), &watch).unwrap();
+                let built = CpuBackend::new()
+                    .build(&mesh, &BuildOptions { watch: Some(&watch), ..options(preset) })
+                    .unwrap();
                 let tree = built.tree();
                 let layout = (tree.nodes.len() + tree.references.len()) as u64;
                 let start = (Stage::Start, Some(24_000));
@@ -390,7 +420,11 @@ fn progress_is_told_in_order_with_true_totals() {
                 }
                 let watch = Ends::never();
                 CpuBackend::new()
-                    .load_watched(&mesh, tree.clone(), &options(preset), &watch)
+                    .load(
+                        &mesh,
+                        tree.clone(),
+                        &LoadOptions { watch: Some(&watch), ..options(preset).for_loading() },
+                    )
                     .unwrap();
                 stages_in_order(&watch, &[start, layout]);
             });
@@ -400,7 +434,9 @@ fn progress_is_told_in_order_with_true_totals() {
     let none = scenes::none();
     for (preset, _) in DIGESTS {
         let watch = Ends::never();
-        CpuBackend::new().build_watched(&none.mesh(), &options(preset), &watch).unwrap();
+        CpuBackend::new()
+            .build(&none.mesh(), &BuildOptions { watch: Some(&watch), ..options(preset) })
+            .unwrap();
         assert!(watch.calls() >= 3);
     }
 }
@@ -414,7 +450,8 @@ fn a_single_large_node_is_left_in_the_middle() {
     for (preset, _) in DIGESTS {
         in_pool(2, || {
             ends_anywhere(&format!("identical, {preset:?}"), |watch| {
-                CpuBackend::new().build_watched(&mesh, &options(preset), watch)
+                CpuBackend::new()
+                    .build(&mesh, &BuildOptions { watch: Some(watch), ..options(preset) })
             });
         });
     }
@@ -424,7 +461,7 @@ fn a_single_large_node_is_left_in_the_middle() {
     let target = [0, 1, 2].map(|i| (f64::from(a[i]) + f64::from(b[i]) + f64::from(c[i])) / 3.0);
     let ray = aim::aimed([9.0, 8.0, 7.0], target);
     let calls = ends_anywhere("a ray through all", |watch| {
-        built.all_hits_watched(&[ray], &QueryOptions::default(), watch)
+        built.all_hits(&[ray], &AllHitsOptions { watch: Some(watch), ..Default::default() })
     });
     assert!(calls > 10, "{calls}");
 }
@@ -461,18 +498,19 @@ fn memory_ends_in_errors_and_changes_nothing() {
                     refused += 1;
                 }
             }
-            match backend.rebuild_watched(&mut kept, &mesh, &options, &()) {
+            let watched = BuildOptions { watch: Some(&goes_on), ..options };
+            match backend.rebuild_accelerator(&mut kept, &mesh, &watched) {
                 Ok(()) => {
                     assert_eq!(kept.tree().digest().to_string(), digest);
                     assert!(kept.summary().peak_bytes <= limit);
                     backend
-                        .rebuild(&mut kept, &other, &BuildOptions::from(options.config))
+                        .rebuild_accelerator(&mut kept, &other, &BuildOptions::from(options.config))
                         .unwrap();
                 }
                 Err(error) => refuse(error),
             }
             assert_eq!(kept.tree().digest(), before);
-            match backend.load(&mesh, free.tree().clone(), &options) {
+            match backend.load(&mesh, free.tree().clone(), &options.for_loading()) {
                 Ok(loaded) => {
                     assert_eq!(loaded.tree().digest().to_string(), digest);
                     assert!(loaded.summary().peak_bytes <= limit);
@@ -491,12 +529,12 @@ fn all_hits_stay_within_their_limit() {
     let mesh = scene.mesh();
     let rays = aim::rays(&mesh, aim::Kind::ALL[0], 2_000, 6);
     let built = CpuBackend::new().build(&mesh, &BuildOptions::default()).unwrap();
-    let free = built.all_hits(&rays, &QueryOptions::default()).unwrap();
+    let free = built.all_hits(&rays, &AllHitsOptions::default()).unwrap();
     let bytes = free.bytes();
     let mut refused = 0;
     for part in 0..=24 {
         let limit = bytes * part / 8;
-        let options = QueryOptions { max_memory: Some(limit), ..Default::default() };
+        let options = AllHitsOptions { max_memory: Some(limit), ..Default::default() };
         let before = HELD.load(Relaxed);
         match built.all_hits(&rays, &options) {
             Ok(all) => assert_eq!(all, free),
@@ -518,8 +556,8 @@ fn all_hits_stay_within_their_limit() {
     let [a, b, c] = mesh.triangle(0);
     let target = [0, 1, 2].map(|i| (f64::from(a[i]) + f64::from(b[i]) + f64::from(c[i])) / 3.0);
     let ray = aim::aimed([9.0, 8.0, 7.0], target);
-    assert_eq!(built.all_hits(&[ray], &QueryOptions::default()).unwrap().of(0).len(), 100_000);
-    let options = QueryOptions { max_memory: Some(1 << 20), ..Default::default() };
+    assert_eq!(built.all_hits(&[ray], &AllHitsOptions::default()).unwrap().of(0).len(), 100_000);
+    let options = AllHitsOptions { max_memory: Some(1 << 20), ..Default::default() };
     let error = built.all_hits(&[ray], &options).unwrap_err();
     let QueryError::OutOfMemory { needed, .. } = error else { panic!("{error}") };
     assert!(needed < 2 << 20, "{needed}");
@@ -554,7 +592,10 @@ fn caps_bind_in_the_same_place_on_any_number_of_threads() {
                     let tree = backend.build_tree(&mesh, &options).unwrap().0;
                     nodes = tree.nodes.len();
                     digests.push(tree.digest());
-                    let watched = backend.build_tree_watched(&mesh, &options, &Ends::never());
+                    let watched = backend.build_tree(
+                        &mesh,
+                        &BuildOptions { watch: Some(&Ends::never()), ..options },
+                    );
                     digests.push(watched.unwrap().0.digest());
                 });
             }
@@ -580,37 +621,47 @@ fn points_are_located_within_little_memory_and_left_in_the_middle() {
     let built = CpuBackend::new().build(&scene.mesh(), &BuildOptions::default()).unwrap();
     let rays = through(&scene, DIRECTION, 512);
     let points: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
+    let free = LocateOptions::default();
+    let limited = |limit| LocateOptions { max_memory: Some(limit), ..free };
     for threads in [1, 4] {
         in_pool(threads, || {
             // The pool makes what it keeps.
-            drop(built.locate(&points[..300]));
-            let (bytes, located) = peak(|| built.locate(&points).unwrap());
+            drop(built.locate(&points[..300], &free));
+            let (bytes, located) = peak(|| built.locate(&points, &free).unwrap());
             assert!(located.windings.iter().all(|winding| winding.unwrap().abs() == 20_000));
             // Four bytes a crossing of a ray on its way, in room that doubles, and again while some
             // of it is there twice.
             assert!(bytes <= 4096 + threads * 3 * (128 << 10) + SLACK, "{bytes}");
-            let (bytes, refused) = peak(|| built.locate_watched(&points, Some(40_000), &()));
+            let (bytes, refused) = peak(|| built.locate(&points, &limited(40_000)));
             assert!(matches!(refused, Err(QueryError::OutOfMemory { limit: 40_000, .. })));
             assert!(bytes <= 40_000 + SLACK, "{bytes}");
         });
     }
     assert!(matches!(
-        built.locate_watched(&points, Some(4095), &()),
+        built.locate(&points, &limited(4095)),
         Err(QueryError::OutOfMemory { needed: 4096, limit: 4095 })
     ));
-    // In the middle of a point, by the CPU's way and by any accelerator's.
+    // In the middle of a point, by the CPU backend and by any accelerator's hits.
     let one = &points[..1];
-    let calls = ends_anywhere("a point", |watch| built.locate_watched(one, None, watch));
+    let calls = ends_anywhere("a point", |watch| {
+        built.locate(one, &LocateOptions { watch: Some(watch), ..free })
+    });
     assert!(calls > 5, "{calls}");
     let calls = ends_anywhere("a point along a ray", |watch| {
-        locate_along(&*built, one, DIRECTION, None, watch)
+        locate_along(&*built, one, DIRECTION, &LocateOptions { watch: Some(watch), ..free })
     });
     assert!(calls > 5, "{calls}");
     let watch = Ends::never();
-    let located = locate_along(&*built, &points[..9], DIRECTION, None, &watch).unwrap();
-    assert_eq!(located.windings, built.locate(&points[..9]).unwrap().windings);
+    let located = locate_along(
+        &*built,
+        &points[..9],
+        DIRECTION,
+        &LocateOptions { watch: Some(&watch), ..free },
+    )
+    .unwrap();
+    assert_eq!(located.windings, built.locate(&points[..9], &free).unwrap().windings);
     stages_in_order(&watch, &[(Stage::Rays, Some(9))]);
-    let error = locate_along(&*built, one, DIRECTION, Some(9_000), &()).unwrap_err();
+    let error = locate_along(&*built, one, DIRECTION, &limited(9_000)).unwrap_err();
     assert!(matches!(error, QueryError::OutOfMemory { needed, limit: 9_000 } if needed > 9_000));
 }
 
@@ -621,7 +672,7 @@ fn all_threads_together_stay_within_the_limit_of_all_hits() {
     let built = CpuBackend::new().build(&scene.mesh(), &BuildOptions::default()).unwrap();
     let rays = through(&scene, [0.25, 0.5, 1.0], 1024);
     let limit = 12 << 20;
-    let options = QueryOptions { max_memory: Some(limit), ..QueryOptions::default() };
+    let options = AllHitsOptions { max_memory: Some(limit), ..AllHitsOptions::default() };
     in_pool(4, || {
         drop(built.all_hits(&rays, &options));
         let (bytes, refused) = peak(|| built.all_hits(&rays, &options));
@@ -642,7 +693,9 @@ fn a_batch_of_few_rays_is_left_in_the_middle() {
         in_pool(1, || {
             let watch = Ends::never();
             let mut hits = vec![Hit::MISS; rays.len()];
-            built.closest_hits_watched(&rays, &mut hits, &options, &watch).unwrap();
+            built
+                .closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(&watch), ..options })
+                .unwrap();
             stages_in_order(&watch, &[(Stage::Rays, Some(4096))]);
             // 16 rays, 32, 64 and so on, or fewer.
             assert!(watch.calls() >= 11, "{}", watch.calls());

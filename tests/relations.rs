@@ -29,11 +29,11 @@ fn build(scene: &Scene, preset: Preset) -> CpuAccelerator {
     CpuBackend::new().build_accelerator(&scene.mesh(), &options).expect("a tree")
 }
 
-fn options(accuracy: Accuracy) -> QueryOptions {
+fn options(accuracy: Accuracy) -> QueryOptions<'static> {
     QueryOptions { accuracy, ..QueryOptions::default() }
 }
 
-fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+fn closest(built: &CpuAccelerator, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<Hit> {
     let mut hits = vec![Hit::MISS; rays.len()];
     built.closest_hits(rays, &mut hits, options).expect("equal lengths");
     hits
@@ -328,7 +328,7 @@ fn hits_do_not_depend_on_the_place() {
 
 /// All hits of a ray in the order in which a program finds them that asks for the next one again and
 /// again.
-fn in_turn(built: &CpuAccelerator, ray: &Ray, options: &QueryOptions) -> Vec<Hit> {
+fn in_turn(built: &CpuAccelerator, ray: &Ray, options: &QueryOptions<'_>) -> Vec<Hit> {
     let mut found = Vec::new();
     let mut from = *ray;
     while let Some(hit) = built.closest_hit(&from, options) {

@@ -1,6 +1,6 @@
 //! The build schedule as its executor sees it, pinned.
 
-use splitplane_core::backend::BuildError;
+use splitplane_core::backend::{BuildError, DeviceError};
 use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::schedule::{Executor, Trace, build};
@@ -67,7 +67,7 @@ impl Executor<TreeBuilder> for Failing {
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
         if kernel == self.at {
-            return Err(BuildError::Device("planted".into()));
+            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
         }
         self.ran.push(kernel);
         Ok(())

@@ -23,7 +23,7 @@ use splitplane_test_support::surfaces::{
 /// A way to make what is asked.
 struct Configuration {
     backend: Box<dyn Backend>,
-    options: BuildOptions,
+    options: BuildOptions<'static>,
     name: [String; 3],
 }
 

@@ -3,8 +3,8 @@
 use splitplane::scene::Scene;
 use splitplane::verify::{Report, check};
 use splitplane::{
-    Accelerator, AllHits, Backend, BuildOptions, BuildSummary, CpuBackend, Hit, KdTree, Mesh,
-    QueryError, QueryOptions, QueryReport, Ray,
+    Accelerator, AllHits, AllHitsOptions, Backend, BuildOptions, BuildSummary, CpuBackend, Hit,
+    KdTree, Mesh, QueryError, QueryOptions, QueryReport, Ray,
 };
 
 /// Answers of a sound accelerator, changed.
@@ -27,7 +27,7 @@ impl<F: Fn(&Ray, Hit) -> Hit + Send + Sync> Accelerator for Damaged<F> {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.sound.closest_hits(rays, hits, options)?;
         for (ray, hit) in rays.iter().zip(hits) {
@@ -39,7 +39,7 @@ impl<F: Fn(&Ray, Hit) -> Hit + Send + Sync> Accelerator for Damaged<F> {
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         let mut hits = vec![Hit::MISS; rays.len()];
         self.closest_hits(rays, &mut hits, options)?;
@@ -48,13 +48,13 @@ impl<F: Fn(&Ray, Hit) -> Hit + Send + Sync> Accelerator for Damaged<F> {
         }
         Ok(QueryReport::default())
     }
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         self.sound.all_hits(rays, options)
     }
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         (self.change)(ray, self.sound.closest_hit(ray, options).unwrap_or(Hit::MISS)).some()
     }
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         self.closest_hit(ray, options).is_some()
     }
 }

@@ -45,7 +45,7 @@ fn read<T: bytemuck::Pod>(path: &Path) -> Vec<T> {
 }
 
 /// The least time of each accuracy, in ns a ray.
-fn times(repeats: usize, rays: usize, mut run: impl FnMut(&QueryOptions)) -> [f64; 3] {
+fn times(repeats: usize, rays: usize, mut run: impl FnMut(&QueryOptions<'_>)) -> [f64; 3] {
     let start = Instant::now();
     let mut least = [f64::INFINITY; 3];
     for _ in 0..=repeats {

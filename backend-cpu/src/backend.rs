@@ -4,7 +4,7 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
 };
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
@@ -12,7 +12,7 @@ use splitplane_core::schedule;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh_while;
-use splitplane_core::watch::{Stage, Watch};
+use splitplane_core::watch::Stage;
 
 use crate::best;
 use crate::buffers::{Buffers, Memory, boxed};
@@ -65,30 +65,9 @@ impl CpuBackend {
     pub fn build_tree(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.tree_under(mesh, options, &UNWATCHED)
-    }
-
-    /// As [`CpuBackend::build_tree`], telling `watch` how far it is; `watch` may end it.
-    ///
-    /// # Errors
-    /// As for [`Backend::build_watched`].
-    pub fn build_tree_watched(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.tree_under(mesh, options, &Lookout::new(watch))
-    }
-
-    fn tree_under(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        look: &Lookout<'_>,
-    ) -> Result<(KdTree, BuildSummary), BuildError> {
+        let look = &Lookout::of(options.watch);
         self.with_built(mesh, options, look, |built| {
             Ok((copied(&built.tree, &built.memory, look)?, built.summary))
         })
@@ -101,32 +80,19 @@ impl CpuBackend {
     pub fn build_accelerator(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.build_under(mesh, options, &UNWATCHED, 0)
-    }
-
-    /// As [`CpuBackend::build_accelerator`], telling `watch` how far it is; `watch` may end it.
-    ///
-    /// # Errors
-    /// As for [`Backend::build_watched`].
-    pub fn build_accelerator_watched(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<CpuAccelerator, BuildError> {
-        self.build_under(mesh, options, &Lookout::new(watch), 0)
+        self.build_beside(mesh, options, 0)
     }
 
     /// Builds, while so many bytes of an accelerator are held that is to be replaced.
-    fn build_under(
+    fn build_beside(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        look: &Lookout<'_>,
+        options: &BuildOptions<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
+        let look = &Lookout::of(options.watch);
         self.with_built(mesh, options, look, |built| {
             let Built { tree, summary, triangles, mut memory, scratch } = built;
             begin_layout(look, &tree);
@@ -142,16 +108,22 @@ impl CpuBackend {
 
     /// As [`CpuBackend::build_accelerator`], into the memory of an accelerator that is no longer
     /// needed, whatever it was built over. Whoever rebuilds every frame saves the allocations. After
-    /// an error the accelerator is what it was.
+    /// an error the accelerator is what it was. For that, under a watch the query layout is made in new
+    /// memory, which counts towards the limit together with the old one.
     ///
     /// # Errors
     /// As for [`Backend::build`].
-    pub fn rebuild(
+    pub fn rebuild_accelerator(
         &self,
         accelerator: &mut CpuAccelerator,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
+        if options.watch.is_some() {
+            let old = accelerator.bytes();
+            *accelerator = self.build_beside(mesh, options, old)?;
+            return Ok(());
+        }
         self.with_built(mesh, options, &UNWATCHED, |built| {
             let Built { tree, summary, triangles, mut memory, scratch } = built;
             memory.take(scratch.bytes())?;
@@ -160,31 +132,13 @@ impl CpuBackend {
         })
     }
 
-    /// As [`CpuBackend::rebuild`], telling `watch` how far it is; `watch` may end it, and the accelerator is
-    /// then what it was. For that the query layout is made in new memory, which counts towards the limit
-    /// together with the old one.
-    ///
-    /// # Errors
-    /// As for [`Backend::build_watched`].
-    pub fn rebuild_watched(
-        &self,
-        accelerator: &mut CpuAccelerator,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<(), BuildError> {
-        let old = accelerator.bytes();
-        *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
-        Ok(())
-    }
-
     /// Builds a tree and hands it over. Where memory kept from
     /// earlier builds keeps this one from its limit, it is given back and all is done once more: what a
     /// limit allows does not depend on what was built before.
     fn with_built<T>(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
         look: &Lookout<'_>,
         mut then: impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
@@ -213,7 +167,7 @@ impl CpuBackend {
         &self,
         (kept, layout): &mut (Buffers, LayoutScratch),
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
         look: &Lookout<'_>,
         then: &mut impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
@@ -252,14 +206,13 @@ impl CpuBackend {
             triangles: counters[Counter::Triangles],
             config,
         };
-        let summary = BuildSummary {
-            triangles: counters[Counter::Triangles],
-            dropped: counters[Counter::Dropped],
-            snapped: counters[Counter::Snapped],
-            large_levels: totals.levels,
-            small_roots: totals.small_roots,
-            peak_bytes: memory.peak,
-        };
+        let mut summary = BuildSummary::default();
+        summary.triangles = counters[Counter::Triangles];
+        summary.dropped = counters[Counter::Dropped];
+        summary.snapped = counters[Counter::Snapped];
+        summary.large_levels = totals.levels;
+        summary.small_roots = totals.small_roots;
+        summary.peak_bytes = memory.peak;
         let triangles = &kept.triangles[..mesh.len()];
         then(Built { tree, summary, triangles, memory, scratch: layout })
     }
@@ -267,63 +220,48 @@ impl CpuBackend {
 
 impl Backend for CpuBackend {
     fn describe(&self) -> BackendInfo {
-        BackendInfo {
-            name: "cpu".into(),
-            adapter: None,
-            threads: Some(rayon::current_num_threads()),
-            detail: format!("instruction set {}", self.set.name()),
-        }
-    }
-
-    fn build(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        in_box(self.build_accelerator(mesh, options)?)
+        let mut info = BackendInfo::new("cpu");
+        info.threads = Some(rayon::current_num_threads());
+        info.detail = format!("instruction set {}", self.set.name());
+        info
     }
 
     /// Asks the watch after every few thousand triangles' worth of work, one thread at a time, so `done`
     /// never falls within a stage. Where a limit leaves no room for memory kept from earlier builds, that is
     /// given back, and the stages begin anew. A watch that panics takes its panic to the caller; backend, pool
     /// and accelerators stay fit for use.
-    fn build_watched(
+    fn build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        in_box(self.build_accelerator_watched(mesh, options, watch)?)
+        in_box(self.build_accelerator(mesh, options)?)
+    }
+
+    /// As [`CpuBackend::rebuild_accelerator`]; an accelerator of another backend is replaced.
+    fn rebuild(
+        &self,
+        accelerator: &mut Box<dyn Accelerator>,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), BuildError> {
+        let own = accelerator.as_any_mut().and_then(|any| any.downcast_mut::<CpuAccelerator>());
+        match own {
+            Some(own) => self.rebuild_accelerator(own, mesh, options),
+            None => {
+                *accelerator = self.build(mesh, options)?;
+                Ok(())
+            }
+        }
     }
 
     fn load(
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
-        options: &BuildOptions,
+        options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.load_under(mesh, tree, options, &UNWATCHED)
-    }
-
-    fn load_watched(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.load_under(mesh, tree, options, &Lookout::new(watch))
-    }
-}
-
-impl CpuBackend {
-    fn load_under(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &BuildOptions,
-        look: &Lookout<'_>,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let look = &Lookout::of(options.watch);
         // Each triangle is checked, then made ready.
         look.begin(Stage::Start, 2 * mesh.len() as u64);
         let wrong = |reason: String| BuildError::WrongMesh { reason };
@@ -355,14 +293,10 @@ impl CpuBackend {
             pieces.reduce(|| [0; 2], |one, other| [one[0] + other[0], one[1] + other[1]]);
         look.finish();
         look.check()?;
-        let summary = BuildSummary {
-            triangles: mesh.len() as u32,
-            dropped,
-            snapped,
-            large_levels: 0,
-            small_roots: 0,
-            peak_bytes: memory.peak,
-        };
+        let mut summary = BuildSummary::default();
+        summary.triangles = mesh.len() as u32;
+        (summary.dropped, summary.snapped) = (dropped, snapped);
+        summary.peak_bytes = memory.peak;
         begin_layout(look, &tree.view());
         let mut scratch = LayoutScratch::default();
         let source = Source { mesh, triangles: &triangles, layout: options.layout };

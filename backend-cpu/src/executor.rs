@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
-use splitplane_core::backend::BuildError;
+use splitplane_core::backend::{BuildError, DeviceError};
 use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
@@ -528,7 +528,11 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 core::mem::swap(&mut buffers.references, &mut buffers.next_references);
                 (Counter::ActiveReferences, Counter::NextReferences)
             }
-            _ => return Err(BuildError::Device(format!("{a:?} and {b:?} cannot be exchanged"))),
+            _ => {
+                return Err(BuildError::Device(DeviceError::Failed(format!(
+                    "{a:?} and {b:?} cannot be exchanged"
+                ))));
+            }
         };
         buffers.counters.words.swap(one as usize, other as usize);
         Ok(())

@@ -42,6 +42,11 @@ impl core::fmt::Debug for Watched<'_> {
 pub(crate) static UNWATCHED: Lookout<'static> = Lookout { watch: None };
 
 impl<'w> Lookout<'w> {
+    /// A lookout over work that somebody may watch.
+    pub fn of(watch: Option<&'w dyn Watch>) -> Lookout<'w> {
+        watch.map_or(Lookout { watch: None }, Lookout::new)
+    }
+
     /// A lookout over work that begins with this stage.
     pub fn new(watch: &'w dyn Watch) -> Lookout<'w> {
         let nothing = Progress { stage: Stage::Start, done: 0, total: 0 };

@@ -74,7 +74,8 @@ fn rebuilds_allocate_nothing() {
             pool.install(|| {
                 let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();
                 let digest = accelerator.tree().digest();
-                let mut rebuild = || backend.rebuild(&mut accelerator, &mesh, &options).unwrap();
+                let mut rebuild =
+                    || backend.rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
                 // The layout needs a list that a first build does not keep; rayon's queues grow now and then.
                 rebuild();
                 rebuild();
@@ -86,12 +87,16 @@ fn rebuilds_allocate_nothing() {
                 assert_eq!(accelerator.tree().digest(), digest);
 
                 // Seen to fail: a backend that has nothing to reuse, and one allocation in a rebuild.
-                let new = || CpuBackend::new().rebuild(&mut accelerator, &mesh, &options).unwrap();
+                let new = || {
+                    CpuBackend::new()
+                        .rebuild_accelerator(&mut accelerator, &mesh, &options)
+                        .unwrap()
+                };
                 let planted = allocations(new);
                 assert!(planted > 20, "{what}: {planted}");
                 let planted = allocations(|| {
                     drop(std::hint::black_box(vec![0u8; 100]));
-                    backend.rebuild(&mut accelerator, &mesh, &options).unwrap();
+                    backend.rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
                 });
                 assert!(planted > 0);
             });
@@ -114,14 +119,17 @@ fn best_allocates_little() {
             let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();
             let nodes = accelerator.tree().nodes.len();
             assert!(nodes > 3_000, "{nodes}");
-            let mut rebuild = || backend.rebuild(&mut accelerator, &mesh, &options).unwrap();
+            let mut rebuild =
+                || backend.rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
             rebuild();
             for _ in 0..3 {
                 let count = allocations(&mut rebuild);
                 let bytes = BYTES.load(Relaxed);
                 assert!(count < 100 && bytes < 1 << 15, "{layout:?}: {count} of {bytes} bytes");
             }
-            let new = || CpuBackend::new().rebuild(&mut accelerator, &mesh, &options).unwrap();
+            let new = || {
+                CpuBackend::new().rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap()
+            };
             let planted = allocations(new);
             let bytes = BYTES.load(Relaxed);
             assert!(planted > 0 && bytes > 1 << 20, "{planted} of {bytes} bytes");

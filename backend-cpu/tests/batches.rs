@@ -128,10 +128,10 @@ fn odd_trees_are_traced_like_others() {
                 config,
             };
             let mesh = Mesh::soup(&nothing).unwrap();
-            let empty = backend.load(&mesh, root(0, bounds(1.0)), &options).unwrap();
+            let empty = backend.load(&mesh, root(0, bounds(1.0)), &options.for_loading()).unwrap();
             let mesh = Mesh::soup(&triangles).unwrap();
-            let tight = backend.load(&mesh, root(9, bounds(3.0)), &options).unwrap();
-            let wide = backend.load(&mesh, root(9, bounds(most)), &options).unwrap();
+            let tight = backend.load(&mesh, root(9, bounds(3.0)), &options.for_loading()).unwrap();
+            let wide = backend.load(&mesh, root(9, bounds(most)), &options.for_loading()).unwrap();
             let query = QueryOptions::default();
             let trace = |tree: &dyn Accelerator| {
                 let mut hits = vec![Hit::MISS; rays.len()];

@@ -4,8 +4,10 @@
 use core::ops::ControlFlow;
 use std::sync::Mutex;
 
+use splitplane_core::all_hits::AllHitsOptions;
 use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::inside::LocateOptions;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
@@ -13,12 +15,13 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
+use splitplane_test_support::watch::goes_on;
 
-fn options(config: BuildConfig, layout: QueryLayout) -> BuildOptions {
-    BuildOptions { config, layout, max_memory: None }
+fn options(config: BuildConfig, layout: QueryLayout) -> BuildOptions<'static> {
+    BuildOptions { config, layout, ..BuildOptions::default() }
 }
 
-fn build(mesh: &Mesh<'_>, set: InstructionSet, options: &BuildOptions) -> CpuAccelerator {
+fn build(mesh: &Mesh<'_>, set: InstructionSet, options: &BuildOptions<'_>) -> CpuAccelerator {
     CpuBackend::with_instruction_set(set).build_accelerator(mesh, options).expect("a tree")
 }
 
@@ -67,14 +70,18 @@ fn compare(
             (any, singly)
         });
         assert!(a == b, "{what}: any");
-        let [a, b] = [one, other].map(|tree| tree.all_hits(&rays[..few], &options));
+        let QueryOptions { culling, ignore, .. } = options;
+        let crossings = AllHitsOptions { culling, ignore, ..AllHitsOptions::default() };
+        let [a, b] = [one, other].map(|tree| tree.all_hits(&rays[..few], &crossings));
         assert!(a == b, "{what}: all hits");
     }
     let points: Vec<_> = rays[..few]
         .iter()
         .map(|ray| [0, 1, 2].map(|k| ray.origin[k] + 0.5 * ray.direction[k]))
         .collect();
-    let [a, b] = [one, other].map(|tree| tree.locate(&points).map(|located| located.windings));
+    let [a, b] = [one, other].map(|tree| {
+        tree.locate(&points, &LocateOptions::default()).map(|located| located.windings)
+    });
     assert!(a == b, "{what}: inside");
     found
 }
@@ -210,17 +217,29 @@ fn keeps_to_a_limit() {
         assert_eq!(exactly.summary().peak_bytes, peak);
         let refused = |error: BuildError| assert!(matches!(error, BuildError::OutOfMemory { .. }));
         refused(CpuBackend::new().build_accelerator(&mesh, &limited(peak - 1)).unwrap_err());
-        refused(CpuBackend::new().rebuild(&mut built, &mesh, &limited(peak - 1)).unwrap_err());
-        let loaded = CpuBackend::new().load(&mesh, built.tree().clone(), &free).expect("its mesh");
+        refused(
+            CpuBackend::new()
+                .rebuild_accelerator(&mut built, &mesh, &limited(peak - 1))
+                .unwrap_err(),
+        );
+        let loaded = CpuBackend::new()
+            .load(&mesh, built.tree().clone(), &free.for_loading())
+            .expect("its mesh");
         let needed = loaded.summary().peak_bytes;
         assert!(needed >= loaded.query_bytes());
         let tree = built.tree().clone();
-        refused(CpuBackend::new().load(&mesh, tree, &limited(needed - 1)).map(drop).unwrap_err());
+        refused(
+            CpuBackend::new()
+                .load(&mesh, tree, &limited(needed - 1).for_loading())
+                .map(drop)
+                .unwrap_err(),
+        );
         // Both accelerators at once.
-        let watched = CpuBackend::new().rebuild_watched(&mut built, &mesh, &limited(peak), &());
+        let under = |limit| BuildOptions { watch: Some(&goes_on), ..limited(limit) };
+        let watched = CpuBackend::new().rebuild_accelerator(&mut built, &mesh, &under(peak));
         refused(watched.unwrap_err());
         let both = peak + built.query_bytes() + tree_bytes(&built);
-        let watched = CpuBackend::new().rebuild_watched(&mut built, &mesh, &limited(both), &());
+        let watched = CpuBackend::new().rebuild_accelerator(&mut built, &mesh, &under(both));
         watched.expect("enough");
     }
 }
@@ -247,13 +266,15 @@ fn rebuilt_and_loaded_ones_are_like_new() {
         let options = options(BuildConfig::default(), layout);
         let new = build(&mesh, set, &options);
         if round % 2 == 0 {
-            backend.rebuild(&mut built, &mesh, &options).expect("a tree");
+            backend.rebuild_accelerator(&mut built, &mesh, &options).expect("a tree");
         } else {
-            backend.rebuild_watched(&mut built, &mesh, &options, &()).expect("a tree");
+            let watched = BuildOptions { watch: Some(&goes_on), ..options };
+            backend.rebuild_accelerator(&mut built, &mesh, &watched).expect("a tree");
         }
         assert_eq!((built.layout(), built.query_bytes()), (layout, new.query_bytes()));
         compare(&built, &new, &rays, few, &format!("round {round}"));
-        let loaded = backend.load(&mesh, new.tree().clone(), &options).expect("its mesh");
+        let loaded =
+            backend.load(&mesh, new.tree().clone(), &options.for_loading()).expect("its mesh");
         assert_eq!(loaded.query_bytes(), new.query_bytes());
         let mut hits = [vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]];
         let both: [&dyn Accelerator; 2] = [&new, loaded.as_ref()];
@@ -289,8 +310,16 @@ fn a_watch_sees_layouts_made_and_may_end_them() {
         let watched = |at: usize, into: Option<&mut CpuAccelerator>| {
             let watch = Ends { at, told: Mutex::default() };
             let built = pool.install(|| match into {
-                Some(kept) => backend.rebuild_watched(kept, &mesh, &options, &watch).map(|()| None),
-                None => backend.build_accelerator_watched(&mesh, &options, &watch).map(Some),
+                Some(kept) => backend
+                    .rebuild_accelerator(
+                        kept,
+                        &mesh,
+                        &BuildOptions { watch: Some(&watch), ..options },
+                    )
+                    .map(|()| None),
+                None => backend
+                    .build_accelerator(&mesh, &BuildOptions { watch: Some(&watch), ..options })
+                    .map(Some),
             });
             (built, watch.told.into_inner().expect("no panics"))
         };

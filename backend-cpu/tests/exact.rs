@@ -21,13 +21,13 @@ use splitplane_test_support::scenes::{self, Scene};
 
 const EXACT: QueryOptions = options(Culling::None, None);
 
-const fn options(culling: Culling, ignore: Option<u32>) -> QueryOptions {
+const fn options(culling: Culling, ignore: Option<u32>) -> QueryOptions<'static> {
     QueryOptions {
         accuracy: Accuracy::Exact,
         culling,
         ignore,
         undecided: splitplane_core::ray::Undecided::Redo,
-        max_memory: None,
+        watch: None,
     }
 }
 
@@ -43,7 +43,7 @@ fn build(scene: &Scene, set: InstructionSet) -> CpuAccelerator {
         .expect("a tree")
 }
 
-fn closest(tree: &dyn Accelerator, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+fn closest(tree: &dyn Accelerator, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<Hit> {
     let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
     let mut hits = vec![stale; rays.len()];
     tree.closest_hits(rays, &mut hits, options).expect("equal lengths");
@@ -55,7 +55,7 @@ fn bits(hit: &Hit) -> [u32; 4] {
 }
 
 /// How a hit differs from what the oracle says, in words.
-fn fault(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: &Hit) -> Option<String> {
+fn fault(oracle: &Oracle, ray: &Ray, options: &QueryOptions<'_>, hit: &Hit) -> Option<String> {
     let Some(Nearest { t, triangle }) = oracle.nearest(ray, options) else {
         return (bits(hit) != bits(&Hit::MISS)).then(|| "should be a miss".into());
     };
@@ -73,7 +73,7 @@ fn fault(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: &Hit) -> Optio
 }
 
 /// The faults among the hits of a batch.
-fn faults(oracle: &Oracle, rays: &[Ray], options: &QueryOptions, hits: &[Hit]) -> Vec<String> {
+fn faults(oracle: &Oracle, rays: &[Ray], options: &QueryOptions<'_>, hits: &[Hit]) -> Vec<String> {
     rays.par_iter()
         .zip(hits)
         .filter_map(|(ray, hit)| {

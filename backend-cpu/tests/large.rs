@@ -92,7 +92,7 @@ fn bits(hits: &[Hit]) -> Vec<[u32; 4]> {
 }
 
 /// What is asked, and the closest hits that are the answer.
-type Question = (QueryOptions, Vec<Hit>);
+type Question = (QueryOptions<'static>, Vec<Hit>);
 
 fn questions(name: &str, triangles: &[Triangle], rays: &[Ray]) -> Vec<Question> {
     let one_leaf = OneLeaf::new(&Mesh::soup(triangles).expect("a mesh"));

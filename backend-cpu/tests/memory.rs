@@ -9,6 +9,7 @@ use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::scenes::{self, Scene};
+use splitplane_test_support::watch::goes_on;
 
 /// Counts bytes that are allocated now, and the most that were; and refuses large requests, once so many
 /// have been granted.
@@ -84,8 +85,8 @@ fn scenes() -> [Scene; 4] {
     [sphere, soup, scenes::identical(100_000), scenes::giants()]
 }
 
-fn options(preset: Preset, layout: QueryLayout) -> BuildOptions {
-    BuildOptions { config: BuildConfig::preset(preset), layout, max_memory: None }
+fn options(preset: Preset, layout: QueryLayout) -> BuildOptions<'static> {
+    BuildOptions { layout, ..BuildConfig::preset(preset).into() }
 }
 
 /// Everything that is built, with what it took.
@@ -140,11 +141,11 @@ fn limits_are_held_to_the_byte() {
         let new = || CpuBackend::with_instruction_set(set);
         let backend = new();
         let mut kept = backend.build_accelerator(&mesh, &options).expect("no limit");
-        new().rebuild(&mut kept, &mesh, &options).expect("no limit");
+        new().rebuild_accelerator(&mut kept, &mesh, &options).expect("no limit");
         let least = kept.summary().peak_bytes;
         for (limit, enough) in [(least, true), (least - 1, false), (least, true)] {
             let options = BuildOptions { max_memory: Some(limit), ..options };
-            match backend.rebuild(&mut kept, &mesh, &options) {
+            match backend.rebuild_accelerator(&mut kept, &mesh, &options) {
                 Ok(()) => assert!(enough, "{what}"),
                 Err(error) => {
                     assert!(!enough, "{what}: {error}");
@@ -211,7 +212,7 @@ fn where_there_is_no_memory_nothing_is_lost() {
             // The builder's memory is there, so that it is the layout's that is refused.
             pool.install(|| backend.build_tree(&after, &second)).expect("no limit");
             GRANTED.store(refused, Relaxed);
-            let rebuilt = pool.install(|| backend.rebuild(&mut built, &after, &second));
+            let rebuilt = pool.install(|| backend.rebuild_accelerator(&mut built, &after, &second));
             GRANTED.store(i64::MAX, Relaxed);
             let Err(error) = rebuilt else { break built };
             let BuildError::OutOfMemory { needed, limit } = error else { panic!("{error}") };
@@ -278,11 +279,13 @@ fn a_smaller_tree_counts_with_its_room() {
         let large = CpuBackend::new().build_accelerator(&large.mesh(), &options);
         let mut built = large.expect("no limit");
         let room = HELD.load(Relaxed) - before;
-        CpuBackend::new().rebuild(&mut built, &small.mesh(), &options).expect("no limit");
+        CpuBackend::new()
+            .rebuild_accelerator(&mut built, &small.mesh(), &options)
+            .expect("no limit");
         assert!(HELD.load(Relaxed) - before >= room - room / 50, "rebuilds keep what they have");
         let watched = |built: &mut CpuAccelerator, limit| {
-            let options = BuildOptions { max_memory: limit, ..options };
-            CpuBackend::new().rebuild_watched(built, &small.mesh(), &options, &())
+            let options = BuildOptions { max_memory: limit, watch: Some(&goes_on), ..options };
+            CpuBackend::new().rebuild_accelerator(built, &small.mesh(), &options)
         };
         let refused = watched(&mut built, Some(room as u64)).expect_err("not both");
         assert!(matches!(refused, BuildError::OutOfMemory { .. }), "{refused}");

@@ -20,19 +20,21 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use splitplane_core::all_hits::AllHits;
+use splitplane_core::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::backend::{
     Accelerator, Backend, BuildError, BuildOptions, QueryError, QueryLayout,
 };
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::file::{self, TreeFile};
-use splitplane_core::inside::{self, DIRECTION, locate_along};
+use splitplane_core::inside::{self, DIRECTION, LocateOptions, locate_along};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
+use splitplane_core::watch::Watch;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim;
 use splitplane_test_support::scenes::{self, Scene};
+use splitplane_test_support::watch::goes_on;
 
 /// Bytes that a thread pool asks for at most at a time.
 const SHARED: usize = 4 << 10;
@@ -195,7 +197,9 @@ fn refusals<T, E: Error>(
     })
 }
 
-fn options(preset: Preset, layout: QueryLayout) -> BuildOptions {
+const LIMITS: LocateOptions<'_> = LocateOptions { max_memory: None, watch: None };
+
+fn options(preset: Preset, layout: QueryLayout) -> BuildOptions<'static> {
     BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(preset)) }
 }
 
@@ -217,7 +221,7 @@ struct Expected {
 }
 
 impl Expected {
-    fn of(scene: &Scene, options: &BuildOptions) -> Expected {
+    fn of(scene: &Scene, options: &BuildOptions<'_>) -> Expected {
         let built = CpuBackend::new().build(&scene.mesh(), options).expect("memory");
         let rays = some_rays(&scene.mesh());
         let hits = hits(&*built, &rays);
@@ -349,10 +353,10 @@ fn rebuilds_say_so_and_change_nothing() {
                         let mut kept = lock();
                         let backend = CpuBackend::new();
                         let mesh = after.mesh();
-                        refuse.during(|| match *is_watched {
-                            true => backend.rebuild_watched(&mut kept, &mesh, &second, &()),
-                            false => backend.rebuild(&mut kept, &mesh, &second),
-                        })?;
+                        let watch: Option<&dyn Watch> =
+                            if *is_watched { Some(&goes_on) } else { None };
+                        let second = BuildOptions { watch, ..second };
+                        refuse.during(|| backend.rebuild_accelerator(&mut kept, &mesh, &second))?;
                         assert!(new.is(&*kept), "{what}: {refuse:?}");
                         *kept = backend.build_accelerator(&before.mesh(), &first).expect("memory");
                         Ok::<_, BuildError>(())
@@ -386,7 +390,7 @@ fn loads_say_so() {
                 least,
                 |refuse| {
                     let (backend, tree) = (CpuBackend::new(), expected.tree.clone());
-                    refuse.during(|| backend.load(&mesh, tree, &options))
+                    refuse.during(|| backend.load(&mesh, tree, &options.for_loading()))
                 },
                 |loaded| expected.is(&**loaded),
                 || true,
@@ -401,7 +405,7 @@ fn loads_say_so() {
                     let backend = CpuBackend::new();
                     refuse.during(|| {
                         let file = TreeFile::parse(bytemuck::cast_slice(&words)).expect("a tree");
-                        backend.load(&mesh, file.tree.to_tree()?, &options)
+                        backend.load(&mesh, file.tree.to_tree()?, &options.for_loading())
                     })
                 },
                 |loaded| expected.is(&**loaded),
@@ -425,7 +429,7 @@ fn through(scene: &Scene, direction: [f32; 3], count: usize) -> Vec<Ray> {
 #[test]
 fn all_hits_say_so() {
     let _alone = alone();
-    let options = QueryOptions::default();
+    let options = AllHitsOptions::default();
     let scenes = [small(), scenes::identical(2_000)];
     for (scene, layout) in scenes.iter().flat_map(|scene| LAYOUTS.map(|layout| (scene, layout))) {
         let built = CpuBackend::new()
@@ -474,25 +478,25 @@ fn points_say_so() {
         let mut points: Vec<[f32; 3]> =
             (0..200).map(|i| [i as f32 / 80.0 - 1.2, 0.1, 0.2 - i as f32 / 300.0]).collect();
         points.extend(through(scene, DIRECTION, 4).iter().map(|ray| ray.origin));
-        let expected = built.locate(&points).expect("memory");
+        let expected = built.locate(&points, &LIMITS).expect("memory");
         let is_right = |located: &inside::Located| *located == expected;
-        let is_unchanged = || built.locate(&points[..5]).is_ok();
+        let is_unchanged = || built.locate(&points[..5], &LIMITS).is_ok();
         for (threads, least) in [(1, 1), (2, SHARED)] {
             let what = format!("{}, {layout:?}, {threads} threads", scene.name);
-            let work = |refuse: &Refuse| refuse.during(|| built.locate(&points));
+            let work = |refuse: &Refuse| refuse.during(|| built.locate(&points, &LIMITS));
             let requests = refusals(&what, threads, least, work, is_right, is_unchanged);
             assert!(threads == 2 || requests > 3, "{what}: {requests}");
         }
         let work = |refuse: &Refuse| {
-            refuse.during(|| inside::one_by_one(&tree, &triangles[..], &points, None, &()))
+            refuse.during(|| inside::one_by_one(&tree, &triangles[..], &points, &LIMITS))
         };
         assert!(refusals("one by one", 1, 1, work, is_right, is_unchanged) > 1);
         let few = &points[points.len() - 8..];
-        let expected = built.locate(few).expect("memory");
+        let expected = built.locate(few, &LIMITS).expect("memory");
         // Its batches of any hits are not the first of their thread.
         let work = |refuse: &Refuse| {
-            locate_along(&built, few, DIRECTION, None, &()).expect("memory");
-            refuse.during(|| locate_along(&built, few, DIRECTION, None, &()))
+            locate_along(&built, few, DIRECTION, &LIMITS).expect("memory");
+            refuse.during(|| locate_along(&built, few, DIRECTION, &LIMITS))
         };
         let is_right = |located: &inside::Located| *located == expected;
         assert!(refusals("along a ray", 1, 1, work, is_right, is_unchanged) > 8);

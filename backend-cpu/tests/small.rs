@@ -65,7 +65,7 @@ fn every_way_gives_the_same_hits() {
             let options = BuildOptions { layout, ..BuildOptions::default() };
             let mut built = backend.build_accelerator(&mesh, &options).unwrap();
             // Once more in the memory that is there.
-            backend.rebuild(&mut built, &mesh, &options).unwrap();
+            backend.rebuild_accelerator(&mut built, &mesh, &options).unwrap();
             let (tree, scene) = (built.tree().view(), built.scene_scale());
             for accuracy in [Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact] {
                 let options = QueryOptions { accuracy, ..Default::default() };

@@ -3,9 +3,11 @@
 //! each value a place of its own: `cargo test --profile dev -p splitplane-cpu --test stack`. With 384 KiB it is seen to
 //! overflow there.
 
+use splitplane_core::all_hits::AllHitsOptions;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, Preset};
 use splitplane_core::exact;
+use splitplane_core::inside::LocateOptions;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::stats::TreeStats;
 use splitplane_core::traverse;
@@ -13,6 +15,7 @@ use splitplane_core::validate::validate;
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
+use splitplane_test_support::watch::goes_on;
 
 /// Bytes of a thread's stack.
 const STACK: usize = 512 << 10;
@@ -31,7 +34,7 @@ fn rays(scene: &Scene) -> Vec<Ray> {
 }
 
 /// Core's answer.
-fn reference(scene: &Scene, built: &CpuAccelerator, ray: &Ray, options: &QueryOptions) -> Hit {
+fn reference(scene: &Scene, built: &CpuAccelerator, ray: &Ray, options: &QueryOptions<'_>) -> Hit {
     let (tree, mesh) = (built.tree().view(), scene.mesh());
     let hit = match options.accuracy {
         Accuracy::Exact => exact::closest_hit(&tree, &mesh, ray, options),
@@ -48,7 +51,8 @@ fn ask(scene: &Scene, built: &CpuAccelerator, rays: &[Ray]) -> usize {
         let options = QueryOptions { accuracy, culling, ..QueryOptions::default() };
         let what = (&scene.name, built.instruction_set(), built.layout(), accuracy);
         let mut hits = vec![Hit::MISS; rays.len()];
-        built.closest_hits_watched(rays, &mut hits, &options, &()).expect("equal lengths");
+        let watched = QueryOptions { watch: Some(&goes_on), ..options };
+        built.closest_hits(rays, &mut hits, &watched).expect("equal lengths");
         let mut any = vec![false; rays.len()];
         built.any_hits(rays, &mut any, &options).expect("equal lengths");
         for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
@@ -63,10 +67,13 @@ fn ask(scene: &Scene, built: &CpuAccelerator, rays: &[Ray]) -> usize {
         found += any.iter().filter(|&&any| any).count();
     }
     let few: Vec<Ray> = rays.iter().step_by(9).copied().collect();
-    let all = built.all_hits(&few, &QueryOptions::default()).expect("no limit");
+    let all = built.all_hits(&few, &AllHitsOptions::default()).expect("no limit");
     assert_eq!(all.rays(), few.len());
     let points: Vec<_> = few.iter().map(|ray| ray.origin).collect();
-    assert_eq!(built.locate(&points).expect("no limit").windings.len(), points.len());
+    assert_eq!(
+        built.locate(&points, &LocateOptions::default()).expect("no limit").windings.len(),
+        points.len()
+    );
     found
 }
 
@@ -79,16 +86,17 @@ fn on_little_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 /// Builds, rebuilds, loads and asks, in both layouts; the depth of the tree.
 fn check(scene: &Scene, set: InstructionSet, config: BuildConfig, rays: &[Ray]) -> u32 {
     let (mesh, backend) = (scene.mesh(), CpuBackend::with_instruction_set(set));
-    let layout = |layout| BuildOptions { config, layout, max_memory: None };
+    let layout = |layout| BuildOptions { config, layout, ..BuildOptions::default() };
     let (fast, compact) = (layout(QueryLayout::Fast), layout(QueryLayout::Compact));
     let mut built = backend.build_accelerator(&mesh, &fast).expect("a tree");
     validate(&built.tree().view()).expect("a valid tree");
     let found = ask(scene, &built, rays);
     // A third at least, of three accuracies.
     assert!(found > rays.len(), "{found} of {} rays", rays.len());
-    let loaded = backend.load(&mesh, built.tree().clone(), &compact).expect("its tree");
+    let loaded =
+        backend.load(&mesh, built.tree().clone(), &compact.for_loading()).expect("its tree");
     assert_eq!(loaded.tree().digest(), built.tree().digest());
-    backend.rebuild(&mut built, &mesh, &compact).expect("a tree");
+    backend.rebuild_accelerator(&mut built, &mesh, &compact).expect("a tree");
     assert_eq!(ask(scene, &built, rays), found);
     TreeStats::of(&built.tree().view()).max_depth
 }

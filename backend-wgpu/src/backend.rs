@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, go_on,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions, go_on,
 };
 use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::{Buffer, Kernel};
@@ -13,7 +13,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh_while;
-use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_core::watch::{Progress, Stage};
 
 use crate::build::buffers::Buffers;
 use crate::build::capacities::Capacities;
@@ -149,20 +149,21 @@ impl WgpuBackend {
     pub fn build_on_device(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<DeviceBuild, BuildError> {
-        self.submit_build(mesh, options)?.wait()
+        self.submit_build(mesh, options)?.wait_watched(options.watch)
     }
 
     /// Sends the mesh, submits the build and returns at once; [`PendingBuild::poll`] gives the tree
-    /// when it is done. Trees built before can be queried meanwhile.
+    /// when it is done. Trees built before can be queried meanwhile. The options' watch is not asked:
+    /// [`PendingBuild::cancel`] gives the build up.
     ///
     /// # Errors
     /// As for [`Backend::build`].
     pub fn submit_build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<PendingBuild, BuildError> {
         self.submit(&Source::Host(*mesh), options, false, false)
     }
@@ -175,7 +176,7 @@ impl WgpuBackend {
     pub fn submit_build_from(
         &self,
         mesh: &DeviceMesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<PendingBuild, BuildError> {
         self.submit(&Source::Device(*mesh), options, false, false)
     }
@@ -183,7 +184,7 @@ impl WgpuBackend {
     fn submit(
         &self,
         source: &Source<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
         tree_to_host: bool,
         profiled: bool,
     ) -> Result<PendingBuild, BuildError> {
@@ -198,9 +199,9 @@ impl WgpuBackend {
     pub fn build_profiled(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<DeviceBuild, BuildError> {
-        self.submit(&Source::Host(*mesh), options, false, true)?.wait()
+        self.submit(&Source::Host(*mesh), options, false, true)?.wait_watched(options.watch)
     }
 
     /// Gives the buffers of a tree that is no longer needed to the next build. Whoever rebuilds every
@@ -216,34 +217,16 @@ impl WgpuBackend {
     }
 
     /// Builds a tree on the device, with copies of tree and corners in host memory; the accelerator
-    /// by its own type.
+    /// by its own type. The host's copy of the corners is made while the device builds.
     ///
     /// # Errors
     /// As for [`Backend::build`].
     pub fn build_accelerator(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<WgpuAccelerator, BuildError> {
-        let mut triangles = host::room(mesh.len(), CORNERS)?;
-        let mut pending = self.submit(&Source::Host(*mesh), options, true, false)?;
-        // Meanwhile the device builds.
-        triangles.extend((0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners));
-        let built = pending.wait()?;
-        Ok(self.accelerator(built, triangles))
-    }
-
-    /// As [`WgpuBackend::build_accelerator`], telling `watch` how far it is; `watch` may end it. The host's
-    /// copy of the corners is made while the device builds.
-    ///
-    /// # Errors
-    /// As for [`Backend::build_watched`].
-    pub fn build_accelerator_watched(
-        &self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<WgpuAccelerator, BuildError> {
+        let watch = options.watch;
         let start = |done: usize| Progress {
             stage: Stage::Start,
             done: done as u64,
@@ -262,6 +245,24 @@ impl WgpuBackend {
         }
         let built = pending.wait_watched(watch)?;
         Ok(self.accelerator(built, triangles))
+    }
+
+    /// As [`WgpuBackend::build_accelerator`], in place of an accelerator that is no longer needed, whose
+    /// buffers the next build of this backend gets. After an error the accelerator is what it was: the
+    /// memory of both is held for a while.
+    ///
+    /// # Errors
+    /// As for [`Backend::build`].
+    pub fn rebuild_accelerator(
+        &self,
+        accelerator: &mut WgpuAccelerator,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), BuildError> {
+        let built = self.build_accelerator(mesh, options)?;
+        let old = core::mem::replace(accelerator, built);
+        self.recycle(old.into_device_tree());
+        Ok(())
     }
 
     fn accelerator(&self, built: DeviceBuild, triangles: Vec<Triangle>) -> WgpuAccelerator {
@@ -319,54 +320,51 @@ impl Backend for WgpuBackend {
     fn describe(&self) -> BackendInfo {
         let info = self.shared.gpu.info();
         let driver = format!("{} {}", info.driver, info.driver_info);
-        BackendInfo {
-            name: "wgpu".into(),
-            adapter: Some(info.name.clone()),
-            threads: None,
-            detail: format!(
-                "{}, driver {}, parity {}",
-                info.backend.to_str(),
-                driver.trim(),
-                self.parity.as_ref().map_or("not tested", Parity::name)
-            ),
-        }
+        let mut described = BackendInfo::new("wgpu");
+        described.adapter = Some(info.name.clone());
+        described.detail = format!(
+            "{}, driver {}, parity {}",
+            info.backend.to_str(),
+            driver.trim(),
+            self.parity.as_ref().map_or("not tested", Parity::name)
+        );
+        described
     }
 
-    /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree.
+    /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree. Asks the
+    /// watch while the mesh is made ready, then every half a millisecond while the device builds.
     fn build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         Ok(Box::new(self.build_accelerator(mesh, options)?))
     }
 
-    /// Asks the watch while the mesh is made ready, then every half a millisecond while the device builds.
-    fn build_watched(
+    /// As [`WgpuBackend::rebuild_accelerator`]; an accelerator of another backend is replaced.
+    fn rebuild(
         &self,
+        accelerator: &mut Box<dyn Accelerator>,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
-        Ok(Box::new(self.build_accelerator_watched(mesh, options, watch)?))
+        options: &BuildOptions<'_>,
+    ) -> Result<(), BuildError> {
+        let own = accelerator.as_any_mut().and_then(|any| any.downcast_mut::<WgpuAccelerator>());
+        match own {
+            Some(own) => self.rebuild_accelerator(own, mesh, options),
+            None => {
+                *accelerator = self.build(mesh, options)?;
+                Ok(())
+            }
+        }
     }
 
     fn load(
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
-        options: &BuildOptions,
+        options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.load_watched(mesh, tree, options, &())
-    }
-
-    fn load_watched(
-        &self,
-        mesh: &Mesh<'_>,
-        tree: KdTree,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        let watch = options.watch;
         // Each triangle is checked, then made ready.
         let total = 2 * mesh.len() as u64;
         let ask = |done: u64| go_on(watch, Progress { stage: Stage::Start, done, total });
@@ -387,8 +385,8 @@ impl Backend for WgpuBackend {
         {
             return Err(BuildError::OutOfMemory { needed, limit });
         }
-        let mut summary =
-            BuildSummary { triangles: mesh.len() as u32, peak_bytes: needed, ..Default::default() };
+        let mut summary = BuildSummary::default();
+        (summary.triangles, summary.peak_bytes) = (mesh.len() as u32, needed);
         let mut triangles = host::room(mesh.len(), CORNERS)?;
         for i in 0..mesh.len() {
             let Prepared { corners, kept, snapped } = prepare(&mesh.triangle(i));

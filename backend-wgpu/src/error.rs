@@ -1,6 +1,6 @@
 //! What can go wrong on a device.
 
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::backend::{BuildError, DeviceError, QueryError};
 use thiserror::Error;
 
 use crate::bounded::DriverLimit;
@@ -136,42 +136,40 @@ impl GpuError {
     }
 }
 
-impl From<GpuError> for BuildError {
-    fn from(error: GpuError) -> BuildError {
-        match error {
-            GpuError::Lost { reason } => BuildError::DeviceLost { reason },
+impl GpuError {
+    /// The error of a build or a query, but for the system's own memory, of which those have errors: so many
+    /// bytes were asked for.
+    fn into_device_error(self) -> Result<DeviceError, u64> {
+        Ok(match self {
+            GpuError::Lost { reason } => DeviceError::Lost { reason },
             GpuError::Limit { what, limit, needed, allowed } => {
-                BuildError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
+                DeviceError::Limit { what, limit: limit.to_owned(), needed, allowed }
             }
-            GpuError::OutOfMemory { what, needed } => BuildError::DeviceMemory { what, needed },
-            GpuError::HostMemory { needed, .. } => {
-                BuildError::OutOfMemory { needed, limit: needed }
-            }
-            GpuError::TimedOut { seconds } => BuildError::DeviceTimedOut { seconds },
+            GpuError::OutOfMemory { what, needed } => DeviceError::OutOfMemory { what, needed },
+            GpuError::HostMemory { needed, .. } => return Err(needed),
+            GpuError::TimedOut { seconds } => DeviceError::TimedOut { seconds },
             GpuError::Shader { .. }
             | GpuError::DriverLimit { .. }
             | GpuError::Unfinished { .. }
-            | GpuError::Refused(_) => BuildError::Device(error.to_string()),
+            | GpuError::Refused(_) => DeviceError::Failed(self.to_string()),
+        })
+    }
+}
+
+impl From<GpuError> for BuildError {
+    fn from(error: GpuError) -> BuildError {
+        match error.into_device_error() {
+            Ok(error) => BuildError::Device(error),
+            Err(needed) => BuildError::OutOfMemory { needed, limit: needed },
         }
     }
 }
 
 impl From<GpuError> for QueryError {
     fn from(error: GpuError) -> QueryError {
-        match error {
-            GpuError::Lost { reason } => QueryError::DeviceLost { reason },
-            GpuError::Limit { what, limit, needed, allowed } => {
-                QueryError::DeviceLimit { what, limit: limit.to_owned(), needed, allowed }
-            }
-            GpuError::OutOfMemory { what, needed } => QueryError::DeviceMemory { what, needed },
-            GpuError::HostMemory { needed, .. } => {
-                QueryError::OutOfMemory { needed, limit: needed }
-            }
-            GpuError::TimedOut { seconds } => QueryError::DeviceTimedOut { seconds },
-            GpuError::Shader { .. }
-            | GpuError::DriverLimit { .. }
-            | GpuError::Unfinished { .. }
-            | GpuError::Refused(_) => QueryError::Device(error.to_string()),
+        match error.into_device_error() {
+            Ok(error) => QueryError::Device(error),
+            Err(needed) => QueryError::OutOfMemory { needed, limit: needed },
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
-use splitplane_core::backend::{BuildError, BuildOptions};
+use splitplane_core::backend::{BuildError, BuildOptions, DeviceError};
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -199,8 +199,8 @@ fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
     let triangles = triangles();
     let soup = Mesh::soup(&triangles).map_err(|error| GpuError::Refused(error.to_string()))?;
     let refused = |error| match error {
-        BuildError::DeviceLost { reason } => GpuError::Lost { reason },
-        BuildError::DeviceTimedOut { seconds } => GpuError::TimedOut { seconds },
+        BuildError::Device(DeviceError::Lost { reason }) => GpuError::Lost { reason },
+        BuildError::Device(DeviceError::TimedOut { seconds }) => GpuError::TimedOut { seconds },
         other => GpuError::Refused(other.to_string()),
     };
     let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;

@@ -4,7 +4,9 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, BuildSummary};
+use splitplane_core::backend::{
+    Accelerator, Backend, BuildError, BuildOptions, BuildSummary, DeviceError,
+};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
@@ -362,7 +364,7 @@ fn memory_that_is_not_allowed_is_not_taken() {
 fn a_scene_over_the_limits_of_the_device_is_refused_by_name() {
     let backend = fresh();
     let limit_of = |mesh: &Mesh<'_>| match backend.build_on_device(mesh, &BuildOptions::default()) {
-        Err(BuildError::DeviceLimit { what, limit, needed, allowed }) => {
+        Err(BuildError::Device(DeviceError::Limit { what, limit, needed, allowed })) => {
             assert_eq!((limit.as_str(), allowed), ("max_storage_buffer_binding_size", 128 << 20));
             assert!(needed > allowed, "{what}: {needed}");
             (what, needed)
@@ -400,7 +402,7 @@ fn a_scene_that_grows_over_the_limits_is_refused_by_name() {
     // Triangles that all cross one another: nearly every plane cuts nearly all.
     let scene = scenes::soup(3_000, 5.0, 25);
     match backend.build_on_device(&scene.mesh(), &BuildOptions::default()) {
-        Err(BuildError::DeviceLimit { limit, needed, allowed: there, .. }) => {
+        Err(BuildError::Device(DeviceError::Limit { limit, needed, allowed: there, .. })) => {
             assert_eq!((limit.as_str(), there), ("max_storage_buffer_binding_size", allowed));
             assert!(needed > allowed);
         }
@@ -422,7 +424,11 @@ fn what_wgpu_refuses_is_an_error_on_a_device_of_the_host() {
     let other = other.build_on_device(&large.mesh(), &BuildOptions::default()).unwrap();
     backend.recycle(other.tree);
     let refused = backend.build_on_device(&small.mesh(), &BuildOptions::default());
-    assert!(matches!(refused, Err(BuildError::Device(_))), "{:?}", refused.err());
+    assert!(
+        matches!(refused, Err(BuildError::Device(DeviceError::Failed(_)))),
+        "{:?}",
+        refused.err()
+    );
     check(&backend, &small, BuildConfig::default());
 }
 
@@ -531,7 +537,7 @@ fn a_tree_of_the_cpu_answers_like_one_built_here() {
         let mesh = scene.mesh();
         let rays = Rays::at(&scene, 400);
         let (tree, summary) = expected(&scene, BuildConfig::default());
-        let loaded = backend.load(&mesh, tree.clone(), &options).unwrap();
+        let loaded = backend.load(&mesh, tree.clone(), &options.for_loading()).unwrap();
         let built = Backend::build(&backend, &mesh, &options).unwrap();
         rays.check_accelerator(&*loaded, &format!("{}, loaded", scene.name));
         rays.check_accelerator(&*built, &format!("{}, built", scene.name));
@@ -562,16 +568,18 @@ fn a_tree_is_not_loaded_for_another_mesh_nor_into_too_little_memory() {
         ("fewer", fewer.mesh(), tree.clone()),
         ("broken", scene.mesh(), broken),
     ] {
-        match backend.load(&mesh, tree, &options) {
+        match backend.load(&mesh, tree, &options.for_loading()) {
             Err(BuildError::WrongMesh { reason }) => assert!(!reason.is_empty()),
             Err(other) => panic!("{what}: {other}"),
             Ok(_) => panic!("{what} is loaded"),
         }
     }
     let little = BuildOptions { max_memory: Some(1000), ..options };
-    let Err(error) = backend.load(&scene.mesh(), tree.clone(), &little) else { panic!("loaded") };
+    let Err(error) = backend.load(&scene.mesh(), tree.clone(), &little.for_loading()) else {
+        panic!("loaded")
+    };
     assert!(matches!(error, BuildError::OutOfMemory { needed, limit: 1000 } if needed > 1000));
-    backend.load(&scene.mesh(), tree, &options).expect("the right mesh");
+    backend.load(&scene.mesh(), tree, &options.for_loading()).expect("the right mesh");
 }
 
 #[test]

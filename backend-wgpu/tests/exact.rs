@@ -28,7 +28,7 @@ const EXACT: QueryOptions = QueryOptions {
     culling: Culling::None,
     ignore: None,
     undecided: Undecided::Redo,
-    max_memory: None,
+    watch: None,
 };
 const FLAG: QueryOptions = QueryOptions { undecided: Undecided::Flag, ..EXACT };
 const STALE: Hit = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
@@ -66,18 +66,18 @@ impl Case {
         Case { name: scene.name.clone(), tree, triangles, scale: *built.scene_scale(), device }
     }
 
-    fn exact(&self, ray: &Ray, options: &QueryOptions) -> Hit {
+    fn exact(&self, ray: &Ray, options: &QueryOptions<'_>) -> Hit {
         let hit = exact::closest_hit(&self.tree.view(), &self.triangles[..], ray, options);
         hit.unwrap_or(Hit::MISS)
     }
 
-    fn twin(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+    fn twin(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
         certify::trace::<Strict>(&tree, triangles, &self.scale, ray, options, query)
     }
 
     /// What the device itself says.
-    fn marked(&self, rays: &[Ray], options: &QueryOptions) -> (Vec<Hit>, Marked) {
+    fn marked(&self, rays: &[Ray], options: &QueryOptions<'_>) -> (Vec<Hit>, Marked) {
         let mut hits = vec![STALE; rays.len()];
         let tree = self.device.device_tree();
         let marked = queries().closest_hits_marking(tree, rays, &mut hits, options).expect("hits");

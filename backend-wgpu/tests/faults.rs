@@ -2,7 +2,7 @@
 //!
 //! Where a device need not compute anything, it is wgpu's `noop` one.
 
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::backend::{BuildError, DeviceError, QueryError};
 use splitplane_wgpu::{Adapters, Gpu, GpuError, OpenError, OpenOptions, Parity, panic_is_caught};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -150,8 +150,14 @@ fn no_memory_is_an_error_and_the_device_lives_on() {
         let needed = 3 << 30;
         let error = gpu.buffer("references", needed, Usage::COPY_DST).unwrap_err();
         assert_eq!(error, GpuError::OutOfMemory { what: "references".into(), needed });
-        assert!(matches!(BuildError::from(error.clone()), BuildError::DeviceMemory { .. }));
-        assert!(matches!(QueryError::from(error), QueryError::DeviceMemory { .. }));
+        assert!(matches!(
+            BuildError::from(error.clone()),
+            BuildError::Device(DeviceError::OutOfMemory { .. })
+        ));
+        assert!(matches!(
+            QueryError::from(error),
+            QueryError::Device(DeviceError::OutOfMemory { .. })
+        ));
         gpu.check().unwrap();
         gpu.buffer("references", 64, Usage::COPY_DST).unwrap();
     }
@@ -168,8 +174,8 @@ fn assert_all_lost(gpu: &Gpu, readable: &wgpu::Buffer) {
     assert_lost(gpu.pipeline("late", "@compute @workgroup_size(1) fn main() {}"));
     assert_lost(gpu.submit([]));
     let lost = gpu.check().unwrap_err();
-    assert!(matches!(BuildError::from(lost.clone()), BuildError::DeviceLost { .. }));
-    assert!(matches!(QueryError::from(lost), QueryError::DeviceLost { .. }));
+    assert!(matches!(BuildError::from(lost.clone()), BuildError::Device(DeviceError::Lost { .. })));
+    assert!(matches!(QueryError::from(lost), QueryError::Device(DeviceError::Lost { .. })));
 }
 
 #[test]
@@ -272,7 +278,7 @@ fn text_that_is_no_wgsl_is_refused_with_the_name_of_the_shader() {
     for text in ["fn main( {", "@compute @workgroup_size(1) fn main() { let x: u32 = 1.0; }", ""] {
         let error = gpu.pipeline("split_large", text).unwrap_err();
         assert!(error.to_string().starts_with("the shader `split_large` does not compile: "));
-        assert!(matches!(BuildError::from(error), BuildError::Device(_)));
+        assert!(matches!(BuildError::from(error), BuildError::Device(DeviceError::Failed(_))));
     }
     gpu.pipeline("split_large", "@compute @workgroup_size(1) fn main() {}").unwrap();
     gpu.check().unwrap();

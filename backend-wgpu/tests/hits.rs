@@ -48,13 +48,13 @@ impl Case {
         Case { name: scene.name.clone(), tree, triangles, scale: *built.scene_scale(), device }
     }
 
-    fn reference(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+    fn reference(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
         let view = self.tree.view();
         trace::<Strict>(&view, &self.triangles[..], &self.scale, ray, options, query)
     }
 
     /// Holds closest and any hit of all rays against the reference; gives how many hit.
-    fn check(&self, rays: &[Ray], options: &QueryOptions, what: &str) -> usize {
+    fn check(&self, rays: &[Ray], options: &QueryOptions<'_>, what: &str) -> usize {
         let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
         let mut hits = vec![stale; rays.len()];
         let mut occluded = [vec![false; rays.len()], vec![true; rays.len()]];

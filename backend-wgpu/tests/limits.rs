@@ -10,6 +10,9 @@ use splitplane::{
     Accelerator, Accuracy, Backend, BuildConfig, BuildError, BuildOptions, CpuBackend, Hit, Preset,
     Progress, QueryError, QueryOptions, Stage, Watch,
 };
+use splitplane_core::all_hits::AllHitsOptions;
+use splitplane_core::backend::LoadOptions;
+use splitplane_core::inside::LocateOptions;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes;
 use splitplane_wgpu::WgpuBackend;
@@ -79,15 +82,21 @@ fn builds_end_at_any_call_and_the_next_one_is_whole() {
                 matches!(progress.stage, Stage::Start | Stage::Device)
             };
             let build = |watch: &dyn Watch| {
-                let built = backend.build_accelerator_watched(&mesh, &options, watch)?;
+                let built = backend
+                    .build_accelerator(&mesh, &BuildOptions { watch: Some(watch), ..options })?;
                 assert_eq!(*built.tree(), expected);
                 Ok(built)
             };
             assert!(ends_anywhere(build, cancelled) >= 2);
             // What was given up is behind this in the queue, in the same buffers.
             assert_eq!(*backend.build_accelerator(&mesh, &options).unwrap().tree(), expected);
-            let load =
-                |watch: &dyn Watch| backend.load_watched(&mesh, expected.clone(), &options, watch);
+            let load = |watch: &dyn Watch| {
+                backend.load(
+                    &mesh,
+                    expected.clone(),
+                    &LoadOptions { watch: Some(watch), ..options.for_loading() },
+                )
+            };
             assert!(ends_anywhere(load, cancelled) >= 2);
         }
     }
@@ -118,14 +127,14 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
     on_cpu.closest_hits(&rays, &mut expected, &options).unwrap();
     let closest = |watch: &dyn Watch| {
         let mut hits = vec![Hit::MISS; rays.len()];
-        built.closest_hits_watched(&rays, &mut hits, &options, watch)?;
+        built.closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(watch), ..options })?;
         assert!(hits == expected);
         Ok(())
     };
     assert!(ends_anywhere(closest, cancelled) >= 2);
     let any = |watch: &dyn Watch| {
         let mut hits = vec![false; rays.len()];
-        built.any_hits_watched(&rays, &mut hits, &options, watch)?;
+        built.any_hits(&rays, &mut hits, &QueryOptions { watch: Some(watch), ..options })?;
         assert!(hits.iter().zip(&expected).all(|(any, hit)| *any == hit.is_hit()));
         Ok(())
     };
@@ -135,36 +144,42 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
     on_cpu.closest_hits(&rays, &mut expected, &exactly).unwrap();
     let closest = |watch: &dyn Watch| {
         let mut hits = vec![Hit::MISS; rays.len()];
-        built.closest_hits_watched(&rays, &mut hits, &exactly, watch)?;
+        built.closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(watch), ..exactly })?;
         assert!(hits == expected);
         Ok(())
     };
     assert!(ends_anywhere(closest, cancelled) >= 2);
     let any = |watch: &dyn Watch| {
         let mut hits = vec![false; rays.len()];
-        built.any_hits_watched(&rays, &mut hits, &exactly, watch)?;
+        built.any_hits(&rays, &mut hits, &QueryOptions { watch: Some(watch), ..exactly })?;
         assert!(hits.iter().zip(&expected).all(|(any, hit)| *any == hit.is_hit()));
         Ok(())
     };
     assert!(ends_anywhere(any, cancelled) >= 2);
     let told = Told(Mutex::default());
     let mut hits = vec![Hit::MISS; rays.len()];
-    built.closest_hits_watched(&rays, &mut hits, &exactly, &told).unwrap();
+    built.closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(&told), ..exactly }).unwrap();
     let told = told.0.into_inner().unwrap();
     assert_eq!((told[0], told[told.len() - 1]), (0, 10_000));
     assert!(told[..told.len() - 1].iter().all(|done| *done == 0), "one slice");
     // All hits come from the host's copy, and say so.
-    let all = |watch: &dyn Watch| built.all_hits_watched(&rays, &options, watch);
+    let all = |watch: &dyn Watch| {
+        built.all_hits(&rays, &AllHitsOptions { watch: Some(watch), ..Default::default() })
+    };
     assert!(ends_anywhere(all, cancelled) >= 4);
+    let options = AllHitsOptions::default();
     let all = built.all_hits(&rays, &options).unwrap();
-    assert_eq!(all.answered_by_cpu, 10_000);
+    assert_eq!(all.report.answered_by_cpu, 10_000);
     let on_host = on_cpu.all_hits(&rays, &options).unwrap();
     assert!(all.crossings == on_host.crossings && all.starts == on_host.starts);
-    let little = QueryOptions { max_memory: Some(90_000), ..options };
+    let little = AllHitsOptions { max_memory: Some(90_000), ..options };
     let error = built.all_hits(&rays, &little).unwrap_err();
     assert!(matches!(error, QueryError::OutOfMemory { needed, limit: 90_000 } if needed > 90_000));
     let points: Vec<[f32; 3]> = rays[..64].iter().map(|ray| ray.origin).collect();
-    let located = built.locate(&points).unwrap();
-    assert_eq!(located.answered_by_cpu, 64);
-    assert_eq!(located.windings, on_cpu.locate(&points).unwrap().windings);
+    let located = built.locate(&points, &LocateOptions::default()).unwrap();
+    assert_eq!(located.report.answered_by_cpu, 64);
+    assert_eq!(
+        located.windings,
+        on_cpu.locate(&points, &LocateOptions::default()).unwrap().windings
+    );
 }

@@ -8,7 +8,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, QueryError, QueryReport,
+    Accelerator, Backend, BuildError, BuildOptions, DeviceError, QueryError, QueryReport,
 };
 use splitplane_core::kernel::Kernel;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -50,7 +50,7 @@ fn within<T: Send + 'static>(what: &str, work: impl FnOnce() -> T + Send + 'stat
 #[track_caller]
 fn assert_build_lost<T>(result: Result<T, BuildError>, what: &str) {
     match result {
-        Err(BuildError::DeviceLost { .. }) => {}
+        Err(BuildError::Device(DeviceError::Lost { .. })) => {}
         Err(other) => panic!("{what}: {other:?}"),
         Ok(_) => panic!("{what}: a build on a lost device"),
     }
@@ -59,7 +59,10 @@ fn assert_build_lost<T>(result: Result<T, BuildError>, what: &str) {
 /// A query on a lost device.
 #[track_caller]
 fn assert_query_lost(result: &Result<QueryReport, QueryError>, what: &str) {
-    assert!(matches!(result, Err(QueryError::DeviceLost { .. })), "{what}: {result:?}");
+    assert!(
+        matches!(result, Err(QueryError::Device(DeviceError::Lost { .. }))),
+        "{what}: {result:?}"
+    );
 }
 
 fn scene() -> Scene {
@@ -122,7 +125,7 @@ fn before_anything_is_asked_of_it() {
             assert_build_lost(backend.submit_build(&mesh, &options), "submit_build");
             assert_build_lost(backend.build_profiled(&mesh, &options), "build_profiled");
             let tree = on_the_cpu(&scene).tree().clone();
-            assert_build_lost(backend.load(&mesh, tree, &options), "load");
+            assert_build_lost(backend.load(&mesh, tree, &options.for_loading()), "load");
             let empty = scenes::none();
             assert_build_lost(Backend::build(&backend, &empty.mesh(), &options), "nothing");
             // Only the device is asked.
@@ -324,7 +327,7 @@ fn a_device_that_takes_too_long() {
         let mut timed_out = 0;
         for round in 0..2 {
             match backend.build_on_device(&large.mesh(), &options) {
-                Err(BuildError::DeviceTimedOut { seconds: 0 }) => timed_out += 1,
+                Err(BuildError::Device(DeviceError::TimedOut { seconds: 0 })) => timed_out += 1,
                 Err(other) => panic!("{other:?}"),
                 Ok(built) => {
                     let tree = built.tree.read(&patient).expect("a tree");

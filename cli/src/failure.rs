@@ -4,7 +4,7 @@ use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
-use splitplane::{BuildError, MeshError, OpenError, QueryError};
+use splitplane::{BuildError, DeviceError, MeshError, OpenError, QueryError};
 use splitplane_measure::paper::ReportError;
 use splitplane_measure::trade::TradeError;
 use std::process::ExitCode;
@@ -116,16 +116,20 @@ impl From<BuildError> for Failure {
         let code = match error {
             BuildError::Config(_) | BuildError::PresetNotOnDevice { .. } => USAGE,
             BuildError::Cancelled { .. } => CANCELLED,
-            BuildError::OutOfMemory { .. }
-            | BuildError::TooLarge { .. }
-            | BuildError::DeviceLimit { .. }
-            | BuildError::DeviceMemory { .. } => LIMIT,
+            BuildError::OutOfMemory { .. } | BuildError::TooLarge { .. } => LIMIT,
             BuildError::WrongMesh { .. } | BuildError::InvalidMesh { .. } => FILE,
-            BuildError::Device(_)
-            | BuildError::DeviceLost { .. }
-            | BuildError::DeviceTimedOut { .. } => DEVICE,
+            BuildError::Device(ref error) => of_device(error),
+            _ => BUG,
         };
         Failure { message: error.to_string(), code }
+    }
+}
+
+/// The exit code of what went wrong on a device.
+fn of_device(error: &DeviceError) -> u8 {
+    match error {
+        DeviceError::Limit { .. } | DeviceError::OutOfMemory { .. } => LIMIT,
+        _ => DEVICE,
     }
 }
 
@@ -134,12 +138,9 @@ impl From<QueryError> for Failure {
         let code = match error {
             QueryError::LengthMismatch { .. } => BUG,
             QueryError::Cancelled { .. } => CANCELLED,
-            QueryError::OutOfMemory { .. }
-            | QueryError::DeviceLimit { .. }
-            | QueryError::DeviceMemory { .. } => LIMIT,
-            QueryError::Device(_)
-            | QueryError::DeviceLost { .. }
-            | QueryError::DeviceTimedOut { .. } => DEVICE,
+            QueryError::OutOfMemory { .. } => LIMIT,
+            QueryError::Device(ref error) => of_device(error),
+            _ => BUG,
         };
         Failure { message: error.to_string(), code }
     }
@@ -304,7 +305,7 @@ mod tests {
         assert_eq!(Failure::from(ViewerError::NoSurface(vec![text()])).code, NO_GPU);
         assert_eq!(Failure::from(ViewerError::Window(text())).code, NO_GPU);
         assert_eq!(Failure::from(ViewerError::Adapter(OpenError::NoAdapter)).code, NO_GPU);
-        let lost = FrameError::Query(QueryError::DeviceLost { reason: text() });
+        let lost = FrameError::Query(DeviceError::Lost { reason: text() }.into());
         assert!(lost.is_device_loss());
         assert_eq!(Failure::from(ViewerError::Frame(lost)).code, DEVICE);
         let memory = FrameError::Build(BuildError::OutOfMemory { needed: 2, limit: 1 });
@@ -320,20 +321,17 @@ mod tests {
         assert_eq!(Failure::from(too_large).code, LIMIT);
         assert_eq!(Failure::from(MeshError::TooManyTriangles { triangles: 1 << 30 }).code, LIMIT);
         let text = || "gone".to_owned();
-        assert_eq!(Failure::from(BuildError::Device(text())).code, DEVICE);
-        assert_eq!(Failure::from(QueryError::Device(text())).code, DEVICE);
-        assert_eq!(Failure::from(BuildError::DeviceLost { reason: text() }).code, DEVICE);
-        assert_eq!(Failure::from(QueryError::DeviceLost { reason: text() }).code, DEVICE);
-        let memory = BuildError::DeviceMemory { what: text(), needed: 1 };
-        assert_eq!(Failure::from(memory).code, LIMIT);
-        let memory = QueryError::DeviceMemory { what: text(), needed: 1 };
-        assert_eq!(Failure::from(memory).code, LIMIT);
-        let (what, limit) = (text(), text());
-        let low = BuildError::DeviceLimit { what, limit, needed: 2, allowed: 1 };
-        assert_eq!(Failure::from(low).code, LIMIT);
-        let (what, limit) = (text(), text());
-        let low = QueryError::DeviceLimit { what, limit, needed: 2, allowed: 1 };
-        assert_eq!(Failure::from(low).code, LIMIT);
+        let errors = [
+            (DeviceError::Failed(text()), DEVICE),
+            (DeviceError::Lost { reason: text() }, DEVICE),
+            (DeviceError::TimedOut { seconds: 1 }, DEVICE),
+            (DeviceError::OutOfMemory { what: text(), needed: 1 }, LIMIT),
+            (DeviceError::Limit { what: text(), limit: text(), needed: 2, allowed: 1 }, LIMIT),
+        ];
+        for (error, code) in errors {
+            assert_eq!(Failure::from(BuildError::from(error.clone())).code, code, "{error}");
+            assert_eq!(Failure::from(QueryError::from(error.clone())).code, code, "{error}");
+        }
         let failed = OpenError::DeviceFailed { adapter: text(), reason: text() };
         assert_eq!(Failure::from(failed).code, DEVICE);
         let structural = OpenError::Structural { adapter: text(), difference: text() };

@@ -34,7 +34,7 @@ pub(super) struct Common {
     /// Most bytes a build or an answer of all hits may hold besides the mesh; k, M and G stand for powers
     /// of 1024
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
-    max_memory: Option<u64>,
+    pub(super) max_memory: Option<u64>,
     /// Most bytes of a file that is read whole: a scene, a frame of it, rays. Half of the machine's memory
     /// when left out, and 1G of rays that come from a pipe or a device
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
@@ -113,7 +113,7 @@ impl Common {
     ///
     /// # Errors
     /// Wrong usage: a knob that the preset does not have, or a value out of range.
-    pub(super) fn build_options(&self) -> Result<BuildOptions, Failure> {
+    pub(super) fn build_options(&self) -> Result<BuildOptions<'static>, Failure> {
         let preset = self.preset();
         // Said before a device is opened.
         if self.backend == BackendKind::Wgpu && preset.planes().is_none() {
@@ -124,7 +124,7 @@ impl Common {
         }
         let layout = if self.compact { QueryLayout::Compact } else { QueryLayout::Fast };
         let config = self.knobs.config(preset)?;
-        Ok(BuildOptions { config, max_memory: self.max_memory, layout })
+        Ok(BuildOptions { config, max_memory: self.max_memory, layout, watch: None })
     }
 
     /// How a scene is read that is not drawn: nobody sees its textures.
@@ -132,9 +132,9 @@ impl Common {
         SceneOptions { textures: false, file_limit: self.max_file, ..SceneOptions::default() }
     }
 
-    pub(super) fn query_options(&self) -> QueryOptions {
+    pub(super) fn query_options(&self) -> QueryOptions<'static> {
         let accuracy = self.accuracy.accuracy();
-        QueryOptions { accuracy, max_memory: self.max_memory, ..QueryOptions::default() }
+        QueryOptions { accuracy, ..QueryOptions::default() }
     }
 
     pub(super) fn accuracy_name(&self) -> &'static str {

@@ -7,7 +7,7 @@ use super::{knobs, output, progress};
 use serde::Serialize;
 use serde_json::{Map, Value};
 use splitplane::scene::Scene;
-use splitplane::{Accelerator, BackendInfo, QueryLayout};
+use splitplane::{Accelerator, BackendInfo, BuildOptions, QueryLayout};
 use splitplane_scene::from_file::quoted;
 use std::ffi::OsStr;
 use std::time::Instant;
@@ -59,7 +59,8 @@ impl Prepared {
         let mesh = scene.mesh()?;
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
-        let accelerator = opened.backend.build_watched(&mesh, &options, &watch)?;
+        let accelerator =
+            opened.backend.build(&mesh, &BuildOptions { watch: Some(&watch), ..options })?;
         let build_ms = milliseconds(start);
         drop(watch);
         note_dropped(common, &scene, accelerator.summary().dropped);

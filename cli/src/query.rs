@@ -7,8 +7,8 @@ use super::{hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::{
-    Accelerator, AllHits, Hit, Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
-    Watch,
+    Accelerator, AllHits, AllHitsOptions, Hit, LocateOptions, Located, Location, QueryError,
+    QueryOptions, Ray, Rule, Undecided,
 };
 use splitplane_scene::from_file::quoted_path;
 use std::ffi::OsString;
@@ -138,29 +138,26 @@ impl Asked {
         }
     }
 
-    /// Traces once. Gives what is to be known of the answers, and how many are the CPU's because no device gives
-    /// them.
+    /// Traces once. Gives what is to be known of the answers.
     fn trace(
         &mut self,
         accelerator: &dyn Accelerator,
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<(splitplane::QueryReport, u64), Failure> {
+        options: &QueryOptions<'_>,
+        max_memory: Option<u64>,
+    ) -> Result<splitplane::QueryReport, Failure> {
+        let QueryOptions { culling, ignore, watch, .. } = *options;
         Ok(match self {
-            Asked::Closest(rays, hits) => {
-                (accelerator.closest_hits_watched(rays, hits, options, watch)?, 0)
-            }
-            Asked::Any(rays, hits) => {
-                (accelerator.any_hits_watched(rays, hits, options, watch)?, 0)
-            }
+            Asked::Closest(rays, hits) => accelerator.closest_hits(rays, hits, options)?,
+            Asked::Any(rays, hits) => accelerator.any_hits(rays, hits, options)?,
             Asked::All(rays, all) => {
+                let options = AllHitsOptions { culling, ignore, max_memory, watch };
                 *all = AllHits::none();
-                *all = accelerator.all_hits_watched(rays, options, watch)?;
-                (Default::default(), all.answered_by_cpu)
+                *all = accelerator.all_hits(rays, &options)?;
+                all.report.clone()
             }
             Asked::Inside(points, located) => {
-                *located = accelerator.locate_watched(points, options.max_memory, watch)?;
-                (Default::default(), located.answered_by_cpu)
+                *located = accelerator.locate(points, &LocateOptions { max_memory, watch })?;
+                located.report.clone()
             }
         })
     }
@@ -210,13 +207,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             UndecidedName::Redo => Undecided::Redo,
             UndecidedName::Flag => Undecided::Flag,
         };
-        let options = QueryOptions { undecided, ..common.query_options() };
         let watch = progress::watch(common.quiet);
+        let options = QueryOptions { undecided, watch: Some(&watch), ..common.query_options() };
         let mut times = Vec::new();
-        let (mut last, mut by_cpu) = Default::default();
+        let mut last = splitplane::QueryReport::default();
         for _ in 0..arguments.repeat {
             let start = Instant::now();
-            (last, by_cpu) = asked.trace(&*prepared.accelerator, &options, &watch)?;
+            last = asked.trace(&*prepared.accelerator, &options, common.max_memory)?;
             times.push(milliseconds(start));
         }
         drop(watch);
@@ -238,7 +235,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             undecided: last.undecided,
             undecided_share: last.undecided as f64 / asked.count().max(1) as f64,
             flagged: last.flagged.len(),
-            answered_by_cpu: by_cpu + prepared.accelerator.answered_by_cpu(),
+            answered_by_cpu: last.answered_by_cpu,
             digest: prepared.accelerator.tree().digest().to_string(),
         };
         let one = if arguments.kind == Kind::Inside { "point" } else { "ray" };
@@ -250,17 +247,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
                 report.undecided_share
             ));
         }
-        if by_cpu > 0 && !common.quiet {
+        if exact && last.answered_by_cpu > 0 && !common.quiet {
             output::note(&format!(
                 "note: devices do not find all crossings; the CPU answered {} from its copy of the tree",
-                counted(by_cpu, one)
+                counted(last.answered_by_cpu, one)
             ));
         }
-        let unfinished = report.answered_by_cpu - by_cpu;
-        if unfinished > 0 && !common.quiet {
+        if last.unfinished > 0 && !common.quiet {
             output::note(&format!(
                 "note: the driver did not follow {} to the end; the CPU answered instead",
-                counted(unfinished, "ray")
+                counted(last.unfinished, "ray")
             ));
         }
         if common.json {

@@ -16,7 +16,7 @@ pub(super) struct Stage {
     pub(super) scene: Scene,
     pub(super) tracer: Tracer,
     pub(super) placed: Placed,
-    pub(super) options: BuildOptions,
+    pub(super) options: BuildOptions<'static>,
     info: BackendInfo,
     build_ms: f64,
     reason: String,
@@ -53,7 +53,7 @@ impl Stage {
         let options = common.build_options()?;
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
-        tracer.build_watched(&scene, &options, &watch)?;
+        tracer.build(&scene, &BuildOptions { watch: Some(&watch), ..options })?;
         let build_ms = milliseconds(start);
         drop(watch);
         note_dropped(common, &scene, tracer.summary()?.dropped);

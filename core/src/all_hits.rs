@@ -3,9 +3,9 @@
 use alloc::collections::TryReserveError;
 use alloc::vec::Vec;
 
-use crate::backend::{QueryError, go_on_tracing};
+use crate::backend::{QueryError, QueryReport, go_on_tracing};
 use crate::exact::{ExactRay, Meeting, cross};
-use crate::ray::{Culling, Hit, QueryOptions, Ray};
+use crate::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use crate::traverse::Triangles;
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
@@ -28,9 +28,35 @@ pub struct AllHits {
     pub starts: Vec<usize>,
     /// The crossings of all rays, one ray after the other, each ray's by (exact distance, triangle).
     pub crossings: Vec<Crossing>,
-    /// Rays that the accelerator of a device answered on the CPU, from its copy of the tree: all of them,
-    /// since no device finds all hits. 0 on the CPU, where nothing else was asked for.
-    pub answered_by_cpu: u64,
+    /// Who answered. No device finds all hits: the CPU answers for it, from a copy of the tree.
+    pub report: QueryReport,
+}
+
+/// What is asked of the crossings of rays.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AllHitsOptions<'a> {
+    /// Which side to ignore.
+    pub culling: Culling,
+    /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
+    pub ignore: Option<u32>,
+    /// Most bytes that the answer may take, and what it is put together from; `None` for no limit.
+    pub max_memory: Option<u64>,
+    /// Is told how many rays are done, and may end the batch; `None` for nobody.
+    pub watch: Option<&'a dyn Watch>,
+}
+
+impl<'a> AllHitsOptions<'a> {
+    /// What a traversal needs of them.
+    pub fn query(&self) -> QueryOptions<'a> {
+        let AllHitsOptions { culling, ignore, watch, .. } = *self;
+        QueryOptions {
+            accuracy: Accuracy::Exact,
+            culling,
+            ignore,
+            watch,
+            ..QueryOptions::default()
+        }
+    }
 }
 
 impl Default for AllHits {
@@ -42,7 +68,7 @@ impl Default for AllHits {
 impl AllHits {
     /// The answer to no rays.
     pub fn none() -> AllHits {
-        AllHits { starts: alloc::vec![0], crossings: Vec::new(), answered_by_cpu: 0 }
+        AllHits { starts: alloc::vec![0], crossings: Vec::new(), report: QueryReport::default() }
     }
 
     /// The answer to no rays, with room for so many.
@@ -55,36 +81,22 @@ impl AllHits {
         let bytes = length.saturating_mul(size_of::<usize>()) as u64;
         starts.try_reserve_exact(length).map_err(|_| refused(bytes))?;
         starts.push(0);
-        Ok(AllHits { starts, crossings: Vec::new(), answered_by_cpu: 0 })
+        Ok(AllHits { starts, crossings: Vec::new(), report: QueryReport::default() })
     }
 
-    /// The crossings of rays, one ray after the other: the reference. Without a limit of memory.
+    /// The crossings of rays, one ray after the other: the reference.
     ///
     /// # Errors
-    /// [`QueryError::OutOfMemory`] where the system has no more memory.
+    /// [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].
     pub fn one_by_one(
         tree: &KdTreeView<'_>,
         triangles: &(impl Triangles + ?Sized),
         rays: &[Ray],
-        options: &QueryOptions,
+        options: &AllHitsOptions<'_>,
     ) -> Result<AllHits, QueryError> {
-        let options = QueryOptions { max_memory: None, ..*options };
-        AllHits::one_by_one_watched(tree, triangles, rays, &options, &())
-    }
-
-    /// The crossings of rays, one ray after the other, told to a watch.
-    ///
-    /// # Errors
-    /// [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].
-    pub fn one_by_one_watched(
-        tree: &KdTreeView<'_>,
-        triangles: &(impl Triangles + ?Sized),
-        rays: &[Ray],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<AllHits, QueryError> {
+        let AllHitsOptions { max_memory, watch, .. } = *options;
         let total = rays.len() as u64;
-        check_bytes((rays.len() * size_of::<usize>()) as u64, options)?;
+        check_bytes((rays.len() * size_of::<usize>()) as u64, max_memory)?;
         let mut all = AllHits::with_room(rays.len())?;
         let mut collector = Collector::default();
         for (number, ray) in rays.iter().enumerate() {
@@ -94,14 +106,14 @@ impl AllHits {
             let held = all.bytes();
             let mut ended = Ok(());
             collect(tree, triangles, ray, options, &mut collector, |bytes| {
-                ended = check_bytes(held + bytes, options)
+                ended = check_bytes(held + bytes, max_memory)
                     .and_then(|()| go_on_tracing(watch, number as u64, total));
                 ended.is_ok()
             });
             ended?;
             let grown = collector.growth(&all.crossings);
-            check_bytes(held + collector.bytes() + grown, options)?;
-            let all_held = |error: QueryError| error.beside(held, options.max_memory);
+            check_bytes(held + collector.bytes() + grown, max_memory)?;
+            let all_held = |error: QueryError| error.beside(held, max_memory);
             collector.finish(&mut all.crossings).map_err(all_held)?;
             all.starts.push(all.crossings.len());
         }
@@ -125,23 +137,18 @@ impl AllHits {
         (starts + self.crossings.capacity() * size_of::<Crossing>()) as u64
     }
 
-    /// Bytes that both lists will take besides what they hold when these answers are added.
-    pub(crate) fn growth(&self, more: &AllHits) -> u64 {
-        growth(&self.starts, more.rays()) + growth(&self.crossings, more.crossings.len())
-    }
-
     /// Adds the answers to more rays behind those to the rays so far.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for both; nothing is added then.
     pub fn append(&mut self, more: AllHits) -> Result<(), QueryError> {
-        let bytes = self.bytes() + more.bytes();
-        self.starts.try_reserve(more.rays()).map_err(|_| refused(bytes))?;
+        let (bytes, rays) = (self.bytes() + more.bytes(), self.rays());
+        self.starts.try_reserve(more.starts.len()).map_err(|_| refused(bytes))?;
         self.crossings.try_reserve(more.crossings.len()).map_err(|_| refused(bytes))?;
+        self.report.append(more.report, rays)?;
         let first = self.crossings.len();
         self.starts.extend(more.starts.iter().skip(1).map(|start| first + start));
         self.crossings.extend(more.crossings);
-        self.answered_by_cpu += more.answered_by_cpu;
         Ok(())
     }
 }
@@ -149,13 +156,13 @@ impl AllHits {
 /// Rays between two looks at the watch.
 const BETWEEN: usize = 64;
 
-/// Refuses more bytes than the options allow.
+/// Refuses more bytes than allowed.
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`].
 #[inline]
-pub fn check_bytes(needed: u64, options: &QueryOptions) -> Result<(), QueryError> {
-    match options.max_memory {
+pub fn check_bytes(needed: u64, max_memory: Option<u64>) -> Result<(), QueryError> {
+    match max_memory {
         Some(limit) if needed > limit => Err(QueryError::OutOfMemory { needed, limit }),
         _ => Ok(()),
     }
@@ -167,7 +174,7 @@ pub fn refused(bytes: u64) -> QueryError {
 }
 
 /// The crossings of one ray between its limits, in order of (exact distance, triangle), added to `out`.
-/// They are exact whatever accuracy the options name: see [`crate::exact`]. A ray through an edge or a
+/// They are exact: see [`crate::exact`]. A ray through an edge or a
 /// vertex crosses the surface there once, or not at all where the surface turns back.
 ///
 /// `tree` must be valid (see [`crate::validate`]).
@@ -178,7 +185,7 @@ pub fn all_hits(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
-    options: &QueryOptions,
+    options: &AllHitsOptions<'_>,
     out: &mut Vec<Crossing>,
 ) -> Result<(), QueryError> {
     let mut collector = Collector::default();
@@ -191,13 +198,20 @@ fn collect(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
-    options: &QueryOptions,
+    options: &AllHitsOptions<'_>,
     collector: &mut Collector,
     mut go_on: impl FnMut(u64) -> bool,
 ) {
-    crate::exact::visit(tree, triangles, ray, options, &mut (), |ray, corners, triangle| {
-        collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
-    });
+    crate::exact::visit(
+        tree,
+        triangles,
+        ray,
+        &options.query(),
+        &mut (),
+        |ray, corners, triangle| {
+            collector.test_while(ray, corners, triangle, options.culling, &mut go_on)
+        },
+    );
 }
 
 /// Collects the crossings of one ray from the triangles of the leaves it passes.

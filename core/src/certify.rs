@@ -444,7 +444,7 @@ pub fn trace<A: Arithmetic>(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
 ) -> Hit {
     trace_with::<A>(tree, triangles, scene, ray, options, query, in_one_plane)
@@ -456,7 +456,7 @@ fn trace_with<A: Arithmetic>(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
     same: impl Fn(&Triangle, &Triangle) -> bool,
 ) -> Hit {

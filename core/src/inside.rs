@@ -16,8 +16,8 @@ use core::ops::ControlFlow;
 
 use alloc::vec::Vec;
 
-use crate::all_hits::{Collector, check_bytes, make_room, refused};
-use crate::backend::{Accelerator, QueryError, go_on_tracing};
+use crate::all_hits::{AllHitsOptions, Collector, check_bytes, make_room, refused};
+use crate::backend::{Accelerator, QueryError, QueryReport, go_on_tracing};
 use crate::exact::{self, ExactRay, cross, meet};
 use crate::ray::{Accuracy, Culling, QueryOptions, Ray};
 use crate::traverse::Triangles;
@@ -55,9 +55,18 @@ pub struct Located {
     /// counter-clockwise as seen from outside winds once around what is in it, one turned the other
     /// way -1 times.
     pub windings: Vec<Option<i32>>,
-    /// Points that the accelerator of a device answered on the CPU; see
-    /// [`AllHits::answered_by_cpu`](crate::all_hits::AllHits::answered_by_cpu).
-    pub answered_by_cpu: u64,
+    /// Who answered. No device locates points: the CPU answers for it, from a copy of the tree.
+    pub report: QueryReport,
+}
+
+/// What limits the search for where points lie.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LocateOptions<'a> {
+    /// Most bytes that the answer may take, and what it is put together from; `None` for no limit.
+    pub max_memory: Option<u64>,
+    /// Is told how many points are done, and may end the batch, between points and within one; `None` for
+    /// nobody.
+    pub watch: Option<&'a dyn Watch>,
 }
 
 impl Located {
@@ -171,7 +180,7 @@ fn boundary_rays(point: [f32; 3]) -> [Ray; 3] {
 /// [`QueryError::OutOfMemory`] when they are more than allowed.
 pub fn check_points(points: usize, max_memory: Option<u64>) -> Result<u64, QueryError> {
     let bytes = (points * size_of::<Option<i32>>()) as u64;
-    check_bytes(bytes, &QueryOptions { max_memory, ..QueryOptions::default() })?;
+    check_bytes(bytes, max_memory)?;
     Ok(bytes)
 }
 
@@ -197,13 +206,13 @@ pub fn one_by_one(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     points: &[[f32; 3]],
-    max_memory: Option<u64>,
-    watch: &dyn Watch,
+    limits: &LocateOptions<'_>,
 ) -> Result<Located, QueryError> {
+    let LocateOptions { max_memory, watch } = *limits;
     let (total, options) = (points.len() as u64, QueryOptions::default());
     let held = check_points(points.len(), max_memory)?;
-    let limit = QueryOptions { max_memory, ..options };
-    let mut located = Located { windings: no_windings(points.len())?, answered_by_cpu: 0 };
+    let mut located =
+        Located { windings: no_windings(points.len())?, report: QueryReport::default() };
     let mut locator = Locator::default();
     for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
         let mut ended = go_on_tracing(watch, done as u64, total);
@@ -212,7 +221,7 @@ pub fn one_by_one(
                 exact::visit(tree, triangles, ray, &options, &mut (), test);
             };
             let wound = locator.winding(point, visit, &mut |bytes| {
-                ended = check_bytes(held + bytes, &limit)
+                ended = check_bytes(held + bytes, max_memory)
                     .and_then(|()| go_on_tracing(watch, done as u64, total));
                 ended.is_ok()
             });
@@ -230,41 +239,50 @@ pub fn one_by_one(
 /// done.
 ///
 /// # Errors
-/// As for [`Accelerator::all_hits_watched`].
+/// As for [`Accelerator::all_hits`].
 pub fn locate_along(
     accelerator: &(impl Accelerator + ?Sized),
     points: &[[f32; 3]],
     direction: [f32; 3],
-    max_memory: Option<u64>,
-    watch: &dyn Watch,
+    options: &LocateOptions<'_>,
 ) -> Result<Located, QueryError> {
+    let LocateOptions { max_memory, watch } = *options;
     let total = points.len() as u64;
     let held = check_points(points.len(), max_memory)?;
-    let mut located = Located { windings: no_windings(points.len())?, answered_by_cpu: 0 };
-    let exactly = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let mut located =
+        Located { windings: no_windings(points.len())?, report: QueryReport::default() };
     let room = max_memory.map(|limit| limit - held);
-    let all = QueryOptions { max_memory: room, ..QueryOptions::default() };
     for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
         let done = done as u64;
-        let watch = OfPoint { watch, done, total };
+        let point_watch = watch.map(|watch| OfPoint { watch, done, total });
+        let told: Option<&dyn Watch> = match &point_watch {
+            Some(watch) => Some(watch),
+            None => None,
+        };
+        let place = |error| match error {
+            QueryError::Cancelled { .. } => QueryError::Cancelled { done, total },
+            error => error,
+        };
+        let exactly =
+            QueryOptions { accuracy: Accuracy::Exact, watch: told, ..QueryOptions::default() };
+        let all = AllHitsOptions { max_memory: room, watch: told, ..AllHitsOptions::default() };
         let rays = boundary_rays(point);
         let mut on = [false; 3];
-        accelerator
-            .any_hits_watched(&rays, &mut on, &exactly, &watch)
-            .map_err(|error| watch.place(error))?;
+        let told = accelerator.any_hits(&rays, &mut on, &exactly).map_err(place)?;
+        let mut by_cpu = told.answered_by_cpu > 0;
         if on.contains(&true) {
             *winding = None;
+            located.report.answered_by_cpu += u64::from(by_cpu);
             continue;
         }
         let met = accelerator
-            .all_hits_watched(&[Ray::new(point, direction)], &all, &watch)
-            .map_err(|error| watch.place(error).beside(held, max_memory))?;
+            .all_hits(&[Ray::new(point, direction)], &all)
+            .map_err(|error| place(error).beside(held, max_memory))?;
+        by_cpu |= met.report.answered_by_cpu > 0;
+        located.report.answered_by_cpu += u64::from(by_cpu);
         // A ray from within leaves through backs.
         let sign = |front: bool| if front { -1 } else { 1 };
         *winding = Some(met.crossings.iter().map(|met| sign(met.front)).sum());
-        if met.answered_by_cpu > 0 {
-            located.answered_by_cpu = total;
-        }
     }
     go_on_tracing(watch, total, total)?;
     Ok(located)
@@ -275,18 +293,6 @@ struct OfPoint<'a> {
     watch: &'a dyn Watch,
     done: u64,
     total: u64,
-}
-
-impl OfPoint<'_> {
-    /// An error with the place in the batch of points.
-    fn place(&self, error: QueryError) -> QueryError {
-        match error {
-            QueryError::Cancelled { .. } => {
-                QueryError::Cancelled { done: self.done, total: self.total }
-            }
-            error => error,
-        }
-    }
 }
 
 impl Watch for OfPoint<'_> {

@@ -245,7 +245,7 @@ pub fn trace_lines(
     scene: &SceneScale,
     lines: &Lines,
     numbers: Range<u64>,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> Measured {
     let mut measured = Measured::default();
     for ray in numbers.map(|number| lines.line(number)) {

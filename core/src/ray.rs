@@ -1,5 +1,6 @@
 //! Rays and hits: what goes into a query and what comes out.
 
+use crate::watch::Watch;
 use bytemuck::{Pod, Zeroable};
 
 /// A ray: the points `origin + t * direction` with `t_min <= t <= t_max`, both ends included.
@@ -22,8 +23,11 @@ pub struct Ray {
 }
 
 impl Ray {
-    /// The half-line from `origin`: `t` from 0 to infinity.
-    pub const fn new(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+    /// The half-line from `origin`: `t` from 0 to infinity. Takes arrays, and vectors that turn into them, such
+    /// as those of glam and mint.
+    #[inline]
+    pub fn new(origin: impl Into<[f32; 3]>, direction: impl Into<[f32; 3]>) -> Ray {
+        let (origin, direction) = (origin.into(), direction.into());
         Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
     }
 
@@ -36,7 +40,8 @@ impl Ray {
     }
 
     /// The segment from `a` to `b`: `t` runs from 0 at `a` to 1 at `b`.
-    pub fn segment(a: [f32; 3], b: [f32; 3]) -> Ray {
+    pub fn segment(a: impl Into<[f32; 3]>, b: impl Into<[f32; 3]>) -> Ray {
+        let (a, b) = (a.into(), b.into());
         Ray::new(a, [b[0] - a[0], b[1] - a[1], b[2] - a[2]]).with_limits(0.0, 1.0)
     }
 }
@@ -144,8 +149,8 @@ pub enum Undecided {
 }
 
 /// What a query asks for besides the rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct QueryOptions {
+#[derive(Clone, Copy, Debug, Default)]
+pub struct QueryOptions<'a> {
     /// Which triangle test.
     pub accuracy: Accuracy,
     /// Which side to ignore.
@@ -154,9 +159,8 @@ pub struct QueryOptions {
     pub ignore: Option<u32>,
     /// What becomes of rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
     pub undecided: Undecided,
-    /// Most bytes that an answer of all hits may take, and what it is put together from; `None` for no
-    /// limit. Other queries have answers of known size, and take no notice.
-    pub max_memory: Option<u64>,
+    /// Is told how many rays are done, and may end the batch; `None` for nobody. Answers do not depend on it.
+    pub watch: Option<&'a dyn Watch>,
 }
 
 #[cfg(test)]

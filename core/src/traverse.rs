@@ -47,7 +47,7 @@ pub fn closest_hit(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> Option<Hit> {
     trace::<Strict>(tree, triangles, scene, ray, options, Query::Closest).some()
 }
@@ -58,7 +58,7 @@ pub fn any_hit(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> bool {
     trace::<Strict>(tree, triangles, scene, ray, options, Query::Any).is_hit()
 }
@@ -109,7 +109,7 @@ pub fn trace<A: Arithmetic>(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
 ) -> Hit {
     trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
@@ -124,7 +124,7 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
     triangles: &(impl Triangles + ?Sized),
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
     observer: &mut O,
 ) -> Hit {

@@ -1,9 +1,11 @@
 //! Watching work that takes long, and ending it.
 
+use core::fmt;
 use core::ops::ControlFlow;
 
 /// What a build or a batch is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Stage {
     /// Bounds and references of all triangles; `done` counts triangles, each twice. Of a tree that is
     /// loaded: whether it belongs to the mesh.
@@ -67,10 +69,16 @@ pub trait Watch: Sync {
     fn progress(&self, progress: &Progress) -> ControlFlow<()>;
 }
 
-/// Takes no notice.
-impl Watch for () {
+/// A closure is a watch.
+impl<F: Fn(&Progress) -> ControlFlow<()> + Sync> Watch for F {
     #[inline]
-    fn progress(&self, _progress: &Progress) -> ControlFlow<()> {
-        ControlFlow::Continue(())
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        self(progress)
+    }
+}
+
+impl fmt::Debug for dyn Watch + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a watch")
     }
 }

@@ -26,7 +26,7 @@ pub struct FrameInput<'a> {
     /// What is wanted.
     pub outputs: Outputs,
     /// How rays are traced. What it ignores, the picture lacks.
-    pub query: QueryOptions,
+    pub query: QueryOptions<'a>,
 }
 
 /// What a frame took.

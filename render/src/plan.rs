@@ -310,7 +310,7 @@ impl Plan {
     }
 
     /// The uniform of the frame.
-    pub fn frame(&self, scene: &SceneData, camera: &Pinhole, query: &QueryOptions) -> Frame {
+    pub fn frame(&self, scene: &SceneData, camera: &Pinhole, query: &QueryOptions<'_>) -> Frame {
         let settings = &self.settings;
         let mut frame = Frame {
             eye: camera.eye,

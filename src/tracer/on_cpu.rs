@@ -4,7 +4,6 @@ use super::{FrameRequest, TracerError};
 use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::watch::Watch;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_render::cpu::CpuRenderer;
 use splitplane_render::layout::{FirstCost, FirstHit};
@@ -34,28 +33,11 @@ impl OnCpu {
     pub(super) fn build(
         &mut self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         match &mut self.accelerator {
-            Some(accelerator) => self.backend.rebuild(accelerator, mesh, options)?,
+            Some(accelerator) => self.backend.rebuild_accelerator(accelerator, mesh, options)?,
             None => self.accelerator = Some(self.backend.build_accelerator(mesh, options)?),
-        }
-        Ok(())
-    }
-
-    pub(super) fn build_watched(
-        &mut self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<(), TracerError> {
-        match &mut self.accelerator {
-            Some(accelerator) => {
-                self.backend.rebuild_watched(accelerator, mesh, options, watch)?;
-            }
-            none => {
-                *none = Some(self.backend.build_accelerator_watched(mesh, options, watch)?);
-            }
         }
         Ok(())
     }
@@ -63,7 +45,7 @@ impl OnCpu {
     pub(super) fn rebuild(
         &mut self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         self.build(mesh, options)
     }

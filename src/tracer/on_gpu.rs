@@ -4,7 +4,6 @@ use super::{FrameRequest, TracerError};
 use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::watch::Watch;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_render::{FrameInput, FrameStats, RenderError, Room, SceneData};
@@ -54,20 +53,9 @@ impl OnGpu {
     pub(super) fn build(
         &mut self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         let accelerator = self.backend.build_accelerator(mesh, options)?;
-        self.replace(Tree::Copied(Box::new(accelerator)));
-        Ok(())
-    }
-
-    pub(super) fn build_watched(
-        &mut self,
-        mesh: &Mesh<'_>,
-        options: &BuildOptions,
-        watch: &dyn Watch,
-    ) -> Result<(), TracerError> {
-        let accelerator = self.backend.build_accelerator_watched(mesh, options, watch)?;
         self.replace(Tree::Copied(Box::new(accelerator)));
         Ok(())
     }
@@ -75,7 +63,7 @@ impl OnGpu {
     pub(super) fn rebuild(
         &mut self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         let built = self.backend.build_on_device(mesh, options)?;
         self.replace(Tree::OnDevice(Box::new(built.tree), built.summary));

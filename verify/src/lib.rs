@@ -69,7 +69,7 @@ pub fn check(
     accelerator: &dyn Accelerator,
     mesh: &Mesh<'_>,
     per_aim: u64,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     progress: &dyn Fn(u64),
 ) -> Result<Report, QueryError> {
     let reference = Reference::new(mesh);

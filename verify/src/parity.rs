@@ -66,9 +66,9 @@ pub enum ParityError {
 pub fn compare(
     gpu: &WgpuBackend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     rays: &[Ray],
-    query: &QueryOptions,
+    query: &QueryOptions<'_>,
     progress: &dyn Fn(u64),
 ) -> Result<Comparison, ParityError> {
     let (dispatches, difference) = in_step(gpu, mesh, options)?;
@@ -100,7 +100,7 @@ pub fn compare(
 fn in_step(
     gpu: &WgpuBackend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
 ) -> Result<(u32, Option<Difference>), BuildError> {
     let config = &options.config;
     let preset = config.preset;
@@ -131,7 +131,7 @@ impl Answers {
     fn on_cpu(
         accelerator: &dyn Accelerator,
         rays: &[Ray],
-        query: &QueryOptions,
+        query: &QueryOptions<'_>,
     ) -> Result<Answers, QueryError> {
         let (mut closest, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         accelerator.closest_hits(rays, &mut closest, query)?;
@@ -144,7 +144,7 @@ impl Answers {
         queries: &Queries,
         tree: &DeviceTree,
         rays: &[Ray],
-        query: &QueryOptions,
+        query: &QueryOptions<'_>,
     ) -> Result<Answers, QueryError> {
         let (mut closest, mut any) = (vec![Hit::MISS; rays.len()], vec![false; rays.len()]);
         let not_closest = queries.closest_hits_marking(tree, rays, &mut closest, query)?;

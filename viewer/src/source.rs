@@ -5,7 +5,7 @@ use splitplane::picture::PictureError;
 use splitplane::scene::{AnimationError, Camera};
 use splitplane::tracer::TracerError;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::backend::{BuildError, DeviceError, QueryError};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::MeshError;
 use splitplane_core::ray::Accuracy;
@@ -285,7 +285,7 @@ impl From<TracerError> for FrameError {
             TracerError::Build(error) => FrameError::Build(error),
             TracerError::Render(RenderError::Query(error)) => FrameError::Query(error),
             TracerError::Render(RenderError::Gpu(GpuError::Lost { reason })) => {
-                FrameError::Query(QueryError::DeviceLost { reason })
+                FrameError::Query(DeviceError::Lost { reason }.into())
             }
             error => FrameError::Tracer(error),
         }
@@ -309,8 +309,8 @@ impl FrameError {
     pub fn is_device_loss(&self) -> bool {
         matches!(
             self,
-            FrameError::Build(BuildError::DeviceLost { .. })
-                | FrameError::Query(QueryError::DeviceLost { .. })
+            FrameError::Build(BuildError::Device(DeviceError::Lost { .. }))
+                | FrameError::Query(QueryError::Device(DeviceError::Lost { .. }))
                 | FrameError::Open(OpenError::DeviceFailed { .. })
         )
     }

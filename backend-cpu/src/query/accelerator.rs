@@ -1,22 +1,25 @@
 //! The built tree, ready for rays.
 
+use core::any::Any;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::collections::TryReserveError;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{AllHits, Collector, Crossing, check_bytes, refused};
+use splitplane_core::all_hits::{
+    AllHits, AllHitsOptions, Collector, Crossing, check_bytes, refused,
+};
 use splitplane_core::backend::{
     Accelerator, BuildError, BuildSummary, QueryError, QueryLayout, QueryReport,
 };
-use splitplane_core::inside::{self, Located, Locator};
+use splitplane_core::inside::{self, LocateOptions, Located, Locator};
 use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
-use splitplane_core::watch::{Stage, Watch};
+use splitplane_core::watch::Stage;
 
 use super::blocks::Blocks;
 use super::exact;
@@ -119,7 +122,7 @@ impl CpuAccelerator {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), hits.len())?;
         rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
@@ -138,7 +141,7 @@ impl CpuAccelerator {
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), occluded.len())?;
         rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
@@ -149,20 +152,20 @@ impl CpuAccelerator {
         Ok(QueryReport::default())
     }
 
-    fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+    fn trace(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
         let (blocks, scene) = (&self.blocks, &self.scene);
         // SAFETY: `set` was detected on this processor, and the layout made for it.
         unsafe { self.set.run(Single { blocks, scene, ray, options, query }) }
     }
 
-    /// Answers a batch under a lookout.
+    /// Answers a batch.
     fn answer<T: Told>(
         &self,
         rays: &[Ray],
         answers: &mut [T],
-        options: &QueryOptions,
-        look: &Lookout<'_>,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let look = &Lookout::of(options.watch);
         check(rays.len(), answers.len())?;
         look.begin(Stage::Rays, rays.len() as u64);
         let (blocks, scene) = (&self.blocks, &self.scene);
@@ -199,20 +202,21 @@ impl CpuAccelerator {
         look.check_batch().map(|()| QueryReport::default())
     }
 
-    /// All hits of a batch under a lookout.
-    fn all_hits_under(
+    /// All hits of a batch.
+    fn find_all_hits(
         &self,
         rays: &[Ray],
-        options: &QueryOptions,
-        look: &Lookout<'_>,
+        options: &AllHitsOptions<'_>,
     ) -> Result<AllHits, QueryError> {
+        let look = &Lookout::of(options.watch);
+        let query = &options.query();
         look.begin(Stage::Rays, rays.len() as u64);
         // The starts of all, and what is told of each part.
         let tasks = rays.len().div_ceil(FEW);
         let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
         let held = AtomicU64::new(lists);
         let lacking = || refused(held.load(Relaxed));
-        check_bytes(lists, options)?;
+        check_bytes(lists, options.max_memory)?;
         let mut parts: Vec<Option<AllHits>> = Vec::new();
         parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
         parts.resize(tasks, None);
@@ -232,7 +236,7 @@ impl CpuAccelerator {
                     ended = look.check_batch().and_then(|()| share.hold(beside + bytes));
                     ended.is_ok()
                 };
-                exact::all_hits(blocks, bounds, ray, options, &mut collector, go_on);
+                exact::all_hits(blocks, bounds, ray, query, &mut collector, go_on);
                 ended?;
                 let grown = collector.growth(&part.crossings);
                 share.hold(beside + collector.bytes() + grown)?;
@@ -255,13 +259,14 @@ impl CpuAccelerator {
         look.check_batch().map(|()| all)
     }
 
-    /// Where points lie, under a lookout.
-    fn locate_under(
+    /// Where points lie.
+    fn find_windings(
         &self,
         points: &[[f32; 3]],
-        max_memory: Option<u64>,
-        look: &Lookout<'_>,
+        options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
+        let LocateOptions { max_memory, watch } = *options;
+        let look = &Lookout::of(watch);
         look.begin(Stage::Rays, points.len() as u64);
         let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
         look.check_batch()?;
@@ -290,7 +295,7 @@ impl CpuAccelerator {
             share.hold(0)
         })?;
         look.finish();
-        look.check_batch().map(|()| Located { windings, answered_by_cpu: 0 })
+        look.check_batch().map(|()| Located { windings, report: QueryReport::default() })
     }
 }
 
@@ -349,8 +354,7 @@ impl Share<'_> {
         let difference = bytes.wrapping_sub(self.own);
         self.own = bytes;
         let all = self.held.fetch_add(difference, Relaxed).wrapping_add(difference);
-        let limit = QueryOptions { max_memory: self.max_memory, ..QueryOptions::default() };
-        check_bytes(all, &limit)
+        check_bytes(all, self.max_memory)
     }
 }
 
@@ -384,73 +388,47 @@ impl Accelerator for CpuAccelerator {
         self.blocks.bytes()
     }
 
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
     fn closest_hits(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options, &UNWATCHED)
+        self.answer(rays, hits, options)
     }
 
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
     fn any_hits(
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, occluded, options, &UNWATCHED)
+        self.answer(rays, occluded, options)
     }
 
-    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
-    fn closest_hits_watched(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options, &Lookout::new(watch))
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        self.find_all_hits(rays, options)
     }
 
-    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
-    fn any_hits_watched(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, occluded, options, &Lookout::new(watch))
-    }
-
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
-        self.all_hits_under(rays, options, &UNWATCHED)
-    }
-
-    fn all_hits_watched(
-        &self,
-        rays: &[Ray],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<AllHits, QueryError> {
-        self.all_hits_under(rays, options, &Lookout::new(watch))
-    }
-
-    fn locate_watched(
+    fn locate(
         &self,
         points: &[[f32; 3]],
-        max_memory: Option<u64>,
-        watch: &dyn Watch,
+        options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
-        self.locate_under(points, max_memory, &Lookout::new(watch))
+        self.find_windings(points, options)
     }
 
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        Some(self)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         self.trace(ray, options, Query::Closest).some()
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         self.trace(ray, options, Query::Any).is_hit()
     }
 }

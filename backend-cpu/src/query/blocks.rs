@@ -187,7 +187,7 @@ impl Blocks {
                 let none = IndexedMesh::default();
                 mesh = self.mesh.as_ref().unwrap_or(&none).held_with(source.mesh);
             }
-            QueryLayout::Fast => {
+            _ => {
                 nodes = nodes.max(of(tree.nodes.len(), size_of::<WalkNode>()));
                 words = words.max(of(size.words + TAIL, size_of::<u32>()));
             }
@@ -219,7 +219,7 @@ impl Blocks {
                 self.mesh = Some(mesh);
                 Ok(())
             }
-            QueryLayout::Fast => {
+            _ => {
                 memory.reserve(&mut self.nodes, nodes)?;
                 memory.reserve(&mut self.words, size.words + TAIL)
             }
@@ -242,7 +242,7 @@ impl Blocks {
                 mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
                 wide::LeafChildren::Nodes
             }
-            QueryLayout::Fast => {
+            _ => {
                 *mesh = None;
                 lookout::resize(look, nodes, tree.nodes.len(), &WalkNode::leaf(0, 0));
                 lookout::resize(look, words, size.words + TAIL, &0);

@@ -16,7 +16,7 @@ pub(crate) fn trace_in_f64(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
 ) -> Hit {
     let mut best = Best::default();
@@ -31,7 +31,7 @@ pub(crate) fn all_hits(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     collector: &mut Collector,
     mut go_on: impl FnMut(u64) -> bool,
 ) {
@@ -46,7 +46,7 @@ pub(crate) fn visit(
     blocks: &Blocks,
     bounds: &Aabb,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     mut test: impl FnMut(&ExactRay, &Triangle, u32) -> f64,
 ) {
     let Some(ray) = ExactRay::new(ray) else { return };

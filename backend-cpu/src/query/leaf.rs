@@ -194,7 +194,7 @@ impl BestHit {
 pub(crate) fn decide(
     ray: &PreparedRay,
     triangle: &Triangle,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> Option<Candidate> {
     match options.accuracy {
         Accuracy::Fast => moeller_trumbore::<Strict>(ray, triangle, options.culling),
@@ -207,7 +207,7 @@ pub(crate) fn test_one(
     ray: &PreparedRay,
     corners: &Triangle,
     triangle: u32,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     best: &mut BestHit,
 ) -> bool {
     if options.ignore == Some(triangle) {
@@ -224,7 +224,7 @@ pub(crate) fn test_one(
 pub(crate) unsafe fn test<S: Simd, T: Triangles>(
     way: &Way,
     record: &T,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
     best: &mut BestHit,
 ) -> bool {
@@ -293,7 +293,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
 fn test_sifted<T: Triangles>(
     way: &Way,
     record: &T,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
     sifted: &Met,
     best: &mut BestHit,

@@ -16,7 +16,7 @@ pub(crate) fn trace(
     blocks: &Blocks,
     scene: &SceneScale,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
 ) -> Hit {
     let mut best = BestHit::NONE;

@@ -147,7 +147,7 @@ impl ExactLane {
         &mut self,
         way: &Way,
         block: &T,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
         stop: &mut f32,
     ) -> bool {
@@ -164,7 +164,7 @@ impl ExactLane {
         block: &T,
         mut bits: u32,
         way: &Way,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
         stop: &mut f32,
     ) -> bool {

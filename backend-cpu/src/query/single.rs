@@ -26,7 +26,7 @@ pub(crate) struct Single<'a> {
     pub blocks: &'a Blocks,
     pub scene: &'a SceneScale,
     pub ray: &'a Ray,
-    pub options: &'a QueryOptions,
+    pub options: &'a QueryOptions<'a>,
     pub query: Query,
 }
 

@@ -162,7 +162,7 @@ fn ask_for_lines<S: Simd>(at: *const u8) {
 #[derive(Clone, Copy)]
 pub(crate) struct Test<'a, L> {
     pub leaves: L,
-    pub options: &'a QueryOptions,
+    pub options: &'a QueryOptions<'a>,
     pub query: Query,
 }
 

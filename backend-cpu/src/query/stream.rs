@@ -101,7 +101,7 @@ pub(crate) struct Batch<'a> {
     pub blocks: &'a Blocks,
     pub scene: &'a SceneScale,
     pub rays: &'a [Ray],
-    pub options: &'a QueryOptions,
+    pub options: &'a QueryOptions<'a>,
     pub query: Query,
 }
 

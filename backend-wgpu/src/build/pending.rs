@@ -63,7 +63,7 @@ pub struct Effort {
 pub struct PendingBuild {
     shared: Arc<Shared>,
     buffers: Option<Buffers>,
-    options: BuildOptions,
+    options: BuildOptions<'static>,
     planes: Planes,
     capacities: Capacities,
     first_index: u32,
@@ -87,7 +87,7 @@ impl PendingBuild {
     pub(crate) fn submit(
         shared: Arc<Shared>,
         source: &Source<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
         tree_to_host: bool,
         profiled: bool,
     ) -> Result<PendingBuild, BuildError> {
@@ -122,7 +122,7 @@ impl PendingBuild {
         let mut pending = PendingBuild {
             profile: profiled.then(|| Profile::new(gpu)).flatten(),
             buffers: Some(buffers),
-            options: *options,
+            options: options.unwatched(),
             capacities,
             planes,
             first_index: source.first_index(),
@@ -292,8 +292,14 @@ impl PendingBuild {
         }
     }
 
-    /// As [`PendingBuild::wait`], asking `watch` meanwhile, which may end it.
-    pub(crate) fn wait_watched(mut self, watch: &dyn Watch) -> Result<DeviceBuild, BuildError> {
+    /// As [`PendingBuild::wait`], asking the watch meanwhile, which may end it.
+    pub(crate) fn wait_watched(
+        mut self,
+        watch: Option<&dyn Watch>,
+    ) -> Result<DeviceBuild, BuildError> {
+        if watch.is_none() {
+            return self.wait();
+        }
         let progress = Progress { stage: Stage::Device, done: 0, total: 0 };
         let (mut submitted, mut submissions) = (Instant::now(), self.effort.submissions);
         loop {
@@ -382,14 +388,13 @@ impl PendingBuild {
         };
         let peak_bytes = self.needed_bytes();
         let mut buffers = self.buffers.take().expect("until finished");
-        let summary = BuildSummary {
-            triangles,
-            dropped: counters[Counter::Dropped],
-            snapped: counters[Counter::Snapped],
-            large_levels: counters[Counter::Levels],
-            small_roots: counters[Counter::SmallRoots],
-            peak_bytes,
-        };
+        let mut summary = BuildSummary::default();
+        summary.triangles = triangles;
+        summary.dropped = counters[Counter::Dropped];
+        summary.snapped = counters[Counter::Snapped];
+        summary.large_levels = counters[Counter::Levels];
+        summary.small_roots = counters[Counter::SmallRoots];
+        summary.peak_bytes = peak_bytes;
         let parts = TreeParts {
             nodes: buffers.take(Buffer::Nodes),
             leaf_references: buffers.take(Buffer::LeafReferences),

@@ -1,12 +1,12 @@
 //! A tree on the device behind the core's `Accelerator`.
 
+use core::any::Any;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use splitplane_core::all_hits::AllHits;
+use splitplane_core::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
 use splitplane_core::certify::UNDECIDED_HIT;
-use splitplane_core::inside::{self, Located};
+use splitplane_core::inside::{self, LocateOptions, Located};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
@@ -25,7 +25,7 @@ use crate::error::GpuError;
 /// reference traversal: a round trip to the device takes longer than the ray. Under watertight
 /// accuracy both give the same bits where the device's parity is bitwise. Rays that the driver does
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
-/// counted ([`Accelerator::answered_by_cpu`]).
+/// counted in the report.
 ///
 /// Under accuracy `exact` the device names the triangles of which it is certain and leaves the other rays
 /// undecided; the options say what becomes of those, and the report counts them. Distances and weights
@@ -38,7 +38,6 @@ pub struct WgpuAccelerator {
     tree: KdTree,
     triangles: Vec<Triangle>,
     summary: BuildSummary,
-    answered_by_cpu: AtomicU64,
 }
 
 impl WgpuAccelerator {
@@ -53,8 +52,7 @@ impl WgpuAccelerator {
     ) -> WgpuAccelerator {
         debug_assert_eq!(device.node_count() as usize, tree.nodes.len());
         debug_assert_eq!(device.triangle_count() as usize, triangles.len());
-        let answered_by_cpu = AtomicU64::new(0);
-        WgpuAccelerator { queries, device, tree, triangles, summary, answered_by_cpu }
+        WgpuAccelerator { queries, device, tree, triangles, summary }
     }
 
     /// Uploads a tree built elsewhere; see [`DeviceTree::upload`].
@@ -89,29 +87,35 @@ impl WgpuAccelerator {
         &self.triangles
     }
 
+    /// The tree on the device alone, for [`WgpuBackend::recycle`](crate::WgpuBackend::recycle).
+    pub fn into_device_tree(self) -> DeviceTree {
+        self.device
+    }
+
     fn host_scene(&self) -> HostScene<'_> {
         HostScene { tree: self.tree.view(), triangles: &self.triangles }
     }
 
     /// The report on a batch whose marked rays the host has seen to.
-    fn report(&self, marked: Marked, options: &QueryOptions) -> QueryReport {
-        let unfinished = marked.unfinished.len() as u64;
-        self.answered_by_cpu.fetch_add(unfinished, Ordering::Relaxed);
-        let undecided = marked.undecided.len() as u64;
-        let flagged = match options.undecided {
-            Undecided::Redo => Vec::new(),
-            Undecided::Flag => marked.undecided,
-        };
-        QueryReport { undecided, flagged, unfinished }
+    fn report(&self, marked: Marked, options: &QueryOptions<'_>) -> QueryReport {
+        let mut report = QueryReport::default();
+        report.unfinished = marked.unfinished.len() as u64;
+        report.undecided = marked.undecided.len() as u64;
+        report.answered_by_cpu = report.unfinished;
+        match options.undecided {
+            Undecided::Flag => report.flagged = marked.undecided,
+            _ => report.answered_by_cpu += report.undecided,
+        }
+        report
     }
 
-    fn closest_hits_under(
+    fn find_closest_hits(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
-        watch: Option<&dyn Watch>,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let watch = options.watch;
         let queries = &self.queries;
         in_slices(rays, hits, options, watch, |rays, hits, watch, asking| {
             let mut marked =
@@ -131,13 +135,13 @@ impl WgpuAccelerator {
         })
     }
 
-    fn any_hits_under(
+    fn find_any_hits(
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
-        watch: Option<&dyn Watch>,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
+        let watch = options.watch;
         let queries = &self.queries;
         in_slices(rays, occluded, options, watch, |rays, occluded, watch, asking| {
             let mut marked =
@@ -169,7 +173,7 @@ const SLICE: usize = 1 << 16;
 fn in_slices<T>(
     rays: &[Ray],
     answers: &mut [T],
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     watch: Option<&dyn Watch>,
     answer: impl Fn(
         &[Ray],
@@ -216,86 +220,56 @@ impl Accelerator for WgpuAccelerator {
         self.device.bytes()
     }
 
+    /// Asks the watch between slices and while the device works on one.
     fn closest_hits(
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.closest_hits_under(rays, hits, options, None)
+        self.find_closest_hits(rays, hits, options)
     }
 
     /// Asks the watch between slices and while the device works on one.
-    fn closest_hits_watched(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<QueryReport, QueryError> {
-        self.closest_hits_under(rays, hits, options, Some(watch))
-    }
-
     fn any_hits(
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.any_hits_under(rays, occluded, options, None)
+        self.find_any_hits(rays, occluded, options)
     }
 
-    /// Asks the watch between slices and while the device works on one.
-    fn any_hits_watched(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<QueryReport, QueryError> {
-        self.any_hits_under(rays, occluded, options, Some(watch))
-    }
-
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
-        self.all_hits_watched(rays, options, &())
-    }
-
-    /// From the host copy, one ray after the other, counted in [`AllHits::answered_by_cpu`].
-    fn all_hits_watched(
-        &self,
-        rays: &[Ray],
-        options: &QueryOptions,
-        watch: &dyn Watch,
-    ) -> Result<AllHits, QueryError> {
+    /// From the host copy, one ray after the other; the report says so.
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut all = AllHits::one_by_one_watched(&tree, triangles, rays, options, watch)?;
-        all.answered_by_cpu = rays.len() as u64;
+        let mut all = AllHits::one_by_one(&tree, triangles, rays, options)?;
+        all.report.answered_by_cpu = rays.len() as u64;
         Ok(all)
     }
 
-    /// From the host copy, one point after the other, counted in [`Located::answered_by_cpu`].
-    fn locate_watched(
+    /// From the host copy, one point after the other; the report says so.
+    fn locate(
         &self,
         points: &[[f32; 3]],
-        max_memory: Option<u64>,
-        watch: &dyn Watch,
+        options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut located = inside::one_by_one(&tree, triangles, points, max_memory, watch)?;
-        located.answered_by_cpu = points.len() as u64;
+        let mut located = inside::one_by_one(&tree, triangles, points, options)?;
+        located.report.answered_by_cpu = points.len() as u64;
         Ok(located)
     }
 
-    fn answered_by_cpu(&self) -> u64 {
-        self.answered_by_cpu.load(Ordering::Relaxed)
+    fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        Some(self)
     }
 
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         let scale = self.device.scene_scale();
         traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         let scale = self.device.scene_scale();
         traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
     }

@@ -83,7 +83,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<(), DeviceQueryError> {
         self.closest_hits_marking(tree, rays, hits, options)?.none()
     }
@@ -97,7 +97,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<(), DeviceQueryError> {
         self.any_hits_marking(tree, rays, occluded, options)?.none()
     }
@@ -116,7 +116,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<Marked, DeviceQueryError> {
         self.may_answer(options)?;
         self.closest_hits_under(tree, rays, hits, options, None)
@@ -128,7 +128,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         watch: Option<&dyn Watch>,
     ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), hits.len())?;
@@ -159,7 +159,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<Marked, DeviceQueryError> {
         self.may_answer(options)?;
         self.any_hits_under(tree, rays, occluded, options, None)
@@ -171,7 +171,7 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         watch: Option<&dyn Watch>,
     ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
@@ -204,7 +204,7 @@ impl Queries {
         &self,
         tree: &DeviceTree,
         rays: &[Ray],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
         watch: Option<&dyn Watch>,
         mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), DeviceQueryError>,
@@ -254,7 +254,7 @@ impl Queries {
     fn upload_slice(
         &self,
         rays: &[Ray],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         most: u32,
     ) -> Result<Staging, GpuError> {
         checked(self.gpu(), "the upload of rays", || {
@@ -273,7 +273,7 @@ impl Queries {
         tree: &DeviceTree,
         set: &Staging,
         count: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), GpuError> {
         let gpu = self.gpu();

@@ -1,7 +1,7 @@
 //! Why a query on a device did not give answers.
 
 use splitplane_core::all_hits::refused;
-use splitplane_core::backend::QueryError;
+use splitplane_core::backend::{DeviceError, QueryError};
 use thiserror::Error;
 
 use crate::error::GpuError;
@@ -91,7 +91,7 @@ impl From<DeviceQueryError> for QueryError {
             DeviceQueryError::Cancelled { done, total } => QueryError::Cancelled { done, total },
             DeviceQueryError::HostMemory { needed } => refused(needed),
             DeviceQueryError::Gpu(error) => error.into(),
-            other => QueryError::Device(other.to_string()),
+            other => QueryError::Device(DeviceError::Failed(other.to_string())),
         }
     }
 }

@@ -27,7 +27,7 @@ pub(super) enum QueryKernel {
 
 impl QueryKernel {
     /// The kernel that answers a query.
-    pub(super) fn of(query: Query, options: &QueryOptions) -> QueryKernel {
+    pub(super) fn of(query: Query, options: &QueryOptions<'_>) -> QueryKernel {
         match (query, options.accuracy) {
             (Query::Closest, Accuracy::Fast) => QueryKernel::ClosestHitFast,
             (Query::Closest, Accuracy::Watertight) => QueryKernel::ClosestHit,
@@ -84,7 +84,7 @@ impl Queries {
     }
 
     /// Refuses accuracy `exact` on a device whose arithmetic nobody has tested, or that failed.
-    pub(super) fn may_answer(&self, options: &QueryOptions) -> Result<(), DeviceQueryError> {
+    pub(super) fn may_answer(&self, options: &QueryOptions<'_>) -> Result<(), DeviceQueryError> {
         if options.accuracy == Accuracy::Exact && !self.is_certain() {
             return Err(DeviceQueryError::Uncertain);
         }

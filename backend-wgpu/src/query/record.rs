@@ -41,7 +41,7 @@ pub(super) struct BatchUniform {
 }
 
 impl BatchUniform {
-    pub(super) fn new(count: u32, options: &QueryOptions) -> BatchUniform {
+    pub(super) fn new(count: u32, options: &QueryOptions<'_>) -> BatchUniform {
         let culling = match options.culling {
             Culling::None => 0,
             Culling::Back => 1,
@@ -94,7 +94,7 @@ impl Queries {
         rays: &wgpu::Buffer,
         hits: &wgpu::Buffer,
         count: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<(), DeviceQueryError> {
         self.record_for_host(encoder, tree, [rays, hits], count, options, Query::Closest)
     }
@@ -112,7 +112,7 @@ impl Queries {
         rays: &wgpu::Buffer,
         occluded: &wgpu::Buffer,
         count: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<(), DeviceQueryError> {
         self.record_for_host(encoder, tree, [rays, occluded], count, options, Query::Any)
     }
@@ -123,7 +123,7 @@ impl Queries {
         tree: &DeviceTree,
         [rays, results]: [&wgpu::Buffer; 2],
         count: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), DeviceQueryError> {
         self.may_answer(options)?;
@@ -171,7 +171,7 @@ impl Queries {
         tree: &DeviceTree,
         buffers: &QueryBuffers<'_>,
         count: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), GpuError> {
         let kernel = QueryKernel::of(query, options);

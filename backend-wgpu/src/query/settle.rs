@@ -104,7 +104,7 @@ impl HostScene<'_> {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         asking: &Asking<'_>,
     ) -> Result<Vec<usize>, QueryError> {
         let mut parts: Vec<Vec<usize>> = list(rays.len().div_ceil(TASK))?;
@@ -147,7 +147,7 @@ impl HostScene<'_> {
         rays: &[Ray],
         places: &[usize],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         asking: &Asking<'_>,
     ) -> Result<(), QueryError> {
         let again = |&place: &usize| {
@@ -163,13 +163,13 @@ impl HostScene<'_> {
 
     /// Where a ray meets a triangle that a device named. `None` where it names none, and where the ray
     /// does not meet it: such a device is not to be believed.
-    fn of_triangle(&self, ray: &Ray, triangle: u32, options: &QueryOptions) -> Option<Hit> {
+    fn of_triangle(&self, ray: &Ray, triangle: u32, options: &QueryOptions<'_>) -> Option<Hit> {
         let corners = self.triangles.get(triangle as usize)?;
         let met = meet(&ExactRay::new(ray)?, corners, options.culling)?;
         met.is_within_limits().then(|| met.hit(triangle))
     }
 
-    fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
+    fn trace(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
         exact::trace(&self.tree, self.triangles, ray, options, query, &mut ())
     }
 }

@@ -86,7 +86,7 @@ pub fn measure(built: &Built, set: &Set, options: &Options) -> Result<Vec<Figure
 }
 
 /// How many exact hits from host memory differ from the CPU backend's.
-fn differences(built: &Built, rays: &[Ray], query: &QueryOptions) -> Result<usize, Failure> {
+fn differences(built: &Built, rays: &[Ray], query: &QueryOptions<'_>) -> Result<usize, Failure> {
     let (mut gpu, mut cpu) = (vec![Hit::MISS; rays.len()], vec![Hit::MISS; rays.len()]);
     built.gpu.closest_hits(rays, &mut gpu, query)?;
     built.cpu.closest_hits(rays, &mut cpu, query)?;

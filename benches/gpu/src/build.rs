@@ -65,7 +65,7 @@ const PROFILED: u32 = 5;
 pub fn measure(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     run: &Options,
 ) -> Result<Built, Failure> {
     let cpu_backend = CpuBackend::new();
@@ -118,7 +118,7 @@ pub fn measure(
 fn rebuild(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     figures: &mut Figures,
 ) -> Result<(), Failure> {
     let mut submit_ms = 0.0;
@@ -139,7 +139,7 @@ fn rebuild(
 fn profile(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     reps: u32,
 ) -> Result<Vec<KernelTime>, Failure> {
     let mut all = Vec::new();

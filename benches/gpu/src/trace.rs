@@ -250,7 +250,7 @@ pub struct Resident<'a> {
     answers: wgpu::Buffer,
     count: u32,
     query: Query,
-    options: QueryOptions,
+    options: QueryOptions<'static>,
 }
 
 impl<'a> Resident<'a> {
@@ -258,7 +258,7 @@ impl<'a> Resident<'a> {
         built: &'a Built,
         rays: &[Ray],
         query: Query,
-        options: QueryOptions,
+        options: QueryOptions<'static>,
     ) -> Result<Resident<'a>, Failure> {
         let gpu = built.gpu.queries().gpu();
         let bytes: &[u8] = bytemuck::cast_slice(rays);

@@ -38,7 +38,7 @@ const ENOUGH_SECONDS: f64 = 4.0;
 struct Plan {
     gpu: bool,
     config: BuildConfig,
-    options: QueryOptions,
+    options: QueryOptions<'static>,
     layout: QueryLayout,
     single: bool,
 }
@@ -148,7 +148,7 @@ impl Side {
         Ok(Side::Gpu(backend))
     }
 
-    fn build(&self, mesh: &Mesh<'_>, options: &BuildOptions) -> Result<Built, BuildError> {
+    fn build(&self, mesh: &Mesh<'_>, options: &BuildOptions<'_>) -> Result<Built, BuildError> {
         Ok(match self {
             Side::Cpu(backend) => Built::Cpu(Box::new(backend.build_accelerator(mesh, options)?)),
             Side::Gpu(backend) => Built::Gpu(Box::new(backend.build_accelerator(mesh, options)?)),

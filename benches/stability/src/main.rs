@@ -88,7 +88,7 @@ struct Run<'a> {
     subject: &'a Subject,
     accelerator: Box<dyn Accelerator>,
     oracle: Oracle,
-    query: QueryOptions,
+    query: QueryOptions<'static>,
     seed: u64,
     any: bool,
 }

@@ -2,7 +2,7 @@
 
 use crate::Problem;
 use crate::options::Options;
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::ray::Hit;
 use splitplane_core::triangle::{Triangle, prepare};
@@ -68,7 +68,7 @@ impl fmt::Display for Spent {
 struct Configuration {
     /// Index of the backend.
     backend: usize,
-    options: BuildOptions,
+    options: BuildOptions<'static>,
     name: [String; 3],
 }
 
@@ -127,7 +127,7 @@ impl<'a> Worker<'a> {
         let triangles = surface.scene.triangles();
         let reference = OneLeaf::new(&mesh);
         let best = self.backends.last().ok_or("no instruction set")?;
-        let one_leaf = best.load(&mesh, reference.tree.clone(), &BuildOptions::default())?;
+        let one_leaf = best.load(&mesh, reference.tree.clone(), &LoadOptions::default())?;
         let mut tally = Tally { surfaces: 1, ..Tally::default() };
         let mut all_expected = Vec::new();
         for volley in &volleys {

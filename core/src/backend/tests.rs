@@ -1,10 +1,12 @@
-//! What backends of others get who leave the watched functions as they are.
+//! What backends of others get who leave the default functions as they are.
 
+use alloc::vec::Vec;
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use super::*;
 use crate::aabb::Aabb;
+use crate::config::Preset;
 use crate::inside::{Location, Rule};
 use crate::intersect::{Limits, SceneScale};
 use crate::node::KdNode;
@@ -38,7 +40,7 @@ struct Leaf {
 }
 
 impl OneLeaf {
-    fn leaf(options: &BuildOptions) -> Leaf {
+    fn leaf(options: &BuildOptions<'_>) -> Leaf {
         let bounds = Aabb::of_points(&CORNERS);
         let limits = TRIANGLES.iter().fold(Limits::NONE, |all, t| all.union(Limits::of(t)));
         let tree = KdTree {
@@ -55,13 +57,13 @@ impl OneLeaf {
 
 impl Backend for OneLeaf {
     fn describe(&self) -> BackendInfo {
-        BackendInfo { name: "one leaf".into(), adapter: None, threads: Some(1), detail: "".into() }
+        BackendInfo { name: "one leaf".into(), threads: Some(1), ..BackendInfo::default() }
     }
 
     fn build(
         &self,
         _: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         Ok(Box::new(OneLeaf::leaf(options)))
     }
@@ -70,17 +72,9 @@ impl Backend for OneLeaf {
         &self,
         _: &Mesh<'_>,
         _: KdTree,
-        options: &BuildOptions,
+        _: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        Ok(Box::new(OneLeaf::leaf(options)))
-    }
-}
-
-impl Leaf {
-    /// As a device reports: every thousandth ray of what it was handed flagged, and some counts.
-    fn report(rays: &[Ray]) -> QueryReport {
-        let flagged: Vec<usize> = (0..rays.len()).step_by(1000).collect();
-        QueryReport { undecided: 2 + flagged.len() as u64, flagged, unfinished: 3 }
+        Ok(Box::new(OneLeaf::leaf(&BuildOptions::default())))
     }
 }
 
@@ -97,39 +91,15 @@ impl Accelerator for Leaf {
         0
     }
 
-    fn closest_hits(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions,
-    ) -> Result<QueryReport, QueryError> {
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.closest_hit(ray, options).unwrap_or(Hit::MISS);
-        }
-        Ok(Leaf::report(rays))
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        AllHits::one_by_one(&self.tree.view(), &TRIANGLES[..], rays, options)
     }
 
-    fn any_hits(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions,
-    ) -> Result<QueryReport, QueryError> {
-        for (ray, occluded) in rays.iter().zip(occluded) {
-            *occluded = self.any_hit(ray, options);
-        }
-        Ok(Leaf::report(rays))
-    }
-
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
-        AllHits::one_by_one_watched(&self.tree.view(), &TRIANGLES[..], rays, options, &())
-    }
-
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         traverse::closest_hit(&self.tree.view(), &TRIANGLES[..], &self.scale, ray, options)
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         traverse::any_hit(&self.tree.view(), &TRIANGLES[..], &self.scale, ray, options)
     }
 }
@@ -173,57 +143,75 @@ fn batches_are_answered_in_slices() {
     let rays = rays(COUNT);
     let mut hits = alloc::vec![Hit::MISS; COUNT];
     let recorder = Recorder::until(u64::MAX, COUNT as u64);
-    let report =
-        leaf.closest_hits_watched(&rays, &mut hits, &options, &recorder).expect("equal lengths");
+    let watched = QueryOptions { watch: Some(&recorder), ..options };
+    let report = leaf.closest_hits(&rays, &mut hits, &watched).expect("equal lengths");
     let [once, twice, done] = [SLICE as u64, 2 * SLICE as u64, COUNT as u64];
-    assert_eq!(recorder.sum.into_inner(), 2 * once + 3 * twice + 4 * done);
+    assert_eq!(recorder.sum.load(Relaxed), 2 * once + 3 * twice + 4 * done);
     for (ray, hit) in rays.iter().zip(&hits) {
         assert_eq!(*hit, leaf.closest_hit(ray, &options).unwrap_or(Hit::MISS));
     }
     assert!(hits.iter().any(Hit::is_hit) && !hits.iter().all(Hit::is_hit));
-    let flagged: Vec<usize> = [0, SLICE, 2 * SLICE]
-        .into_iter()
-        .flat_map(|first| (first..COUNT.min(first + SLICE)).step_by(1000))
-        .collect();
-    let expected = QueryReport { undecided: 6 + flagged.len() as u64, flagged, unfinished: 9 };
-    assert_eq!(report, expected);
+    assert_eq!(report, QueryReport::default());
 
     let mut any = alloc::vec![false; COUNT];
-    let report = leaf.any_hits_watched(&rays, &mut any, &options, &()).expect("equal lengths");
+    leaf.any_hits(&rays, &mut any, &options).expect("equal lengths");
     assert!(any.iter().zip(&hits).all(|(any, hit)| *any == hit.is_hit()));
-    assert_eq!(report, expected);
     for (last, done) in [(1, 0), (2, SLICE), (3, 2 * SLICE), (4, COUNT)] {
         let cancelled = Err(QueryError::Cancelled { done: done as u64, total: COUNT as u64 });
-        let recorder = || Recorder::until(last, COUNT as u64);
-        assert_eq!(leaf.closest_hits_watched(&rays, &mut hits, &options, &recorder()), cancelled);
-        assert_eq!(leaf.any_hits_watched(&rays, &mut any, &options, &recorder()), cancelled);
+        for closest in [true, false] {
+            let recorder = Recorder::until(last, COUNT as u64);
+            let watched = QueryOptions { watch: Some(&recorder), ..options };
+            let ended = match closest {
+                true => leaf.closest_hits(&rays, &mut hits, &watched),
+                false => leaf.any_hits(&rays, &mut any, &watched),
+            };
+            assert_eq!(ended, cancelled);
+        }
     }
     let mismatch = Err(QueryError::LengthMismatch { rays: COUNT, results: COUNT - 1 });
-    assert_eq!(leaf.closest_hits_watched(&rays, &mut hits[1..], &options, &()), mismatch);
+    assert_eq!(leaf.closest_hits(&rays, &mut hits[1..], &options), mismatch);
 }
 
 #[test]
-fn all_hits_are_answered_in_slices() {
-    const COUNT: usize = 2 * 4096 + 5;
-    let (leaf, options) = (OneLeaf::leaf(&BuildOptions::default()), QueryOptions::default());
+fn reports_on_parts_add_up() {
+    let part = |flagged: &[usize]| QueryReport {
+        undecided: 2 + flagged.len() as u64,
+        flagged: flagged.to_vec(),
+        unfinished: 3,
+        answered_by_cpu: 5,
+    };
+    let mut all = QueryReport::default();
+    all.append(part(&[0, 7]), 0).expect("memory");
+    all.append(part(&[1]), 100).expect("memory");
+    let expected = QueryReport {
+        undecided: 7,
+        flagged: [0, 7, 101].to_vec(),
+        unfinished: 6,
+        answered_by_cpu: 10,
+    };
+    assert_eq!(all, expected);
+}
+
+#[test]
+fn all_hits_keep_their_limit_and_their_watch() {
+    const COUNT: usize = 2 * 64 + 5;
+    let (leaf, options) = (OneLeaf::leaf(&BuildOptions::default()), AllHitsOptions::default());
     let rays = rays(COUNT);
     let recorder = Recorder::until(u64::MAX, COUNT as u64);
-    let all = leaf.all_hits_watched(&rays, &options, &recorder).expect("memory");
-    assert_eq!(recorder.sum.into_inner(), 2 * 4096 + 3 * 8192 + 4 * COUNT as u64);
+    let watched = AllHitsOptions { watch: Some(&recorder), ..options };
+    let all = leaf.all_hits(&rays, &watched).expect("memory");
+    // Few crossings a ray: the watch is asked between every 64 rays, and where lists grow.
+    assert!(recorder.count.load(Relaxed) >= 4);
     let expected = leaf.all_hits(&rays, &options).expect("memory");
     assert_eq!((&all.starts, &all.crossings), (&expected.starts, &expected.crossings));
     assert!(!all.crossings.is_empty());
-    let cancelled = QueryError::Cancelled { done: 4096, total: COUNT as u64 };
-    assert_eq!(
-        leaf.all_hits_watched(&rays, &options, &Recorder::until(2, COUNT as u64)),
-        Err(cancelled)
-    );
+    let recorder = Recorder::until(1, COUNT as u64);
+    let watched = AllHitsOptions { watch: Some(&recorder), ..options };
+    let cancelled = QueryError::Cancelled { done: 0, total: COUNT as u64 };
+    assert_eq!(leaf.all_hits(&rays, &watched), Err(cancelled));
 
-    // A limit is one of all slices together.
-    let limited = |limit| {
-        let options = QueryOptions { max_memory: Some(limit), ..options };
-        leaf.all_hits_watched(&rays, &options, &())
-    };
+    let limited =
+        |limit| leaf.all_hits(&rays, &AllHitsOptions { max_memory: Some(limit), ..options });
     let enough = 4 * expected.bytes();
     assert!(limited(enough).is_ok());
     let mut refused = 0;
@@ -245,33 +233,41 @@ fn points_are_located_by_hits_alone() {
     let leaf = OneLeaf::leaf(&BuildOptions::default());
     let points =
         [[0.5, 0.5, 0.5], [3.0, 3.0, 3.0], [0.0, 1.0, 1.0], [-1.0, 0.5, 0.5], [4.0, 0.0, 0.0]];
-    let located = leaf.locate(&points).expect("memory");
+    let located = leaf.locate(&points, &LocateOptions::default()).expect("memory");
     assert_eq!(located.windings, [Some(1), Some(0), None, Some(0), None]);
     assert_eq!(located.location(0, Rule::NonZero), Location::Inside);
-    assert_eq!(leaf.answered_by_cpu(), 0);
-    let total = points.len() as u64;
-    let ended = leaf.locate_watched(&points, None, &Recorder::until(9, total));
+    assert_eq!(located.report, QueryReport::default());
+    let recorder = Recorder::until(9, points.len() as u64);
+    let watched = LocateOptions { watch: Some(&recorder), ..LocateOptions::default() };
+    let ended = leaf.locate(&points, &watched);
     assert!(matches!(ended, Err(QueryError::Cancelled { total: 5, .. })), "{ended:?}");
-    let lacking = leaf.locate_watched(&points, Some(3), &());
+    let limited = LocateOptions { max_memory: Some(3), ..LocateOptions::default() };
+    let lacking = leaf.locate(&points, &limited);
     assert!(matches!(lacking, Err(QueryError::OutOfMemory { limit: 3, .. })), "{lacking:?}");
 }
 
 #[test]
-fn builds_and_loads_ask_before_and_after() {
+fn a_rebuild_replaces_what_was_there() {
     let (mesh, options) = (mesh(), BuildOptions::default());
-    let whole = Recorder::until(3, 4);
-    let Ok(built) = OneLeaf.build_watched(&mesh, &options, &whole) else { panic!("no tree") };
-    let tree = built.tree().clone();
-    assert_eq!(whole.sum.into_inner(), 2 * 4);
-    let whole = Recorder::until(3, 4);
-    assert!(OneLeaf.load_watched(&mesh, tree.clone(), &options, &whole).is_ok());
-    assert_eq!(whole.sum.into_inner(), 2 * 4);
-    for (last, stage, done) in [(1, Stage::Start, 0), (2, Stage::Layout, 4)] {
-        let recorder = || Recorder::until(last, 4);
-        let cancelled = BuildError::Cancelled { progress: Progress { stage, done, total: 4 } };
-        let built = OneLeaf.build_watched(&mesh, &options, &recorder());
-        assert_eq!(built.err(), Some(cancelled.clone()));
-        let loaded = OneLeaf.load_watched(&mesh, tree.clone(), &options, &recorder());
-        assert_eq!(loaded.err(), Some(cancelled));
-    }
+    let mut built = OneLeaf.build(&mesh, &options).expect("a tree");
+    let before: *const dyn Accelerator = &*built;
+    let other = BuildOptions { config: Preset::Best.into(), ..options };
+    OneLeaf.rebuild(&mut built, &mesh, &other).expect("a tree");
+    assert!(!core::ptr::addr_eq(before, &*built));
+    assert_eq!(built.tree().config, other.config);
+}
+
+#[test]
+fn a_closure_is_a_watch() {
+    let ends = |progress: &Progress| match progress.done {
+        0 => ControlFlow::Continue(()),
+        _ => ControlFlow::Break(()),
+    };
+    let at = |done| Progress { stage: Stage::Start, done, total: 4 };
+    assert_eq!(go_on(Some(&ends), at(0)), Ok(()));
+    assert_eq!(go_on(Some(&ends), at(1)), Err(BuildError::Cancelled { progress: at(1) }));
+    assert_eq!(go_on_tracing(Some(&ends), 0, 4), Ok(()));
+    let cancelled = QueryError::Cancelled { done: 3, total: 4 };
+    assert_eq!(go_on_tracing(Some(&ends), 3, 4), Err(cancelled));
+    assert_eq!(go_on(None, at(1)), Ok(()));
 }

@@ -114,7 +114,7 @@ impl Scene {
     fn certain<A: Arithmetic>(
         &self,
         ray: &Ray,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
         same: impl Fn(&Triangle, &Triangle) -> bool,
     ) -> Hit {
@@ -122,7 +122,7 @@ impl Scene {
         trace_with::<A>(&tree, triangles, &self.scale, ray, options, query, same)
     }
 
-    fn exact(&self, ray: &Ray, options: &QueryOptions) -> Hit {
+    fn exact(&self, ray: &Ray, options: &QueryOptions<'_>) -> Hit {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
         exact::closest_hit(&tree, triangles, ray, options).unwrap_or(Hit::MISS)
     }

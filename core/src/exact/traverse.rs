@@ -77,7 +77,7 @@ pub fn closest_hit(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> Option<Hit> {
     trace(tree, triangles, ray, options, Query::Closest, &mut ()).some()
 }
@@ -87,7 +87,7 @@ pub fn trace<O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     query: Query,
     observer: &mut O,
 ) -> Hit {
@@ -159,7 +159,7 @@ pub(crate) fn visit<O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     observer: &mut O,
     mut test: impl FnMut(&ExactRay, &Triangle, u32) -> f64,
 ) {

@@ -180,7 +180,7 @@ pub fn twist(positions: &[[f32; 3]], angle: f64, out: &mut Vec<[f32; 3]>) {
 /// A kd-tree that is built for every frame.
 struct Ours {
     tracer: Tracer,
-    options: BuildOptions,
+    options: BuildOptions<'static>,
     course: Course,
 }
 

@@ -69,8 +69,9 @@ pub fn on_cpu(
     let mut times = vec![Vec::new(); counts.len()];
     for round in 0..=settings.repeat {
         for (pool, times) in pools.iter().zip(&mut times) {
-            let (built, ms) =
-                pool.install(|| timed(|| backend.rebuild(&mut accelerator, &mesh, &options)));
+            let (built, ms) = pool.install(|| {
+                timed(|| backend.rebuild_accelerator(&mut accelerator, &mesh, &options))
+            });
             built?;
             if round > 0 {
                 times.push(ms);

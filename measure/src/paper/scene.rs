@@ -39,12 +39,12 @@ pub struct Settings {
 
 impl Settings {
     /// How a preset builds.
-    pub fn build(&self, preset: Preset) -> BuildOptions {
+    pub fn build(&self, preset: Preset) -> BuildOptions<'static> {
         self.build_with(BuildConfig::preset(preset))
     }
 
     /// How trees of a configuration are built.
-    pub fn build_with(&self, config: BuildConfig) -> BuildOptions {
+    pub fn build_with(&self, config: BuildConfig) -> BuildOptions<'static> {
         BuildOptions { config, max_memory: self.max_memory, ..BuildOptions::default() }
     }
 }
@@ -215,7 +215,7 @@ impl SceneReport {
 /// A builder at work on a scene, and the times it has taken so far.
 struct Contender {
     tracer: Tracer,
-    options: BuildOptions,
+    options: BuildOptions<'static>,
     building: rayon::ThreadPool,
     tree_ms: Vec<f64>,
     trace_ms: Vec<f64>,

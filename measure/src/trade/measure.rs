@@ -254,11 +254,12 @@ fn exact_answers(
     rays: &Aims<Vec<Ray>>,
     watch: &dyn Watch,
 ) -> Result<Aims<Vec<Hit>>, TradeError> {
-    let options = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
+    let options =
+        QueryOptions { accuracy: Accuracy::Exact, watch: Some(watch), ..QueryOptions::default() };
     let mut exact: [Vec<Hit>; KINDS] = Default::default();
     for (exact, rays) in exact.iter_mut().zip(rays.each()) {
         exact.resize(rays.len(), Hit::MISS);
-        tree.closest_hits_watched(rays, exact, &options, watch)?;
+        tree.closest_hits(rays, exact, &options)?;
     }
     Ok(Aims::of(exact))
 }
@@ -271,11 +272,10 @@ fn any_answers(
     tree: &dyn Accelerator,
     rays: &[Ray],
     exact: &[Hit],
-    options: &QueryOptions,
-    watch: &dyn Watch,
+    options: &QueryOptions<'_>,
 ) -> Result<(Vec<Hit>, u64), TradeError> {
     let mut stopped = vec![false; rays.len()];
-    let undecided = tree.any_hits_watched(rays, &mut stopped, options, watch)?.undecided;
+    let undecided = tree.any_hits(rays, &mut stopped, options)?.undecided;
     let answer = |((ray, exact), stopped): ((&Ray, &Hit), &bool)| {
         let mut hit = [Hit::MISS];
         match (*stopped, exact.is_hit()) {
@@ -339,10 +339,11 @@ impl<'a> Bench<'a> {
         config: &BuildConfig,
         layout: QueryLayout,
     ) -> Result<Box<dyn Accelerator>, TradeError> {
-        let options = BuildOptions { config: *config, max_memory: self.max_memory, layout };
+        let (max_memory, watch) = (self.max_memory, Some(self.watch));
+        let options = BuildOptions { config: *config, max_memory, layout, watch };
         let built = match (device, self.gpu) {
-            (Device::Gpu, Some(backend)) => backend.build_watched(self.mesh, &options, self.watch),
-            _ => self.cpu.build_watched(self.mesh, &options, self.watch),
+            (Device::Gpu, Some(backend)) => backend.build(self.mesh, &options),
+            _ => self.cpu.build(self.mesh, &options),
         };
         built.map_err(|error| TradeError::Build { setting: name.to_owned(), error })
     }
@@ -424,13 +425,13 @@ fn trace_first(
     accuracy: Accuracy,
     watch: &dyn Watch,
 ) -> Result<(f64, usize), TradeError> {
-    let options = QueryOptions { accuracy, ..QueryOptions::default() };
+    let options = QueryOptions { accuracy, watch: Some(watch), ..QueryOptions::default() };
     let (traced, ms) = if any {
         let mut stopped = vec![false; rays.len()];
-        timed(|| tree.any_hits_watched(rays, &mut stopped, &options, watch))
+        timed(|| tree.any_hits(rays, &mut stopped, &options))
     } else {
         let mut hits = vec![Hit::MISS; rays.len()];
-        timed(|| tree.closest_hits_watched(rays, &mut hits, &options, watch))
+        timed(|| tree.closest_hits(rays, &mut hits, &options))
     };
     traced?;
     Ok((ms, rays.len()))
@@ -529,17 +530,17 @@ impl<'a> Entry<'a> {
         let Some(tree) = &self.tree else { return Ok(()) };
         let most = self.budget.of(self.station.device).error_rays as usize;
         for &accuracy in &self.station.accuracies {
-            let options = QueryOptions { accuracy, ..QueryOptions::default() };
+            let options = QueryOptions { accuracy, watch: Some(watch), ..QueryOptions::default() };
             let (mut errors, mut redone) = ([Errors::default(); KINDS], 0);
             for (kind, errors) in errors.iter_mut().enumerate() {
                 let (rays, exact) = (judged.rays.each()[kind], judged.exact.each()[kind]);
                 let count = rays.len().min(most);
                 let (rays, exact) = (&rays[..count], &exact[..count]);
                 let (hits, undecided) = match Aims::<()>::NAMES[kind] {
-                    "shadow" => any_answers(tree.as_ref(), rays, exact, &options, watch)?,
+                    "shadow" => any_answers(tree.as_ref(), rays, exact, &options)?,
                     _ => {
                         let mut hits = vec![Hit::MISS; count];
-                        let told = tree.closest_hits_watched(rays, &mut hits, &options, watch)?;
+                        let told = tree.closest_hits(rays, &mut hits, &options)?;
                         (hits, told.undecided)
                     }
                 };

@@ -40,7 +40,7 @@ pub fn renderer() -> MutexGuard<'static, WgpuRenderer> {
 }
 
 /// How the trees of the tests are built.
-pub fn options() -> BuildOptions {
+pub fn options() -> BuildOptions<'static> {
     BuildOptions::from(BuildConfig::default())
 }
 

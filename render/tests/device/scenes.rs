@@ -23,7 +23,7 @@ pub struct Scene {
     pub eye: [f32; 3],
     pub scale: f32,
     pub outputs: Outputs,
-    pub query: QueryOptions,
+    pub query: QueryOptions<'static>,
     pub size: [u32; 2],
 }
 

@@ -3,10 +3,10 @@
 
 use crate::oracle::{Oracle, snap};
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::AllHits;
+use splitplane_core::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
-    QueryReport,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
+    QueryError, QueryReport,
 };
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::KdNode;
@@ -26,18 +26,15 @@ struct ExactAccelerator {
 
 impl Backend for ExactBackend {
     fn describe(&self) -> BackendInfo {
-        BackendInfo {
-            name: "exact".into(),
-            adapter: None,
-            threads: Some(1),
-            detail: "oracle of the tests".into(),
-        }
+        let mut info = BackendInfo::new("exact");
+        (info.threads, info.detail) = (Some(1), "oracle of the tests".into());
+        info
     }
 
     fn build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         options.config.validate()?;
         let (tree, summary, triangles) = one_leaf(mesh, options);
@@ -48,9 +45,11 @@ impl Backend for ExactBackend {
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
-        options: &BuildOptions,
+        options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        let built = self.build(mesh, options)?;
+        let config = tree.config;
+        let LoadOptions { max_memory, layout, watch } = *options;
+        let built = self.build(mesh, &BuildOptions { config, max_memory, layout, watch })?;
         if *built.tree() != tree {
             return Err(BuildError::WrongMesh { reason: "another tree comes out".into() });
         }
@@ -63,11 +62,12 @@ type Triangles = Vec<[[f32; 3]; 3]>;
 /// A tree of one leaf, its summary, and the snapped triangles.
 pub(crate) fn one_leaf(
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
 ) -> (KdTree, BuildSummary, Triangles) {
     let triangles: Triangles =
         (0..mesh.len()).map(|index| mesh.triangle(index).map(|corner| corner.map(snap))).collect();
-    let mut summary = BuildSummary { triangles: triangles.len() as u32, ..BuildSummary::default() };
+    let mut summary = BuildSummary::default();
+    summary.triangles = triangles.len() as u32;
     let (mut references, mut bounds) = (Vec::new(), Aabb::EMPTY);
     for (index, corners) in triangles.iter().enumerate() {
         let given = mesh.triangle(index).map(|corner| corner.map(f32::to_bits));
@@ -114,7 +114,7 @@ impl Accelerator for ExactAccelerator {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), hits.len())?;
         for (ray, hit) in rays.iter().zip(hits) {
@@ -127,7 +127,7 @@ impl Accelerator for ExactAccelerator {
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), occluded.len())?;
         for (ray, answer) in rays.iter().zip(occluded) {
@@ -136,12 +136,12 @@ impl Accelerator for ExactAccelerator {
         Ok(QueryReport::default())
     }
 
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
         AllHits::one_by_one(&tree, triangles, rays, options)
     }
 
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         let mut best: Option<Hit> = None;
         for crossing in self.oracle.crossings(ray, options) {
             // The order and the limits are those of the rounded distance, which the hit reports.
@@ -161,7 +161,7 @@ impl Accelerator for ExactAccelerator {
         Some(hit)
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         self.closest_hit(ray, options).is_some()
     }
 }

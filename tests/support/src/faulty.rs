@@ -2,10 +2,10 @@
 //! catch: a check that cannot fail proves nothing.
 
 use crate::exact::{one_leaf, same_length};
-use splitplane_core::all_hits::AllHits;
+use splitplane_core::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, QueryError,
-    QueryReport,
+    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
+    QueryError, QueryReport,
 };
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
@@ -78,7 +78,7 @@ impl<B: Backend> Backend for FaultyBackend<B> {
     fn build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         let inner = self.inner.build(mesh, options)?;
         let build = self.builds.fetch_add(1, Ordering::Relaxed);
@@ -111,7 +111,7 @@ impl<B: Backend> Backend for FaultyBackend<B> {
         &self,
         mesh: &Mesh<'_>,
         tree: KdTree,
-        options: &BuildOptions,
+        options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         self.inner.load(mesh, tree, options)
     }
@@ -131,7 +131,7 @@ fn hash_of(ray: &Ray) -> u32 {
 }
 
 impl FaultyAccelerator {
-    fn alter(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn alter(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         let mut options = *options;
         let mut asked = *ray;
         match self.fault {
@@ -194,7 +194,7 @@ impl Accelerator for FaultyAccelerator {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.inner.closest_hits(rays, hits, options)?;
         for (ray, hit) in rays.iter().zip(hits.iter_mut()) {
@@ -212,7 +212,7 @@ impl Accelerator for FaultyAccelerator {
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.inner.any_hits(rays, occluded, options)?;
         for (ray, answer) in rays.iter().zip(occluded) {
@@ -221,15 +221,15 @@ impl Accelerator for FaultyAccelerator {
         Ok(QueryReport::default())
     }
 
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         self.inner.all_hits(rays, options)
     }
 
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         self.alter(ray, options)
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         let disagrees = self.fault == Fault::AnyHitDisagrees && chosen(ray);
         self.alter(ray, options).is_some() || disagrees
     }
@@ -248,18 +248,15 @@ struct LeakyAccelerator {
 
 impl Backend for LeakyBackend {
     fn describe(&self) -> BackendInfo {
-        BackendInfo {
-            name: "leaky".into(),
-            adapter: None,
-            threads: Some(1),
-            detail: "wrong on purpose".into(),
-        }
+        let mut info = BackendInfo::new("leaky");
+        (info.threads, info.detail) = (Some(1), "wrong on purpose".into());
+        info
     }
 
     fn build(
         &self,
         mesh: &Mesh<'_>,
-        options: &BuildOptions,
+        options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         options.config.validate()?;
         let (tree, summary, triangles) = one_leaf(mesh, options);
@@ -269,10 +266,10 @@ impl Backend for LeakyBackend {
     fn load(
         &self,
         mesh: &Mesh<'_>,
-        _: KdTree,
-        options: &BuildOptions,
+        tree: KdTree,
+        _: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.build(mesh, options)
+        self.build(mesh, &tree.config.into())
     }
 }
 
@@ -293,7 +290,7 @@ impl Accelerator for LeakyAccelerator {
         &self,
         rays: &[Ray],
         hits: &mut [Hit],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), hits.len())?;
         for (ray, hit) in rays.iter().zip(hits) {
@@ -306,7 +303,7 @@ impl Accelerator for LeakyAccelerator {
         &self,
         rays: &[Ray],
         occluded: &mut [bool],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         same_length(rays.len(), occluded.len())?;
         for (ray, answer) in rays.iter().zip(occluded) {
@@ -315,12 +312,12 @@ impl Accelerator for LeakyAccelerator {
         Ok(QueryReport::default())
     }
 
-    fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
         AllHits::one_by_one(&tree, triangles, rays, options)
     }
 
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
         let sub = |a: [f32; 3], b: [f32; 3]| [0, 1, 2].map(|i| a[i] - b[i]);
         let cross = |a: [f32; 3], b: [f32; 3]| {
             [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
@@ -346,7 +343,7 @@ impl Accelerator for LeakyAccelerator {
         best.some()
     }
 
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions) -> bool {
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
         self.closest_hit(ray, options).is_some()
     }
 }

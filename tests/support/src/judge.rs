@@ -108,7 +108,7 @@ impl<'a> Judge<'a> {
     pub fn closest(
         &self,
         ray: &Ray,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         hit: Option<Hit>,
     ) -> Result<Verdict, String> {
         self.judge(ray, options, hit)
@@ -118,7 +118,7 @@ impl<'a> Judge<'a> {
     fn judge(
         &self,
         ray: &Ray,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         hit: Option<Hit>,
     ) -> Result<Verdict, String> {
         let Some(valid) = ValidRay::new(ray) else {
@@ -194,7 +194,7 @@ impl<'a> Judge<'a> {
         &self,
         ray: &Ray,
         valid: &ValidRay,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         hit: &Hit,
     ) -> Result<(), String> {
         let t = f64::from(hit.t);
@@ -260,7 +260,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Whether a miss of this triangle is accounted for: see the module's notes.
-    fn near_outline(&self, ray: &ValidRay, options: &QueryOptions, triangle: u32) -> bool {
+    fn near_outline(&self, ray: &ValidRay, options: &QueryOptions<'_>, triangle: u32) -> bool {
         let mut visited = HashSet::from([triangle]);
         let mut queue = vec![triangle];
         while let Some(here) = queue.pop() {
@@ -376,7 +376,7 @@ impl Seen {
         -((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
     }
 
-    fn is_culled(&self, options: &QueryOptions) -> bool {
+    fn is_culled(&self, options: &QueryOptions<'_>) -> bool {
         match options.culling {
             Culling::None => false,
             Culling::Back => self.signed_area() <= 0.0,

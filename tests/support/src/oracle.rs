@@ -224,12 +224,12 @@ impl Oracle {
     }
 
     /// The closest hit with culling and ignoring.
-    pub fn closest_with(&self, ray: &Ray, options: &QueryOptions) -> OracleHit {
+    pub fn closest_with(&self, ray: &Ray, options: &QueryOptions<'_>) -> OracleHit {
         self.summarise(self.crossings(ray, options), ray, options)
     }
 
     /// The closest hit as accuracy `exact` promises it.
-    pub fn nearest(&self, ray: &Ray, options: &QueryOptions) -> Option<Nearest> {
+    pub fn nearest(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Nearest> {
         let crossings = self.crossings(ray, options);
         let mut within = crossings.iter().filter(|c| c.is_within(ray));
         let best = within.next()?;
@@ -250,7 +250,12 @@ impl Oracle {
         self.summarise(found, ray, &options)
     }
 
-    fn summarise(&self, mut found: Vec<Crossing>, ray: &Ray, options: &QueryOptions) -> OracleHit {
+    fn summarise(
+        &self,
+        mut found: Vec<Crossing>,
+        ray: &Ray,
+        options: &QueryOptions<'_>,
+    ) -> OracleHit {
         found.retain(|crossing| crossing.is_within(ray));
         let Some(best) = found.iter().min_by(|a, b| a.compare_t(b)) else {
             return OracleHit::Miss;
@@ -267,14 +272,14 @@ impl Oracle {
 
     /// Everything the whole line through the ray meets, its limits set aside, nearest first. Each
     /// group of triangles with the same corners gives one crossing.
-    pub fn crossings(&self, ray: &Ray, options: &QueryOptions) -> Vec<Crossing> {
+    pub fn crossings(&self, ray: &Ray, options: &QueryOptions<'_>) -> Vec<Crossing> {
         let mut found = self.crossings_unsorted(ray, options);
         found.sort_by(|a, b| a.compare_t(b).then(a.triangle.cmp(&b.triangle)));
         found
     }
 
     /// The same in no order, which spares exact comparisons of distances.
-    pub fn crossings_unsorted(&self, ray: &Ray, options: &QueryOptions) -> Vec<Crossing> {
+    pub fn crossings_unsorted(&self, ray: &Ray, options: &QueryOptions<'_>) -> Vec<Crossing> {
         let mut found = Vec::new();
         let Some(valid) = ValidRay::new(ray) else { return found };
         let reciprocal = valid.direction.map(|d| 1.0 / d);
@@ -336,7 +341,13 @@ impl Oracle {
         found.pop()
     }
 
-    fn cross(&self, ray: &ValidRay, slot: u32, options: &QueryOptions, found: &mut Vec<Crossing>) {
+    fn cross(
+        &self,
+        ray: &ValidRay,
+        slot: u32,
+        options: &QueryOptions<'_>,
+        found: &mut Vec<Crossing>,
+    ) {
         let Unique { corners, members } = &self.unique[slot as usize];
         let Some(&triangle) = members.iter().find(|&&m| options.ignore != Some(m)) else { return };
         let Some((front, on_edge)) = covers(ray, corners) else { return };

@@ -189,7 +189,7 @@ fn against_edges(line: &Line, corners: &[Vector; 3]) -> Option<(Rational, bool, 
     Some((t, speed.sign() == Sign::Minus, signs))
 }
 
-fn is_culled(front: bool, options: &QueryOptions) -> bool {
+fn is_culled(front: bool, options: &QueryOptions<'_>) -> bool {
     match options.culling {
         Culling::None => false,
         Culling::Back => !front,
@@ -198,7 +198,7 @@ fn is_culled(front: bool, options: &QueryOptions) -> bool {
 }
 
 /// Every triangle that the line through a ray meets, its limits set aside, by distance, then index.
-pub fn crossings(mesh: &Mesh<'_>, ray: &Ray, options: &QueryOptions) -> Vec<Met> {
+pub fn crossings(mesh: &Mesh<'_>, ray: &Ray, options: &QueryOptions<'_>) -> Vec<Met> {
     let mut found = Vec::new();
     let Some(line) = Line::new(ray) else { return found };
     for index in 0..mesh.len() {
@@ -278,7 +278,7 @@ fn crosses_moved(moved: &Line, corners: &[Vector; 3]) -> bool {
 pub fn surface_crossings(
     mesh: &Mesh<'_>,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     shift: Shift,
 ) -> Vec<Met> {
     let mut met = crossings(mesh, ray, options);
@@ -298,7 +298,7 @@ pub fn surface_crossings_by(
     oracle: &Oracle,
     mesh: &Mesh<'_>,
     ray: &Ray,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
 ) -> Vec<(f32, u32, bool)> {
     let Some(line) = Line::new(ray) else { return Vec::new() };
     let moved = Shift::TINY.apply(&line);
@@ -457,7 +457,7 @@ mod tests {
     }
 
     /// Everything the oracle says of a ray, against whole numbers. Gives how many triangles it meets.
-    fn compare(scene: &Scene, oracle: &Oracle, ray: &Ray, options: &QueryOptions) -> usize {
+    fn compare(scene: &Scene, oracle: &Oracle, ray: &Ray, options: &QueryOptions<'_>) -> usize {
         let mesh = scene.mesh();
         let expected = crossings(&mesh, ray, options);
         let given = oracle.crossings(ray, options);
@@ -498,7 +498,7 @@ mod tests {
     }
 
     /// The options that a test goes through in turn.
-    fn options(round: usize) -> QueryOptions {
+    fn options(round: usize) -> QueryOptions<'static> {
         let culling = [Culling::None, Culling::None, Culling::Back, Culling::Front][round % 4];
         let ignore = (round.is_multiple_of(5)).then_some(round as u32 % 17);
         QueryOptions { culling, ignore, ..QueryOptions::default() }

@@ -284,12 +284,12 @@ impl Tally {
 pub struct Counter<'a> {
     oracle: &'a Oracle,
     judge: Judge<'a>,
-    options: QueryOptions,
+    options: QueryOptions<'a>,
 }
 
 impl<'a> Counter<'a> {
     /// A counter for one mesh and its oracle.
-    pub fn new(mesh: &Mesh<'a>, oracle: &'a Oracle, options: QueryOptions) -> Counter<'a> {
+    pub fn new(mesh: &Mesh<'a>, oracle: &'a Oracle, options: QueryOptions<'a>) -> Counter<'a> {
         Counter { oracle, judge: Judge::new(mesh, oracle), options }
     }
 

@@ -34,7 +34,7 @@ impl OneLeaf {
     }
 
     /// The closest hits.
-    pub fn closest(&self, rays: &[Ray], options: &QueryOptions) -> Vec<Hit> {
+    pub fn closest(&self, rays: &[Ray], options: &QueryOptions<'_>) -> Vec<Hit> {
         let (view, triangles) = (self.tree.view(), &self.triangles[..]);
         let hit = |ray| traverse::closest_hit(&view, triangles, &self.scale, ray, options);
         rays.iter().map(|ray| hit(ray).unwrap_or(Hit::MISS)).collect()
@@ -93,7 +93,7 @@ impl Way {
 pub fn ask(
     accelerator: &dyn Accelerator,
     rays: &[Ray],
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     way: Way,
     seed: u64,
 ) -> Vec<Hit> {
@@ -248,7 +248,7 @@ pub struct Failure {
     /// The ray.
     pub ray: Ray,
     /// What was asked besides.
-    pub options: QueryOptions,
+    pub options: QueryOptions<'static>,
     /// Who was asked what, and said what.
     pub text: String,
 }

@@ -2,7 +2,7 @@
 //! whose answers the exact oracle accepts.
 
 use crate::source::Source;
-use splitplane_core::all_hits::Crossing;
+use splitplane_core::all_hits::{AllHitsOptions, Crossing};
 use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryReport};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::digest::Digest;
@@ -61,7 +61,7 @@ fn on(data: &[u8], backend: &dyn Backend, cpu: Option<&CpuBackend>) {
 }
 
 /// A preset, some of its knobs turned to any value.
-fn options(source: &mut Source<'_>) -> BuildOptions {
+fn options(source: &mut Source<'_>) -> BuildOptions<'static> {
     let mut config = BuildConfig::preset(source.pick(&Preset::ALL));
     // Few triangles make large nodes only where small ones are smaller still.
     config.small_node_limit = source.pick(&[64, 1, 2, 3, 8]);
@@ -145,7 +145,7 @@ fn build(
     backend: &dyn Backend,
     cpu: Option<&CpuBackend>,
     mesh: &Mesh<'_>,
-    options: &BuildOptions,
+    options: &BuildOptions<'_>,
     source: &mut Source<'_>,
 ) {
     let built = backend.build(mesh, options);
@@ -186,11 +186,11 @@ fn build(
 }
 
 /// The digest of a tree built into memory that held another one.
-fn rebuild(backend: &CpuBackend, mesh: &Mesh<'_>, options: &BuildOptions) -> Digest {
+fn rebuild(backend: &CpuBackend, mesh: &Mesh<'_>, options: &BuildOptions<'_>) -> Digest {
     let other = [[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
     let other = Mesh::soup(&other).expect("one triangle");
     let mut accelerator = backend.build_accelerator(&other, options).expect("one triangle");
-    backend.rebuild(&mut accelerator, mesh, options).expect("as before");
+    backend.rebuild_accelerator(&mut accelerator, mesh, options).expect("as before");
     accelerator.tree().digest()
 }
 
@@ -241,7 +241,9 @@ fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) 
             }
         }
     }
-    let all = accelerator.all_hits(&rays, &options).expect("the CPU does not fail");
+    let QueryOptions { culling, ignore, .. } = options;
+    let crossings = AllHitsOptions { culling, ignore, ..AllHitsOptions::default() };
+    let all = accelerator.all_hits(&rays, &crossings).expect("the CPU does not fail");
     assert_eq!(all.starts.len(), rays.len() + 1);
     for (i, ray) in rays.iter().enumerate() {
         are_all(&oracle, ray, &options, all.of(i));
@@ -258,7 +260,7 @@ fn rounds_to(exact: f64, t: f32) -> bool {
 }
 
 /// The hit is the one that real arithmetic gives.
-fn is_exact(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: Option<Hit>) {
+fn is_exact(oracle: &Oracle, ray: &Ray, options: &QueryOptions<'_>, hit: Option<Hit>) {
     let expected = oracle.closest_with(ray, options);
     match (&expected, hit) {
         (OracleHit::Miss, None) => {}
@@ -270,7 +272,7 @@ fn is_exact(oracle: &Oracle, ray: &Ray, options: &QueryOptions, hit: Option<Hit>
 
 /// All crossings, in order, each of a triangle that the ray meets; those within triangles are all
 /// there.
-fn are_all(oracle: &Oracle, ray: &Ray, options: &QueryOptions, found: &[Crossing]) {
+fn are_all(oracle: &Oracle, ray: &Ray, options: &QueryOptions<'_>, found: &[Crossing]) {
     let expected = oracle.crossings(ray, options);
     let within: Vec<_> = expected
         .iter()

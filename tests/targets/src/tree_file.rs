@@ -234,7 +234,7 @@ fn use_tree(tree: &KdTree, sample: &Sample) {
     let file = TreeFile::parse(cast_slice(&words)).expect("what is written can be read");
     assert_eq!(file.tree.digest(), tree.digest());
     let options = BuildOptions::from(tree.config);
-    let loaded = BACKEND.with(|backend| backend.load(&mesh, tree.clone(), &options));
+    let loaded = BACKEND.with(|backend| backend.load(&mesh, tree.clone(), &options.for_loading()));
     match loaded {
         Ok(accelerator) => ask(accelerator.as_ref(), sample),
         Err(error @ BuildError::WrongMesh { .. }) => {

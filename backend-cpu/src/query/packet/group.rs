@@ -111,7 +111,7 @@ impl Group {
         rays: &mut Rays<'_>,
         mut triangles: u32,
         mut active: u32,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> bool {
         let fast = options.accuracy == Accuracy::Fast;
@@ -175,7 +175,7 @@ impl Group {
         record: &Record<'_>,
         rays: &mut Rays<'_>,
         lane: usize,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> bool {
         let mut best = self.best(lane);
@@ -254,7 +254,7 @@ struct Singly<'a, 'b> {
     record: &'a Record<'a>,
     rays: &'a mut Rays<'b>,
     active: u32,
-    options: &'a QueryOptions,
+    options: &'a QueryOptions<'a>,
     query: Query,
 }
 

@@ -192,7 +192,7 @@ impl Packet {
         &mut self,
         blocks: &Blocks,
         (ready, ways): (&PreparedRays, &mut [Way; CHUNK]),
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) {
         let mut rays = Rays { ready, ways, written: 0, first: 0 };
@@ -327,7 +327,7 @@ impl Packet {
         record: &Record<'_>,
         rays: &mut Rays<'_>,
         active: [u32; G],
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
         query: Query,
     ) -> bool {
         let mut triangles = (1u32 << record.count()) - 1;

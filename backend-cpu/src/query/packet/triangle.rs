@@ -23,7 +23,7 @@ impl Group {
         index: usize,
         mut unclear: u32,
         rays: &Rays<'_>,
-        options: &QueryOptions,
+        options: &QueryOptions<'_>,
     ) -> u32 {
         let mut taken = 0;
         while unclear != 0 {

@@ -13,7 +13,7 @@ pub(crate) struct Input<'a> {
     pub(crate) tree: KdTreeView<'a>,
     pub(crate) mesh: Mesh<'a>,
     pub(crate) scale: SceneScale,
-    pub(crate) options: QueryOptions,
+    pub(crate) options: QueryOptions<'a>,
     pub(crate) samples: u32,
     pub(crate) first_pixel: u32,
     pub(crate) rays: &'a [Ray],

@@ -6,7 +6,7 @@ use splitplane_core::ray::{QueryOptions, Ray};
 
 pub(crate) fn run(
     accelerator: &dyn Accelerator,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     rays: &[Ray],
     lights: &mut [[f32; 4]],
     occluded: &mut Vec<bool>,

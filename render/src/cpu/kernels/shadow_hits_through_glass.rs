@@ -11,7 +11,7 @@ use splitplane_core::ray::{Hit, QueryOptions};
 
 pub(crate) fn run(
     accelerator: &dyn Accelerator,
-    options: &QueryOptions,
+    options: &QueryOptions<'_>,
     data: &SceneData,
     scene: &SceneWords<'_>,
     count: usize,

@@ -64,7 +64,7 @@ pub struct Volley {
     /// The rays: single ones, and bundles of 32 and 64 that differ by little.
     pub rays: Vec<Ray>,
     /// What is asked besides.
-    pub options: QueryOptions,
+    pub options: QueryOptions<'static>,
 }
 
 impl Volley {

@@ -1,0 +1,78 @@
+//! What a caller asks of a build besides the mesh.
+
+use crate::config::BuildConfig;
+use crate::watch::Watch;
+
+/// How to build: the configuration that shapes the tree, and limits that only end in errors.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BuildOptions<'a> {
+    /// What shapes the tree.
+    pub config: BuildConfig,
+    /// Most bytes that the build's buffers, the tree and the query layout may hold at once besides the
+    /// caller's mesh; `None` for no limit.
+    pub max_memory: Option<u64>,
+    /// What queries read: speed or little memory. Hits do not depend on it, bit for bit, nor does the tree.
+    pub layout: QueryLayout,
+    /// Is told how far the build is, and may end it; `None` for nobody. Trees do not depend on it.
+    pub watch: Option<&'a dyn Watch>,
+}
+
+impl<'a> BuildOptions<'a> {
+    /// To load a tree within the same limits, for the same layout, under the same watch.
+    #[must_use]
+    pub const fn for_loading(&self) -> LoadOptions<'a> {
+        let BuildOptions { max_memory, layout, watch, .. } = *self;
+        LoadOptions { max_memory, layout, watch }
+    }
+
+    /// The same without a watch, to be kept for as long as one likes.
+    #[must_use]
+    pub const fn unwatched(&self) -> BuildOptions<'static> {
+        let BuildOptions { config, max_memory, layout, .. } = *self;
+        BuildOptions { config, max_memory, layout, watch: None }
+    }
+}
+
+impl From<BuildConfig> for BuildOptions<'_> {
+    fn from(config: BuildConfig) -> Self {
+        BuildOptions { config, ..BuildOptions::default() }
+    }
+}
+
+/// How to load a tree that was built earlier. What shaped it is part of the tree.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LoadOptions<'a> {
+    /// Most bytes that the tree, the query layout and what they are made with may hold at once besides the
+    /// caller's mesh; `None` for no limit.
+    pub max_memory: Option<u64>,
+    /// What queries read; see [`BuildOptions::layout`].
+    pub layout: QueryLayout,
+    /// Is told how far it is, and may end it; `None` for nobody.
+    pub watch: Option<&'a dyn Watch>,
+}
+
+/// How a backend lays out nodes and triangles for queries. The CPU has both layouts; backends with one
+/// layout, such as wgpu, ignore the choice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum QueryLayout {
+    /// Leaves have copies of their triangles' corners, side by side as the triangle test reads them.
+    #[default]
+    Fast,
+    /// Leaves name their triangles, whose corners are read from one indexed copy of the mesh: a third
+    /// to a half of the memory, and slower rays. A mesh without indices takes 36 bytes a triangle.
+    Compact,
+}
+
+impl QueryLayout {
+    /// Both, the default first.
+    pub const ALL: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
+
+    /// The name in options and reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            QueryLayout::Fast => "fast",
+            QueryLayout::Compact => "compact",
+        }
+    }
+}
