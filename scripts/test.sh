@@ -33,7 +33,7 @@ trap 'rm -f "$log"' EXIT
 # True when wgpu finds an adapter that can be used. Asked of a test, so that the answer is the one the
 # tests will get.
 adapter_found() {
-    cargo test --quiet --workspace ${build[@]+"${build[@]}"} --test adapter -- --exact there_is_a_gpu_adapter >"$log" 2>&1
+    cargo test --quiet --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --test adapter -- --exact there_is_a_gpu_adapter >"$log" 2>&1
 }
 
 # Commands that install packages run as root, directly or through a sudo that asks nothing.
@@ -82,7 +82,7 @@ if [ "${SPLITPLANE_GPU:-}" = absent ]; then
     say "SPLITPLANE_GPU=absent is set: GPU tests are ignored"
 else
     # A build that fails must not look like a missing adapter.
-    cargo test --workspace ${build[@]+"${build[@]}"} --no-run --test adapter
+    cargo test --workspace --exclude splitplane-viewer ${build[@]+"${build[@]}"} --no-run --test adapter
     if adapter_found; then
         say "there is a GPU adapter"
     else
@@ -97,8 +97,10 @@ else
     fi
 fi
 
-say "cargo test --workspace $*"
-cargo test --workspace "$@"
+# The tests must not see the viewer: the program without it is what most people build, and cargo builds
+# the viewer's packages only where they are asked for.
+say "cargo test --workspace --exclude splitplane-viewer $*"
+cargo test --workspace --exclude splitplane-viewer "$@"
 
 [ -z "$selects" ] || exit 0
 
@@ -114,9 +116,8 @@ elif ! display_found && ! { install "${display_packages[@]}" && display_found; }
     export SPLITPLANE_DISPLAY=absent
 fi
 
-# The tests above must not see the viewer: the program without it is what most people build. Optimising
-# the windowing and drawing crates would take longer than these tests do without it.
-viewer=(--profile dev -p splitplane --features viewer --lib --bin splitplane --test viewer)
+# Optimising the windowing and drawing crates would take longer than these tests do without it.
+viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer)
 case " ${build[*]-} " in
 *" --release "*) viewer=("${viewer[@]:2}") ;;
 esac

@@ -18,8 +18,9 @@ use std::time::Duration;
 use thiserror::Error;
 
 pub use engine::{Engine, OpenedEngine};
-#[cfg(feature = "viewer")]
-pub(crate) use gpu::failed;
+#[cfg(feature = "wgpu")]
+#[doc(hidden)]
+pub use gpu::failed;
 #[cfg(feature = "wgpu")]
 pub use gpu::{adapters, adapters_with, open_gpu};
 #[cfg(feature = "wgpu")]

@@ -51,33 +51,8 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
-#[cfg(feature = "obj")]
-#[doc(hidden)]
-pub mod from_file;
-#[cfg(feature = "paper")]
-pub mod hierarchy;
-#[cfg(all(feature = "cpu", feature = "wgpu", feature = "verify"))]
-pub mod parity;
-#[cfg(feature = "render")]
-pub mod picture;
-#[cfg(any(feature = "scene", feature = "verify"))]
-mod random;
-#[cfg(feature = "render")]
-pub use splitplane_render as render;
-#[cfg(feature = "paper")]
-pub mod report;
-#[cfg(feature = "scene")]
-pub mod scene;
-#[cfg(feature = "scene")]
-mod surface;
 #[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
 pub mod tracer;
-#[cfg(feature = "trade")]
-pub mod trade;
-#[cfg(feature = "verify")]
-pub mod verify;
-#[cfg(feature = "viewer")]
-pub mod viewer;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
@@ -97,5 +72,15 @@ pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]
 pub use splitplane_cpu::CpuBackend;
+#[cfg(feature = "render")]
+pub use splitplane_render as render;
+#[cfg(feature = "picture")]
+pub use splitplane_render::picture;
+#[cfg(feature = "scene")]
+pub use splitplane_scene as scene;
+#[cfg(feature = "verify")]
+pub use splitplane_verify as verify;
+#[cfg(feature = "parity")]
+pub use splitplane_verify::parity;
 #[cfg(feature = "wgpu")]
 pub use splitplane_wgpu as gpu;

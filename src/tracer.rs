@@ -13,6 +13,8 @@ use splitplane_render::{
     AppearanceError, FrameStats, Outputs, Plan, PlanError, RenderError, RenderSettings, SceneData,
     Size,
 };
+#[cfg(feature = "wgpu")]
+use splitplane_wgpu::wgpu::Buffer;
 use std::borrow::Cow;
 use thiserror::Error;
 
@@ -292,12 +294,12 @@ impl Tracer {
     ///
     /// # Errors
     /// As for [`Tracer::frame`]; a buffer that does not suit, or a tracer that is not on a GPU.
-    #[cfg(feature = "viewer")]
-    pub(crate) fn frame_into(
+    #[cfg(feature = "wgpu")]
+    pub fn frame_into(
         &mut self,
         scene: &Scene,
         request: &FrameRequest<'_>,
-        target: &wgpu::Buffer,
+        target: &Buffer,
     ) -> Result<FrameStats, TracerError> {
         self.described()?;
         let mesh = scene.mesh()?;

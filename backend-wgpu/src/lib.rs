@@ -31,3 +31,6 @@ pub use query::{
     DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNDECIDED_HIT,
     UNFINISHED, WgpuAccelerator,
 };
+
+/// The version of wgpu that this crate is built with.
+pub use wgpu;

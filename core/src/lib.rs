@@ -30,6 +30,7 @@ pub mod lockstep;
 pub mod mask;
 pub mod mesh;
 pub mod node;
+pub mod random;
 pub mod ray;
 pub mod sah;
 pub mod schedule;

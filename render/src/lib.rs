@@ -19,6 +19,8 @@ pub mod layout;
 mod light;
 mod lighting;
 mod material;
+#[cfg(feature = "picture")]
+pub mod picture;
 mod plan;
 mod random;
 pub mod scene_data;

@@ -181,7 +181,7 @@ fn device_options(options: &OpenOptions) -> splitplane_wgpu::OpenOptions {
 }
 
 /// Why an adapter that opened is no backend.
-pub(crate) fn failed(adapter: &str, driver: &str, error: &GpuError) -> OpenError {
+pub fn failed(adapter: &str, driver: &str, error: &GpuError) -> OpenError {
     let (adapter, reason) = (adapter.to_owned(), error.to_string());
     match error {
         GpuError::DriverLimit { doing, limit } => {

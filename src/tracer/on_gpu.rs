@@ -8,6 +8,7 @@ use splitplane_core::watch::Watch;
 use splitplane_render::layout::{FirstCost, FirstHit};
 use splitplane_render::wgpu::WgpuRenderer;
 use splitplane_render::{FrameInput, FrameStats, RenderError, Room, SceneData};
+use splitplane_wgpu::wgpu::Buffer;
 use splitplane_wgpu::{DeviceTree, WgpuAccelerator, WgpuBackend};
 use std::borrow::Cow;
 
@@ -122,13 +123,13 @@ impl OnGpu {
     }
 
     /// With the picture in a buffer of the device.
-    #[cfg(feature = "viewer")]
+    #[cfg(feature = "wgpu")]
     pub(super) fn frame_into(
         &mut self,
         mesh: Mesh<'_>,
         looks: &SceneData,
         request: &FrameRequest<'_>,
-        target: &wgpu::Buffer,
+        target: &Buffer,
     ) -> Result<FrameStats, TracerError> {
         let (renderer, tree) = self.ready()?;
         Ok(renderer.render_into(target, tree.on_device(), &input(mesh, looks, request))?)

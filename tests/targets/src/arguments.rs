@@ -3,7 +3,6 @@
 //! They are read as the program reads them, and checked as far as it checks them before any work.
 //! Nothing is run.
 
-use crate::cli;
 use crate::source::Source;
 use clap::{Command, CommandFactory};
 use std::cell::RefCell;
@@ -59,7 +58,7 @@ const VALUES: [&str; 44] = [
 thread_local! {
     /// Made once: it takes longer than reading arguments does.
     static COMMAND: RefCell<Command> = RefCell::new({
-        let mut command = cli::Cli::command();
+        let mut command = splitplane_cli::Cli::command();
         command.build();
         command
     });
@@ -125,8 +124,8 @@ pub fn run(data: &[u8]) {
             return;
         }
     };
-    let cli =
-        <cli::Cli as clap::FromArgMatches>::from_arg_matches(&matches).expect("as they were read");
+    let cli = <splitplane_cli::Cli as clap::FromArgMatches>::from_arg_matches(&matches)
+        .expect("as they were read");
     if let Err(failure) = cli.check() {
         crate::check_message(failure.message(), "");
         assert_eq!(failure.number(), 2, "{}", failure.message());

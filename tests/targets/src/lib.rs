@@ -16,11 +16,6 @@ pub mod ray_file;
 pub mod source;
 pub mod tree_file;
 
-// The program's own sources: what is fuzzed is not a copy.
-#[allow(dead_code, missing_docs, reason = "the program uses the rest of it")]
-#[path = "../../../src/cli/mod.rs"]
-mod cli;
-
 /// A target: panics when something is wrong.
 pub type Target = fn(&[u8]);
 

@@ -1,7 +1,7 @@
 //! Files of rays: raw or .npy, of any bytes or with a header of known meaning.
 
-use crate::cli::{npy, ray_file};
 use crate::source::Source;
+use splitplane_cli::{npy, ray_file};
 use std::path::Path;
 
 /// Bytes as a file of rays. Where they have a meaning by construction, that is what must come out.

@@ -1,0 +1,157 @@
+//! The command line: one file a verb. This is the inside of the program `splitplane`, not an interface.
+
+#![forbid(unsafe_code)]
+#![doc(hidden)]
+
+mod adapters;
+mod animate;
+mod bug;
+mod build;
+mod ending;
+pub mod failure;
+mod hit_file;
+mod knobs;
+mod look;
+mod mesa;
+pub mod npy;
+mod options;
+mod output;
+mod paper;
+mod parity;
+mod percentiles;
+mod prepared;
+mod probe;
+mod progress;
+mod query;
+pub mod ray_file;
+mod render;
+mod stage;
+mod stats;
+mod table;
+mod trade;
+mod tree;
+mod verify;
+#[cfg(feature = "viewer")]
+mod view;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
+///
+/// Without a verb, renders. SCENE is the path of an .obj file or builtin:NAME[:SIZE].
+#[derive(Parser)]
+#[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
+#[command(after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+    #[command(flatten)]
+    render: render::Arguments,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Render a picture of a scene (the default verb).
+    Render(render::Arguments),
+    /// Render a scene that moves, its tree rebuilt for every frame.
+    Animate(animate::Arguments),
+    /// Build a tree and report what it is like.
+    Build(build::Arguments),
+    /// Build a tree and say all about it: memory, leaves, what rays are expected to cost and do.
+    Stats(stats::Arguments),
+    /// Trace the rays of a file.
+    Query(query::Arguments),
+    /// Check a tree and its answers against a reference in f64.
+    Verify(verify::Arguments),
+    /// List the GPU adapters of this machine: limits, features, parity with the CPU.
+    Adapters(adapters::Arguments),
+    /// Build a scene on CPU and GPU in lockstep and name the first value that differs.
+    Parity(parity::Arguments),
+    /// Measure what the paper and its survey report, on scenes, and draw their figures.
+    Paper(paper::Arguments),
+    /// Measure what each setting costs on a scene and what it gets wrong, and recommend one.
+    Trade(trade::Arguments),
+    /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
+    #[cfg(feature = "viewer")]
+    View(view::Arguments),
+    #[command(name = probe::VERB, hide = true)]
+    Probe(probe::Arguments),
+}
+
+impl Cli {
+    /// Whether the options of a build fit together: what is wrong with them is said before any work.
+    ///
+    /// # Errors
+    /// Wrong usage.
+    pub fn check(&self) -> Result<(), failure::Failure> {
+        probe::check()?;
+        let common = match &self.verb {
+            None => &self.render.common,
+            Some(Verb::Render(arguments)) => &arguments.common,
+            Some(Verb::Animate(arguments)) => &arguments.common,
+            Some(Verb::Build(arguments)) => &arguments.common,
+            Some(Verb::Stats(arguments)) => &arguments.common,
+            Some(Verb::Query(arguments)) => &arguments.common,
+            Some(Verb::Verify(arguments)) => &arguments.common,
+            Some(Verb::Parity(arguments)) => &arguments.common,
+            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_) | Verb::Probe(_)) => {
+                return Ok(());
+            }
+            #[cfg(feature = "viewer")]
+            Some(Verb::View(arguments)) => &arguments.common,
+        };
+        common.build_options().map(drop)
+    }
+}
+
+const EXIT_CODES: &str = "\
+Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]
+
+Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
+of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \
+failed, was lost or took too long; 7 cancelled, or ended by --timeout, SIGTERM or SIGHUP; 70 a bug \
+in splitplane.
+
+A file is written as a whole or not at all, under another name until it is whole. Of one that is \
+replaced permissions stay; a symbolic link stays, and what it leads to is replaced; hard links keep \
+the old contents.";
+
+/// Runs the program and gives its exit code.
+pub fn main() -> ExitCode {
+    mesa::silence();
+    bug::install();
+    ending::install();
+    // Wrong usage ends here, with a message and exit code 2.
+    let cli = Cli::parse();
+    let done = cli.check().and_then(|()| match cli.verb {
+        None => render::run(&cli.render),
+        Some(Verb::Render(arguments)) => render::run(&arguments),
+        Some(Verb::Animate(arguments)) => animate::run(&arguments),
+        Some(Verb::Build(arguments)) => build::run(&arguments),
+        Some(Verb::Stats(arguments)) => stats::run(&arguments),
+        Some(Verb::Query(arguments)) => query::run(&arguments),
+        Some(Verb::Verify(arguments)) => verify::run(&arguments),
+        Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
+        Some(Verb::Parity(arguments)) => parity::run(&arguments),
+        Some(Verb::Paper(arguments)) => paper::run(&arguments),
+        Some(Verb::Trade(arguments)) => trade::run(&arguments),
+        #[cfg(feature = "viewer")]
+        Some(Verb::View(arguments)) => view::run(&arguments),
+        Some(Verb::Probe(arguments)) => probe::run(&arguments),
+    });
+    match done {
+        Ok(()) => {
+            ending::succeeded();
+            ExitCode::SUCCESS
+        }
+        Err(failure) => match ending::last_word(failure) {
+            Some(failure) => {
+                failure.report();
+                failure.code()
+            }
+            None => ending::wait(),
+        },
+    }
+}

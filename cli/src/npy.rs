@@ -1,0 +1,209 @@
+//! The .npy format of NumPy, as much of it as rays and hits need: versions 1 to 3, C order.
+
+use splitplane_scene::from_file::{quoted, quoted_word};
+use std::fmt;
+use thiserror::Error;
+
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
+/// What is wrong with an .npy file.
+#[derive(Debug, PartialEq, Eq, Error)]
+pub(super) enum NpyError {
+    #[error("it does not start as an .npy file does")]
+    Magic,
+    #[error("its version {0} is not known; versions 1 to 3 are")]
+    Version(u8),
+    #[error("its header is damaged")]
+    Header,
+    #[error("its numbers are of type `{0}`; they must be '<f4' or '<f8'")]
+    Type(String),
+    #[error("it is in Fortran order; save it in C order, as numpy.ascontiguousarray does")]
+    Fortran,
+    #[error("its shape is {0}; it must be (n, {1})")]
+    Shape(String, usize),
+    #[error("there is not memory enough for its numbers")]
+    Memory,
+    #[error("its header promises {promised} bytes of numbers, but {found} follow")]
+    Length { promised: u64, found: u64 },
+}
+
+/// True for bytes that start as an .npy file does.
+pub fn is_npy(bytes: &[u8]) -> bool {
+    bytes.starts_with(MAGIC)
+}
+
+/// An array of shape (n, N), row by row, as what `make` makes of f32; f64 is rounded.
+pub(super) fn read_rows<const N: usize, T>(
+    bytes: &[u8],
+    make: impl Fn([f32; N]) -> T,
+) -> Result<Vec<T>, NpyError> {
+    let rest = bytes.strip_prefix(MAGIC).ok_or(NpyError::Magic)?;
+    let (&[major, _minor], rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
+    let (length, rest) = match major {
+        1 => {
+            let (length, rest) = rest.split_first_chunk::<2>().ok_or(NpyError::Header)?;
+            (usize::from(u16::from_le_bytes(*length)), rest)
+        }
+        2 | 3 => {
+            let (length, rest) = rest.split_first_chunk::<4>().ok_or(NpyError::Header)?;
+            (u32::from_le_bytes(*length) as usize, rest)
+        }
+        other => return Err(NpyError::Version(other)),
+    };
+    let (header, numbers) = rest.split_at_checked(length).ok_or(NpyError::Header)?;
+    let header = std::str::from_utf8(header).map_err(|_| NpyError::Header)?;
+    let kind = value(header, "descr")?;
+    let kind = kind.strip_prefix(['\'', '"']).and_then(|rest| rest.split(['\'', '"']).next());
+    // A list of named fields does not start with a quote.
+    let kind = kind.unwrap_or("several fields");
+    let size = match kind {
+        "<f4" => 4,
+        "<f8" => 8,
+        other => return Err(NpyError::Type(quoted_word(other))),
+    };
+    match value(header, "fortran_order")? {
+        order if order.starts_with("False") => {}
+        order if order.starts_with("True") => return Err(NpyError::Fortran),
+        _ => return Err(NpyError::Header),
+    }
+    let shape = value(header, "shape")?;
+    let end = shape.find(')').ok_or(NpyError::Header)?;
+    let shape = shape.get(..=end).ok_or(NpyError::Header)?;
+    let wrong_shape = || NpyError::Shape(quoted(shape), N);
+    // More sides than a matrix has are not all looked at.
+    let sides: Vec<u64> = shape
+        .trim_matches(['(', ')'])
+        .split(',')
+        .map(str::trim)
+        .filter(|side| !side.is_empty())
+        .take(3)
+        .map(str::parse)
+        .collect::<Result<_, _>>()
+        .map_err(|_| NpyError::Header)?;
+    let &[count, width] = &sides[..] else { return Err(wrong_shape()) };
+    if width != N as u64 {
+        return Err(wrong_shape());
+    }
+    let promised = count.checked_mul(width * size).ok_or(NpyError::Header)?;
+    let found = numbers.len() as u64;
+    if promised != found {
+        return Err(NpyError::Length { promised, found });
+    }
+    let count = numbers.len() / (N * size as usize);
+    let mut rows = Vec::new();
+    rows.try_reserve_exact(count).map_err(|_| NpyError::Memory)?;
+    match size {
+        4 => {
+            let (numbers, _) = numbers.as_chunks::<4>();
+            let (found, _) = numbers.as_chunks::<N>();
+            rows.extend(found.iter().map(|row| make(row.map(f32::from_le_bytes))));
+        }
+        _ => {
+            let (numbers, _) = numbers.as_chunks::<8>();
+            let (found, _) = numbers.as_chunks::<N>();
+            rows.extend(found.iter().map(|row| make(row.map(|b| f64::from_le_bytes(b) as f32))));
+        }
+    }
+    Ok(rows)
+}
+
+/// What follows a key of the header's dictionary.
+fn value<'a>(header: &'a str, key: &str) -> Result<&'a str, NpyError> {
+    let quoted = [format!("'{key}'"), format!("\"{key}\"")];
+    let after = quoted.iter().find_map(|key| Some(&header[header.find(key)? + key.len()..]));
+    let after = after.and_then(|rest| rest.trim_start().strip_prefix(':'));
+    after.map(str::trim_start).ok_or(NpyError::Header)
+}
+
+/// The header of a one-dimensional array; the numbers follow it.
+pub fn header(kind: impl fmt::Display, count: usize) -> Vec<u8> {
+    let text = format!("{{'descr': {kind}, 'fortran_order': False, 'shape': ({count},), }}");
+    // The numbers start at a multiple of 64, after the line feed that ends the header.
+    let padding = (64 - (10 + text.len() + 1) % 64) % 64;
+    let length = (text.len() + padding + 1) as u16;
+    let mut bytes = MAGIC.to_vec();
+    bytes.extend([1, 0]);
+    bytes.extend(length.to_le_bytes());
+    bytes.extend(text.bytes());
+    bytes.extend(std::iter::repeat_n(b' ', padding));
+    bytes.push(b'\n');
+    bytes
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read_rows<const N: usize>(bytes: &[u8]) -> Result<Vec<[f32; N]>, NpyError> {
+        super::read_rows(bytes, |row| row)
+    }
+
+    fn file(version: u8, dictionary: &str, numbers: &[u8]) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend([version, 0]);
+        match version {
+            1 => bytes.extend((dictionary.len() as u16).to_le_bytes()),
+            _ => bytes.extend((dictionary.len() as u32).to_le_bytes()),
+        }
+        bytes.extend(dictionary.bytes());
+        bytes.extend(numbers);
+        bytes
+    }
+
+    fn dictionary(kind: &str, order: &str, shape: &str) -> String {
+        format!("{{'descr': {kind}, 'fortran_order': {order}, 'shape': {shape}, }}\n")
+    }
+
+    #[test]
+    fn both_widths_and_all_versions() {
+        let narrow: Vec<u8> = (0..8u8).flat_map(|i| f32::from(i).to_le_bytes()).collect();
+        let wide: Vec<u8> = (0..8u8).flat_map(|i| f64::from(i).to_le_bytes()).collect();
+        let want = vec![[0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]];
+        for version in 1..=3 {
+            let bytes = file(version, &dictionary("'<f4'", "False", "(1, 8)"), &narrow);
+            assert_eq!(read_rows::<8>(&bytes), Ok(want.clone()));
+            let bytes = file(version, &dictionary("\"<f8\"", "False", "(1,8)"), &wide);
+            assert_eq!(read_rows::<8>(&bytes), Ok(want.clone()));
+        }
+        let point = file(1, &dictionary("'<f4'", "False", "(1, 3)"), &narrow[4..16]);
+        assert_eq!(read_rows::<3>(&point), Ok(vec![[1.0, 2.0, 3.0]]));
+        assert_eq!(read_rows::<8>(&point), Err(NpyError::Shape("(1, 3)".into(), 8)));
+        let none = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
+        assert_eq!(read_rows::<8>(&none), Ok(vec![]));
+    }
+
+    #[test]
+    fn everything_else_is_a_typed_error() {
+        let read =
+            |kind, order, shape| read_rows::<8>(&file(1, &dictionary(kind, order, shape), &[]));
+        assert_eq!(read("'>f4'", "False", "(1, 8)"), Err(NpyError::Type(">f4".into())));
+        assert_eq!(
+            read("[('a', '<f4')]", "False", "(1, 8)"),
+            Err(NpyError::Type("several fields".into()))
+        );
+        assert_eq!(read("'<f4'", "True", "(1, 8)"), Err(NpyError::Fortran));
+        assert_eq!(read("'<f4'", "False", "(8,)"), Err(NpyError::Shape("(8,)".into(), 8)));
+        assert_eq!(read("'<f4'", "False", "(2, 3)"), Err(NpyError::Shape("(2, 3)".into(), 8)));
+        assert_eq!(
+            read("'<f4'", "False", "(1, 8)"),
+            Err(NpyError::Length { promised: 32, found: 0 })
+        );
+        let huge = "(18446744073709551615, 8)";
+        assert_eq!(read("'<f4'", "False", huge), Err(NpyError::Header));
+        assert_eq!(read_rows::<8>(b"abc"), Err(NpyError::Magic));
+        assert_eq!(read_rows::<8>(&file(9, "", &[])), Err(NpyError::Version(9)));
+        let whole = file(1, &dictionary("'<f4'", "False", "(0, 8)"), &[]);
+        for cut in 6..whole.len() - 1 {
+            assert_eq!(read_rows::<8>(&whole[..cut]), Err(NpyError::Header), "{cut}");
+        }
+    }
+
+    #[test]
+    fn numbers_start_at_a_multiple_of_64() {
+        for count in [0, 1, 12_345_678] {
+            let bytes = header("'|u1'", count);
+            assert_eq!(bytes.len() % 64, 0);
+            assert_eq!(bytes.last(), Some(&b'\n'));
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! `splitplane query`.
+
+use super::failure::Failure;
+use super::options::Common;
+use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
+use super::{hit_file, output, progress, ray_file};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+use splitplane::{
+    Accelerator, AllHits, Hit, Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
+    Watch,
+};
+use splitplane_scene::from_file::quoted_path;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+#[derive(Args, Debug)]
+pub(super) struct Arguments {
+    /// An .obj file or builtin:NAME[:SIZE]
+    #[arg(value_name = "SCENE")]
+    scene: OsString,
+    /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)
+    #[arg(long, value_name = "FILE", required_unless_present = "points")]
+    rays: Option<PathBuf>,
+    /// The points of --kind inside: raw little-endian f32 `x y z`, or .npy of shape (n, 3)
+    #[arg(long, value_name = "FILE", conflicts_with = "rays")]
+    points: Option<PathBuf>,
+    /// What to find
+    #[arg(long, value_enum, default_value_t = Kind::Closest)]
+    kind: Kind,
+    /// Write the answers to this file, .npy or raw: records of f32 t, u32 triangle, f32 u, f32 v
+    /// for closest; one byte for any; for all the same records with a u32 behind them, 1 where the ray comes
+    /// from the front, and in a second file, .starts before its ending, where each ray's begin, u64; for
+    /// inside one byte, 0 outside, 1 inside, 2 on a triangle
+    #[arg(long, value_name = "FILE")]
+    hits: Option<PathBuf>,
+    /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
+    #[arg(long, value_enum, default_value_t = UndecidedName::Redo)]
+    undecided: UndecidedName,
+    /// Trace so many times and report the median
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    repeat: u32,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Kind {
+    /// The nearest hit
+    Closest,
+    /// Whether there is a hit at all
+    Any,
+    /// Every crossing of a surface, in order, once even where it is met at an edge or a vertex
+    All,
+    /// Whether points lie inside a closed surface, exactly
+    Inside,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum UndecidedName {
+    /// The CPU traces them again
+    Redo,
+    /// They have no answer: triangle 4294967293, or byte 255 for any
+    Flag,
+}
+
+#[derive(Serialize)]
+struct QueryReport {
+    rays: usize,
+    hits: usize,
+    kind: Kind,
+    accuracy: &'static str,
+    build_ms: f64,
+    trace_ms: f64,
+    mrays_per_s: f64,
+    undecided: u64,
+    undecided_share: f64,
+    flagged: usize,
+    answered_by_cpu: u64,
+    digest: String,
+}
+
+/// What is asked, and what came back.
+enum Asked {
+    Closest(Vec<Ray>, Vec<Hit>),
+    Any(Vec<Ray>, Vec<bool>),
+    All(Vec<Ray>, AllHits),
+    Inside(Vec<[f32; 3]>, Located),
+}
+
+/// Room for so many answers.
+fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
+    let (mut answers, needed) = (Vec::new(), (count * size_of::<T>()) as u64);
+    let refused = |_| QueryError::OutOfMemory { needed, limit: needed };
+    answers.try_reserve_exact(count).map_err(refused)?;
+    answers.resize(count, none);
+    Ok(answers)
+}
+
+impl Asked {
+    fn read(arguments: &Arguments) -> Result<Asked, Failure> {
+        if let (Kind::All, Some(path)) = (arguments.kind, &arguments.hits)
+            && output::is_stream(path)
+        {
+            return Err(Failure::usage(format!(
+                "all hits are two files, which `{}` cannot be; give --hits the name of a file",
+                quoted_path(path)
+            )));
+        }
+        let points = arguments.kind == Kind::Inside;
+        let file = if points { &arguments.points } else { &arguments.rays };
+        let Some(file) = file else {
+            return Err(Failure::usage(if points {
+                "--kind inside asks about points; give them by --points"
+            } else {
+                "points are for --kind inside; give rays by --rays"
+            }));
+        };
+        let limit = arguments.common.max_file;
+        if points {
+            return Ok(Asked::Inside(ray_file::read_points(file, limit)?, Located::default()));
+        }
+        let rays = ray_file::read(file, limit)?;
+        let count = rays.len();
+        Ok(match arguments.kind {
+            Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
+            Kind::Any => Asked::Any(rays, answers(count, false)?),
+            Kind::All | Kind::Inside => Asked::All(rays, AllHits::none()),
+        })
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
+            Asked::Inside(points, _) => points.len(),
+        }
+    }
+
+    /// Traces once. Gives what is to be known of the answers, and how many are the CPU's because no device gives
+    /// them.
+    fn trace(
+        &mut self,
+        accelerator: &dyn Accelerator,
+        options: &QueryOptions,
+        watch: &dyn Watch,
+    ) -> Result<(splitplane::QueryReport, u64), Failure> {
+        Ok(match self {
+            Asked::Closest(rays, hits) => {
+                (accelerator.closest_hits_watched(rays, hits, options, watch)?, 0)
+            }
+            Asked::Any(rays, hits) => {
+                (accelerator.any_hits_watched(rays, hits, options, watch)?, 0)
+            }
+            Asked::All(rays, all) => {
+                *all = AllHits::none();
+                *all = accelerator.all_hits_watched(rays, options, watch)?;
+                (Default::default(), all.answered_by_cpu)
+            }
+            Asked::Inside(points, located) => {
+                *located = accelerator.locate_watched(points, options.max_memory, watch)?;
+                (Default::default(), located.answered_by_cpu)
+            }
+        })
+    }
+
+    fn write(&self, path: &Path, flagged: &[usize]) -> Result<Vec<PathBuf>, Failure> {
+        match self {
+            Asked::Closest(_, hits) => hit_file::write_closest(path, hits)?,
+            Asked::Any(_, hits) => hit_file::write_any(path, hits, flagged)?,
+            Asked::All(_, all) => return Ok(hit_file::write_all(path, all)?.to_vec()),
+            Asked::Inside(_, located) => hit_file::write_inside(path, located)?,
+        }
+        Ok(vec![path.to_owned()])
+    }
+
+    /// What stands in the place of a flagged ray is no answer.
+    fn forget(&mut self, flagged: &[usize]) {
+        for &place in flagged {
+            match self {
+                Asked::Closest(_, hits) => hits[place] = Hit::MISS,
+                Asked::Any(_, hits) => hits[place] = false,
+                Asked::All(..) | Asked::Inside(..) => {}
+            }
+        }
+    }
+
+    /// Rays that hit, crossings, or points inside.
+    fn found(&self) -> usize {
+        match self {
+            Asked::Closest(_, hits) => hits.iter().filter(|hit| hit.is_hit()).count(),
+            Asked::Any(_, hits) => hits.iter().filter(|hit| **hit).count(),
+            Asked::All(_, all) => all.crossings.len(),
+            Asked::Inside(_, located) => {
+                let inside =
+                    |&point: &usize| located.location(point, Rule::NonZero) == Location::Inside;
+                (0..located.windings.len()).filter(inside).count()
+            }
+        }
+    }
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let common = &arguments.common;
+    in_pool(common, || {
+        let mut asked = Asked::read(arguments)?;
+        let prepared = Prepared::open(&arguments.scene, common)?;
+        let undecided = match arguments.undecided {
+            UndecidedName::Redo => Undecided::Redo,
+            UndecidedName::Flag => Undecided::Flag,
+        };
+        let options = QueryOptions { undecided, ..common.query_options() };
+        let watch = progress::watch(common.quiet);
+        let mut times = Vec::new();
+        let (mut last, mut by_cpu) = Default::default();
+        for _ in 0..arguments.repeat {
+            let start = Instant::now();
+            (last, by_cpu) = asked.trace(&*prepared.accelerator, &options, &watch)?;
+            times.push(milliseconds(start));
+        }
+        drop(watch);
+        let written = match &arguments.hits {
+            Some(path) => asked.write(path, &last.flagged)?,
+            None => Vec::new(),
+        };
+        asked.forget(&last.flagged);
+        let trace_ms = median(&mut times);
+        let exact = matches!(arguments.kind, Kind::All | Kind::Inside);
+        let report = QueryReport {
+            rays: asked.count(),
+            hits: asked.found(),
+            kind: arguments.kind,
+            accuracy: if exact { "exact" } else { common.accuracy_name() },
+            build_ms: prepared.build_ms,
+            trace_ms,
+            mrays_per_s: asked.count() as f64 / trace_ms.max(1e-6) / 1e3,
+            undecided: last.undecided,
+            undecided_share: last.undecided as f64 / asked.count().max(1) as f64,
+            flagged: last.flagged.len(),
+            answered_by_cpu: by_cpu + prepared.accelerator.answered_by_cpu(),
+            digest: prepared.accelerator.tree().digest().to_string(),
+        };
+        let one = if arguments.kind == Kind::Inside { "point" } else { "ray" };
+        if report.undecided > 0 && !common.quiet {
+            let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
+            output::note(&format!(
+                "note: the device could not decide {} exactly, a share of {:.1e}; {what}",
+                counted(report.undecided, "ray"),
+                report.undecided_share
+            ));
+        }
+        if by_cpu > 0 && !common.quiet {
+            output::note(&format!(
+                "note: devices do not find all crossings; the CPU answered {} from its copy of the tree",
+                counted(by_cpu, one)
+            ));
+        }
+        let unfinished = report.answered_by_cpu - by_cpu;
+        if unfinished > 0 && !common.quiet {
+            output::note(&format!(
+                "note: the driver did not follow {} to the end; the CPU answered instead",
+                counted(unfinished, "ray")
+            ));
+        }
+        if common.json {
+            return print_json(&report);
+        }
+        if common.quiet {
+            return Ok(());
+        }
+        let found = match arguments.kind {
+            Kind::Closest | Kind::Any => "hit",
+            Kind::All => "crossings",
+            Kind::Inside => "inside",
+        };
+        let line = |path: &PathBuf| format!("written  {}\n", path.display());
+        output::data(&format!(
+            "{}traced   {} in {trace_ms:.2} ms ({:.1} million a second), accuracy {}: {} {found}\n{}",
+            prepared.built().describe(),
+            counted(report.rays as u64, one),
+            report.mrays_per_s,
+            report.accuracy,
+            report.hits,
+            written.iter().map(line).collect::<String>()
+        ))
+    })
+}
+
+/// The middle of the times, the mean of the two middle ones for an even number.
+fn median(times: &mut [f64]) -> f64 {
+    times.sort_by(f64::total_cmp);
+    match times.len() {
+        0 => 0.0,
+        n if n % 2 == 1 => times[n / 2],
+        n => 0.5 * (times[n / 2 - 1] + times[n / 2]),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians() {
+        assert_eq!(median(&mut [3.0, 1.0, 2.0]), 2.0);
+        assert_eq!(median(&mut [4.0, 1.0, 2.0, 3.0]), 2.5);
+        assert_eq!(median(&mut []), 0.0);
+    }
+}

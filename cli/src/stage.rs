@@ -1,0 +1,103 @@
+//! What verbs that make pictures start with: a scene, its tree, camera and lights, on one backend.
+
+use super::failure::Failure;
+use super::look::{Look, Placed};
+use super::options::Common;
+use super::prepared::{Built, milliseconds, note_dropped, note_scene};
+use super::{output, progress};
+use splitplane::scene::Scene;
+use splitplane::tracer::Tracer;
+use splitplane::{Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
+use splitplane_scene::from_file::quoted;
+use std::time::Instant;
+
+/// A scene that is built, placed and described.
+pub(super) struct Stage {
+    pub(super) scene: Scene,
+    pub(super) tracer: Tracer,
+    pub(super) placed: Placed,
+    pub(super) options: BuildOptions,
+    info: BackendInfo,
+    build_ms: f64,
+    reason: String,
+}
+
+/// Opens the backend. To be called before a large file is read: what is asked for and cannot be had is
+/// said first.
+pub(super) fn open_tracer(common: &Common) -> Result<(Tracer, String), Failure> {
+    common.build_options()?;
+    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
+    if exact_frames && common.backend == BackendKind::Wgpu {
+        return Err(Failure::usage(
+            "frames on a GPU are traced with accuracy fast or watertight, not exact; take --backend cpu, \
+             or another accuracy",
+        ));
+    }
+    let options = OpenOptions { exact_frames, ..common.open_options() };
+    Ok(Tracer::open(common.backend, &options)?)
+}
+
+impl Stage {
+    /// Builds the tree of a scene, places camera and lights, and describes what it looks like.
+    pub(super) fn set(
+        mut scene: Scene,
+        (mut tracer, reason): (Tracer, String),
+        look: &Look,
+        common: &Common,
+    ) -> Result<Stage, Failure> {
+        note_scene(common, &scene);
+        let info = tracer.backend();
+        if !common.quiet {
+            output::note(&format!("backend: {} ({reason})", info.name));
+        }
+        let options = common.build_options()?;
+        let watch = progress::watch(common.quiet);
+        let start = Instant::now();
+        tracer.build_watched(&scene, &options, &watch)?;
+        let build_ms = milliseconds(start);
+        drop(watch);
+        note_dropped(common, &scene, tracer.summary()?.dropped);
+        let spinner = progress::spinner(common.quiet, "placing camera and lights");
+        let placed = look.place(&mut scene, tracer.accelerator()?)?;
+        spinner.finish_and_clear();
+        if let Some(asked) = placed.asked()
+            && placed.lights.len() < asked
+            && !common.quiet
+        {
+            output::note(&format!(
+                "note: {}: {} of {asked} lights are placed; no further place reaches what the camera \
+                 sees",
+                quoted(&scene.name),
+                placed.lights.len()
+            ));
+        }
+        scene.lights.clone_from(&placed.lights);
+        tracer.describe_looks(&scene)?;
+        Ok(Stage { scene, tracer, placed, options, info, build_ms, reason })
+    }
+
+    /// What there is to report of the build.
+    pub(super) fn built(&self) -> Result<Built<'_>, Failure> {
+        Ok(Built {
+            scene: &self.scene,
+            info: &self.info,
+            accelerator: self.tracer.accelerator()?,
+            build_ms: self.build_ms,
+            preset: self.options.config.preset.name(),
+            reason: &self.reason,
+        })
+    }
+
+    /// Camera and lights in words.
+    pub(super) fn describe_placed(&self) -> String {
+        let [x, y, z] = self.placed.camera.eye();
+        let view = self.placed.view.map_or("as given", |view| view.name());
+        let lights = match (self.placed.lights.len(), self.tracer.looks().needs().emitters) {
+            (0, 0) => "none but the environment".to_owned(),
+            (0, shining) => format!("{shining} triangles that shine"),
+            (count, 0) => format!("{count}{}", if self.placed.by_rule { ", placed" } else { "" }),
+            (count, shining) => format!("{count}, and {shining} triangles that shine"),
+        };
+        format!("camera   at {x},{y},{z}, {view}\nlights   {lights}\n")
+    }
+}

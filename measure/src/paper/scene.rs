@@ -1,0 +1,416 @@
+//! A scene measured: every builder's tree, its frame, and the rays of the frame alone.
+
+use super::machine::Knobs;
+use super::rays::FrameRays;
+use super::survey::{SurveyScene, nearest};
+use super::timing::{median, pool, timed};
+use super::{Builder, ReportError, at_equal_knobs};
+use serde::Serialize;
+use splitplane::backend::{BackendKind, OpenOptions};
+use splitplane::scene::{Camera, Placement, Scene, SceneOptions};
+use splitplane::tracer::{FrameRequest, Tracer, TracerError};
+use splitplane_core::backend::{Accelerator, BuildError, BuildOptions};
+use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::ray::{Hit, QueryOptions};
+use splitplane_core::sah::equation_5_printed;
+use splitplane_core::stats::TreeStats;
+use splitplane_core::tree::KdTreeView;
+use splitplane_render::{Outputs, RenderSettings, Size};
+use std::ffi::OsStr;
+
+/// How to measure.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Pixels of a frame.
+    pub size: Size,
+    /// Runs of each measure, of which the median counts. Odd.
+    pub repeat: usize,
+    /// Frames of scenes that move.
+    pub frames: usize,
+    /// Threads of whatever runs in parallel on the CPU.
+    pub threads: usize,
+    /// Who builds.
+    pub builders: Vec<Builder>,
+    /// The GPU, for builders on it.
+    pub open: OpenOptions,
+    /// Most bytes of a build.
+    pub max_memory: Option<u64>,
+}
+
+impl Settings {
+    /// How a preset builds.
+    pub fn build(&self, preset: Preset) -> BuildOptions {
+        self.build_with(BuildConfig::preset(preset))
+    }
+
+    /// How trees of a configuration are built.
+    pub fn build_with(&self, config: BuildConfig) -> BuildOptions {
+        BuildOptions { config, max_memory: self.max_memory, ..BuildOptions::default() }
+    }
+}
+
+/// A scene with camera and lights, and how it is named.
+#[derive(Clone, Debug)]
+pub struct Placed {
+    /// The scene; its lights are those of the report.
+    pub scene: Scene,
+    /// From where it is seen.
+    pub camera: Camera,
+    /// Whether it is an interior.
+    pub inside: bool,
+    /// Whether the lights were placed for want of any.
+    pub by_rule: bool,
+}
+
+impl Placed {
+    /// Opens a scene and gives it camera and lights: as many lights without a size as asked for, its own
+    /// if it brings as many, else placed by rule; its own, or one, when no number is given.
+    ///
+    /// # Errors
+    /// There is no such scene, it is empty, or no tree of it can be built.
+    pub fn open(
+        spec: impl AsRef<OsStr>,
+        lights: Option<usize>,
+        settings: &Settings,
+    ) -> Result<Placed, ReportError> {
+        Placed::open_with(spec, lights, settings, &SceneOptions::default())
+    }
+
+    /// As [`Placed::open`], with a say in how files are read.
+    ///
+    /// # Errors
+    /// As [`Placed::open`].
+    pub fn open_with(
+        spec: impl AsRef<OsStr>,
+        lights: Option<usize>,
+        settings: &Settings,
+        options: &SceneOptions,
+    ) -> Result<Placed, ReportError> {
+        let spec = spec.as_ref();
+        let mut scene = Scene::open_with(spec, options)?;
+        if let Some(spec) = spec.to_str().filter(|spec| spec.starts_with("builtin:")) {
+            // With its size, which tells two of a report apart.
+            scene.name = spec.to_owned();
+        }
+        if lights.is_some_and(|lights| lights != scene.lights.len()) {
+            scene.lights.clear();
+        }
+        let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default())?;
+        let placement = pool(settings.threads)?.install(|| {
+            tracer.build(&scene, &settings.build(Preset::Fast))?;
+            let accelerator = tracer.accelerator()?;
+            if accelerator.tree().bounds.is_empty() {
+                return Err(ReportError::Empty(scene.name.clone()));
+            }
+            let aspect = settings.size.aspect();
+            Ok(Placement::of_with(&scene, accelerator, aspect, lights.unwrap_or(1))?)
+        })?;
+        let by_rule = !scene.is_lit();
+        scene.lights = placement.lights;
+        Ok(Placed { scene, camera: placement.camera, inside: placement.inside, by_rule })
+    }
+
+    /// How a picture of it is made.
+    pub fn settings(&self, samples: u32, depth: u32) -> RenderSettings {
+        let usual = RenderSettings::default();
+        RenderSettings {
+            samples,
+            depth,
+            ambient: if self.inside { RenderSettings::INSIDE_AMBIENT } else { usual.ambient },
+            headlight: if self.by_rule { RenderSettings::PLACED_HEADLIGHT } else { 0.0 },
+            ..usual
+        }
+    }
+}
+
+/// What one builder's tree is like and what it takes. Times in milliseconds, medians.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct BuilderRow {
+    /// The preset's name.
+    pub preset: &'static str,
+    /// `tuned`, or `equal` for the costs that all builders of this kind share.
+    pub knobs: &'static str,
+    /// `cpu` or `wgpu`.
+    pub backend: String,
+    /// Whether the others are compared with it.
+    pub offline: bool,
+    /// Threads that built, on the CPU.
+    pub threads: Option<usize>,
+    /// T_tree: from triangles in host memory to a tree that frames can be made of.
+    pub tree_ms: f64,
+    /// T_trace: a frame of camera and shadow rays, shaded, until its pixels are in host memory.
+    pub trace_ms: f64,
+    /// The rays of the report alone, as two batches from and to host memory.
+    pub rays_ms: f64,
+    /// Equation 5, corrected: SAH cost of the finished tree, root-normalised, in units of K_I with every
+    /// triangle counted and K_T and K_I of [`super::EQUAL_COSTS`], whatever the builder's own.
+    pub sah_cost: f64,
+    /// Equation 5 as printed, in the same units: relative to parents, a leaf's triangles not counted.
+    pub printed_cost: f64,
+    /// The cost with leaves costed by blocks of W triangles, with W, K_T and K_I of preset `fast`.
+    pub block_cost: f64,
+    /// Nodes.
+    pub nodes: usize,
+    /// Leaves.
+    pub leaves: usize,
+    /// References of all leaves.
+    pub references: usize,
+    /// Most levels below the root.
+    pub max_depth: u32,
+    /// Bytes that queries read.
+    pub bytes: u64,
+    /// The tree's name.
+    pub digest: String,
+}
+
+/// A scene measured.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct SceneReport {
+    /// Its letter in the report, from a on.
+    pub letter: char,
+    /// Its name.
+    pub name: String,
+    /// Triangles.
+    pub triangles: usize,
+    /// Triangles left out.
+    pub dropped: u32,
+    /// Lights without a size.
+    pub lights: usize,
+    /// Camera rays of a frame.
+    pub camera_rays: usize,
+    /// Shadow rays of the report.
+    pub shadow_rays: usize,
+    /// Camera rays and rays towards lights that the frame traces, which also go to surfaces that
+    /// shine and leave those out that do not scatter.
+    pub frame_rays: u64,
+    /// The name of the rays of the report.
+    pub rays: String,
+    /// The row of the survey of nearest size.
+    pub survey: &'static SurveyScene,
+    /// The builders, the offline one first.
+    pub builders: Vec<BuilderRow>,
+    /// Builders that there are not, a sentence each.
+    pub left_out: Vec<String>,
+}
+
+impl SceneReport {
+    /// Presets whose tree on the GPU is another one than on the CPU. On a GPU whose parity is bitwise
+    /// there is none.
+    pub fn differing(&self) -> Vec<&'static str> {
+        let gpu = self.builders.iter().filter(|row| row.threads.is_none());
+        let differs = |row: &&BuilderRow| {
+            let alike = |other: &BuilderRow| (other.preset, other.knobs) == (row.preset, row.knobs);
+            let same = |other: &&BuilderRow| alike(other) && other.threads.is_some();
+            self.builders.iter().find(same).is_some_and(|other| other.digest != row.digest)
+        };
+        gpu.filter(differs).map(|row| row.preset).collect()
+    }
+
+    /// The builder that a row is compared with: the offline one with the same knobs.
+    pub fn offline(&self, knobs: &str) -> Option<&BuilderRow> {
+        self.builders.iter().find(|row| row.offline && row.knobs == knobs)
+    }
+}
+
+/// A builder at work on a scene, and the times it has taken so far.
+struct Contender {
+    tracer: Tracer,
+    options: BuildOptions,
+    building: rayon::ThreadPool,
+    tree_ms: Vec<f64>,
+    trace_ms: Vec<f64>,
+    row: BuilderRow,
+}
+
+/// Measures a scene. `step` is called after each of [`steps`].
+///
+/// # Errors
+/// A tree or frame that cannot be made.
+pub fn measure(
+    letter: char,
+    placed: &Placed,
+    settings: &Settings,
+    step: &mut dyn FnMut(&str),
+) -> Result<SceneReport, ReportError> {
+    let scene = &placed.scene;
+    let tracing = pool(settings.threads)?;
+    let mut rays = None;
+    let mut contenders = Vec::new();
+    let mut left_out = Vec::new();
+    for &builder in &settings.builders {
+        match Contender::new(builder, placed, settings, &tracing, &mut rays) {
+            Ok(contender) => contenders.push(contender),
+            // Presets come to devices one by one; what a GPU lacks, the report lacks and says.
+            Err(ReportError::Tracer(TracerError::Build(
+                error @ BuildError::PresetNotOnDevice { .. },
+            ))) if builder.gpu => left_out.push(error.to_string()),
+            Err(error) => return Err(error),
+        }
+        step(&format!("{}: rays through {}", scene.name, builder.preset.name()));
+    }
+    let rays = rays.unwrap_or(FrameRays { camera: Vec::new(), shadow: Vec::new() });
+    let request = FrameRequest {
+        camera: &placed.camera,
+        size: settings.size,
+        // Neither reflections nor refractions: the rays that the survey counts.
+        settings: placed.settings(1, 0),
+        outputs: Outputs::PIXELS,
+        query: QueryOptions::default(),
+    };
+    let mut frame_rays = 0;
+    // The first round warms up.
+    for round in 0..=settings.repeat {
+        for contender in &mut contenders {
+            frame_rays = contender.round(scene, &request, &tracing, round > 0)?;
+        }
+        step(&format!("{}: trees and frames", scene.name));
+    }
+    let triangles = scene.indices.len();
+    let dropped = contenders
+        .first()
+        .map_or(Ok(0), |first| first.tracer.summary().map(|summary| summary.dropped))?;
+    Ok(SceneReport {
+        letter,
+        name: scene.name.clone(),
+        triangles,
+        dropped,
+        lights: scene.lights.len(),
+        camera_rays: rays.camera.len(),
+        shadow_rays: rays.shadow.len(),
+        frame_rays,
+        rays: rays.digest(),
+        survey: nearest(triangles),
+        builders: contenders.into_iter().map(Contender::finish).collect(),
+        left_out,
+    })
+}
+
+/// How often [`measure`] calls `step`.
+pub fn steps(settings: &Settings) -> u64 {
+    (settings.builders.len() + settings.repeat + 1) as u64
+}
+
+impl Contender {
+    /// Opens a backend, builds a tree with it, and traces the rays of the frame.
+    fn new(
+        builder: Builder,
+        placed: &Placed,
+        settings: &Settings,
+        tracing: &rayon::ThreadPool,
+        rays: &mut Option<FrameRays>,
+    ) -> Result<Contender, ReportError> {
+        let kind = if builder.gpu { BackendKind::Wgpu } else { BackendKind::Cpu };
+        let open = if builder.gpu { settings.open.clone() } else { OpenOptions::default() };
+        let (mut tracer, _) = Tracer::open(kind, &open)?;
+        let threads = if builder.offline { 1 } else { settings.threads };
+        let building = pool(threads)?;
+        let options = settings.build_with(builder.config());
+        let scene = &placed.scene;
+        building.install(|| tracer.build(scene, &options))?;
+        tracer.describe_looks(scene)?;
+        let accelerator = tracer.accelerator()?;
+        let rays = match rays {
+            Some(rays) => rays,
+            None => rays
+                .insert(tracing.install(|| {
+                    FrameRays::of(scene, &placed.camera, settings.size, accelerator)
+                })?),
+        };
+        let rays_ms = tracing.install(|| trace(accelerator, rays, settings.repeat))?;
+        let view = accelerator.tree().view();
+        // The same constants for all, whatever shaped the tree.
+        let usual = BuildConfig::default();
+        let blocks = BuildConfig {
+            traversal_cost: usual.traversal_cost,
+            intersection_cost: usual.intersection_cost,
+            block_width: usual.block_width,
+            ..view.config
+        };
+        let block_cost = TreeStats::of(&KdTreeView { config: blocks, ..view }).block_cost;
+        let equal = KdTreeView { config: at_equal_knobs(view.config), ..view };
+        let stats = TreeStats::of(&equal);
+        let row = BuilderRow {
+            preset: builder.preset.name(),
+            knobs: builder.knobs(),
+            backend: tracer.backend().name,
+            offline: builder.offline,
+            threads: (!builder.gpu).then_some(threads),
+            tree_ms: 0.0,
+            trace_ms: 0.0,
+            rays_ms,
+            sah_cost: stats.sah_cost,
+            printed_cost: equation_5_printed(equal.config.cost_ratio(), 1.0, &equal),
+            block_cost,
+            nodes: stats.nodes,
+            leaves: stats.leaves,
+            references: stats.references,
+            max_depth: stats.max_depth,
+            bytes: accelerator.query_bytes(),
+            digest: accelerator.tree().digest().to_string(),
+        };
+        let (tree_ms, trace_ms) = (Vec::new(), Vec::new());
+        Ok(Contender { tracer, options, building, tree_ms, trace_ms, row })
+    }
+
+    /// Builds the tree again and makes a frame; gives the frame's rays.
+    fn round(
+        &mut self,
+        scene: &Scene,
+        request: &FrameRequest<'_>,
+        tracing: &rayon::ThreadPool,
+        counts: bool,
+    ) -> Result<u64, ReportError> {
+        let Contender { tracer, options, building, .. } = self;
+        let (built, tree_ms) = building.install(|| timed(|| tracer.rebuild(scene, options)));
+        built?;
+        let (traced, trace_ms) = tracing.install(|| {
+            timed(|| {
+                let stats = tracer.frame(scene, request)?;
+                // On a GPU the frame is done when its pixels are here.
+                tracer.pixels()?;
+                Ok::<u64, ReportError>(stats.rays())
+            })
+        });
+        if counts {
+            self.tree_ms.push(tree_ms);
+            self.trace_ms.push(trace_ms);
+        }
+        traced
+    }
+
+    fn finish(self) -> BuilderRow {
+        let Contender { tree_ms, trace_ms, row, .. } = self;
+        BuilderRow { tree_ms: median(tree_ms), trace_ms: median(trace_ms), ..row }
+    }
+}
+
+/// The median time to trace the rays of a frame: closest hits, then any hits.
+pub(super) fn trace(
+    accelerator: &dyn Accelerator,
+    rays: &FrameRays,
+    repeat: usize,
+) -> Result<f64, ReportError> {
+    let options = QueryOptions::default();
+    let mut hits = vec![Hit::MISS; rays.camera.len()];
+    let mut stopped = vec![false; rays.shadow.len()];
+    let mut times = Vec::with_capacity(repeat);
+    for round in 0..=repeat {
+        let (traced, ms) = timed(|| {
+            accelerator.closest_hits(&rays.camera, &mut hits, &options)?;
+            accelerator.any_hits(&rays.shadow, &mut stopped, &options)
+        });
+        traced?;
+        if round > 0 {
+            times.push(ms);
+        }
+    }
+    Ok(median(times))
+}
+
+/// The knobs of every preset of these builders, each once.
+pub fn knobs(builders: &[Builder]) -> Vec<Knobs> {
+    let mut presets: Vec<Preset> = builders.iter().map(|builder| builder.preset).collect();
+    presets.sort_by_key(|preset| *preset as u32);
+    presets.dedup();
+    presets.into_iter().map(Knobs::from).collect()
+}

@@ -1,0 +1,34 @@
+//! What a frame gives, as files in memory: pictures for screens, linear ones with arbitrary output
+//! variables (AOVs), heat maps of what rays cost, and movies.
+//!
+//! Nothing here opens a file. Pictures and files are values, and a [`Movie`] goes to any
+//! [`std::io::Write`].
+//!
+//! | what | PNG | EXR |
+//! |---|---|---|
+//! | pixels | [`screen`], [`encode_png`] | |
+//! | radiance | | [`encode_exr`] |
+//! | depth, normals, triangles | [`Aov::picture`], [`encode_png`] | [`encode_exr`] |
+//! | nodes visited, triangles tested | [`HeatMap::new`], [`encode_png`] | [`encode_exr`] |
+//!
+//! Arrays are those of a frame: one value a pixel, from the top left, row by row.
+
+mod aov;
+mod error;
+mod exr;
+mod font;
+mod heat;
+mod legend;
+mod movie;
+mod screen;
+mod viridis;
+
+pub use crate::Size;
+pub use crate::layout::{FirstCost, FirstHit};
+pub use aov::Aov;
+pub use error::PictureError;
+pub use exr::encode_exr;
+pub use heat::{ABOVE, CostStatistics, HeatMap, Quantity};
+pub use image::RgbImage;
+pub use movie::{Movie, MovieFormat};
+pub use screen::{encode_png, screen};

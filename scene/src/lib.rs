@@ -1,0 +1,227 @@
+//! Scenes: triangles with materials, a camera and lights, from files or made here.
+
+#![forbid(unsafe_code)]
+
+#[cfg(feature = "animation")]
+pub mod animation;
+pub mod builtin;
+mod camera;
+#[cfg(feature = "obj")]
+#[doc(hidden)]
+pub mod from_file;
+mod normals;
+#[cfg(feature = "obj")]
+pub mod obj;
+mod options;
+mod placement;
+#[doc(hidden)]
+pub mod surface;
+
+#[cfg(feature = "animation")]
+pub use animation::{Animation, AnimationError, Change};
+pub use camera::{Camera, CameraError};
+pub use options::{MaterialRule, SceneOptions};
+pub use placement::{Placement, View};
+pub use splitplane_render::{Dielectric, Light, Material, Texture};
+
+use splitplane_core::aabb::Aabb;
+use splitplane_core::mesh::{Mesh, MeshError};
+use std::ffi::OsStr;
+use std::path::Path;
+use thiserror::Error;
+
+/// Triangles with materials, and from where to look at them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// The file's name without its folder, or `builtin:NAME`.
+    pub name: String,
+    /// Vertex positions, in the order of the file.
+    pub positions: Vec<[f32; 3]>,
+    /// Corners of every triangle, as indices of `positions`, in the order of the file.
+    pub indices: Vec<[u32; 3]>,
+    /// Unit normals; those of a scene from a file are in the order of the file, and one that the
+    /// file gives without a direction is as it stands there, and used by no corner.
+    pub normals: Vec<[f32; 3]>,
+    /// The normals at the corners of every triangle, as indices of `normals`, [`Scene::NONE`] for a
+    /// corner without one. Empty when no corner has one, else in step with `indices`.
+    pub normal_indices: Vec<[u32; 3]>,
+    /// Texture coordinates, (0, 0) being the lower left corner of a texture.
+    pub texcoords: Vec<[f32; 2]>,
+    /// The texture coordinates at the corners of every triangle, as indices of `texcoords`, by the
+    /// rules of `normal_indices`.
+    pub texcoord_indices: Vec<[u32; 3]>,
+    /// For every triangle, the index of its material.
+    pub material_of: Vec<u32>,
+    /// The materials; never empty when there are triangles.
+    pub materials: Vec<Material>,
+    /// The pictures that materials name by index.
+    pub textures: Vec<Texture>,
+    /// The view the scene was made for; files have none, see [`Placement::of`].
+    pub camera: Option<Camera>,
+    /// Its lights, besides surfaces that shine; files have none, see [`Placement::of`].
+    pub lights: Vec<Light>,
+    /// What was left out or looked odd while reading.
+    pub notes: Notes,
+}
+
+/// What a reader left out or found odd. Nothing is dropped without being counted here.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notes {
+    /// Points, lines and faces of fewer than three corners, which have no area to hit.
+    pub skipped_elements: u64,
+    /// Free-form curves and surfaces, which are not supported.
+    pub skipped_freeform: u64,
+    /// Vertices with a coordinate that is NaN or infinite; triangles that use one cannot be hit.
+    pub non_finite_vertices: u64,
+    /// Normals that are zero or not finite; corners that name one have no normal.
+    pub unusable_normals: u64,
+    /// Texture coordinates that are not finite; corners that name one have none.
+    pub unusable_texcoords: u64,
+    /// Whatever else a reader should know, a sentence each.
+    pub warnings: Vec<String>,
+}
+
+impl Notes {
+    /// Everything as sentences; empty when there is nothing to say.
+    pub fn sentences(&self) -> Vec<String> {
+        let counted = [
+            (self.skipped_elements, "points, lines or faces of fewer than three corners skipped"),
+            (self.skipped_freeform, "lines of free-form curves or surfaces skipped"),
+            (self.non_finite_vertices, "vertices are not finite; their triangles cannot be hit"),
+            (self.unusable_normals, "normals are zero or not finite; their corners have none"),
+            (
+                self.unusable_texcoords,
+                "texture coordinates are not finite; their corners have none",
+            ),
+        ];
+        let counts = counted.iter().filter(|(count, _)| *count > 0);
+        counts.map(|(count, what)| format!("{count} {what}")).chain(self.warnings.clone()).collect()
+    }
+}
+
+/// Why there is no scene.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// An OBJ file that cannot be read.
+    #[cfg(feature = "obj")]
+    #[error(transparent)]
+    Obj(#[from] obj::ObjError),
+    /// A built-in scene that does not exist, or a size it cannot have.
+    #[error(transparent)]
+    Builtin(#[from] builtin::BuiltinError),
+    /// A file that is not of a known format.
+    #[error(
+        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}; `splitplane --help` lists the verbs",
+        names = builtin::names()
+    )]
+    UnknownFormat(String),
+}
+
+/// A scene as a user names it, for a message.
+fn quoted_spec(spec: &OsStr) -> String {
+    #[cfg(feature = "obj")]
+    return from_file::quoted_path(spec);
+    #[cfg(not(feature = "obj"))]
+    spec.to_string_lossy().into_owned()
+}
+
+impl Scene {
+    /// What stands for a normal or a texture coordinate at a corner that has none.
+    pub const NONE: u32 = u32::MAX;
+
+    /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path
+    /// need not be UTF-8.
+    ///
+    /// # Errors
+    /// There is no such scene, or its file is broken.
+    pub fn open(spec: impl AsRef<OsStr>) -> Result<Scene, SceneError> {
+        Scene::open_with(spec, &SceneOptions::default())
+    }
+
+    /// As [`Scene::open`], with a say in how files are read; built-in scenes are as they are.
+    ///
+    /// # Errors
+    /// There is no such scene, or its file is broken.
+    pub fn open_with(spec: impl AsRef<OsStr>, options: &SceneOptions) -> Result<Scene, SceneError> {
+        Scene::open_os(spec.as_ref(), options)
+    }
+
+    fn open_os(spec: &OsStr, options: &SceneOptions) -> Result<Scene, SceneError> {
+        #[cfg(not(feature = "obj"))]
+        let _ = options;
+        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
+            return Ok(builtin::open(name)?);
+        }
+        let path = Path::new(spec);
+        #[cfg(feature = "obj")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
+            return Ok(obj::read_with(path, options)?);
+        }
+        Err(SceneError::UnknownFormat(quoted_spec(spec)))
+    }
+
+    /// The triangles, borrowed, as a tree is built over them.
+    ///
+    /// # Errors
+    /// The arrays were changed to something that is not a mesh, or hold too many triangles.
+    pub fn mesh(&self) -> Result<Mesh<'_>, MeshError> {
+        Mesh::indexed(&self.positions, &self.indices)
+    }
+
+    /// What the scene looks like, borrowed.
+    pub fn appearance(&self) -> splitplane_render::Appearance<'_> {
+        splitplane_render::Appearance {
+            materials: &self.materials,
+            material_of: &self.material_of,
+            lights: &self.lights,
+            textures: &self.textures,
+            normals: &self.normals,
+            normal_indices: &self.normal_indices,
+            texcoords: &self.texcoords,
+            texcoord_indices: &self.texcoord_indices,
+        }
+    }
+
+    /// The least box that holds every triangle with finite corners; empty when there is none.
+    pub fn bounds(&self) -> Aabb {
+        self.triangles().fold(Aabb::EMPTY, |bounds, corners| {
+            if corners.as_flattened().iter().all(|x| x.is_finite()) {
+                bounds.union(&Aabb::of_points(&corners))
+            } else {
+                bounds
+            }
+        })
+    }
+
+    /// The corners of every triangle whose indices exist.
+    pub fn triangles(&self) -> impl Iterator<Item = [[f32; 3]; 3]> + '_ {
+        let position = |vertex: u32| self.positions.get(vertex as usize).copied();
+        self.indices.iter().filter_map(move |corners| {
+            let [a, b, c] = corners.map(position);
+            Some([a?, b?, c?])
+        })
+    }
+
+    /// The corners of a triangle; `None` when there is no such triangle, or it names a vertex that
+    /// does not exist.
+    pub fn corners(&self, triangle: u32) -> Option<[[f32; 3]; 3]> {
+        let position = |vertex: u32| self.positions.get(vertex as usize).copied();
+        let [a, b, c] = self.indices.get(triangle as usize)?.map(position);
+        Some([a?, b?, c?])
+    }
+
+    /// Whether the scene brings light: lights of its own, or triangles that shine.
+    pub fn is_lit(&self) -> bool {
+        let shines = |material: &u32| {
+            self.materials.get(*material as usize).is_some_and(|material| material.shines())
+        };
+        !self.lights.is_empty() || self.material_of.iter().any(shines)
+    }
+
+    /// The material of a triangle; clay where there is none.
+    pub fn material(&self, triangle: usize) -> Material {
+        let index = self.material_of.get(triangle);
+        index.and_then(|&m| self.materials.get(m as usize)).cloned().unwrap_or_else(Material::clay)
+    }
+}

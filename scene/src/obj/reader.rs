@@ -1,0 +1,257 @@
+//! Text to triangles.
+
+use super::corner::{Corner, Elements};
+use super::error::{Element, ObjProblem};
+use super::lines::Lines;
+use crate::from_file::quoted_word;
+use crate::{Material, Notes, Scene};
+use glam::DVec3;
+use splitplane_core::mesh::MAX_TRIANGLES;
+use std::collections::HashMap;
+
+/// Most materials of a file; what each takes is many times its line.
+const MAX_MATERIALS: usize = 1 << 20;
+
+/// Where a problem is, and what.
+pub(super) type Located = (Option<u64>, ObjProblem);
+
+/// The scene, its materials not yet coloured, and what follows every `mtllib`. `memory` is a scene
+/// whose arrays are used again; nothing else of it stays.
+pub(super) fn read(text: &str, name: &str, memory: Scene) -> Result<(Scene, Vec<String>), Located> {
+    let mut reader = Reader::new(name, memory);
+    for (line, content) in Lines::new(text) {
+        reader.line(line, &content).map_err(|problem| (Some(line), problem))?;
+    }
+    reader.finish()
+}
+
+#[derive(Default)]
+struct Reader {
+    scene: Scene,
+    libraries: Vec<String>,
+    material_by_name: HashMap<String, u32>,
+    /// The material in use; `None` before the first `usemtl`.
+    material: Option<u32>,
+    /// Corners of the face being read, kept to spare allocations.
+    corners: Vec<Corner>,
+    elements: Elements,
+    /// How many lines had an unknown keyword, and the first of them.
+    unknown: (u64, Option<(u64, String)>),
+}
+
+impl Reader {
+    fn new(name: &str, mut scene: Scene) -> Reader {
+        scene.name.clear();
+        scene.name.push_str(name);
+        scene.positions.clear();
+        scene.indices.clear();
+        scene.normals.clear();
+        scene.normal_indices.clear();
+        scene.texcoords.clear();
+        scene.texcoord_indices.clear();
+        scene.material_of.clear();
+        scene.materials.clear();
+        scene.textures.clear();
+        scene.lights.clear();
+        scene.camera = None;
+        scene.notes = Notes::default();
+        Reader { scene, ..Reader::default() }
+    }
+
+    fn line(&mut self, line: u64, content: &str) -> Result<(), ObjProblem> {
+        let (keyword, rest) = match content.split_once(|c: char| c.is_ascii_whitespace()) {
+            Some((keyword, rest)) => (keyword, rest.trim_ascii()),
+            None => (content, ""),
+        };
+        match keyword {
+            "v" => self.vertex(rest)?,
+            "vt" => self.texcoord(rest)?,
+            "vn" => self.normal(rest)?,
+            "f" | "fo" => self.face(line, rest)?,
+            "usemtl" => self.use_material(rest)?,
+            // Some programs write it before every face.
+            "mtllib" if self.libraries.last().is_some_and(|last| last == rest) => {}
+            "mtllib" => push(&mut self.libraries, rest.to_owned())?,
+            "p" | "l" => self.scene.notes.skipped_elements += 1,
+            "curv" | "curv2" | "surf" => self.scene.notes.skipped_freeform += 1,
+            // What says nothing about triangles.
+            "" | "vp" | "g" | "o" | "s" | "mg" | "bevel" | "c_interp" | "d_interp" | "lod"
+            | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "cstype" | "deg" | "bmat"
+            | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech"
+            | "stech" => {}
+            _ => {
+                self.unknown.0 += 1;
+                self.unknown.1.get_or_insert_with(|| (line, quoted_word(keyword)));
+            }
+        }
+        Ok(())
+    }
+
+    fn vertex(&mut self, rest: &str) -> Result<(), ObjProblem> {
+        let position: [f32; 3] = numbers(Element::Vertex, rest, 3)?;
+        self.elements.positions.add()?;
+        if !position.iter().all(|x| x.is_finite()) {
+            self.scene.notes.non_finite_vertices += 1;
+        }
+        push(&mut self.scene.positions, position)
+    }
+
+    fn texcoord(&mut self, rest: &str) -> Result<(), ObjProblem> {
+        // One of one number lies on a line; a third one is depth in a solid texture.
+        let texcoord: [f32; 2] = numbers(Element::TextureCoordinate, rest, 1)?;
+        self.elements.texcoords.add()?;
+        push(&mut self.scene.texcoords, texcoord)
+    }
+
+    fn normal(&mut self, rest: &str) -> Result<(), ObjProblem> {
+        let normal: [f32; 3] = numbers(Element::Normal, rest, 3)?;
+        self.elements.normals.add()?;
+        let wide = DVec3::from_array(normal.map(f64::from));
+        let unit = wide.try_normalize().map_or(normal, |n| n.as_vec3().to_array());
+        push(&mut self.scene.normals, unit)
+    }
+
+    fn face(&mut self, line: u64, rest: &str) -> Result<(), ObjProblem> {
+        self.corners.clear();
+        for word in rest.split_ascii_whitespace() {
+            let corner = self.elements.corner(line, word)?;
+            push(&mut self.corners, corner)?;
+        }
+        let [first, others @ ..] = &self.corners[..] else {
+            self.scene.notes.skipped_elements += 1;
+            return Ok(());
+        };
+        if others.len() < 2 {
+            self.scene.notes.skipped_elements += 1;
+            return Ok(());
+        }
+        if self.scene.indices.len() + others.len() - 1 > MAX_TRIANGLES {
+            return Err(ObjProblem::TooManyTriangles);
+        }
+        let material = match self.material {
+            Some(material) => material,
+            None => {
+                self.scene.materials.push(Material::clay());
+                *self.material.insert(self.scene.materials.len() as u32 - 1)
+            }
+        };
+        let scene = &mut self.scene;
+        let before = scene.indices.len();
+        let added = others.len() - 1;
+        room(&mut scene.indices, added)?;
+        room(&mut scene.material_of, added)?;
+        for pair in others.windows(2) {
+            scene.indices.push([*first, pair[0], pair[1]].map(|corner| corner.position));
+            scene.material_of.push(material);
+        }
+        let fan = || others.windows(2).map(|pair| [*first, pair[0], pair[1]]);
+        // Most large files have neither: an array begins with the first face that needs it.
+        if self.corners.iter().any(|corner| corner.texcoord != Scene::NONE) {
+            let missing = before - scene.texcoord_indices.len();
+            room(&mut scene.texcoord_indices, missing + added)?;
+            scene.texcoord_indices.resize(before, [Scene::NONE; 3]);
+            scene.texcoord_indices.extend(fan().map(|corners| corners.map(|c| c.texcoord)));
+        }
+        if self.corners.iter().any(|corner| corner.normal != Scene::NONE) {
+            let missing = before - scene.normal_indices.len();
+            room(&mut scene.normal_indices, missing + added)?;
+            scene.normal_indices.resize(before, [Scene::NONE; 3]);
+            scene.normal_indices.extend(fan().map(|corners| corners.map(|c| c.normal)));
+        }
+        Ok(())
+    }
+
+    fn use_material(&mut self, name: &str) -> Result<(), ObjProblem> {
+        if let Some(known) = self.material_by_name.get(name) {
+            self.material = Some(*known);
+            return Ok(());
+        }
+        let next = self.scene.materials.len();
+        if next >= MAX_MATERIALS {
+            return Err(ObjProblem::TooManyMaterials(MAX_MATERIALS));
+        }
+        self.material_by_name.insert(name.to_owned(), next as u32);
+        self.scene.materials.push(Material { name: name.to_owned(), ..Material::clay() });
+        self.material = Some(next as u32);
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<(Scene, Vec<String>), Located> {
+        if let Some((line, problem)) = self.elements.missing() {
+            return Err((Some(line), problem));
+        }
+        if self.scene.indices.is_empty() {
+            return Err((None, ObjProblem::NoTriangles));
+        }
+        let Scene { indices, normals, normal_indices, texcoords, texcoord_indices, notes, .. } =
+            &mut self.scene;
+        let unusable = |normal: &[f32; 3]| {
+            let wide = DVec3::from_array(normal.map(f64::from));
+            !(wide.is_finite() && wide != DVec3::ZERO)
+        };
+        notes.unusable_normals = leave_out(normals, normal_indices, unusable, indices.len());
+        let unusable = |texcoord: &[f32; 2]| !texcoord.iter().all(|x| x.is_finite());
+        notes.unusable_texcoords = leave_out(texcoords, texcoord_indices, unusable, indices.len());
+        if let (count, Some((line, keyword))) = self.unknown {
+            self.scene.notes.warnings.push(format!(
+                "{count} lines with unknown keywords skipped, the first is line {line}: `{keyword}`"
+            ));
+        }
+        Ok((self.scene, self.libraries))
+    }
+}
+
+/// Makes room in a list. A file of many elements takes many times its bytes, so that there is no memory
+/// must be an error, not the end of the program.
+fn room<T>(list: &mut Vec<T>, more: usize) -> Result<(), ObjProblem> {
+    list.try_reserve(more).map_err(|_| ObjProblem::Memory)
+}
+
+/// Adds to a list.
+fn push<T>(list: &mut Vec<T>, value: T) -> Result<(), ObjProblem> {
+    room(list, 1)?;
+    list.push(value);
+    Ok(())
+}
+
+/// The numbers of a line, of which the first `least` must be there; the rest are 0. More may follow:
+/// a weight, a colour, a depth.
+fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32; N], ObjProblem> {
+    let mut values = [0.0f32; N];
+    let mut words = rest.split_ascii_whitespace();
+    for (found, value) in values.iter_mut().enumerate() {
+        match words.next() {
+            Some(word) => {
+                *value = word.parse().map_err(|_| ObjProblem::BadNumber(quoted_word(word)))?;
+            }
+            None if found >= least => break,
+            None => return Err(ObjProblem::FewNumbers { of, found }),
+        }
+    }
+    match words.find(|word| word.parse::<f32>().is_err()) {
+        Some(word) => Err(ObjProblem::BadNumber(quoted_word(word))),
+        None => Ok(values),
+    }
+}
+
+/// Brings the corners' indices to one entry a triangle, if there are any, and takes away those of
+/// values that cannot be used. Returns how many such values there are.
+fn leave_out<T>(
+    values: &[T],
+    corners: &mut Vec<[u32; 3]>,
+    unusable: impl Fn(&T) -> bool,
+    triangles: usize,
+) -> u64 {
+    if !corners.is_empty() {
+        corners.resize(triangles, [Scene::NONE; 3]);
+    }
+    let count = values.iter().filter(|value| unusable(value)).count() as u64;
+    if count > 0 {
+        for corner in corners.as_flattened_mut() {
+            if values.get(*corner as usize).is_some_and(&unusable) {
+                *corner = Scene::NONE;
+            }
+        }
+    }
+    count
+}

@@ -1,0 +1,428 @@
+//! Frames by the ray tracer, on the backend that is asked for: the CPU's pictures are sent to the
+//! window's device, those of the window's own GPU never leave it.
+
+use super::source::{
+    Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
+    FrameSource, FrameTarget, Opening, TreeReport,
+};
+use image::RgbImage;
+use splitplane::backend::{BackendKind, Engine, OpenError, OpenOptions, failed};
+use splitplane::picture::{Aov, HeatMap, Quantity};
+use splitplane::render::{MAX_DEPTH, Outputs, RenderSettings, Size};
+use splitplane::scene::{Animation, Change, Placement, Scene, View};
+use splitplane::tracer::{self, Tracer};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::config::Preset;
+use splitplane_core::ray::{Accuracy, QueryOptions};
+use splitplane_core::stats::TreeStats;
+use splitplane_core::tree::KdTree;
+use splitplane_cpu::CpuBackend;
+use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
+use std::time::Instant;
+
+/// Frames a second of an animation that does not say when its frames are.
+const FRAMES_A_SECOND: f64 = 24.0;
+/// Samples a pixel to choose from.
+const MAX_SAMPLES: u32 = 16;
+
+/// A scene, its frames if it moves, and a tracer for each backend.
+pub struct TracedSource {
+    scene: Scene,
+    animation: Option<Animation>,
+    open: OpenOptions,
+    build: BuildOptions,
+    lights: usize,
+    settings: RenderSettings,
+    pool: rayon::ThreadPool,
+    cpu: Tracer,
+    gpu: Option<Tracer>,
+    /// What the tree that is there was built for.
+    built: Option<Built>,
+    placement: Option<Placement>,
+}
+
+/// A tree that is kept until another one is asked for.
+#[derive(Clone, Debug)]
+struct Built {
+    backend: BackendKind,
+    preset: Preset,
+    frame: usize,
+    name: String,
+    tree: TreeReport,
+}
+
+/// The time that went into a tree.
+#[derive(Clone, Copy, Debug, Default)]
+struct Prepared {
+    update_ms: f64,
+    build_ms: Option<f64>,
+}
+
+impl TracedSource {
+    /// A source of pictures of a scene, which moves when there is an animation. The preset in `build`
+    /// gives way to the one that is asked for; its limit of memory holds for every build. `lights` is how
+    /// many are placed where the scene has none; `settings` hold but for depth and samples, which are
+    /// chosen in the window. `pool` does the work of the CPU.
+    pub fn new(
+        scene: Scene,
+        animation: Option<Animation>,
+        open: OpenOptions,
+        build: BuildOptions,
+        lights: usize,
+        settings: RenderSettings,
+        pool: rayon::ThreadPool,
+    ) -> TracedSource {
+        TracedSource {
+            scene,
+            animation,
+            open,
+            build,
+            lights,
+            settings,
+            pool,
+            cpu: Tracer::new(Engine::Cpu(CpuBackend::new())),
+            gpu: None,
+            built: None,
+            placement: None,
+        }
+    }
+
+    /// A tracer on the window's own device, opened and tested when first asked for. Gives its parity.
+    fn connect(&mut self, target: &FrameDevice) -> Result<Option<Parity>, FrameError> {
+        if self.gpu.is_some() {
+            return Ok(None);
+        }
+        let gpu = Gpu::borrow(target.device.clone(), target.queue.clone());
+        let (adapter, driver) = (gpu.info().name.clone(), gpu.info().driver.clone());
+        let backend = WgpuBackend::new(gpu).map_err(|error| failed(&adapter, &driver, &error))?;
+        let parity = backend.parity().cloned();
+        match &parity {
+            Some(Parity::Structural(difference)) if !self.open.allow_structural => {
+                let difference = difference.clone();
+                return Err(OpenError::Structural { adapter, difference }.into());
+            }
+            _ => self.gpu = Some(Tracer::new(Engine::Wgpu(backend))),
+        }
+        Ok(parity)
+    }
+
+    /// What `Auto` becomes: the window's device where it is hardware and bitwise equal to the CPU.
+    fn choose(
+        &mut self,
+        asked: BackendKind,
+        target: &FrameDevice,
+    ) -> Result<(BackendKind, String), FrameError> {
+        match asked {
+            BackendKind::Cpu => return Ok((BackendKind::Cpu, "asked for".into())),
+            BackendKind::Wgpu => {
+                self.connect(target)?;
+                return Ok((BackendKind::Wgpu, "asked for".into()));
+            }
+            BackendKind::Auto => {}
+        }
+        let info = target.device.adapter_info();
+        if info.device_type == wgpu::DeviceType::Cpu {
+            return Ok((BackendKind::Cpu, format!("auto: `{}` is software", info.name)));
+        }
+        match self.connect(target) {
+            Ok(Some(Parity::Bitwise)) => {
+                Ok((BackendKind::Wgpu, "auto: hardware; parity: bitwise".into()))
+            }
+            Ok(_) => Ok((BackendKind::Cpu, format!("auto: `{}` is not bitwise", info.name))),
+            Err(error) if error.is_device_loss() => Err(error),
+            Err(error) => Ok((BackendKind::Cpu, format!("auto: {error}"))),
+        }
+    }
+
+    /// The frame of the animation that is shown at a time.
+    fn frame_at(&self, time: f64) -> usize {
+        let Some(animation) = &self.animation else { return 0 };
+        let part = (time / self.seconds().unwrap_or(1.0)).rem_euclid(1.0);
+        ((part * animation.frames() as f64) as usize).min(animation.frames() - 1)
+    }
+
+    fn seconds(&self) -> Option<f64> {
+        let animation = self.animation.as_ref()?;
+        let frames = animation.frames();
+        let (first, last) = (animation.time(0), animation.time(frames - 1));
+        let told = match (first, last) {
+            (Some(first), Some(last)) if frames > 1 && last > first => {
+                (last - first) * frames as f64 / (frames - 1) as f64
+            }
+            _ => frames as f64 / FRAMES_A_SECOND,
+        };
+        Some(told)
+    }
+
+    /// Builds the tree that is asked for, unless it is there. The tree also comes to host memory, for
+    /// the panel's counts and the boxes.
+    fn prepare(
+        &mut self,
+        backend: BackendKind,
+        preset: Preset,
+        frame: usize,
+        target: &FrameDevice,
+    ) -> Result<Prepared, FrameError> {
+        let same =
+            |built: &Built| (built.backend, built.preset, built.frame) == (backend, preset, frame);
+        if self.built.as_ref().is_some_and(same) {
+            return Ok(Prepared::default());
+        }
+        if backend == BackendKind::Wgpu {
+            self.connect(target)?;
+        }
+        let start = Instant::now();
+        let moved = match &mut self.animation {
+            Some(animation) => animation.set(frame, &mut self.scene)?,
+            None => Change::Nothing,
+        };
+        if let (Change::Everything, Some(placement)) = (moved, &self.placement) {
+            self.scene.lights.clone_from(&placement.lights);
+        }
+        let switched = self.built.as_ref().is_none_or(|built| built.backend != backend);
+        let mut options = self.build;
+        if preset != options.config.preset {
+            // The knobs that were given are those of the preset that was given.
+            options.config = preset.into();
+        }
+        let (scene, pool) = (&self.scene, &self.pool);
+        let tracer = match (&mut self.gpu, backend) {
+            (Some(gpu), BackendKind::Wgpu) => gpu,
+            _ => &mut self.cpu,
+        };
+        match moved {
+            Change::Positions if !switched => pool.install(|| tracer.update_normals(scene))?,
+            Change::Nothing if !switched => {}
+            _ => pool.install(|| tracer.describe_looks(scene))?,
+        }
+        let update_ms = milliseconds(start);
+        let start = Instant::now();
+        pool.install(|| tracer.build(scene, &options))?;
+        let build_ms = Some(milliseconds(start));
+        let accelerator = tracer.accelerator()?;
+        let stats = TreeStats::of(&accelerator.tree().view());
+        let tree = TreeReport {
+            nodes: stats.nodes,
+            leaves: stats.leaves,
+            empty_leaves: stats.empty_leaves,
+            references: stats.references,
+            max_depth: stats.max_depth,
+            sah_cost: stats.sah_cost,
+            bytes: accelerator.query_bytes(),
+        };
+        let info = pool.install(|| tracer.backend());
+        let name = match (&info.adapter, info.threads) {
+            (Some(adapter), _) => format!("{} ({adapter})", info.name),
+            (None, Some(1)) => format!("{} (1 thread)", info.name),
+            (None, Some(threads)) => format!("{} ({threads} threads)", info.name),
+            (None, None) => info.name,
+        };
+        self.built = Some(Built { backend, preset, frame, name, tree });
+        Ok(Prepared { update_ms, build_ms })
+    }
+
+    /// The tracer whose tree is there.
+    fn tracer(&self) -> &Tracer {
+        match (&self.gpu, &self.built) {
+            (Some(gpu), Some(Built { backend: BackendKind::Wgpu, .. })) => gpu,
+            _ => &self.cpu,
+        }
+    }
+
+    /// Makes the frame and puts it into the window's buffer. Gives rays and legend.
+    fn show(
+        &mut self,
+        request: &FrameRequest,
+        size: Size,
+        target: &FrameTarget<'_>,
+    ) -> Result<(u64, Option<String>), FrameError> {
+        let settings =
+            RenderSettings { depth: request.depth, samples: request.samples, ..self.settings };
+        let query = QueryOptions { accuracy: request.accuracy, ..QueryOptions::default() };
+        let outputs = outputs(request.view);
+        let settings =
+            if outputs.pixels { settings } else { RenderSettings { samples: 1, ..settings } };
+        let frame =
+            tracer::FrameRequest { camera: &request.camera, size, settings, outputs, query };
+        let (scene, pool) = (&self.scene, &self.pool);
+        let on_gpu = request.backend == BackendKind::Wgpu;
+        let tracer = match (&mut self.gpu, on_gpu) {
+            (Some(gpu), true) => gpu,
+            _ => &mut self.cpu,
+        };
+        if on_gpu && outputs.pixels {
+            return Ok((tracer.frame_into(scene, &frame, target.pixels)?.rays(), None));
+        }
+        let stats = pool.install(|| tracer.frame(scene, &frame))?;
+        let send = |words: &[u32]| {
+            target.queue.write_buffer(target.pixels, 0, bytemuck::cast_slice(words));
+        };
+        if outputs.pixels {
+            send(&tracer.pixels()?);
+            return Ok((stats.rays(), None));
+        }
+        let (image, legend) = pool.install(|| debug_picture(tracer, request.view, size))?;
+        send(&words(&image));
+        Ok((stats.rays(), legend))
+    }
+}
+
+/// What a view needs of a frame.
+fn outputs(view: DebugView) -> Outputs {
+    let none = Outputs { pixels: false, radiance: false, first_hits: false, first_costs: false };
+    match view {
+        DebugView::Shaded => Outputs::PIXELS,
+        DebugView::Depth | DebugView::Normals | DebugView::TriangleIds => {
+            Outputs { first_hits: true, ..none }
+        }
+        DebugView::Nodes | DebugView::Triangles => Outputs { first_costs: true, ..none },
+    }
+}
+
+/// The picture of a view of what first rays met or cost, and what its colours mean.
+fn debug_picture(
+    tracer: &Tracer,
+    view: DebugView,
+    size: Size,
+) -> Result<(RgbImage, Option<String>), FrameError> {
+    let quantity = match view {
+        DebugView::Nodes => Quantity::Nodes,
+        DebugView::Triangles => Quantity::Tests,
+        _ => {
+            let hits = tracer.first_hits()?;
+            let aov = match view {
+                DebugView::Depth => Aov::Depth(&hits),
+                DebugView::Normals => Aov::Normal(&hits),
+                _ => Aov::Triangle(&hits),
+            };
+            let depths = || hits.iter().map(|hit| hit.depth).filter(|depth| depth.is_finite());
+            let legend = (view == DebugView::Depth).then(|| {
+                let (near, far) = depths()
+                    .fold((f32::INFINITY, 0.0), |(near, far): (f32, f32), depth| {
+                        (near.min(depth), far.max(depth))
+                    });
+                format!("bright {near:.4} to dark {far:.4}")
+            });
+            return Ok((aov.picture(size)?, legend));
+        }
+    };
+    let costs = tracer.first_costs()?;
+    let map = HeatMap::new(size, &costs, quantity, None)?;
+    let legend = format!(
+        "dark 0 to bright {}; mean {:.1}, greatest {}",
+        map.top, map.statistics.mean, map.statistics.max
+    );
+    let aov = match quantity {
+        Quantity::Nodes => Aov::Nodes(&costs),
+        Quantity::Tests => Aov::Tests(&costs),
+    };
+    Ok((aov.picture(size)?, Some(legend)))
+}
+
+/// A picture as the window takes it.
+fn words(image: &RgbImage) -> Vec<u32> {
+    image.pixels().map(|pixel| u32::from_le_bytes([pixel[0], pixel[1], pixel[2], 255])).collect()
+}
+
+impl FrameSource for TracedSource {
+    fn open(&mut self, target: &FrameDevice, first: &FirstFrame) -> Result<Opening, FrameError> {
+        let (backend, reason) = self.choose(first.backend, target)?;
+        let frame = self.frame_at(0.0);
+        // Lights are placed for what is seen.
+        let own = self.animation.as_ref().and_then(|animation| animation.camera(frame));
+        self.scene.camera = self.scene.camera.or(own);
+        self.prepare(backend, first.preset, frame, target)?;
+        let placement = {
+            let accelerator = self.tracer().accelerator()?;
+            let (scene, lights) = (&self.scene, self.lights);
+            self.pool.install(|| Placement::of_with(scene, accelerator, first.aspect, lights))?
+        };
+        let by_rule = !self.scene.is_lit();
+        self.scene.lights.clone_from(&placement.lights);
+        if by_rule && self.settings.headlight == 0.0 {
+            self.settings.headlight = RenderSettings::PLACED_HEADLIGHT;
+        }
+        if placement.inside {
+            self.settings.ambient = RenderSettings::INSIDE_AMBIENT;
+        }
+        let (scene, pool) = (&self.scene, &self.pool);
+        let tracer = match (&mut self.gpu, backend) {
+            (Some(gpu), BackendKind::Wgpu) => gpu,
+            _ => &mut self.cpu,
+        };
+        pool.install(|| tracer.describe_looks(scene))?;
+        let accelerator = tracer.accelerator()?;
+        let camera = placement.camera;
+        // A scene's own camera looks at what it turns about, and so does one from outside; one from
+        // inside only looks somewhere.
+        let mut distance = length(camera.eye(), camera.look_at());
+        if placement.view == View::Inside || self.animation.is_some() {
+            let ahead = camera.through(1, 1, [[0.5, 0.5]]);
+            let hit = ahead
+                .first()
+                .and_then(|ray| accelerator.closest_hit(ray, &QueryOptions::default()));
+            distance = hit.map_or(distance, |hit| f64::from(hit.t));
+        }
+        let bounds = accelerator.tree().bounds;
+        let abilities = Abilities {
+            backends: vec![BackendKind::Cpu, BackendKind::Wgpu],
+            presets: Preset::ALL.to_vec(),
+            accuracies: vec![Accuracy::Watertight, Accuracy::Fast],
+            views: DebugView::ALL.to_vec(),
+            max_depth: MAX_DEPTH,
+            max_samples: MAX_SAMPLES,
+            seconds: self.seconds(),
+        };
+        self.placement = Some(placement);
+        let scene = self.scene.name.clone();
+        Ok(Opening { scene, bounds, camera, distance, backend, reason, abilities })
+    }
+
+    fn render(
+        &mut self,
+        request: &FrameRequest,
+        target: &FrameTarget<'_>,
+    ) -> Result<FrameReport, FrameError> {
+        let start = Instant::now();
+        let device = FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
+        let frame = self.frame_at(request.time);
+        let prepared = self.prepare(request.backend, request.preset, frame, &device)?;
+        if target.superseded() {
+            return Err(FrameError::Superseded);
+        }
+        let traced = Instant::now();
+        let (rays, legend) = match Size::new(request.width, request.height) {
+            Ok(size) => self.show(request, size, target)?,
+            // A window too large for a picture, or one without a pixel.
+            Err(_) => (0, None),
+        };
+        let trace_ms = milliseconds(traced);
+        let triangles = self.tracer().summary()?.triangles;
+        let (tree, backend) =
+            self.built.as_ref().map(|b| (b.tree, b.name.clone())).unwrap_or_default();
+        Ok(FrameReport {
+            update_ms: prepared.update_ms,
+            build_ms: prepared.build_ms,
+            trace_ms,
+            total_ms: milliseconds(start),
+            rays,
+            triangles,
+            tree,
+            backend,
+            legend,
+        })
+    }
+
+    fn tree(&self) -> Option<&KdTree> {
+        Some(self.tracer().accelerator().ok()?.tree())
+    }
+}
+
+fn length(a: [f32; 3], b: [f32; 3]) -> f64 {
+    let square = |axis: usize| (f64::from(a[axis]) - f64::from(b[axis])).powi(2);
+    (square(0) + square(1) + square(2)).sqrt()
+}
+
+fn milliseconds(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
