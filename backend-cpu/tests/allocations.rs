@@ -90,7 +90,7 @@ fn rebuilds_allocate_nothing() {
                 let new = || {
                     CpuBackend::new()
                         .rebuild_accelerator(&mut accelerator, &mesh, &options)
-                        .unwrap()
+                        .unwrap();
                 };
                 let planted = allocations(new);
                 assert!(planted > 20, "{what}: {planted}");
@@ -128,7 +128,7 @@ fn best_allocates_little() {
                 assert!(count < 100 && bytes < 1 << 15, "{layout:?}: {count} of {bytes} bytes");
             }
             let new = || {
-                CpuBackend::new().rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap()
+                CpuBackend::new().rebuild_accelerator(&mut accelerator, &mesh, &options).unwrap();
             };
             let planted = allocations(new);
             let bytes = BYTES.load(Relaxed);

@@ -25,6 +25,7 @@ mod progress;
 mod query;
 pub mod ray_file;
 mod render;
+mod shell;
 mod stage;
 mod stats;
 mod table;
@@ -75,6 +76,10 @@ enum Verb {
     /// Look at a scene in a window: orbit, fly, debug views, boxes of the tree.
     #[cfg(feature = "viewer")]
     View(view::Arguments),
+    /// Print the completions of a shell.
+    Completions(shell::Completions),
+    /// Write manual pages, one for the program and one for each verb.
+    Man(shell::ManPages),
     #[command(name = probe::VERB, hide = true)]
     Probe(probe::Arguments),
 }
@@ -95,9 +100,14 @@ impl Cli {
             Some(Verb::Query(arguments)) => &arguments.common,
             Some(Verb::Verify(arguments)) => &arguments.common,
             Some(Verb::Parity(arguments)) => &arguments.common,
-            Some(Verb::Adapters(_) | Verb::Paper(_) | Verb::Trade(_) | Verb::Probe(_)) => {
-                return Ok(());
-            }
+            Some(
+                Verb::Adapters(_)
+                | Verb::Paper(_)
+                | Verb::Trade(_)
+                | Verb::Completions(_)
+                | Verb::Man(_)
+                | Verb::Probe(_),
+            ) => return Ok(()),
             #[cfg(feature = "viewer")]
             Some(Verb::View(arguments)) => &arguments.common,
         };
@@ -139,6 +149,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Trade(arguments)) => trade::run(&arguments),
         #[cfg(feature = "viewer")]
         Some(Verb::View(arguments)) => view::run(&arguments),
+        Some(Verb::Completions(arguments)) => shell::completions(&arguments),
+        Some(Verb::Man(arguments)) => shell::man_pages(&arguments),
         Some(Verb::Probe(arguments)) => probe::run(&arguments),
     });
     match done {

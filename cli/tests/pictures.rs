@@ -224,13 +224,13 @@ fn frames_come_from_folders_and_raw_files() {
     fail(&folder, 3, &["animate", "t.obj", "--frames", "nothing"]);
 }
 
-/// Every option that the README names is one of the program.
+/// Every option that the page about the program names is one of it.
 #[test]
-fn the_readme_names_options_that_exist() {
+fn the_documents_name_options_that_exist() {
     let folder = folder();
-    let readme = concat!(env!("CARGO_MANIFEST_DIR"), "/../README.md");
-    let readme = fs::read_to_string(readme).unwrap();
-    let part = readme.split("\n## Command line").nth(1).unwrap();
+    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/cli.md");
+    let page = fs::read_to_string(page).unwrap();
+    let part = page.split("\n## Command line").nth(1).unwrap();
     let part = part.split("\n## ").next().unwrap();
     let mut help = String::new();
     for verb in [
