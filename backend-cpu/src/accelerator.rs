@@ -18,15 +18,15 @@ use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::{Stage, Watch};
 
-use super::blocks::Blocks;
-use super::exact;
-use super::instruction_set::InstructionSet;
-use super::layout::{LayoutScratch, Source};
-use super::limits;
-use super::single::Single;
-use super::stream::{Answers, Batch, Stream};
-use crate::buffers::Memory;
-use crate::lookout::{DUE, Lookout, UNWATCHED};
+use crate::cancel::{ProgressMeter, UNWATCHED, WORK_BETWEEN_CHECKS};
+use crate::layout::limits;
+use crate::layout::scratch::{LayoutScratch, LayoutSource};
+use crate::layout::tree_layout::TreeLayout;
+use crate::memory::Memory;
+use crate::simd::InstructionSet;
+use crate::trace::exact;
+use crate::trace::single::Single;
+use crate::trace::stream::{Answers, RayBatch, Stream};
 
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;
@@ -43,7 +43,7 @@ const TOO_LONG: Duration = Duration::from_millis(2);
 pub struct CpuAccelerator {
     summary: BuildSummary,
     scene: SceneScale,
-    blocks: Blocks,
+    blocks: TreeLayout,
     set: InstructionSet,
 }
 
@@ -57,17 +57,17 @@ impl CpuAccelerator {
     /// the lookout has ended it. `memory` accounts for the layout, and for what the scratch grows by.
     ///
     /// # Errors
-    /// As for [`Blocks::new`].
+    /// As for [`TreeLayout::new`].
     pub(crate) fn new(
         tree: KdTree,
         mut summary: BuildSummary,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         set: InstructionSet,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         (memory, scratch): (&mut Memory, &mut LayoutScratch),
     ) -> Result<CpuAccelerator, BuildError> {
-        let scene = scene_scale(tree.bounds, set, source.triangles, look);
-        let blocks = Blocks::new(tree, source, set, look, memory, scratch)?;
+        let scene = scene_scale(tree.bounds, set, source.triangles, meter);
+        let blocks = TreeLayout::new(tree, source, set, meter, memory, scratch)?;
         summary.peak_bytes = memory.peak;
         Ok(CpuAccelerator { summary, scene, blocks, set })
     }
@@ -75,12 +75,12 @@ impl CpuAccelerator {
     /// Becomes the accelerator of another valid tree, in the same memory. After an error it is what it was.
     ///
     /// # Errors
-    /// As for [`Blocks::replace`].
+    /// As for [`TreeLayout::replace`].
     pub(crate) fn replace(
         &mut self,
         tree: &KdTreeView<'_>,
         mut summary: BuildSummary,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         (memory, scratch): (&mut Memory, &mut LayoutScratch),
     ) -> Result<(), BuildError> {
         self.blocks.replace(tree, source, memory, scratch)?;
@@ -97,7 +97,7 @@ impl CpuAccelerator {
 
     /// What rays are traced through.
     #[cfg(test)]
-    pub(super) fn parts(&self) -> (&Blocks, &SceneScale) {
+    pub(super) fn parts(&self) -> (&TreeLayout, &SceneScale) {
         (&self.blocks, &self.scene)
     }
 
@@ -156,28 +156,28 @@ impl CpuAccelerator {
     }
 
     /// Answers a batch under a lookout.
-    fn answer<T: Told>(
+    fn answer<T: Answer>(
         &self,
         rays: &[Ray],
         answers: &mut [T],
         options: &QueryOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), answers.len())?;
-        look.begin(Stage::Rays, rays.len() as u64);
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
         let (blocks, scene) = (&self.blocks, &self.scene);
         // How slow rays are shows only as they are traced.
-        let at_first = if look.is_watched() { FIRST } else { TASK };
+        let at_first = if meter.is_watched() { FIRST } else { TASK };
         let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
         let done = tasks.try_for_each_init(
             || at_first,
             |count, (rays, answers)| {
                 let mut next = 0;
-                while next < rays.len() && !look.is_over() {
+                while next < rays.len() && !meter.is_cancelled() {
                     let some = next..rays.len().min(next + *count);
-                    let since = look.is_watched().then(Instant::now);
+                    let since = meter.is_watched().then(Instant::now);
                     let rays = &rays[some.clone()];
-                    let batch = Batch { blocks, scene, rays, options, query: T::QUERY };
+                    let batch = RayBatch { blocks, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
                     unsafe { self.set.run(Stream { batch, answers }) }?;
@@ -186,8 +186,8 @@ impl CpuAccelerator {
                         Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
                         _ => {}
                     }
-                    look.advance(some.len() as u64);
-                    look.worked(DUE);
+                    meter.advance(some.len() as u64);
+                    meter.record_work(WORK_BETWEEN_CHECKS);
                     next = some.end;
                 }
                 Ok::<(), TryReserveError>(())
@@ -195,8 +195,8 @@ impl CpuAccelerator {
         );
         // A thread's stacks, of which no more is known.
         done.map_err(|_| refused((2 * blocks.wide.stack() * size_of::<u32>()) as u64))?;
-        look.finish();
-        look.check_batch().map(|()| QueryReport::default())
+        meter.finish_stage();
+        meter.check_batch().map(|()| QueryReport::default())
     }
 
     /// All hits of a batch under a lookout.
@@ -204,9 +204,9 @@ impl CpuAccelerator {
         &self,
         rays: &[Ray],
         options: &QueryOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<AllHits, QueryError> {
-        look.begin(Stage::Rays, rays.len() as u64);
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
         // The starts of all, and what is told of each part.
         let tasks = rays.len().div_ceil(FEW);
         let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
@@ -217,7 +217,7 @@ impl CpuAccelerator {
         parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
         parts.resize(tasks, None);
         rays.par_chunks(FEW).zip(&mut parts).try_for_each(|(rays, out)| {
-            let mut share = Share { held: &held, own: 0, max_memory: options.max_memory };
+            let mut share = TaskBytes { held: &held, own: 0, max_memory: options.max_memory };
             let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
             let mut collector = Collector::default();
             let (blocks, bounds) = (&self.blocks, &self.blocks.tree.bounds);
@@ -228,8 +228,8 @@ impl CpuAccelerator {
                 let mut ended = share.hold(beside + collector.bytes());
                 ended.clone()?;
                 let go_on = |bytes| {
-                    look.worked(DUE / 8);
-                    ended = look.check_batch().and_then(|()| share.hold(beside + bytes));
+                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
+                    ended = meter.check_batch().and_then(|()| share.hold(beside + bytes));
                     ended.is_ok()
                 };
                 exact::all_hits(blocks, bounds, ray, options, &mut collector, go_on);
@@ -242,17 +242,17 @@ impl CpuAccelerator {
             drop(collector);
             trim(&mut part.crossings);
             share.hold(part.bytes() + size_of_val(&part.crossings[..]) as u64)?;
-            look.advance(rays.len() as u64);
-            look.worked(DUE);
+            meter.advance(rays.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
             *out = Some(part);
-            look.check_batch()
+            meter.check_batch()
         })?;
         let mut all = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
         let crossings = parts.iter().flatten().map(|part| part.crossings.len()).sum();
         all.crossings.try_reserve_exact(crossings).map_err(|_| lacking())?;
         parts.into_iter().flatten().try_for_each(|part| all.append(part))?;
-        look.finish();
-        look.check_batch().map(|()| all)
+        meter.finish_stage();
+        meter.check_batch().map(|()| all)
     }
 
     /// Where points lie, under a lookout.
@@ -260,37 +260,37 @@ impl CpuAccelerator {
         &self,
         points: &[[f32; 3]],
         max_memory: Option<u64>,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<Located, QueryError> {
-        look.begin(Stage::Rays, points.len() as u64);
+        meter.begin_stage(Stage::Rays, points.len() as u64);
         let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
-        look.check_batch()?;
+        meter.check_batch()?;
         let mut windings = inside::no_windings(points.len())?;
         let options = QueryOptions::default();
         let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
         tasks.try_for_each(|(points, windings)| {
-            let mut share = Share { held: &held, own: 0, max_memory };
+            let mut share = TaskBytes { held: &held, own: 0, max_memory };
             let mut locator = Locator::default();
             for (&point, winding) in points.iter().zip(windings) {
-                let mut ended = look.check_batch();
+                let mut ended = meter.check_batch();
                 ended.clone()?;
                 let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
                     exact::visit(&self.blocks, &self.blocks.tree.bounds, ray, &options, test);
                 };
                 let wound = locator.winding(point, visit, &mut |bytes| {
-                    look.worked(DUE / 8);
-                    ended = look.check_batch().and_then(|()| share.hold(bytes));
+                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
+                    ended = meter.check_batch().and_then(|()| share.hold(bytes));
                     ended.is_ok()
                 });
                 ended?;
                 *winding = wound.map_err(|_| refused(held.load(Relaxed)))?;
-                look.advance(1);
-                look.worked(DUE / 64);
+                meter.advance(1);
+                meter.record_work(WORK_BETWEEN_CHECKS / 64);
             }
             share.hold(0)
         })?;
-        look.finish();
-        look.check_batch().map(|()| Located { windings, answered_by_cpu: 0 })
+        meter.finish_stage();
+        meter.check_batch().map(|()| Located { windings, answered_by_cpu: 0 })
     }
 }
 
@@ -306,7 +306,7 @@ fn trim(crossings: &mut Vec<Crossing>) {
 }
 
 /// What a batch tells of each ray.
-trait Told: Send + Sized {
+trait Answer: Send + Sized {
     /// The query that it answers.
     const QUERY: Query;
 
@@ -314,7 +314,7 @@ trait Told: Send + Sized {
     fn answers(answers: &mut [Self]) -> Answers<'_>;
 }
 
-impl Told for Hit {
+impl Answer for Hit {
     const QUERY: Query = Query::Closest;
 
     fn answers(answers: &mut [Hit]) -> Answers<'_> {
@@ -322,7 +322,7 @@ impl Told for Hit {
     }
 }
 
-impl Told for bool {
+impl Answer for bool {
     const QUERY: Query = Query::Any;
 
     fn answers(answers: &mut [bool]) -> Answers<'_> {
@@ -331,13 +331,13 @@ impl Told for bool {
 }
 
 /// A task's share of the bytes that all tasks of a batch hold.
-struct Share<'a> {
+struct TaskBytes<'a> {
     held: &'a AtomicU64,
     own: u64,
     max_memory: Option<u64>,
 }
 
-impl Share<'_> {
+impl TaskBytes<'_> {
     /// From now on the task holds so many bytes.
     ///
     /// # Errors
@@ -359,10 +359,10 @@ fn scene_scale(
     bounds: Aabb,
     set: InstructionSet,
     triangles: &[Triangle],
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
 ) -> SceneScale {
     let limits = triangles.par_chunks(4096).map(|chunk| {
-        if look.worked(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
+        if meter.record_work(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
     });
     SceneScale::new(bounds, &limits.reduce(|| Limits::NONE, Limits::union))
 }
@@ -410,7 +410,7 @@ impl Accelerator for CpuAccelerator {
         options: &QueryOptions,
         watch: &dyn Watch,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, hits, options, &Lookout::new(watch))
+        self.answer(rays, hits, options, &ProgressMeter::new(watch))
     }
 
     /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
@@ -421,7 +421,7 @@ impl Accelerator for CpuAccelerator {
         options: &QueryOptions,
         watch: &dyn Watch,
     ) -> Result<QueryReport, QueryError> {
-        self.answer(rays, occluded, options, &Lookout::new(watch))
+        self.answer(rays, occluded, options, &ProgressMeter::new(watch))
     }
 
     fn all_hits(&self, rays: &[Ray], options: &QueryOptions) -> Result<AllHits, QueryError> {
@@ -434,7 +434,7 @@ impl Accelerator for CpuAccelerator {
         options: &QueryOptions,
         watch: &dyn Watch,
     ) -> Result<AllHits, QueryError> {
-        self.all_hits_under(rays, options, &Lookout::new(watch))
+        self.all_hits_under(rays, options, &ProgressMeter::new(watch))
     }
 
     fn locate_watched(
@@ -443,7 +443,7 @@ impl Accelerator for CpuAccelerator {
         max_memory: Option<u64>,
         watch: &dyn Watch,
     ) -> Result<Located, QueryError> {
-        self.locate_under(points, max_memory, &Lookout::new(watch))
+        self.locate_under(points, max_memory, &ProgressMeter::new(watch))
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions) -> Option<Hit> {

@@ -8,23 +8,23 @@ use splitplane_core::backend::{
 };
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::{Stage, Watch};
 
-use crate::best;
-use crate::buffers::{Buffers, Memory, boxed};
-use crate::executor::CpuExecutor;
-use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
+use crate::accelerator::CpuAccelerator;
+use crate::build::{self, BuildScratch, Finished};
+use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::layout::scratch::{LayoutScratch, LayoutSource};
+use crate::memory::{Memory, boxed, extend};
+use crate::simd::InstructionSet;
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
 /// between builds, counts towards their limits, and is given back where they leave no room for it.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<Box<(Buffers, LayoutScratch)>>>,
+    scratch: Mutex<Option<Box<(BuildScratch, LayoutScratch)>>>,
     set: InstructionSet,
 }
 
@@ -80,17 +80,17 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.tree_under(mesh, options, &Lookout::new(watch))
+        self.tree_under(mesh, options, &ProgressMeter::new(watch))
     }
 
     fn tree_under(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        self.with_built(mesh, options, look, |built| {
-            Ok((copied(&built.tree, &built.memory, look)?, built.summary))
+        self.with_built(mesh, options, meter, |built| {
+            Ok((copied(&built.tree, &built.memory, meter)?, built.summary))
         })
     }
 
@@ -116,7 +116,7 @@ impl CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.build_under(mesh, options, &Lookout::new(watch), 0)
+        self.build_under(mesh, options, &ProgressMeter::new(watch), 0)
     }
 
     /// Builds, while so many bytes of an accelerator are held that is to be replaced.
@@ -124,19 +124,19 @@ impl CpuBackend {
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
-        self.with_built(mesh, options, look, |built| {
+        self.with_built(mesh, options, meter, |built| {
             let Built { tree, summary, triangles, mut memory, scratch } = built;
-            begin_layout(look, &tree);
+            begin_layout(meter, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
-            let tree = copied(&tree, &memory, look)?;
-            let source = Source { mesh, triangles, layout: options.layout };
+            let tree = copied(&tree, &memory, meter)?;
+            let source = LayoutSource { mesh, triangles, layout: options.layout };
             let with = (&mut memory, scratch);
-            let built = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
-            look.finish();
-            look.check().map(|()| built)
+            let built = CpuAccelerator::new(tree, summary, source, self.set, meter, with)?;
+            meter.finish_stage();
+            meter.check().map(|()| built)
         })
     }
 
@@ -155,7 +155,7 @@ impl CpuBackend {
         self.with_built(mesh, options, &UNWATCHED, |built| {
             let Built { tree, summary, triangles, mut memory, scratch } = built;
             memory.take(scratch.bytes())?;
-            let source = Source { mesh, triangles, layout: options.layout };
+            let source = LayoutSource { mesh, triangles, layout: options.layout };
             accelerator.replace(&tree, summary, source, (&mut memory, scratch))
         })
     }
@@ -174,7 +174,7 @@ impl CpuBackend {
         watch: &dyn Watch,
     ) -> Result<(), BuildError> {
         let old = accelerator.bytes();
-        *accelerator = self.build_under(mesh, options, &Lookout::new(watch), old)?;
+        *accelerator = self.build_under(mesh, options, &ProgressMeter::new(watch), old)?;
         Ok(())
     }
 
@@ -185,7 +185,7 @@ impl CpuBackend {
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         mut then: impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
@@ -194,10 +194,10 @@ impl CpuBackend {
         let is_kept = kept.is_some();
         let new = || boxed(Default::default).map_err(|_| Memory::default().lacking());
         let mut kept = kept.map_or_else(new, Ok)?;
-        let mut out = self.build_with(&mut kept, mesh, options, look, &mut then);
+        let mut out = self.build_with(&mut kept, mesh, options, meter, &mut then);
         if is_kept && matches!(out, Err(BuildError::OutOfMemory { .. })) {
             *kept = Default::default();
-            out = self.build_with(&mut kept, mesh, options, look, &mut then);
+            out = self.build_with(&mut kept, mesh, options, meter, &mut then);
         }
         // What was not enough is not worth keeping: the next build would only have to give it back.
         if !matches!(out, Err(BuildError::OutOfMemory { .. }))
@@ -211,56 +211,32 @@ impl CpuBackend {
     /// Builds in memory that may have been used before.
     fn build_with<T>(
         &self,
-        (kept, layout): &mut (Buffers, LayoutScratch),
+        (kept, layout): &mut (BuildScratch, LayoutScratch),
         mesh: &Mesh<'_>,
         options: &BuildOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         then: &mut impl FnMut(Built<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
-        let BuildOptions { config, max_memory, .. } = *options;
-        let executor = |buffers| -> Result<CpuExecutor<'_>, BuildError> {
-            Ok(CpuExecutor::on(*mesh, config, self.set, buffers, max_memory)?.watched(look))
-        };
-        let mut executing = executor(core::mem::take(kept))?;
-        let planes = config.preset.planes();
-        match planes {
-            Some(planes) => {
-                executing = executing.cached();
-                schedule::build(&mut executing, planes)?;
-                if executing.is_void() {
-                    executing = executor(executing.finish())?;
-                    schedule::build(&mut executing, planes)?;
-                }
-            }
-            None => schedule::start(&mut executing)?,
-        }
-        let totals = executing.totals();
-        let mut memory = executing.memory();
-        *kept = executing.finish();
-        let counters = kept.counters;
-        let (nodes, references) = if planes.is_some() {
-            let [nodes, references] =
-                [Counter::Nodes, Counter::LeafReferences].map(|counter| counters[counter] as usize);
-            (nodes, references)
-        } else {
-            best::build(&config, self.set, kept, &mut memory, look)?
-        };
+        let Finished { nodes, references, stages, memory } =
+            build::build(kept, mesh, options, self.set, meter)?;
+        let buffers = &kept.buffers;
+        let counters = buffers.counters;
         let tree = KdTreeView {
-            nodes: &kept.nodes[..nodes],
-            references: &kept.leaf_references[..references],
-            bounds: kept.root_bounds,
+            nodes: &buffers.nodes[..nodes],
+            references: &buffers.leaf_references[..references],
+            bounds: buffers.root_bounds,
             triangles: counters[Counter::Triangles],
-            config,
+            config: options.config,
         };
         let summary = BuildSummary {
             triangles: counters[Counter::Triangles],
             dropped: counters[Counter::Dropped],
             snapped: counters[Counter::Snapped],
-            large_levels: totals.levels,
-            small_roots: totals.small_roots,
+            large_levels: stages.levels,
+            small_roots: stages.small_roots,
             peak_bytes: memory.peak,
         };
-        let triangles = &kept.triangles[..mesh.len()];
+        let triangles = &buffers.triangles[..mesh.len()];
         then(Built { tree, summary, triangles, memory, scratch: layout })
     }
 }
@@ -312,7 +288,7 @@ impl Backend for CpuBackend {
         options: &BuildOptions,
         watch: &dyn Watch,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        self.load_under(mesh, tree, options, &Lookout::new(watch))
+        self.load_under(mesh, tree, options, &ProgressMeter::new(watch))
     }
 }
 
@@ -322,24 +298,24 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         tree: KdTree,
         options: &BuildOptions,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         // Each triangle is checked, then made ready.
-        look.begin(Stage::Start, 2 * mesh.len() as u64);
+        meter.begin_stage(Stage::Start, 2 * mesh.len() as u64);
         let wrong = |reason: String| BuildError::WrongMesh { reason };
         validate_mesh_while(&tree.view(), mesh, |triangles| {
-            look.advance(u64::from(triangles));
-            !look.worked(4096)
+            meter.advance(u64::from(triangles));
+            !meter.record_work(4096)
         })
         .map_err(|violation| wrong(violation.to_string()))?;
-        look.check()?;
+        meter.check()?;
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
         memory.take(tree_bytes(&tree.view()))?;
         let mut triangles: Vec<Triangle> = Vec::new();
-        memory.grow_watched(&mut triangles, mesh.len(), look)?;
+        memory.grow_watched(&mut triangles, mesh.len(), meter)?;
         let pieces = triangles.par_chunks_mut(PIECE).enumerate().map(|(piece, triangles)| {
             let mut counts = [0; 2];
-            if look.worked(triangles.len() as u64) {
+            if meter.record_work(triangles.len() as u64) {
                 return counts;
             }
             for (i, triangle) in triangles.iter_mut().enumerate() {
@@ -348,13 +324,13 @@ impl CpuBackend {
                 *triangle = corners;
                 counts = [counts[0] + u32::from(!kept), counts[1] + u32::from(snapped)];
             }
-            look.advance(triangles.len() as u64);
+            meter.advance(triangles.len() as u64);
             counts
         });
         let [dropped, snapped] =
             pieces.reduce(|| [0; 2], |one, other| [one[0] + other[0], one[1] + other[1]]);
-        look.finish();
-        look.check()?;
+        meter.finish_stage();
+        meter.check()?;
         let summary = BuildSummary {
             triangles: mesh.len() as u32,
             dropped,
@@ -363,13 +339,13 @@ impl CpuBackend {
             small_roots: 0,
             peak_bytes: memory.peak,
         };
-        begin_layout(look, &tree.view());
+        begin_layout(meter, &tree.view());
         let mut scratch = LayoutScratch::default();
-        let source = Source { mesh, triangles: &triangles, layout: options.layout };
+        let source = LayoutSource { mesh, triangles: &triangles, layout: options.layout };
         let with = (&mut memory, &mut scratch);
-        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
-        look.finish();
-        look.check()?;
+        let loaded = CpuAccelerator::new(tree, summary, source, self.set, meter, with)?;
+        meter.finish_stage();
+        meter.check()?;
         in_box(loaded)
     }
 }
@@ -395,8 +371,8 @@ fn tree_bytes(tree: &KdTreeView<'_>) -> u64 {
 }
 
 /// The layout reads each node and each reference once.
-fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
-    look.begin(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
+fn begin_layout(meter: &ProgressMeter<'_>, tree: &KdTreeView<'_>) {
+    meter.begin_stage(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
 }
 
 /// A tree of its own, which `memory` has accounted for where that is to be done.
@@ -406,14 +382,14 @@ fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
 fn copied(
     tree: &KdTreeView<'_>,
     memory: &Memory,
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
 ) -> Result<KdTree, BuildError> {
     let (mut nodes, mut references) = (Vec::new(), Vec::new());
     memory.reserve(&mut nodes, tree.nodes.len())?;
     memory.reserve(&mut references, tree.references.len())?;
-    lookout::extend(look, &mut nodes, tree.nodes);
-    lookout::extend(look, &mut references, tree.references);
-    look.check()?;
+    extend(meter, &mut nodes, tree.nodes);
+    extend(meter, &mut references, tree.references);
+    meter.check()?;
     let KdTreeView { bounds, triangles, config, .. } = *tree;
     Ok(KdTree { nodes, references, bounds, triangles, config })
 }

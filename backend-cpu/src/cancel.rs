@@ -1,35 +1,36 @@
-//! One build or batch under a [`Watch`], seen from the threads that work on it.
+//! Progress and cancellation of one build or batch, shared by the threads that work on it.
 
 use core::ops::ControlFlow;
 use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-use rayon::prelude::*;
 use splitplane_core::backend::{BuildError, QueryError};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
-/// Work between two looks at the watch, in references read and written once: some tenths of a
-/// millisecond of one thread, and no more where several share the work.
-pub(crate) const DUE: u64 = 1 << 13;
+/// Work between two calls of the watch, in references read and written once: some tenths of a millisecond of one
+/// thread, and less where several threads share the work.
+pub(crate) const WORK_BETWEEN_CHECKS: u64 = 1 << 13;
 
-/// Asks a watch on behalf of all threads, one at a time, and tells them when it has ended the work.
+/// Adds up the progress of all threads, reports it to a [`Watch`], and tells all threads when the watch has cancelled the
+/// work.
 ///
-/// A thread that would have to wait for another one's question goes on instead: so a watch that is slow,
-/// or that runs work of its own in the same pool, holds up nobody else, and `done` never falls.
+/// One thread calls the watch at a time. A thread that would have to wait for another one's call goes on with its work
+/// instead. So a watch that is slow, or that runs work of its own in the same pool, delays no other thread, and `done`
+/// never decreases within a stage.
 #[derive(Debug)]
-pub(crate) struct Lookout<'w> {
-    /// `None` costs a test of it, once every few hundred references.
+pub(crate) struct ProgressMeter<'w> {
+    /// Without a watch every call costs one test of this `Option`, about once every few hundred references.
     watch: Option<Watched<'w>>,
 }
 
 struct Watched<'w> {
     watch: &'w dyn Watch,
-    /// Held by the thread that asks; poisoned by a watch that panics.
+    /// Locked by the thread that calls the watch; poisoned when the watch panics.
     stage: Mutex<Progress>,
     done: AtomicU64,
-    /// Work so far, in the unit of [`DUE`].
+    /// Work so far, in the unit of [`WORK_BETWEEN_CHECKS`].
     work: AtomicU64,
-    over: AtomicBool,
+    is_cancelled: AtomicBool,
 }
 
 impl core::fmt::Debug for Watched<'_> {
@@ -38,56 +39,56 @@ impl core::fmt::Debug for Watched<'_> {
     }
 }
 
-/// For work that nobody watches.
-pub(crate) static UNWATCHED: Lookout<'static> = Lookout { watch: None };
+/// The meter of work without a watch, which nothing cancels.
+pub(crate) static UNWATCHED: ProgressMeter<'static> = ProgressMeter { watch: None };
 
-impl<'w> Lookout<'w> {
-    /// A lookout over work that begins with this stage.
-    pub fn new(watch: &'w dyn Watch) -> Lookout<'w> {
+impl<'w> ProgressMeter<'w> {
+    /// A meter that reports to this watch.
+    pub fn new(watch: &'w dyn Watch) -> ProgressMeter<'w> {
         let nothing = Progress { stage: Stage::Start, done: 0, total: 0 };
         let watch = Watched {
             watch,
             stage: Mutex::new(nothing),
             done: AtomicU64::new(0),
             work: AtomicU64::new(0),
-            over: AtomicBool::new(false),
+            is_cancelled: AtomicBool::new(false),
         };
-        Lookout { watch: Some(watch) }
+        ProgressMeter { watch: Some(watch) }
     }
 
-    /// Whether anybody watches.
+    /// Whether there is a watch.
     #[inline]
     pub fn is_watched(&self) -> bool {
         self.watch.is_some()
     }
 
-    /// Whether the work has ended: what is left of it is of no use.
+    /// Whether the work was cancelled. Its result will not be used, so threads may leave it incomplete.
     #[inline]
-    pub fn is_over(&self) -> bool {
-        self.watch.as_ref().is_some_and(|watched| watched.over.load(Relaxed))
+    pub fn is_cancelled(&self) -> bool {
+        self.watch.as_ref().is_some_and(|watched| watched.is_cancelled.load(Relaxed))
     }
 
-    /// Begins a stage, of whose length `total` is 0 if it is not known. To be called while no other
-    /// thread works.
-    pub fn begin(&self, stage: Stage, total: u64) {
-        if let Some(watched) = self.watch.as_ref().filter(|_| !self.is_over()) {
+    /// Begins a stage and reports it. `total` is 0 where the length of the stage is not known. No other thread may be
+    /// working.
+    pub fn begin_stage(&self, stage: Stage, total: u64) {
+        if let Some(watched) = self.watch.as_ref().filter(|_| !self.is_cancelled()) {
             watched.done.store(0, Relaxed);
             let mut progress = watched.lock();
             *progress = Progress { stage, done: 0, total };
-            watched.ask(progress);
+            watched.report(progress);
         }
     }
 
-    /// Ends a stage. To be called while no other thread works.
-    pub fn finish(&self) {
+    /// Finishes the stage and reports it. No other thread may be working.
+    pub fn finish_stage(&self) {
         if let Some(watched) = &self.watch {
             let progress = watched.lock();
             watched.done.fetch_max(progress.total, Relaxed);
-            watched.ask(progress);
+            watched.report(progress);
         }
     }
 
-    /// This much more of the stage is done.
+    /// Adds to the progress of the stage, in its unit.
     #[inline]
     pub fn advance(&self, done: u64) {
         if let Some(watched) = &self.watch {
@@ -95,36 +96,36 @@ impl<'w> Lookout<'w> {
         }
     }
 
-    /// Work like reading and writing so many references was done. Asks the watch when it is time. True
-    /// when the work is over.
+    /// Records work, in references read and written once, and calls the watch when enough work was done since the last
+    /// call. Returns whether the work was cancelled.
     #[inline]
-    pub fn worked(&self, references: u64) -> bool {
-        self.watch.as_ref().is_some_and(|watched| watched.worked(references))
+    pub fn record_work(&self, references: u64) -> bool {
+        self.watch.as_ref().is_some_and(|watched| watched.record_work(references))
     }
 
-    /// [`BuildError::Cancelled`] when the work is over.
+    /// [`BuildError::Cancelled`] when the work was cancelled.
     #[inline]
     pub fn check(&self) -> Result<(), BuildError> {
-        match self.ended() {
+        match self.cancelled_at() {
             None => Ok(()),
             Some(progress) => Err(BuildError::Cancelled { progress }),
         }
     }
 
-    /// [`QueryError::Cancelled`] when the work is over.
+    /// [`QueryError::Cancelled`] when the work was cancelled.
     #[inline]
     pub fn check_batch(&self) -> Result<(), QueryError> {
-        match self.ended() {
+        match self.cancelled_at() {
             None => Ok(()),
             Some(Progress { done, total, .. }) => Err(QueryError::Cancelled { done, total }),
         }
     }
 
-    /// Where the work was ended.
+    /// How far the work was when it was cancelled.
     #[inline]
-    fn ended(&self) -> Option<Progress> {
+    fn cancelled_at(&self) -> Option<Progress> {
         let watched = self.watch.as_ref()?;
-        watched.over.load(Relaxed).then(|| *watched.lock())
+        watched.is_cancelled.load(Relaxed).then(|| *watched.lock())
     }
 }
 
@@ -133,71 +134,27 @@ impl Watched<'_> {
         self.stage.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn worked(&self, references: u64) -> bool {
+    fn record_work(&self, references: u64) -> bool {
         let before = self.work.fetch_add(references, Relaxed);
-        if before / DUE != (before + references) / DUE {
+        if before / WORK_BETWEEN_CHECKS != (before + references) / WORK_BETWEEN_CHECKS {
             match self.stage.try_lock() {
-                Ok(progress) => self.ask(progress),
+                Ok(progress) => self.report(progress),
                 Err(TryLockError::WouldBlock) => {}
                 // The watch has panicked on another thread, which takes the panic to the caller.
-                Err(TryLockError::Poisoned(_)) => self.over.store(true, Relaxed),
+                Err(TryLockError::Poisoned(_)) => self.is_cancelled.store(true, Relaxed),
             }
         }
-        self.over.load(Relaxed)
+        self.is_cancelled.load(Relaxed)
     }
 
-    /// Asks the watch, once it has not ended the work.
-    fn ask(&self, mut progress: MutexGuard<'_, Progress>) {
-        if self.over.load(Relaxed) {
+    /// Calls the watch, unless it has cancelled the work before.
+    fn report(&self, mut progress: MutexGuard<'_, Progress>) {
+        if self.is_cancelled.load(Relaxed) {
             return;
         }
         progress.done = self.done.load(Relaxed);
         if let ControlFlow::Break(()) = self.watch.progress(&progress) {
-            self.over.store(true, Relaxed);
-        }
-    }
-}
-
-/// Elements that are cleared between two looks at the watch.
-const PIECE: usize = 1 << 15;
-
-/// [`Vec::resize`] for vectors that have the room: by all threads, since most of the time goes into the system's
-/// making of pages; under a watch in pieces, one after the other. Ends early when the work is over.
-pub(crate) fn resize<T: Clone + Send + Sync>(
-    lookout: &Lookout<'_>,
-    vector: &mut Vec<T>,
-    length: usize,
-    value: &T,
-) {
-    if !lookout.is_watched() && vector.len() < length {
-        let more = rayon::iter::repeat_n(value.clone(), length - vector.len());
-        vector.par_extend(more.with_min_len(PIECE));
-    }
-    while vector.len() < length {
-        let next = length.min(vector.len() + PIECE);
-        let references = (next - vector.len()) * size_of::<T>() / 32;
-        vector.resize(next, value.clone());
-        if lookout.worked(references as u64) {
-            return;
-        }
-    }
-    vector.truncate(length);
-}
-
-/// Appends all of a slice, as [`resize`] does with one value. Ends early when the work is over.
-pub(crate) fn extend<T: Copy + Send + Sync>(
-    lookout: &Lookout<'_>,
-    vector: &mut Vec<T>,
-    slice: &[T],
-) {
-    if !lookout.is_watched() {
-        vector.par_extend(slice.par_iter().copied().with_min_len(PIECE));
-        return;
-    }
-    for piece in slice.chunks(PIECE) {
-        vector.extend_from_slice(piece);
-        if lookout.worked((size_of_val(piece) / 32) as u64) {
-            return;
+            self.is_cancelled.store(true, Relaxed);
         }
     }
 }
@@ -208,7 +165,7 @@ mod tests {
     use std::sync::atomic::AtomicUsize;
 
     #[test]
-    fn one_asks_at_a_time_and_nothing_follows_the_end() {
+    fn one_thread_calls_at_a_time_and_none_after_the_break() {
         let (inside, calls) = (AtomicUsize::new(0), AtomicUsize::new(0));
         struct Strict<'a>(&'a AtomicUsize, &'a AtomicUsize);
         impl Watch for Strict<'_> {
@@ -220,22 +177,22 @@ mod tests {
             }
         }
         let watch = Strict(&inside, &calls);
-        let lookout = Lookout::new(&watch);
-        lookout.begin(Stage::SmallNodes, 1000);
+        let meter = ProgressMeter::new(&watch);
+        meter.begin_stage(Stage::SmallNodes, 1000);
         std::thread::scope(|scope| {
             for _ in 0..4 {
                 scope.spawn(|| {
                     for _ in 0..1000 {
-                        lookout.advance(1);
-                        lookout.worked(DUE);
+                        meter.advance(1);
+                        meter.record_work(WORK_BETWEEN_CHECKS);
                     }
                 });
             }
         });
-        lookout.finish();
+        meter.finish_stage();
         assert_eq!(calls.load(Relaxed), 50);
-        assert!(lookout.is_over());
-        let Err(BuildError::Cancelled { progress }) = lookout.check() else { panic!() };
+        assert!(meter.is_cancelled());
+        let Err(BuildError::Cancelled { progress }) = meter.check() else { panic!() };
         assert!(progress.stage == Stage::SmallNodes && progress.done < 4000);
     }
 }

@@ -7,20 +7,20 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Block;
-use super::simd::MOST_LANES;
-use crate::buffers::{Memory, bytes_of};
-use crate::lookout::{self, Lookout};
+use super::gathered_block::GatheredBlock;
+use crate::cancel::ProgressMeter;
+use crate::memory::{Memory, bytes_of, extend, resize};
+use crate::simd::MOST_LANES;
 
 /// Vertices that are snapped between two looks at the watch.
 const PIECE: usize = 1 << 13;
 /// Where gathered triangles are put together to a block, with what vector loads read behind it.
 #[repr(align(64))]
-pub(crate) struct Room([f32; 11 * MOST_LANES]);
+pub(crate) struct GatherBuffer([f32; 11 * MOST_LANES]);
 
-impl Room {
+impl GatherBuffer {
     /// An empty one.
-    pub const EMPTY: Room = Room([0.0; 11 * MOST_LANES]);
+    pub const EMPTY: GatherBuffer = GatherBuffer([0.0; 11 * MOST_LANES]);
 }
 
 /// A mesh with snapped coordinates. Vertices are those of the caller; a mesh with as many vertices as
@@ -80,22 +80,22 @@ impl IndexedMesh {
 
     /// Becomes the copy of a mesh with these snapped corners, for which there is room; of no use when the
     /// lookout has ended it.
-    pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], look: &Lookout<'_>) {
+    pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) {
         let IndexedMesh { vertices, indices } = self;
         vertices.clear();
         indices.clear();
         let Some((positions, given)) = shared(mesh) else {
-            lookout::extend(look, vertices, triangles.as_flattened());
+            extend(meter, vertices, triangles.as_flattened());
             return;
         };
-        lookout::extend(look, indices, given);
-        lookout::resize(look, vertices, positions.len(), &[0.0; 3]);
-        if look.is_over() {
+        extend(meter, indices, given);
+        resize(meter, vertices, positions.len(), &[0.0; 3]);
+        if meter.is_cancelled() {
             return;
         }
         let pieces = vertices.par_chunks_mut(PIECE).zip(positions.par_chunks(PIECE));
         pieces.for_each(|(vertices, positions)| {
-            if look.worked(positions.len() as u64) {
+            if meter.record_work(positions.len() as u64) {
                 return;
             }
             for (vertex, position) in vertices.iter_mut().zip(positions) {
@@ -117,7 +117,7 @@ impl IndexedMesh {
 
     /// Puts at most [`MOST_LANES`] triangles together to a block.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut Room) -> Block<'b> {
+    pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut GatherBuffer) -> GatheredBlock<'b> {
         let words = &mut room.0;
         for (i, &triangle) in triangles.iter().enumerate().take(MOST_LANES) {
             let corners = self.corners(triangle);
@@ -126,6 +126,6 @@ impl IndexedMesh {
             }
             words[9 * MOST_LANES + i] = f32::from_bits(triangle);
         }
-        Block { words: &room.0, stride: MOST_LANES, count: triangles.len(), large: false }
+        GatheredBlock { words: &room.0, stride: MOST_LANES, count: triangles.len(), large: false }
     }
 }

@@ -13,8 +13,8 @@ use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::{Triangle, prepare};
 
-use super::layout::halves;
-use crate::lookout::Lookout;
+use super::cells::halves;
+use crate::cancel::ProgressMeter;
 
 /// Most of them: rays test them in whatever leaf they start, so where there are more they stay in their leaves.
 const MOST: usize = 64;
@@ -50,14 +50,14 @@ impl Large {
 
     /// Those of a tree over snapped triangles, if there are some and they are few. After cancellation the result is
     /// incomplete and must not be used.
-    pub fn of(tree: &KdTreeView<'_>, triangles: &[Triangle], look: &Lookout<'_>) -> Large {
+    pub fn of(tree: &KdTreeView<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) -> Large {
         let leaf = typical_leaf(tree);
         for (times, most) in [(TIMES_FEW, FEW), (TIMES_MANY, MOST)] {
             // No triangle is longer than all together.
             if longest_extent(&tree.bounds) <= leaf * times {
                 break;
             }
-            let large = Large::longer(leaf * times, triangles, look);
+            let large = Large::longer(leaf * times, triangles, meter);
             if large.count <= most {
                 return large;
             }
@@ -66,10 +66,10 @@ impl Large {
     }
 
     /// Triangles that are longer than a limit, and bounds of all others.
-    fn longer(limit: f32, triangles: &[Triangle], look: &Lookout<'_>) -> Large {
+    fn longer(limit: f32, triangles: &[Triangle], meter: &ProgressMeter<'_>) -> Large {
         let chunks = triangles.par_chunks(4096).enumerate().map(|(chunk, triangles)| {
             let mut large = Large::none(Aabb::EMPTY);
-            if look.worked(triangles.len() as u64) {
+            if meter.record_work(triangles.len() as u64) {
                 return large;
             }
             for (corners, index) in triangles.iter().zip(4096 * chunk as u32..) {
@@ -158,7 +158,7 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
-    use crate::lookout::UNWATCHED;
+    use crate::cancel::UNWATCHED;
 
     /// The large ones of a soup with some more triangles in front.
     fn large(more: &[Triangle]) -> Large {

@@ -5,7 +5,7 @@ use splitplane_core::arithmetic::snap;
 use splitplane_core::intersect::Limits;
 use splitplane_core::triangle::{Triangle, prepare};
 
-use crate::every_set::for_every_set;
+use crate::simd::every_set::for_every_set;
 
 /// Triangles looked at together, and their coordinates, corner after corner.
 const SOME: usize = 16;
@@ -74,7 +74,7 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::InstructionSet;
+    use crate::simd::InstructionSet;
 
     #[test]
     fn limits_are_those_of_all_kept_triangles() {

@@ -1,6 +1,6 @@
 //! In which order a node's children are met, for each octant of directions.
 
-use super::simd::MOST_LANES;
+use crate::simd::MOST_LANES;
 
 /// For each octant that is positive on z how many children are farther away than a child: a byte each.
 ///

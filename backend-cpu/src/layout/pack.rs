@@ -10,8 +10,8 @@ use core::hint::select_unpredictable;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
 
-use super::record::Record;
-use super::simd::{MOST_LANES, prefetch};
+use super::packed_block::PackedBlock;
+use crate::simd::{MOST_LANES, prefetch};
 
 /// Places in the table of corners: many times the corners of a block.
 const SLOTS: usize = 1 << SLOT_BITS;
@@ -21,14 +21,14 @@ const MOST_CORNERS: usize = (3 * MOST_LANES).next_power_of_two();
 /// Triangles that are asked for ahead: they are all over the mesh.
 const AHEAD: usize = 24;
 /// Most words that a block may take.
-pub(crate) const MOST_WORDS: usize = Record::words(MOST_LANES, 2 * MOST_LANES);
+pub(crate) const MOST_WORDS: usize = PackedBlock::words(MOST_LANES, 2 * MOST_LANES);
 
 /// Puts triangles together to blocks of at most so many.
 pub(crate) struct Packer<'a> {
     /// Triangles of a block.
     lanes: usize,
-    /// What the first word of a block says besides its lengths.
-    mark: u32,
+    /// Whether blocks say that their triangles are large.
+    large: bool,
     /// The corners of the mesh's triangles.
     triangles: &'a [Triangle],
     /// By hash: the number of the corner seen last, over all blocks.
@@ -45,7 +45,7 @@ pub(crate) struct Packer<'a> {
 
 /// What was made of a leaf, or of some of its triangles.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Packed {
+pub(crate) struct PackedSize {
     /// Triangles in the block.
     pub count: usize,
     /// Words of the block, whole units.
@@ -59,7 +59,7 @@ impl<'a> Packer<'a> {
     pub fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer {
             lanes,
-            mark: 0,
+            large: false,
             triangles,
             seen: [0; SLOTS],
             start: 0,
@@ -72,13 +72,13 @@ impl<'a> Packer<'a> {
 
     /// The same for large triangles, in blocks that say so.
     pub fn large(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
-        Packer { mark: Record::LARGE, ..Packer::new(lanes, triangles) }
+        Packer { large: true, ..Packer::new(lanes, triangles) }
     }
 
     /// Packs as many as fit of the first `left` of some references, one at least, into a block. The references
     /// behind those are what is packed next; `out` has room for [`MOST_WORDS`].
     #[inline(never)]
-    pub fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> Packed {
+    pub fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> PackedSize {
         let mut count = left.min(self.lanes);
         let different = loop {
             match self.place(references, count, out) {
@@ -86,9 +86,9 @@ impl<'a> Packer<'a> {
                 Err(fit) => count = fit,
             }
         };
-        let before = Record::before_coordinates(count);
-        out[0] = self.mark | count as u32 | (different as u32) << 8 | (before as u32) << 16;
-        let words = Record::words(count, different);
+        let before = PackedBlock::before_coordinates(count);
+        out[0] = PackedBlock::header(count, different, self.large);
+        let words = PackedBlock::words(count, different);
         let (_, coordinates) = out[..words].split_at_mut(before);
         let (x, yz) = coordinates.split_at_mut(different);
         let (y, z) = yz.split_at_mut(different);
@@ -103,7 +103,7 @@ impl<'a> Packer<'a> {
             }
         }
         z[different..].fill(0);
-        Packed { count, words, bounds }
+        PackedSize { count, words, bounds }
     }
 
     /// Writes indices and places of the corners for a block of `count` triangles, and says how many
@@ -197,7 +197,7 @@ mod tests {
             while left > 0 {
                 let mut words = vec![u32::MAX; MOST_WORDS];
                 let packed = packer.block(&references[from..], left, &mut words);
-                let record = Record::at(&words, 0);
+                let record = PackedBlock::at(&words, 0);
                 let expected: Vec<Triangle> = references[from..][..packed.count]
                     .iter()
                     .map(|&triangle| triangles[triangle as usize])
@@ -209,7 +209,7 @@ mod tests {
                     assert_eq!(record.corners(index), *corners);
                 }
                 assert_eq!(
-                    record.units() as usize * super::super::record::UNIT_WORDS,
+                    record.units() as usize * crate::layout::packed_block::UNIT_WORDS,
                     packed.words
                 );
                 assert!(words[packed.words..].iter().all(|&word| word == u32::MAX));

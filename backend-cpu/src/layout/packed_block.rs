@@ -17,7 +17,7 @@
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::triangle::Triangle;
 
-use super::simd::MOST_LANES;
+use crate::simd::MOST_LANES;
 
 /// Words at whose multiples blocks begin.
 pub(crate) const UNIT_WORDS: usize = 4;
@@ -26,14 +26,21 @@ pub(crate) const TAIL: usize = 3 * MOST_LANES;
 
 /// A block.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Record<'a> {
+pub(crate) struct PackedBlock<'a> {
     /// The block's words and all that follow.
     words: &'a [u32],
 }
 
-impl Record<'_> {
+impl PackedBlock<'_> {
     /// Set in the first word of a block of [`super::large`] triangles.
-    pub const LARGE: u32 = 1 << 7;
+    const LARGE: u32 = 1 << 7;
+
+    /// The first word of a block of so many triangles and different corners; whether they are [`super::large`].
+    pub const fn header(count: usize, corners: usize, large: bool) -> u32 {
+        let before = PackedBlock::before_coordinates(count);
+        let mark = if large { PackedBlock::LARGE } else { 0 };
+        mark | count as u32 | (corners as u32) << 8 | (before as u32) << 16
+    }
 
     /// Words before the coordinates of a block of so many triangles.
     pub const fn before_coordinates(count: usize) -> usize {
@@ -42,15 +49,15 @@ impl Record<'_> {
 
     /// Words of a block of so many triangles and different corners.
     pub const fn words(count: usize, corners: usize) -> usize {
-        (Record::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
+        (PackedBlock::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
     }
 }
 
-impl<'a> Record<'a> {
+impl<'a> PackedBlock<'a> {
     /// The block that begins at a unit.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn at(words: &'a [u32], unit: u32) -> Record<'a> {
-        Record { words: &words[unit as usize * UNIT_WORDS..] }
+    pub fn at(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
+        PackedBlock { words: &words[unit as usize * UNIT_WORDS..] }
     }
 
     /// The same without a look at the bounds.
@@ -58,9 +65,9 @@ impl<'a> Record<'a> {
     /// # Safety
     /// The unit must be that of a block.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> Record<'a> {
+    pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
         // SAFETY: the caller's contract.
-        Record { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
+        PackedBlock { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
     }
 
     /// Triangles, 1 to 16.
@@ -72,7 +79,7 @@ impl<'a> Record<'a> {
     /// Whether these are [`super::large`] triangles, in a block of their own.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn is_large(&self) -> bool {
-        self.words[0] & Record::LARGE != 0
+        self.words[0] & PackedBlock::LARGE != 0
     }
 
     /// Different corners, at most 32.

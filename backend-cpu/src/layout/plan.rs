@@ -8,8 +8,8 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::node::{KdNode, NodeKind};
 
-use super::simd::MOST_LANES;
-use crate::every_set::for_every_set;
+use crate::simd::MOST_LANES;
+use crate::simd::every_set::for_every_set;
 
 /// For every number of places. (A function that took a closure would not be compiled for vectors.)
 macro_rules! every {
@@ -68,7 +68,7 @@ const NONE: u32 = u32::MAX;
 
 /// What a subtree costs its parent.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Costs {
+pub(crate) struct PlaceCosts {
     /// The branch that it is.
     branch: u32,
     /// More places than these are of no use; 0 where there is no branch.
@@ -83,16 +83,16 @@ pub(crate) struct Costs {
 /// Where one place is.
 const ONE: usize = MOST_LANES;
 
-impl Costs {
+impl PlaceCosts {
     /// The costs of nothing.
-    pub const NOTHING: Costs = {
+    pub const NOTHING: PlaceCosts = {
         let mut areas = [f32::INFINITY; 2 * MOST_LANES];
         let mut places = ONE;
         while places < areas.len() {
             areas[places] = 0.0;
             places += 1;
         }
-        Costs { branch: NONE, useful: 0, areas, nodes: [0; 2 * MOST_LANES] }
+        PlaceCosts { branch: NONE, useful: 0, areas, nodes: [0; 2 * MOST_LANES] }
     };
 
     /// The branch, if there is one.
@@ -131,12 +131,12 @@ impl Planner {
 
     /// The costs of a leaf: a block is a child as it is, several have a place each or a node of their own.
     /// Where it has no bounds it is nothing.
-    fn leaf(&self, node: u32, leaf: &Branch) -> Costs {
+    fn leaf(&self, node: u32, leaf: &Branch) -> PlaceCosts {
         if leaf.bounds.is_empty() {
-            return Costs::NOTHING;
+            return PlaceCosts::NOTHING;
         }
         let blocks = leaf.children[1];
-        let mut costs = Costs { branch: node, useful: 1, ..Costs::NOTHING };
+        let mut costs = PlaceCosts { branch: node, useful: 1, ..PlaceCosts::NOTHING };
         if blocks > 1 {
             let few = (blocks as usize - 1).min(MOST_LANES);
             costs.areas[ONE..][..few].fill(self.area(&leaf.bounds));
@@ -153,8 +153,8 @@ impl Planner {
         &self,
         node: u32,
         axis: u8,
-        left: &Costs,
-        right: &mut Costs,
+        left: &PlaceCosts,
+        right: &mut PlaceCosts,
         branches: &mut Branches<'_>,
     ) {
         if left.branch == NONE {
@@ -205,11 +205,11 @@ impl Planner {
     /// there, the others are made.
     pub fn subtree(
         &self,
-        set: super::InstructionSet,
+        set: crate::simd::InstructionSet,
         first: u32,
         nodes: &[KdNode],
         branches: &mut [Branch],
-    ) -> Costs {
+    ) -> PlaceCosts {
         subtree(set, self, first, nodes, branches)
     }
 }
@@ -240,16 +240,16 @@ for_every_set! {
     /// See [`Planner::subtree`].
     fn subtree<S>(
         planner: &Planner, first: u32, nodes: &[KdNode], branches: &mut [Branch],
-    ) -> Costs {
+    ) -> PlaceCosts {
         let mut branches = Branches(first, branches);
         // From the last node to the first: the children of a node are the last two that were planned.
-        let mut planned = [Costs::NOTHING; MAX_DEPTH as usize + 1];
+        let mut planned = [PlaceCosts::NOTHING; MAX_DEPTH as usize + 1];
         let mut end = 0;
         for (index, node) in nodes.iter().enumerate().rev() {
             let number = first + index as u32;
             match node.kind() {
                 NodeKind::Leaf { count: 0, .. } => {
-                    planned[end] = Costs::NOTHING;
+                    planned[end] = PlaceCosts::NOTHING;
                     end += 1;
                 }
                 NodeKind::Leaf { .. } => {
@@ -288,7 +288,7 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
-    use crate::query::InstructionSet;
+    use crate::simd::InstructionSet;
 
     /// The definition, by recursion over the branches: what a subtree costs with 1, 2, 3 places, and how
     /// many nodes it is then.

@@ -11,24 +11,24 @@ use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{BuildError, QueryLayout};
 use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::intersect::{longest_extent, widened};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 
-use super::InstructionSet;
-use super::blocks::WalkNode;
+use super::cells::{halves, within};
 use super::large::Large;
 use super::pack::{MOST_WORDS, Packer};
-use super::plan::{Branch, Branches, Costs, Planner, run_nodes};
-use super::record::UNIT_WORDS;
-use crate::buffers::{Memory, bytes_of};
-use crate::lookout::Lookout;
-use crate::scatter::Scatter;
+use super::packed_block::UNIT_WORDS;
+use super::plan::{Branch, Branches, PlaceCosts, Planner, run_nodes};
+use super::walk_node::WalkNode;
+use super::wide_node::MOST_LEAVES;
+use crate::build::MOST_NODES;
+use crate::cancel::ProgressMeter;
+use crate::memory::Scatter;
+use crate::memory::{Memory, bytes_of};
+use crate::simd::InstructionSet;
 
-/// Units that children can name, but for what ends a stack.
-const MOST_UNITS: usize = (1 << 31) - 1;
 /// Subtrees of more nodes are divided among tasks.
 const TASK: u32 = 1 << 11;
 /// Words that a triangle takes at first guess.
@@ -36,7 +36,7 @@ const GUESS: usize = 6;
 
 /// What a layout is made of besides a tree.
 #[derive(Clone, Copy)]
-pub(crate) struct Source<'a> {
+pub(crate) struct LayoutSource<'a> {
     pub mesh: &'a Mesh<'a>,
     /// Its triangles' snapped corners.
     pub triangles: &'a [Triangle],
@@ -50,28 +50,28 @@ pub(crate) struct LayoutScratch {
     pub branches: Vec<Branch>,
     /// The nodes above all tasks, and the tasks, in preorder.
     pub top: Vec<u32>,
-    pub tasks: Vec<Task>,
+    pub tasks: Vec<PackTask>,
     /// What the tasks have packed.
-    pub parts: Vec<Part>,
+    pub parts: Vec<PackedWords>,
     /// The blocks of large triangles, behind all others.
-    large: Part,
+    large: PackedWords,
 }
 
 /// A subtree that one task packs and plans.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Task {
+pub(crate) struct PackTask {
     /// Its nodes.
     pub first: u32,
     pub end: u32,
     cell: Aabb,
-    costs: Costs,
+    costs: PlaceCosts,
     /// The first of its words in the layout.
     pub start: usize,
 }
 
 /// The blocks of a task's leaves.
 #[derive(Debug, Default)]
-pub(crate) struct Part {
+pub(crate) struct PackedWords {
     words: Vec<u32>,
     used: usize,
     room: usize,
@@ -82,7 +82,7 @@ pub(crate) struct Part {
 
 /// How large a planned layout is.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Size {
+pub(crate) struct LayoutSize {
     /// Words of blocks, without what vector loads may read behind them.
     pub words: usize,
     /// Wide nodes.
@@ -111,7 +111,7 @@ impl Budget {
     }
 }
 
-impl Part {
+impl PackedWords {
     /// Gets ready for another task.
     fn begin(&mut self) {
         (self.used, self.room, self.lost) = (0, self.words.len(), false);
@@ -160,18 +160,18 @@ impl LayoutScratch {
     pub fn plan(
         &mut self,
         tree: &KdTreeView<'_>,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         set: InstructionSet,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         memory: &mut Memory,
-    ) -> Result<Size, BuildError> {
+    ) -> Result<LayoutSize, BuildError> {
         let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
         let too_large = BuildError::TooLarge { nodes, references };
-        if nodes > u64::from(WalkNode::MOST) {
+        if nodes > u64::from(MOST_NODES) {
             return Err(too_large);
         }
         let LayoutScratch { branches, top, tasks, parts, large: apart } = self;
-        memory.grow_watched(branches, tree.nodes.len(), look)?;
+        memory.grow_watched(branches, tree.nodes.len(), meter)?;
         top.clear();
         tasks.clear();
         let end = tree.nodes.len() as u32;
@@ -181,15 +181,16 @@ impl LayoutScratch {
         memory.make_room(tasks, above + 1)?;
         memory.make_room(parts, above + 1)?;
         divide(tree.nodes, 0, end, &tree.bounds, top, tasks);
-        parts.resize_with(tasks.len().max(parts.len()), Part::default);
+        parts.resize_with(tasks.len().max(parts.len()), PackedWords::default);
         let budget = Budget {
             held: AtomicU64::new(memory.held),
             limit: memory.limit.unwrap_or(u64::MAX),
             failed: AtomicBool::new(false),
         };
         let planner = Planner::new(set.lanes(), &tree.bounds);
-        let mut large = Large::of(tree, source.triangles, look);
-        let maker = Maker { tree, source, set, look, planner, budget: &budget, large: &large };
+        let mut large = Large::of(tree, source.triangles, meter);
+        let maker =
+            LayoutPlanning { tree, source, set, meter, planner, budget: &budget, large: &large };
         let out = Scatter::new(&mut branches[..tree.nodes.len()]);
         tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
             let count = (task.end - task.first) as usize;
@@ -198,7 +199,7 @@ impl LayoutScratch {
             maker.make(task, part, branches);
         });
         let large_blocks = maker.pack_large(apart);
-        look.check()?;
+        meter.check()?;
         if budget.failed.load(Relaxed) {
             let needed = budget.held.load(Relaxed);
             return Err(BuildError::OutOfMemory { needed, limit: needed });
@@ -212,7 +213,7 @@ impl LayoutScratch {
         }
         large.blocks = [(words / UNIT_WORDS) as u32, large_blocks.unwrap_or(0)];
         words += apart.used;
-        if words / UNIT_WORDS >= MOST_UNITS {
+        if words / UNIT_WORDS >= MOST_LEAVES {
             return Err(too_large);
         }
         // A tree without triangles has a root without children: rays within its bounds read it.
@@ -227,7 +228,7 @@ impl LayoutScratch {
             }
         };
         let scratch = budget.held.into_inner() - memory.held;
-        Ok(Size { words, wide, large, root: root.branch(), scratch })
+        Ok(LayoutSize { words, wide, large, root: root.branch(), scratch })
     }
 
     /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the
@@ -236,9 +237,8 @@ impl LayoutScratch {
         let apart = self.large.words();
         let behind = words.len() - apart.len();
         words[behind..].copy_from_slice(apart);
-        let interior = |node: &KdNode| -> WalkNode { bytemuck::cast(*node) };
         for &node in &self.top {
-            nodes[node as usize] = interior(&tree.nodes[node as usize]);
+            nodes[node as usize] = WalkNode::interior(tree.nodes[node as usize]);
         }
         let (nodes, words) = (Scatter::new(nodes), Scatter::new(words));
         self.tasks.par_iter().zip(&self.parts).for_each(|(task, part)| {
@@ -251,7 +251,7 @@ impl LayoutScratch {
             let from = tree.nodes[first..end].iter().zip(&self.branches[first..end]);
             for (to, (node, branch)) in nodes.iter_mut().zip(from) {
                 *to = match node.kind() {
-                    NodeKind::Interior { .. } => interior(node),
+                    NodeKind::Interior { .. } => WalkNode::interior(*node),
                     NodeKind::Leaf { count: 0, .. } => WalkNode::leaf(0, 0),
                     NodeKind::Leaf { .. } => {
                         WalkNode::leaf(unit + branch.children[0], branch.children[1])
@@ -279,7 +279,7 @@ fn divide(
     end: u32,
     cell: &Aabb,
     top: &mut Vec<u32>,
-    tasks: &mut Vec<Task>,
+    tasks: &mut Vec<PackTask>,
 ) {
     match nodes[node as usize].kind() {
         NodeKind::Interior { axis, split, right } if end - node > TASK => {
@@ -289,47 +289,27 @@ fn divide(
             divide(nodes, right, end, &right_cell, top, tasks);
         }
         _ => {
-            let costs = Costs::NOTHING;
-            tasks.push(Task { first: node, end, cell: *cell, costs, start: 0 });
+            let costs = PlaceCosts::NOTHING;
+            tasks.push(PackTask { first: node, end, cell: *cell, costs, start: 0 });
         }
     }
 }
 
-pub(crate) fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {
-    let (mut left, mut right) = (*cell, *cell);
-    (left.hi[axis], right.lo[axis]) = (split, split);
-    (left, right)
-}
-
-/// The part of a box in another one.
-pub(crate) fn part(cell: &Aabb, bounds: &Aabb) -> Aabb {
-    let part = bounds.intersection(cell);
-    // Whatever rounding did to a box: what the leaf has is not to be lost.
-    let lost = (0..3).any(|axis| part.lo[axis] > part.hi[axis]);
-    if lost { *cell } else { part }
-}
-
-/// The part of some triangles' bounds in their cell, widened by as much as rays that are rounded
-/// need for triangles of that size. So a large triangle widens the boxes of its own leaves, and no others.
-fn within(cell: &Aabb, bounds: &Aabb) -> Aabb {
-    widened(&part(cell, bounds), longest_extent(bounds))
-}
-
 /// What tasks read.
-struct Maker<'a> {
+struct LayoutPlanning<'a> {
     tree: &'a KdTreeView<'a>,
-    source: Source<'a>,
+    source: LayoutSource<'a>,
     set: InstructionSet,
-    look: &'a Lookout<'a>,
+    meter: &'a ProgressMeter<'a>,
     planner: Planner,
     budget: &'a Budget,
     large: &'a Large,
 }
 
-impl Maker<'_> {
+impl LayoutPlanning<'_> {
     /// Packs the leaves of a task's subtree and plans it; of no use when the lookout has ended it, or where
     /// there was no memory.
-    fn make(&self, task: &mut Task, part: &mut Part, branches: &mut [Branch]) {
+    fn make(&self, task: &mut PackTask, part: &mut PackedWords, branches: &mut [Branch]) {
         let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
         let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
         part.begin();
@@ -348,14 +328,14 @@ impl Maker<'_> {
                     open += 1;
                 }
                 NodeKind::Leaf { first, count } => {
-                    if self.look.worked(2 * u64::from(count)) {
+                    if self.meter.record_work(2 * u64::from(count)) {
                         return;
                     }
                     if count > 0 {
                         let leaf = self.leaf([first, count, last], &cell, &mut packer, part);
                         let Some(leaf) = leaf else { return };
                         *branch = leaf;
-                        self.look.advance(u64::from(count));
+                        self.meter.advance(u64::from(count));
                     }
                     open = open.wrapping_sub(1);
                     if let Some(next) = cells.get(open) {
@@ -366,8 +346,8 @@ impl Maker<'_> {
         }
         task.costs = self.planner.subtree(self.set, task.first, nodes, branches);
         // The other half is that of the nodes that are made.
-        self.look.advance(nodes.len() as u64 / 2);
-        self.look.worked(8 * nodes.len() as u64);
+        self.meter.advance(nodes.len() as u64 / 2);
+        self.meter.record_work(8 * nodes.len() as u64);
     }
 
     /// A leaf that is not empty: its first reference and how many, and the end of the task's. `None` where
@@ -377,7 +357,7 @@ impl Maker<'_> {
         [first, count, last]: [u32; 3],
         cell: &Aabb,
         packer: &mut Packer<'_>,
-        part: &mut Part,
+        part: &mut PackedWords,
     ) -> Option<Branch> {
         let references = &self.tree.references[first as usize..];
         let to_come = last.saturating_sub(first + count) as usize;
@@ -404,7 +384,7 @@ impl Maker<'_> {
         references: &[u32],
         [count, to_come]: [usize; 2],
         packer: &mut Packer<'_>,
-        part: &mut Part,
+        part: &mut PackedWords,
     ) -> Option<(Aabb, u32)> {
         let (mut bounds, mut blocks, mut left) = (Aabb::EMPTY, 0, count);
         while left > 0 {
@@ -419,7 +399,7 @@ impl Maker<'_> {
     }
 
     /// Packs the large triangles, and says how many blocks they take: none in the compact layout.
-    fn pack_large(&self, part: &mut Part) -> Option<u32> {
+    fn pack_large(&self, part: &mut PackedWords) -> Option<u32> {
         part.begin();
         let triangles = self.large.triangles();
         if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
@@ -434,9 +414,9 @@ impl Maker<'_> {
     fn join(
         &self,
         node: u32,
-        tasks: &mut std::slice::Iter<'_, Task>,
+        tasks: &mut std::slice::Iter<'_, PackTask>,
         branches: &mut Branches<'_>,
-    ) -> Costs {
+    ) -> PlaceCosts {
         if let Some(task) = tasks.as_slice().first()
             && task.first == node
         {
@@ -444,7 +424,7 @@ impl Maker<'_> {
             return task.costs;
         }
         let NodeKind::Interior { axis, right, .. } = self.tree.nodes[node as usize].kind() else {
-            return Costs::NOTHING;
+            return PlaceCosts::NOTHING;
         };
         let one = self.join(node + 1, tasks, branches);
         let mut other = self.join(right, tasks, branches);

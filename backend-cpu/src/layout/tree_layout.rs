@@ -1,5 +1,5 @@
 //! The layout that queries read, made from a tree: wide nodes ([`super::wide`]) and blocks of triangles
-//! ([`super::record`]), and for the rare rays that need more care the tree's own nodes. In the compact
+//! ([`super::packed_block`]), and for the rare rays that need more care the tree's own nodes. In the compact
 //! layout the tree itself and a copy of the mesh ([`super::indexed`]) stand for blocks.
 
 use splitplane_core::aabb::Aabb;
@@ -10,48 +10,19 @@ use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
 use super::indexed::IndexedMesh;
-use super::instruction_set::InstructionSet;
 use super::large::Large;
-use super::layout::{LayoutScratch, Size, Source};
-use super::leaves::Indexed;
-use super::record::{Record, TAIL, UNIT_WORDS};
-use super::wide::{self, WideNodes};
-use crate::buffers::{Memory, bytes_of};
-use crate::lookout::{self, Lookout, UNWATCHED};
-
-/// A node of the tree as its leaves name their blocks, 8 bytes in preorder like the canonical ones: the
-/// axis in bits 0 and 1 of the second word (3 for a leaf), above them the right child, or the number of
-/// blocks.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-pub(crate) struct WalkNode {
-    /// Bits of the split position, or the leaf's first block in units of [`UNIT_WORDS`] words.
-    pub word: u32,
-    /// Axis, and right child or number of blocks.
-    pub tagged: u32,
-}
-
-impl WalkNode {
-    /// Where child and count begin.
-    pub const SHIFT: u32 = 2;
-    /// Most nodes of a tree.
-    pub const MOST: u32 = 1 << 28;
-
-    /// A leaf of so many blocks, the first of which begins at a unit.
-    pub fn leaf(unit: u32, blocks: u32) -> WalkNode {
-        WalkNode { word: unit, tagged: blocks << WalkNode::SHIFT | 3 }
-    }
-
-    /// The references of a leaf of the tree itself.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
-        &all[self.word as usize..][..(self.tagged >> WalkNode::SHIFT) as usize]
-    }
-}
+use super::packed_block::{TAIL, UNIT_WORDS};
+use super::scratch::{LayoutScratch, LayoutSize, LayoutSource};
+use super::walk_node::WalkNode;
+use super::wide;
+use super::wide::WideNodes;
+use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::memory::{Memory, bytes_of, extend, resize};
+use crate::simd::InstructionSet;
 
 /// Nodes and triangles of a tree, for queries.
 #[derive(Debug)]
-pub(crate) struct Blocks {
+pub(crate) struct TreeLayout {
     /// For which the layout is made.
     set: InstructionSet,
     pub(crate) tree: KdTree,
@@ -66,44 +37,12 @@ pub(crate) struct Blocks {
     mesh: Option<IndexedMesh>,
 }
 
-/// A block with all corners written out: nine rows of coordinates (corner after corner) and one of
-/// triangle indices.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Block<'a> {
-    /// The block's rows, and what follows them: a wide load of any row stays inside.
-    pub words: &'a [f32],
-    /// Length of a row.
-    pub stride: usize,
-    /// Triangles, 1 to 16.
-    pub count: usize,
-    /// Whether they are [`Large`], in a block of their own.
-    pub large: bool,
-}
-
-impl Block<'_> {
-    /// The corners of a triangle.
-    #[inline]
-    pub fn corners(&self, index: usize) -> Triangle {
-        let mut corners = [[0.0; 3]; 3];
-        for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
-            *x = self.words[row * self.stride + index];
-        }
-        corners
-    }
-
-    /// The index of a triangle in the mesh.
-    #[inline]
-    pub fn triangle(&self, index: usize) -> u32 {
-        self.words[9 * self.stride + index].to_bits()
-    }
-}
-
-impl Blocks {
+impl TreeLayout {
     /// No layout yet; for an instruction set that the processor has.
-    pub(crate) fn none(set: InstructionSet) -> Blocks {
+    pub(crate) fn none(set: InstructionSet) -> TreeLayout {
         let config = BuildConfig::default();
         let (nodes, references, bounds) = (Vec::new(), Vec::new(), Aabb::EMPTY);
-        Blocks {
+        TreeLayout {
             set,
             tree: KdTree { nodes, references, bounds, triangles: 0, config },
             nodes: Vec::new(),
@@ -117,31 +56,31 @@ impl Blocks {
     /// Makes the layout of a tree; of no use when the lookout has ended it.
     ///
     /// # Errors
-    /// As for [`Blocks::plan`].
+    /// As for [`TreeLayout::plan`].
     pub(crate) fn new(
         tree: KdTree,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         set: InstructionSet,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
         memory: &mut Memory,
         scratch: &mut LayoutScratch,
-    ) -> Result<Blocks, BuildError> {
-        let mut blocks = Blocks::none(set);
-        let size = blocks.plan(&tree.view(), source, look, memory, scratch)?;
+    ) -> Result<TreeLayout, BuildError> {
+        let mut blocks = TreeLayout::none(set);
+        let size = blocks.plan(&tree.view(), source, meter, memory, scratch)?;
         blocks.make_room(source, tree.nodes.len(), &size, memory)?;
         blocks.tree = tree;
-        blocks.fill(source, &size, look, scratch);
+        blocks.fill(source, &size, meter, scratch);
         Ok(blocks)
     }
 
     /// Makes the layout of another tree in the same memory. After an error everything is as it was.
     ///
     /// # Errors
-    /// As for [`Blocks::plan`].
+    /// As for [`TreeLayout::plan`].
     pub(crate) fn replace(
         &mut self,
         tree: &KdTreeView<'_>,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         memory: &mut Memory,
         scratch: &mut LayoutScratch,
     ) -> Result<(), BuildError> {
@@ -157,8 +96,8 @@ impl Blocks {
         let KdTree { nodes, references, bounds, triangles, config } = &mut self.tree;
         nodes.clear();
         references.clear();
-        lookout::extend(&UNWATCHED, nodes, tree.nodes);
-        lookout::extend(&UNWATCHED, references, tree.references);
+        extend(&UNWATCHED, nodes, tree.nodes);
+        extend(&UNWATCHED, references, tree.references);
         (*bounds, *triangles, *config) = (tree.bounds, tree.triangles, tree.config);
         self.fill(source, &size, &UNWATCHED, scratch);
         Ok(())
@@ -171,12 +110,12 @@ impl Blocks {
     fn plan(
         &self,
         tree: &KdTreeView<'_>,
-        source: Source<'_>,
-        look: &Lookout<'_>,
+        source: LayoutSource<'_>,
+        meter: &ProgressMeter<'_>,
         memory: &mut Memory,
         scratch: &mut LayoutScratch,
-    ) -> Result<Size, BuildError> {
-        let size = scratch.plan(tree, source, self.set, look, memory)?;
+    ) -> Result<LayoutSize, BuildError> {
+        let size = scratch.plan(tree, source, self.set, meter, memory)?;
         let of = |length: usize, each: usize| (length * each) as u64;
         let wide = self.wide.bytes_for(size.wide).max(self.wide.held());
         // What the other layout has is held until there is room for this one.
@@ -203,9 +142,9 @@ impl Blocks {
     /// As for [`Memory::reserve`].
     fn make_room(
         &mut self,
-        source: Source<'_>,
+        source: LayoutSource<'_>,
         nodes: usize,
-        size: &Size,
+        size: &LayoutSize,
         memory: &Memory,
     ) -> Result<(), BuildError> {
         self.wide.make_room(size, memory)?;
@@ -229,34 +168,38 @@ impl Blocks {
     /// Writes the layout of the tree that is here, which the scratch has planned, to the room made for it.
     fn fill(
         &mut self,
-        source: Source<'_>,
-        size: &Size,
-        look: &Lookout<'_>,
+        source: LayoutSource<'_>,
+        size: &LayoutSize,
+        meter: &ProgressMeter<'_>,
         scratch: &mut LayoutScratch,
     ) {
-        let Blocks { tree, nodes, wide, words, large, mesh, .. } = self;
+        let TreeLayout { tree, nodes, wide, words, large, mesh, .. } = self;
         *large = size.large;
         let leaves = match source.layout {
             QueryLayout::Compact => {
                 (*nodes, *words) = (Vec::new(), Vec::new());
-                mesh.get_or_insert_default().fill(source.mesh, source.triangles, look);
+                mesh.get_or_insert_default().fill(source.mesh, source.triangles, meter);
                 wide::LeafChildren::Nodes
             }
             QueryLayout::Fast => {
                 *mesh = None;
-                lookout::resize(look, nodes, tree.nodes.len(), &WalkNode::leaf(0, 0));
-                lookout::resize(look, words, size.words + TAIL, &0);
-                if look.is_over() {
+                resize(meter, nodes, tree.nodes.len(), &WalkNode::leaf(0, 0));
+                resize(meter, words, size.words + TAIL, &0);
+                if meter.is_cancelled() {
                     return;
                 }
                 // A block without triangles, and what vector loads may read behind the last one.
                 words[size.words..].fill(0);
                 scratch.write(&tree.view(), nodes, &mut words[..size.words]);
-                wide::LeafChildren::Blocks { nodes, words, none: (size.words / UNIT_WORDS) as u32 }
+                wide::LeafChildren::TreeLayout {
+                    nodes,
+                    words,
+                    none: (size.words / UNIT_WORDS) as u32,
+                }
             }
         };
-        if !look.is_over() {
-            wide.fill(leaves, &scratch.branches, size, tree.nodes.len(), look);
+        if !meter.is_cancelled() {
+            wide.fill(leaves, &scratch.branches, size, tree.nodes.len(), meter);
         }
     }
 
@@ -280,20 +223,18 @@ impl Blocks {
         if self.mesh.is_some() { QueryLayout::Compact } else { QueryLayout::Fast }
     }
 
-    /// The leaves of the compact layout.
+    /// The mesh of the compact layout.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(crate) fn indexed(&self) -> Option<Indexed<'_>> {
-        let mesh = self.mesh.as_ref()?;
-        let (references, large) = (&self.tree.references[..], self.large.triangles());
-        Some(Indexed { nodes: self.walk_nodes(), references, large, mesh })
+    pub(crate) fn mesh(&self) -> Option<&IndexedMesh> {
+        self.mesh.as_ref()
     }
 
-    /// The tree's nodes, root first; their leaves are for [`Blocks::any_triangle`].
+    /// The tree's nodes, root first; their leaves are for [`TreeLayout::any_triangle`].
     #[inline]
     pub(crate) fn walk_nodes(&self) -> &[WalkNode] {
         match self.mesh {
             // Of the same format but for what a leaf names.
-            Some(_) => bytemuck::cast_slice(&self.tree.nodes),
+            Some(_) => WalkNode::of_tree(&self.tree.nodes),
             None => &self.nodes,
         }
     }
@@ -310,21 +251,10 @@ impl Blocks {
                 let mut references = node.references(&self.tree.references).iter();
                 references.any(|&triangle| test(triangle, &mesh.corners(triangle)))
             }
-            None => leaf(&self.words, node).any(|record| {
+            None => node.blocks(&self.words).any(|record| {
                 (0..record.count())
                     .any(|index| test(record.triangle(index), &record.corners(index)))
             }),
         }
     }
-}
-
-/// The blocks of a leaf.
-#[inline]
-pub(crate) fn leaf<'a>(words: &'a [u32], node: &WalkNode) -> impl Iterator<Item = Record<'a>> {
-    let mut unit = node.word;
-    (0..node.tagged >> WalkNode::SHIFT).map(move |_| {
-        let record = Record::at(words, unit);
-        unit += record.units();
-        record
-    })
 }

@@ -15,40 +15,29 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::BuildError;
 use splitplane_core::intersect::{longest_extent, widened};
 
-use super::blocks::{self, WalkNode};
+use super::cells::part;
 use super::large::Large;
-use super::layout::{Size, part};
 use super::order::Order;
+use super::packed_block::PackedBlock;
 use super::plan::{Branch, run_nodes};
-use super::record::Record;
-use super::simd::{MOST_LANES, prefetch};
-use crate::buffers::{Memory, bytes_of};
-use crate::lookout::{self, Lookout};
+use super::scratch::LayoutSize;
+use super::walk_node::WalkNode;
+use super::wide_node::{self, CacheLine};
+use crate::cancel::ProgressMeter;
+use crate::memory::{Memory, bytes_of, resize};
+use crate::simd::{MOST_LANES, prefetch};
 
-/// Set in a child that is no node: the other bits are its block's first unit, or in the compact layout the
-/// leaf's place among the tree's nodes. Otherwise they are a node.
-pub(crate) const LEAF_MARK: u32 = 1 << 31;
 /// Subtrees of more nodes are written by several tasks.
 const TASK: usize = 1 << 8;
 /// Nodes with so many above them are written by one task: all threads have work long before, and tasks within
 /// tasks take a few times the stack.
 const DIVIDED: usize = 8;
 
-/// 64 bytes.
-#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
-#[repr(C, align(64))]
-pub(crate) struct Line(pub [u32; 16]);
-
-/// The nodes of a tree, the root first.
-///
-/// For N lanes a node takes 8 N words: N lower bounds on x, on y, on z, as many upper bounds, N children,
-/// and four times N bytes: the places of the children from far to near for rays whose direction is
-/// positive on all axes, negative on x, on y, on x and y. Octants that are negative on z take the
-/// order of the opposite octant backwards. Places without a child have bounds that no ray is within.
+/// The nodes of a tree in the format of [`super::wide_node`], the root first.
 #[derive(Debug)]
 pub(crate) struct WideNodes {
     lanes: usize,
-    lines: Vec<Line>,
+    lines: Vec<CacheLine>,
     /// Most nodes on a way down.
     depth: usize,
 }
@@ -57,7 +46,7 @@ pub(crate) struct WideNodes {
 #[derive(Clone, Copy)]
 pub(crate) enum LeafChildren<'a> {
     /// Blocks: the tree's nodes that name them, the words, and the unit of a block without triangles.
-    Blocks { nodes: &'a [WalkNode], words: &'a [u32], none: u32 },
+    TreeLayout { nodes: &'a [WalkNode], words: &'a [u32], none: u32 },
     /// The tree's own leaves, which are children as they are, however many triangles they have.
     Nodes,
 }
@@ -71,7 +60,7 @@ struct Writer<'a> {
     large: &'a Large,
     /// A child that nobody goes to; who did would lose nothing by it.
     nothing: u32,
-    look: &'a Lookout<'a>,
+    meter: &'a ProgressMeter<'a>,
     /// Progress that a node is.
     share: u64,
 }
@@ -79,12 +68,12 @@ struct Writer<'a> {
 /// A child of a node, and its box.
 #[derive(Clone, Copy)]
 struct Child {
-    kind: Kind,
+    kind: ChildKind,
     bounds: Aabb,
 }
 
 #[derive(Clone, Copy)]
-enum Kind {
+enum ChildKind {
     /// Of two subtrees at least.
     Branch(u32),
     /// Two or more blocks of a leaf that follow each other: the first one's unit and how many.
@@ -94,7 +83,7 @@ enum Kind {
 }
 
 /// The children of a node, from left to right.
-struct Made {
+struct NodeChildren {
     children: [Child; MOST_LANES],
     count: usize,
     order: Order,
@@ -108,12 +97,12 @@ impl WideNodes {
 
     /// Lines of a node.
     pub fn node_lines(&self) -> usize {
-        self.lanes / 2
+        wide_node::lines_of_node(self.lanes)
     }
 
     /// The nodes, one after the other.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn lines(&self) -> &[Line] {
+    pub fn lines(&self) -> &[CacheLine] {
         &self.lines
     }
 
@@ -124,14 +113,14 @@ impl WideNodes {
 
     /// Bytes of so many nodes.
     pub fn bytes_for(&self, nodes: usize) -> u64 {
-        (nodes * self.node_lines() * size_of::<Line>()) as u64
+        (nodes * self.node_lines() * size_of::<CacheLine>()) as u64
     }
 
     /// Makes room for the planned nodes, which has been accounted for.
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
-    pub fn make_room(&mut self, size: &Size, memory: &Memory) -> Result<(), BuildError> {
+    pub fn make_room(&mut self, size: &LayoutSize, memory: &Memory) -> Result<(), BuildError> {
         let lines = size.wide * self.node_lines();
         memory.reserve(&mut self.lines, lines)
     }
@@ -153,26 +142,26 @@ impl WideNodes {
         &mut self,
         leaves: LeafChildren<'_>,
         branches: &[Branch],
-        size: &Size,
+        size: &LayoutSize,
         nodes: usize,
-        look: &Lookout<'_>,
+        meter: &ProgressMeter<'_>,
     ) {
         let lines = size.wide * self.node_lines();
-        lookout::resize(look, &mut self.lines, lines, &Line([0; 16]));
+        resize(meter, &mut self.lines, lines, &CacheLine([0; 16]));
         self.depth = 0;
-        if look.is_over() || lines == 0 {
+        if meter.is_cancelled() || lines == 0 {
             return;
         }
         let nothing = match leaves {
-            LeafChildren::Blocks { none, .. } => none,
+            LeafChildren::TreeLayout { none, .. } => none,
             // In preorder the last node is a leaf.
             LeafChildren::Nodes => nodes as u32 - 1,
         };
         let share = (nodes / 2 / size.wide) as u64;
-        let nothing = LEAF_MARK | nothing;
+        let nothing = wide_node::leaf_child(nothing);
         let large = &size.large;
-        let writer = Writer { lanes: self.lanes, leaves, branches, large, nothing, look, share };
-        let mut made = Made::none();
+        let writer = Writer { lanes: self.lanes, leaves, branches, large, nothing, meter, share };
+        let mut made = NodeChildren::none();
         match size.root.map(|root| writer.child(root)) {
             root if !large.is_empty() => writer.spread_root(root, nodes as u32, &mut made),
             Some(root) => writer.spread(root, self.lanes, true, &mut made),
@@ -187,44 +176,50 @@ impl Writer<'_> {
     fn child(&self, branch: u32) -> Child {
         let Branch { bounds, .. } = self.branches[branch as usize];
         let kind = match self.leaves {
-            _ if self.branches[branch as usize].axis().is_some() => Kind::Branch(branch),
-            LeafChildren::Nodes => Kind::Leaf(branch),
-            LeafChildren::Blocks { nodes, .. } => {
+            _ if self.branches[branch as usize].axis().is_some() => ChildKind::Branch(branch),
+            LeafChildren::Nodes => ChildKind::Leaf(branch),
+            LeafChildren::TreeLayout { nodes, .. } => {
                 let leaf = &nodes[branch as usize];
-                Writer::run(leaf.word, leaf.tagged >> WalkNode::SHIFT)
+                Writer::run(leaf.node().first(), leaf.node().count())
             }
         };
         Child { kind, bounds }
     }
 
     /// One block or more.
-    fn run(unit: u32, blocks: u32) -> Kind {
-        if blocks > 1 { Kind::Run(unit, blocks) } else { Kind::Leaf(unit) }
+    fn run(unit: u32, blocks: u32) -> ChildKind {
+        if blocks > 1 { ChildKind::Run(unit, blocks) } else { ChildKind::Leaf(unit) }
     }
 
     /// Nodes that a child is made of.
     fn nodes(&self, child: &Child) -> usize {
         match child.kind {
-            Kind::Branch(branch) => self.branches[branch as usize].nodes as usize,
-            Kind::Run(_, blocks) => run_nodes(blocks, self.lanes as u32) as usize,
-            Kind::Leaf(_) => 0,
+            ChildKind::Branch(branch) => self.branches[branch as usize].nodes as usize,
+            ChildKind::Run(_, blocks) => run_nodes(blocks, self.lanes as u32) as usize,
+            ChildKind::Leaf(_) => 0,
         }
     }
 
     /// Writes the nodes of a subtree, given the children of its root, and says how many levels they have. `first`
     /// is the number of the first, `lines` are theirs, and `above` is the number of levels above them.
-    fn write(&self, made: &Made, first: usize, lines: &mut [Line], above: usize) -> usize {
-        let lines_each = self.lanes / 2;
+    fn write(
+        &self,
+        made: &NodeChildren,
+        first: usize,
+        lines: &mut [CacheLine],
+        above: usize,
+    ) -> usize {
+        let lines_each = wide_node::lines_of_node(self.lanes);
         let nodes = lines.len() / lines_each;
         let (own, below) = lines.split_at_mut(lines_each);
-        self.look.advance(self.share);
-        if self.look.worked(8) {
+        self.meter.advance(self.share);
+        if self.meter.record_work(8) {
             return 0;
         }
         let children = &made.children[..made.count];
         let mut next = first + 1;
         let numbers = children.iter().map(|child| match child.kind {
-            Kind::Leaf(leaf) => LEAF_MARK | leaf,
+            ChildKind::Leaf(leaf) => wide_node::leaf_child(leaf),
             _ => {
                 let number = next;
                 next += self.nodes(child);
@@ -233,7 +228,8 @@ impl Writer<'_> {
         });
         let mut named = [self.nothing; MOST_LANES];
         named.iter_mut().zip(numbers).for_each(|(to, number)| *to = number);
-        self.put(made, &named, own);
+        let bounds = children.iter().map(|child| child.bounds);
+        wide_node::write(self.lanes, bounds, &named, (&made.order, made.count), own);
 
         let below = children.iter().zip(&named).scan(below, |rest, (child, &number)| {
             let lines = self.nodes(child) * lines_each;
@@ -243,7 +239,7 @@ impl Writer<'_> {
         });
         let below = below.filter(|(_, _, lines)| !lines.is_empty());
         let write = |(child, number, lines)| {
-            let mut made = Made::none();
+            let mut made = NodeChildren::none();
             self.spread(child, self.lanes, true, &mut made);
             self.write(&made, number, lines, above + 1)
         };
@@ -257,15 +253,15 @@ impl Writer<'_> {
 
     /// The children of the root where there are large triangles: they, and the tree's root. `nodes` is the number of the
     /// tree's nodes.
-    fn spread_root(&self, root: Option<Child>, nodes: u32, made: &mut Made) {
+    fn spread_root(&self, root: Option<Child>, nodes: u32, made: &mut NodeChildren) {
         let bounds = widened(&self.large.bounds, longest_extent(&self.large.bounds));
         match self.large.blocks {
             // The compact layout.
-            [_, 0] => made.push(Child { kind: Kind::Leaf(nodes), bounds }),
+            [_, 0] => made.push(Child { kind: ChildKind::Leaf(nodes), bounds }),
             [unit, blocks] if (blocks as usize) < self.lanes => {
                 self.share(unit, blocks, self.lanes - 1, &bounds, made);
             }
-            [unit, blocks] => made.push(Child { kind: Kind::Run(unit, blocks), bounds }),
+            [unit, blocks] => made.push(Child { kind: ChildKind::Run(unit, blocks), bounds }),
         }
         root.into_iter().for_each(|root| made.push(root));
         made.order = Order::default();
@@ -273,9 +269,9 @@ impl Writer<'_> {
     }
 
     /// Distributes a child over some places of a node; over all of a node of its own, where it is `whole`.
-    fn spread(&self, child: Child, places: usize, whole: bool, made: &mut Made) {
+    fn spread(&self, child: Child, places: usize, whole: bool, made: &mut NodeChildren) {
         match child.kind {
-            Kind::Branch(branch) if places > 1 => {
+            ChildKind::Branch(branch) if places > 1 => {
                 let branch = &self.branches[branch as usize];
                 if let (Some(axis), Some(left)) = (branch.axis(), branch.left_places(places)) {
                     let [one, other] = branch.children;
@@ -291,7 +287,7 @@ impl Writer<'_> {
                 }
                 made.push(child);
             }
-            Kind::Run(unit, blocks) if whole || blocks as usize <= places => {
+            ChildKind::Run(unit, blocks) if whole || blocks as usize <= places => {
                 self.share(unit, blocks, places, &child.bounds, made);
             }
             _ => made.push(child),
@@ -299,8 +295,8 @@ impl Writer<'_> {
     }
 
     /// Divides a leaf's blocks among as many places as there are, or as they need.
-    fn share(&self, unit: u32, blocks: u32, places: usize, bounds: &Aabb, made: &mut Made) {
-        let LeafChildren::Blocks { words, .. } = self.leaves else { return };
+    fn share(&self, unit: u32, blocks: u32, places: usize, bounds: &Aabb, made: &mut NodeChildren) {
+        let LeafChildren::TreeLayout { words, .. } = self.leaves else { return };
         let start = made.count;
         let places = blocks.min(places as u32);
         let (mut unit, more) = (unit, blocks % places);
@@ -309,9 +305,9 @@ impl Writer<'_> {
             let leaf = WalkNode::leaf(unit, blocks);
             let kind = Writer::run(unit, blocks);
             let mut all = Aabb::EMPTY;
-            for record in blocks::leaf(words, &leaf) {
-                all = all.union(&self.bounds(&record));
-                unit += record.units();
+            for block in leaf.blocks(words) {
+                all = all.union(&self.bounds(&block));
+                unit += block.units();
             }
             // The leaf's box is widened for its largest triangle, each of these for its own.
             made.push(Child { kind, bounds: part(bounds, &widened(&all, longest_extent(&all))) });
@@ -320,34 +316,12 @@ impl Writer<'_> {
     }
 
     /// The bounds of a block of large triangles, or of a block's triangles that are not large.
-    fn bounds(&self, record: &Record<'_>) -> Aabb {
+    fn bounds(&self, record: &PackedBlock<'_>) -> Aabb {
         if record.is_large() || self.large.is_empty() {
             return record.bounds();
         }
         let triangle = |index: usize| (record.triangle(index), record.corners(index));
         self.large.bounds_of_others((0..record.count()).map(triangle))
-    }
-
-    /// Writes a node.
-    fn put(&self, made: &Made, numbers: &[u32; MOST_LANES], lines: &mut [Line]) {
-        let n = self.lanes;
-        let words: &mut [u32] = bytemuck::cast_slice_mut(lines);
-        let (bounds, rest) = words.split_at_mut(6 * n);
-        let (lower, upper) = bounds.split_at_mut(3 * n);
-        lower.fill(f32::INFINITY.to_bits());
-        upper.fill(f32::NEG_INFINITY.to_bits());
-        for (place, child) in made.children[..made.count].iter().enumerate() {
-            for axis in 0..3 {
-                lower[axis * n + place] = child.bounds.lo[axis].to_bits();
-                upper[axis * n + place] = child.bounds.hi[axis].to_bits();
-            }
-        }
-        let (children, orders) = rest.split_at_mut(n);
-        children.copy_from_slice(&numbers[..n]);
-        let orders: &mut [u8] = bytemuck::cast_slice_mut(orders);
-        for (octant, order) in orders.chunks_exact_mut(n).enumerate() {
-            made.order.write(octant, made.count, order);
-        }
     }
 }
 
@@ -362,10 +336,10 @@ fn in_tasks<T: Send>(
     tasks.par_iter_mut().filter_map(Option::take).map(work).max()
 }
 
-impl Made {
-    fn none() -> Made {
-        let none = Child { kind: Kind::Leaf(0), bounds: Aabb::EMPTY };
-        Made { children: [none; MOST_LANES], count: 0, order: Order::default() }
+impl NodeChildren {
+    fn none() -> NodeChildren {
+        let none = Child { kind: ChildKind::Leaf(0), bounds: Aabb::EMPTY };
+        NodeChildren { children: [none; MOST_LANES], count: 0, order: Order::default() }
     }
 
     fn push(&mut self, child: Child) {
@@ -383,15 +357,16 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
-    use crate::buffers::Memory;
-    use crate::lookout::UNWATCHED;
-    use crate::query::blocks::Blocks;
-    use crate::query::{InstructionSet, LayoutScratch, Source};
+    use crate::cancel::UNWATCHED;
+    use crate::layout::scratch::{LayoutScratch, LayoutSource};
+    use crate::layout::tree_layout::TreeLayout;
+    use crate::memory::Memory;
+    use crate::simd::InstructionSet;
 
     /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
     /// unused places are empty. Gives the levels, and what the leaves are.
     fn walk(
-        blocks: &Blocks,
+        blocks: &TreeLayout,
         node: usize,
         next: &mut usize,
         leaves: &mut Vec<u32>,
@@ -415,8 +390,8 @@ mod tests {
             used += 1;
             all = all.union(&bounds);
             let child = words[6 * n + place];
-            if child & LEAF_MARK != 0 {
-                leaves.push(child & !LEAF_MARK);
+            if wide_node::is_leaf(child) {
+                leaves.push(wide_node::leaf_number(child));
                 continue;
             }
             let (below, inner) = walk(blocks, child as usize, next, leaves);
@@ -442,12 +417,12 @@ mod tests {
             let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
             for set in InstructionSet::available() {
                 for layout in [QueryLayout::Fast, QueryLayout::Compact] {
-                    let source = Source { mesh: &mesh, triangles: &triangles, layout };
+                    let source = LayoutSource { mesh: &mesh, triangles: &triangles, layout };
                     let (mut memory, mut scratch) = (Memory::default(), LayoutScratch::default());
                     let tree = built.tree().clone();
                     let with = (&mut memory, &mut scratch);
                     let blocks =
-                        Blocks::new(tree, source, set, &UNWATCHED, with.0, with.1).unwrap();
+                        TreeLayout::new(tree, source, set, &UNWATCHED, with.0, with.1).unwrap();
                     let (mut next, mut leaves) = (0, Vec::new());
                     let (levels, _) = walk(&blocks, 0, &mut next, &mut leaves);
                     let lines = blocks.wide.lines().len();
@@ -472,13 +447,13 @@ mod tests {
                         let large = WalkNode::leaf(unit, count);
                         let all = full.map(|node| blocks.nodes[node as usize]).chain([large]);
                         all.flat_map(|leaf| {
-                            let units = blocks::leaf(&blocks.words, &leaf).map(|at| at.units());
+                            let units = leaf.blocks(&blocks.words).map(|at| at.units());
                             let end = |from: &mut u32, units: u32| {
                                 let begin = *from;
                                 *from += units;
                                 Some(begin)
                             };
-                            units.scan(leaf.word, end).collect::<Vec<u32>>()
+                            units.scan(leaf.node().first(), end).collect::<Vec<u32>>()
                         })
                         .collect()
                     };

@@ -4,6 +4,8 @@
 
 use core::arch::x86_64::*;
 
+use super::f32x16::ArrayF32x16;
+use super::references::ReferenceOps;
 use super::{Compiled, Direction, Simd};
 
 /// [`Simd`] by AVX2.
@@ -30,9 +32,12 @@ const fn lanes_of() -> [[u8; 8]; 256] {
     table
 }
 
+impl ReferenceOps for Avx2 {}
+
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx2 {
     const N: usize = 8;
+    type F32x16 = ArrayF32x16;
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;

@@ -5,7 +5,7 @@ use std::collections::TryReserveError;
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::layout::Reference;
 
-use super::lanes::WIDTH;
+use super::WIDTH;
 
 /// One column for each of the six faces (lower x, y, z, upper x, y, z) and one for the triangle. A node is
 /// a range of it.
@@ -17,7 +17,7 @@ pub(crate) struct Columns {
 
 /// One row of [`Columns`].
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Row {
+pub(crate) struct ReferenceRow {
     /// Lower x, y, z, upper x, y, z.
     pub faces: [f32; 6],
     /// The triangle's index in the mesh.
@@ -70,8 +70,8 @@ impl Columns {
 
     /// A row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn get(&self, index: usize) -> Row {
-        Row {
+    pub fn get(&self, index: usize) -> ReferenceRow {
+        ReferenceRow {
             faces: core::array::from_fn(|row| self.faces[row][index]),
             triangle: self.triangles[index],
         }
@@ -79,7 +79,7 @@ impl Columns {
 
     /// Overwrites a row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn set(&mut self, index: usize, row: &Row) {
+    pub fn set(&mut self, index: usize, row: &ReferenceRow) {
         for (column, face) in self.faces.iter_mut().zip(row.faces) {
             column[index] = face;
         }
@@ -126,7 +126,7 @@ impl Columns {
         out.clear();
         out.try_reserve(count)?;
         out.extend((first..first + count).map(|index| {
-            let Row { faces: [lx, ly, lz, hx, hy, hz], triangle } = self.get(index);
+            let ReferenceRow { faces: [lx, ly, lz, hx, hy, hz], triangle } = self.get(index);
             Reference::new(&Aabb { lo: [lx, ly, lz], hi: [hx, hy, hz] }, triangle)
         }));
         Ok(())

@@ -11,7 +11,7 @@ use core::arch::x86_64::*;
 
 /// Four floats.
 #[derive(Clone, Copy)]
-pub(crate) struct Four(
+pub(crate) struct F32x4(
     #[cfg(target_arch = "x86_64")] __m128,
     #[cfg(not(target_arch = "x86_64"))] [f32; 4],
 );
@@ -21,13 +21,13 @@ macro_rules! lane_by_lane {
     ($($(#[$doc:meta])* $name:ident, $by_sse:expr, $by_lane:expr;)*) => {$(
         $(#[$doc])*
         #[cfg_attr(not(unoptimised), inline(always))]
-        pub fn $name(self, other: Four) -> Four {
+        pub fn $name(self, other: F32x4) -> F32x4 {
             #[cfg(target_arch = "x86_64")]
-            return Four(unsafe { $by_sse(self.0, other.0) });
+            return F32x4(unsafe { $by_sse(self.0, other.0) });
             #[cfg(not(target_arch = "x86_64"))]
             {
                 let by_lane: fn(f32, f32) -> f32 = $by_lane;
-                Four(core::array::from_fn(|i| by_lane(self.0[i], other.0[i])))
+                F32x4(core::array::from_fn(|i| by_lane(self.0[i], other.0[i])))
             }
         }
     )*};
@@ -39,7 +39,7 @@ fn yes(holds: bool) -> f32 {
     f32::from_bits(if holds { u32::MAX } else { 0 })
 }
 
-impl Four {
+impl F32x4 {
     lane_by_lane! {
         /// Sums.
         plus, _mm_add_ps, |a, b| a + b;
@@ -63,23 +63,23 @@ impl Four {
 
     /// Of a row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(row: [f32; 4]) -> Four {
+    pub fn of(row: [f32; 4]) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
-        return Four(unsafe { _mm_loadu_ps(row.as_ptr()) });
+        return F32x4(unsafe { _mm_loadu_ps(row.as_ptr()) });
         #[cfg(not(target_arch = "x86_64"))]
-        return Four(row);
+        return F32x4(row);
     }
 
     /// Of three, and 0.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of_three([x, y, z]: [f32; 3]) -> Four {
-        Four::of([x, y, z, 0.0])
+    pub fn of_three([x, y, z]: [f32; 3]) -> F32x4 {
+        F32x4::of([x, y, z, 0.0])
     }
 
     /// The same number in all.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn splat(x: f32) -> Four {
-        Four::of([x; 4])
+    pub fn splat(x: f32) -> F32x4 {
+        F32x4::of([x; 4])
     }
 
     /// As a row.
@@ -113,49 +113,49 @@ impl Four {
 
     /// Magnitudes.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn abs(self) -> Four {
-        self.and(Four::splat(f32::from_bits(!0 >> 1)))
+    pub fn abs(self) -> F32x4 {
+        self.and(F32x4::splat(f32::from_bits(!0 >> 1)))
     }
 
     /// Differences of the bits, as whole numbers.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn minus_bits(self, other: Four) -> Four {
+    pub fn minus_bits(self, other: F32x4) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
-        return Four(unsafe {
+        return F32x4(unsafe {
             let (a, b) = (_mm_castps_si128(self.0), _mm_castps_si128(other.0));
             _mm_castsi128_ps(_mm_sub_epi32(a, b))
         });
         #[cfg(not(target_arch = "x86_64"))]
-        return Four(core::array::from_fn(|i| {
+        return F32x4(core::array::from_fn(|i| {
             f32::from_bits(self.0[i].to_bits().wrapping_sub(other.0[i].to_bits()))
         }));
     }
 
     /// 0 for what is less than a bound in magnitude.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn at_least(self, bound: f32) -> Four {
-        self.and(Four::splat(bound).le(self.abs()))
+    pub fn at_least(self, bound: f32) -> F32x4 {
+        self.and(F32x4::splat(bound).le(self.abs()))
     }
 
     /// The first three, turned: the second, third and first.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn turned(self) -> Four {
+    fn turned(self) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
-        return Four(unsafe { _mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0) });
+        return F32x4(unsafe { _mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0) });
         #[cfg(not(target_arch = "x86_64"))]
-        return Four([self.0[1], self.0[2], self.0[0], self.0[3]]);
+        return F32x4([self.0[1], self.0[2], self.0[0], self.0[3]]);
     }
 
     /// The greatest of the first three, in the place of each of them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn greatest_of_three(self) -> Four {
+    pub fn greatest_of_three(self) -> F32x4 {
         let turned = self.turned();
         self.max(turned).max(turned.turned())
     }
 
     /// The least of the first three, in the place of each of them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn least_of_three(self) -> Four {
+    pub fn least_of_three(self) -> F32x4 {
         let turned = self.turned();
         self.min(turned).min(turned.turned())
     }

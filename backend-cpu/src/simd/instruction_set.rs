@@ -1,10 +1,11 @@
 //! What the processor can do.
 
 #[cfg(target_arch = "aarch64")]
-use super::simd::Neon;
+use super::neon::Neon;
+use super::portable::Portable;
+use super::{Compiled, Simd};
 #[cfg(target_arch = "x86_64")]
-use super::simd::{Avx2, Avx512};
-use super::simd::{Compiled, Portable, Simd};
+use super::{avx2::Avx2, avx512::Avx512};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

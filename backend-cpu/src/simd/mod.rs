@@ -1,27 +1,39 @@
-//! What the traversal asks of an instruction set, so that it is written once for all of them.
+//! Vector instructions: what an instruction set can do, said once, so that builders and queries are written once for
+//! all sets.
 //!
-//! A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and in [`super::packet`]
-//! a group's rays are lanes. Sums, differences, products and quotients round each by itself, as
+//! [`Simd`] is an instruction set. A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and the
+//! rays of a packet's group are lanes. Sums, differences, products and quotients round each by itself, as
 //! scalar code does: only [`Simd::mul_sub`] may round differently from set to set, and nothing that
 //! decides a hit is made with it. So every set gives the same hits.
+//!
+//! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
+//! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
+//!
+//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `portable.rs`. Intrinsics are used nowhere else but
+//! for [`F32x4`], which is SSE2.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
-mod avx512;
-mod four;
+pub(crate) mod avx512;
+pub(crate) mod columns;
+pub(crate) mod every_set;
+pub(crate) mod f32x16;
+mod f32x4;
+mod instruction_set;
 #[cfg(target_arch = "aarch64")]
 mod neon;
-mod portable;
+pub(crate) mod portable;
+pub(crate) mod references;
 
-#[cfg(target_arch = "x86_64")]
-pub(crate) use avx2::Avx2;
-#[cfg(target_arch = "x86_64")]
-pub(crate) use avx512::Avx512;
-pub(crate) use four::Four;
-#[cfg(target_arch = "aarch64")]
-pub(crate) use neon::Neon;
-pub(crate) use portable::Portable;
+pub(crate) use f32x4::F32x4;
+pub use instruction_set::InstructionSet;
+
+use f32x16::F32x16;
+use references::ReferenceOps;
+
+/// Numbers that the builders' operations take at once, on any set.
+pub(crate) const WIDTH: usize = 16;
 
 /// The most lanes of any set.
 pub(crate) const MOST_LANES: usize = 16;
@@ -55,12 +67,11 @@ impl Direction {
 /// # Safety
 /// All methods: the processor must have the set, and pointers must be good for as many elements as
 /// the method says; none needs alignment.
-pub(crate) trait Simd: Copy {
+pub(crate) trait Simd: ReferenceOps + Copy {
     /// Lanes.
     const N: usize;
-    /// Whether code that is compiled for the set may use AVX-512 F, DQ, BW and VL.
-    #[cfg(target_arch = "x86_64")]
-    const AVX512: bool = false;
+    /// Sixteen floats, however many lanes a vector has.
+    type F32x16: F32x16;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.
@@ -181,6 +192,23 @@ pub(crate) trait Simd: Copy {
         unsafe { Self::max(Self::abs(a), Self::abs(b)) }
     }
 
+    /// Which of 64 bytes are in ranges, as bits: the byte less that of `first` is at most that of `span`. Only where
+    /// `there` has a bit.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn bytes_in_ranges(
+        bytes: &[[u8; 8]; 8],
+        first: &[u8; 64],
+        span: &[u8; 64],
+        there: u64,
+    ) -> u64 {
+        let mut bits = 0;
+        for bit in 0..64 {
+            let inside = bytes[bit / 8][bit % 8].wrapping_sub(first[bit]) <= span[bit];
+            bits |= u64::from(inside) << bit;
+        }
+        bits & there
+    }
+
     /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
     unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
 }
@@ -219,7 +247,7 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::InstructionSet;
+    use crate::simd::instruction_set::InstructionSet;
 
     /// Few different ones, so that some are equal, and those that are no numbers among them.
     fn float(random: &mut Random) -> f32 {

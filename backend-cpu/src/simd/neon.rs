@@ -4,7 +4,10 @@
 
 use core::arch::aarch64::*;
 
-use super::{Direction, Portable, Simd};
+use super::f32x16::ArrayF32x16;
+use super::portable::Portable;
+use super::references::ReferenceOps;
+use super::{Direction, Simd};
 
 /// [`Simd`] by NEON.
 #[derive(Clone, Copy)]
@@ -19,9 +22,12 @@ macro_rules! each {
     };
 }
 
+impl ReferenceOps for Neon {}
+
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Neon {
     const N: usize = 8;
+    type F32x16 = ArrayF32x16;
     type Floats = Floats;
     /// The bytes of each lane's element in a table of 64.
     type Places = [uint8x16_t; 2];

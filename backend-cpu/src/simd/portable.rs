@@ -2,6 +2,8 @@
 
 #![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
 
+use super::f32x16::ArrayF32x16;
+use super::references::ReferenceOps;
 use super::{Direction, Simd};
 
 /// [`Simd`] by loops over arrays.
@@ -16,9 +18,12 @@ fn each<T>(of: impl FnMut(usize) -> T) -> [T; N] {
     core::array::from_fn(of)
 }
 
+impl ReferenceOps for Portable {}
+
 // SAFETY of all blocks: the trait's contract, readable or writable memory.
 impl Simd for Portable {
     const N: usize = N;
+    type F32x16 = ArrayF32x16;
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];

@@ -10,16 +10,16 @@ use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Block;
 use super::fast;
-use super::prepare::Way;
-use super::record::Record;
+use super::prepare::TraversalRay;
 use super::refined::Pairs;
-use super::simd::{Compiled, MOST_LANES, Simd};
 use super::watertight::{Corner, Met, Span, View, meet};
+use crate::layout::gathered_block::GatheredBlock;
+use crate::layout::packed_block::PackedBlock;
+use crate::simd::{Compiled, MOST_LANES, Simd};
 
 /// Triangles that are tested at once, as the test reads them.
-pub(crate) trait Triangles {
+pub(crate) trait TriangleBlock {
     /// Vectors that the corners' coordinates on an axis take: 2 or 3.
     const VECTORS: usize;
 
@@ -47,7 +47,7 @@ pub(crate) trait Triangles {
     /// What finds the corners of the triangles in such vectors.
     ///
     /// # Safety
-    /// As for [`Triangles::coordinates`].
+    /// As for [`TriangleBlock::coordinates`].
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3];
 
     /// What the triangles' corners have, of a number of each corner.
@@ -58,38 +58,38 @@ pub(crate) trait Triangles {
 }
 
 /// Corners are shared: the second vector is needed by some blocks only, but by which is not foreseen.
-impl Triangles for Record<'_> {
+impl TriangleBlock for PackedBlock<'_> {
     const VECTORS: usize = 2;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn count(&self) -> usize {
-        Record::count(self)
+        PackedBlock::count(self)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn is_large(&self) -> bool {
-        Record::is_large(self)
+        PackedBlock::is_large(self)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn triangle(&self, index: usize) -> u32 {
-        Record::triangle(self, index)
+        PackedBlock::triangle(self, index)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn triangles(&self) -> *const u32 {
-        Record::triangles(self)
+        PackedBlock::triangles(self)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn corners(&self, index: usize) -> Triangle {
-        Record::corners(self, index)
+        PackedBlock::corners(self, index)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
         // SAFETY: the caller's contract.
-        unsafe { S::load(Record::coordinates(self, axis).wrapping_add(vector * S::N)) }
+        unsafe { S::load(PackedBlock::coordinates(self, axis).wrapping_add(vector * S::N)) }
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -97,9 +97,9 @@ impl Triangles for Record<'_> {
         // SAFETY: the caller's contract.
         unsafe {
             [
-                S::places(Record::places(self, 0)),
-                S::places(Record::places(self, 1)),
-                S::places(Record::places(self, 2)),
+                S::places(PackedBlock::places(self, 0)),
+                S::places(PackedBlock::places(self, 1)),
+                S::places(PackedBlock::places(self, 2)),
             ]
         }
     }
@@ -115,7 +115,7 @@ impl Triangles for Record<'_> {
 }
 
 /// Corners are written out: one vector for the first ones, one for the second, one for the third.
-impl Triangles for Block<'_> {
+impl TriangleBlock for GatheredBlock<'_> {
     const VECTORS: usize = 3;
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -130,7 +130,7 @@ impl Triangles for Block<'_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn triangle(&self, index: usize) -> u32 {
-        Block::triangle(self, index)
+        GatheredBlock::triangle(self, index)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -140,7 +140,7 @@ impl Triangles for Block<'_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     fn corners(&self, index: usize) -> Triangle {
-        Block::corners(self, index)
+        GatheredBlock::corners(self, index)
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -221,8 +221,8 @@ pub(crate) fn test_one(
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(crate) unsafe fn test<S: Simd, T: Triangles>(
-    way: &Way,
+pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
+    way: &TraversalRay,
     record: &T,
     options: &QueryOptions,
     query: Query,
@@ -237,7 +237,7 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
             sifted.unclear = sift_fast::<S, T>(way, record, limit);
             return sifted.unclear != 0 && test_sifted(way, record, options, query, &sifted, best);
         }
-        let seen = Seen::<S, T>::new(way, record);
+        let seen = ShearedBlock::<S, T>::new(way, record);
         // Of what follows the last triangle nothing counts.
         let mut there = (1u32 << record.count()) - 1;
         if !any {
@@ -290,8 +290,8 @@ pub(crate) unsafe fn test<S: Simd, T: Triangles>(
 
 /// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.
 #[inline(never)]
-fn test_sifted<T: Triangles>(
-    way: &Way,
+fn test_sifted<T: TriangleBlock>(
+    way: &TraversalRay,
     record: &T,
     options: &QueryOptions,
     query: Query,
@@ -344,23 +344,23 @@ pub(crate) unsafe fn of_corners<S: Simd>(
     }
 }
 
-/// A number of each corner, in as many vectors as [`Triangles::VECTORS`].
+/// A number of each corner, in as many vectors as [`TriangleBlock::VECTORS`].
 type Vectors<S> = [<S as Simd>::Floats; 3];
 
 /// The triangles of a block as a ray sees them. What is done with a corner is done once for all
 /// triangles that share it.
-struct Seen<S: Simd, T> {
+struct ShearedBlock<S: Simd, T> {
     places: [S::Places; 3],
-    /// In as many vectors as [`Triangles::VECTORS`].
+    /// In as many vectors as [`TriangleBlock::VECTORS`].
     corners: [Corner<S>; 3],
     of: PhantomData<T>,
 }
 
-impl<S: Simd, T: Triangles> Seen<S, T> {
+impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
     /// # Safety
     /// As for [`test()`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn new(way: &Way, record: &T) -> Seen<S, T> {
+    unsafe fn new(way: &TraversalRay, record: &T) -> ShearedBlock<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
             let axes = way.axes();
@@ -374,7 +374,7 @@ impl<S: Simd, T: Triangles> Seen<S, T> {
                 second
             };
             let corners = [first, second, third];
-            Seen { places: record.places::<S>(), corners, of: PhantomData }
+            ShearedBlock { places: record.places::<S>(), corners, of: PhantomData }
         }
     }
 
@@ -403,7 +403,7 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn coordinates<S: Simd, T: Triangles>(
+unsafe fn coordinates<S: Simd, T: TriangleBlock>(
     record: &T,
     [x, y, z]: [usize; 3],
     vector: usize,
@@ -423,7 +423,7 @@ unsafe fn coordinates<S: Simd, T: Triangles>(
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn all_corners<S: Simd, T: Triangles>(
+unsafe fn all_corners<S: Simd, T: TriangleBlock>(
     record: &T,
     axes: [usize; 3],
     places: [S::Places; 3],
@@ -442,7 +442,7 @@ unsafe fn all_corners<S: Simd, T: Triangles>(
     }
 }
 
-impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
+impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
@@ -478,13 +478,13 @@ impl<S: Simd, T: Triangles> View<S> for Seen<S, T> {
 
 /// A closer look at the triangles that are unclear, seldom needed.
 struct CloserLook<'a, T> {
-    way: &'a Way,
+    way: &'a TraversalRay,
     record: &'a T,
     limit: f32,
     met: &'a mut Met,
 }
 
-impl<T: Triangles> Compiled for CloserLook<'_, T> {
+impl<T: TriangleBlock> Compiled for CloserLook<'_, T> {
     type Output = ();
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -506,7 +506,7 @@ impl<T: Triangles> Compiled for CloserLook<'_, T> {
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
+unsafe fn span<S: Simd>(way: &TraversalRay, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
     let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
     Span { t_min, t_max, stop }
@@ -517,7 +517,7 @@ unsafe fn span<S: Simd>(way: &Way, limit: f32) -> Span<S> {
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn sift_fast<S: Simd, T: Triangles>(way: &Way, record: &T, limit: f32) -> u32 {
+unsafe fn sift_fast<S: Simd, T: TriangleBlock>(way: &TraversalRay, record: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
         let ray = way.ray();

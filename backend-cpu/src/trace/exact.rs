@@ -8,12 +8,12 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
-use super::blocks::Blocks;
 use super::walk::walk;
+use crate::layout::tree_layout::TreeLayout;
 
 /// The exact closest hit of a ray, or any hit, in `f64` from the root on: for rays of all kinds.
 pub(crate) fn trace_in_f64(
-    blocks: &Blocks,
+    blocks: &TreeLayout,
     bounds: &Aabb,
     ray: &Ray,
     options: &QueryOptions,
@@ -28,7 +28,7 @@ pub(crate) fn trace_in_f64(
 
 /// Hands what a ray may cross to a collector, which asks `go_on`.
 pub(crate) fn all_hits(
-    blocks: &Blocks,
+    blocks: &TreeLayout,
     bounds: &Aabb,
     ray: &Ray,
     options: &QueryOptions,
@@ -43,7 +43,7 @@ pub(crate) fn all_hits(
 /// Calls `test` for the triangles of all leaves that a ray may pass, near ones first. `test` gives the `t`
 /// beyond which no more leaves are of interest.
 pub(crate) fn visit(
-    blocks: &Blocks,
+    blocks: &TreeLayout,
     bounds: &Aabb,
     ray: &Ray,
     options: &QueryOptions,

@@ -1,7 +1,7 @@
 //! The fast test in vectors, a triangle and a ray a lane: what it lets through is for
 //! [`splitplane_core::intersect::moeller_trumbore`] to decide.
 
-use super::simd::Simd;
+use crate::simd::Simd;
 
 /// Where rays may meet triangles, whichever way those face, within inner limits. Origins, directions
 /// and corners are on the axes of the mesh.

@@ -1,11 +1,13 @@
 //! What a child that is no node stands for, in the two layouts: a block, or a leaf of the tree whose
 //! triangles are gathered when a ray comes there.
 
-use super::blocks::{Block, Blocks, WalkNode};
-use super::indexed::{IndexedMesh, Room};
-use super::leaf::Triangles;
-use super::record::{Record, UNIT_WORDS};
-use super::simd::Simd;
+use super::block_test::TriangleBlock;
+use crate::layout::gathered_block::GatheredBlock;
+use crate::layout::indexed::{GatherBuffer, IndexedMesh};
+use crate::layout::packed_block::{PackedBlock, UNIT_WORDS};
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::walk_node::WalkNode;
+use crate::simd::Simd;
 
 /// Where traversals find the triangles of a child. Children are numbers here, without their mark.
 pub(crate) trait Leaves: Copy {
@@ -14,7 +16,7 @@ pub(crate) trait Leaves: Copy {
     /// What a traversal must have for blocks to be made in.
     type Room;
     /// A block.
-    type Block<'b>: Triangles
+    type Block<'b>: TriangleBlock
     where
         Self: 'b;
 
@@ -41,23 +43,23 @@ pub(crate) trait Leaves: Copy {
 
 /// Blocks: a child is the unit at which its block begins.
 #[derive(Clone, Copy)]
-pub(crate) struct Packed<'a> {
+pub(crate) struct PackedLeaves<'a> {
     words: &'a [u32],
 }
 
-impl<'a> Packed<'a> {
+impl<'a> PackedLeaves<'a> {
     /// The blocks of a layout.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(blocks: &'a Blocks) -> Packed<'a> {
-        Packed { words: &blocks.words }
+    pub fn new(blocks: &'a TreeLayout) -> PackedLeaves<'a> {
+        PackedLeaves { words: &blocks.words }
     }
 }
 
-impl Leaves for Packed<'_> {
+impl Leaves for PackedLeaves<'_> {
     const ONE: bool = true;
     type Room = ();
     type Block<'b>
-        = Record<'b>
+        = PackedBlock<'b>
     where
         Self: 'b;
 
@@ -80,30 +82,40 @@ impl Leaves for Packed<'_> {
         Self: 'b,
     {
         // SAFETY: the caller's contract.
-        (unsafe { Record::at_unchecked(self.words, child) }, 0)
+        (unsafe { PackedBlock::at_unchecked(self.words, child) }, 0)
     }
 }
 
 /// Leaves of the tree: a child is the leaf's place among the nodes, or behind all of them, for the large triangles.
 #[derive(Clone, Copy)]
-pub(crate) struct Indexed<'a> {
+pub(crate) struct IndexedLeaves<'a> {
     pub nodes: &'a [WalkNode],
     pub references: &'a [u32],
     pub large: &'a [u32],
     pub mesh: &'a IndexedMesh,
 }
 
-impl Leaves for Indexed<'_> {
+impl<'a> IndexedLeaves<'a> {
+    /// The leaves of a compact layout; `None` for layouts with blocks.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn of(layout: &'a TreeLayout) -> Option<IndexedLeaves<'a>> {
+        let mesh = layout.mesh()?;
+        let (references, large) = (&layout.tree.references[..], layout.large.triangles());
+        Some(IndexedLeaves { nodes: layout.walk_nodes(), references, large, mesh })
+    }
+}
+
+impl Leaves for IndexedLeaves<'_> {
     const ONE: bool = false;
-    type Room = Room;
+    type Room = GatherBuffer;
     type Block<'b>
-        = Block<'b>
+        = GatheredBlock<'b>
     where
         Self: 'b;
 
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn room() -> Room {
-        Room::EMPTY
+    fn room() -> GatherBuffer {
+        GatherBuffer::EMPTY
     }
 
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -116,7 +128,7 @@ impl Leaves for Indexed<'_> {
         self,
         child: u32,
         from: usize,
-        room: &'b mut Room,
+        room: &'b mut GatherBuffer,
     ) -> (Self::Block<'b>, usize)
     where
         Self: 'b,
@@ -131,6 +143,6 @@ impl Leaves for Indexed<'_> {
             Some((some, rest)) => (some, if rest.is_empty() { 0 } else { from + S::N }),
             None => (references, 0),
         };
-        (Block { large, ..self.mesh.gather(some, room) }, next)
+        (GatheredBlock { large, ..self.mesh.gather(some, room) }, next)
     }
 }

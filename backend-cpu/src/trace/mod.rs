@@ -1,4 +1,4 @@
-//! Answering rays: the layouts that queries read, and the traversals over them.
+//! Answering rays: traversals over what [`crate::layout`] has made.
 //!
 //! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
 //! (`watertight.rs`, `refined.rs`) does the operations of the reference in its order, and the fast test
@@ -9,37 +9,18 @@
 //! `packet` has rays that go the same way. Rays that need more care go through the tree's own nodes
 //! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
-mod accelerator;
-mod blocks;
-mod exact;
-mod fast;
-mod indexed;
-mod instruction_set;
-mod large;
-mod layout;
-mod leaf;
-mod leaves;
-mod limits;
-mod order;
-mod pack;
-mod packet;
-mod plan;
-mod prepare;
-mod prepare_one;
-mod record;
-mod reference;
-mod refined;
-mod sieve;
-mod simd;
-mod single;
-mod step;
-mod stream;
-mod walk;
-mod watertight;
-mod wide;
-
-pub use accelerator::CpuAccelerator;
-pub(crate) use blocks::WalkNode;
-pub use instruction_set::InstructionSet;
-pub(crate) use layout::{LayoutScratch, Source};
-pub(crate) use simd::{Compiled, Simd};
+pub(crate) mod block_test;
+pub(crate) mod exact;
+pub(crate) mod fast;
+pub(crate) mod leaves;
+pub(crate) mod packet;
+pub(crate) mod prepare;
+pub(crate) mod prepare_one;
+pub(crate) mod reference;
+pub(crate) mod refined;
+pub(crate) mod sieve;
+pub(crate) mod single;
+pub(crate) mod step;
+pub(crate) mod stream;
+pub(crate) mod walk;
+pub(crate) mod watertight;

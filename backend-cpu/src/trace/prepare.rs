@@ -11,7 +11,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::{Accuracy, Hit, Ray};
 use splitplane_core::traverse::Query;
 
-use super::simd::{MOST_LANES, Simd};
+use crate::simd::{MOST_LANES, Simd};
 
 /// Rays made ready together.
 pub(crate) const CHUNK: usize = 32;
@@ -22,7 +22,7 @@ pub(crate) type PerRay<T> = [T; CHUNK];
 /// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct Way {
+pub(crate) struct TraversalRay {
     pub reciprocal: [f32; 3],
     /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their
     /// triangles' sizes.
@@ -45,16 +45,16 @@ pub(crate) struct Way {
     pub direction: [f32; 3],
     /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
     pub exit_reciprocal: [f32; 3],
-    /// The ray's place in its batch; [`Way::NO_RAY`] for none.
+    /// The ray's place in its batch; [`TraversalRay::NO_RAY`] for none.
     pub index: u32,
     /// See [`PreparedRay::offset`].
     pub offset: f32,
 }
 
-/// Words of a [`Way`].
-pub(crate) const WAY_WORDS: usize = size_of::<Way>() / 4;
+/// Words of a [`TraversalRay`].
+pub(crate) const WAY_WORDS: usize = size_of::<TraversalRay>() / 4;
 
-/// The axes that shearing calls x, y and z, by [`Way::axes`]. Two more than there are, so that the
+/// The axes that shearing calls x, y and z, by [`TraversalRay::axes`]. Two more than there are, so that the
 /// remainder that keeps places in bounds costs nothing.
 pub(crate) static AXES: [[usize; 3]; 8] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
@@ -63,9 +63,9 @@ pub(crate) static AXES: [[usize; 3]; 8] =
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
 /// What becomes of a ray that is not made ready in vectors.
-pub(crate) enum Care {
+pub(crate) enum ScalarOutcome {
     /// It goes through the wide nodes.
-    Way(Way),
+    TraversalRay(TraversalRay),
     /// It is answered.
     Answer(Hit),
 }
@@ -76,7 +76,7 @@ const FARTHEST: f32 = 1.152_921_5e18; // 2^60
 /// Greatest exponent, either way, of directions that are scaled in one step.
 const MOST_EXPONENT: i32 = 126;
 
-impl Way {
+impl TraversalRay {
     /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
     #[cold]
     pub fn with_care(
@@ -84,20 +84,23 @@ impl Way {
         scene: &SceneScale,
         accuracy: Accuracy,
         query: Query,
-    ) -> Option<Care> {
+    ) -> Option<ScalarOutcome> {
         let from = ray.origin.iter().fold(0.0f32, |most, x| most.max(x.abs()));
         let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else {
-            return Some(Care::Answer(Hit::MISS));
+            return Some(ScalarOutcome::Answer(Hit::MISS));
         };
         let too_far = accuracy == Accuracy::Exact && from.max(ray.offset.abs()) > FARTHEST;
         if ray.wide || ray.exponent.abs() > MOST_EXPONENT || too_far {
             return None;
         }
-        Some(Way::of(&ray, scene, query).map_or(Care::Answer(Hit::MISS), Care::Way))
+        Some(
+            TraversalRay::of(&ray, scene, query)
+                .map_or(ScalarOutcome::Answer(Hit::MISS), ScalarOutcome::TraversalRay),
+        )
     }
 
     /// The way of a ray that the core made ready; `None` where it comes nowhere near the scene.
-    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<Way> {
+    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<TraversalRay> {
         let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
         let reach = behind(enter, exit);
         let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
@@ -110,7 +113,7 @@ impl Way {
         }
         let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
         let main = ray.axes[2];
-        Some(Way {
+        Some(TraversalRay {
             reciprocal: ray.reciprocal,
             near,
             far,
@@ -126,7 +129,7 @@ impl Way {
             limits: ray.limits,
             direction: ray.direction,
             exit_reciprocal: ray.reciprocal.map(|r| r * EXIT_FACTOR),
-            index: Way::NO_RAY,
+            index: TraversalRay::NO_RAY,
             offset: ray.offset,
         })
     }
@@ -135,8 +138,8 @@ impl Way {
     pub const NO_RAY: u32 = u32::MAX;
 
     /// No ray.
-    pub fn none() -> Way {
-        Way { index: Way::NO_RAY, ..bytemuck::Zeroable::zeroed() }
+    pub fn none() -> TraversalRay {
+        TraversalRay { index: TraversalRay::NO_RAY, ..bytemuck::Zeroable::zeroed() }
     }
 
     /// The axes that shearing calls x, y and z.
@@ -197,11 +200,11 @@ pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) ->
     (enter <= t_min) & (exit < t_max)
 }
 
-/// Rays made ready together; see [`PreparedRay`] and [`Way`] for the fields.
+/// Rays made ready together; see [`PreparedRay`] and [`TraversalRay`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
-    // Row by row the words of a `Way`.
+    // Row by row the words of a `TraversalRay`.
     pub reciprocal: [PerRay<f32>; 3],
     pub near: [PerRay<f32>; 3],
     pub far: [PerRay<f32>; 3],
@@ -268,7 +271,7 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn ways<S: Simd>(&self, ways: &mut [Way; CHUNK]) {
+    pub unsafe fn ways<S: Simd>(&self, ways: &mut [TraversalRay; CHUNK]) {
         for lane in (0..CHUNK).step_by(S::N) {
             // SAFETY: the caller's contract.
             unsafe { self.some_ways::<S>(lane, ways) };
@@ -280,7 +283,7 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set; there must be as many rays.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn some_ways<S: Simd>(&self, lane: usize, ways: &mut [Way; CHUNK]) {
+    pub unsafe fn some_ways<S: Simd>(&self, lane: usize, ways: &mut [TraversalRay; CHUNK]) {
         let rows = (&raw const *self).cast::<f32>();
         let to = ways.as_mut_ptr().cast::<f32>();
         for first in (0..WAY_WORDS).step_by(S::N) {
@@ -509,8 +512,8 @@ pub(super) mod tests {
     use splitplane_core::intersect::Limits;
     use splitplane_test_support::random::Random;
 
-    use crate::query::InstructionSet;
-    use crate::query::simd::Compiled;
+    use crate::simd::Compiled;
+    use crate::simd::InstructionSet;
 
     /// [`PreparedRays::fill`] and then [`PreparedRays::ways`].
     struct Fill<'a> {
@@ -521,11 +524,11 @@ pub(super) mod tests {
     }
 
     impl Compiled for Fill<'_> {
-        type Output = (PreparedRays, [Way; CHUNK]);
+        type Output = (PreparedRays, [TraversalRay; CHUNK]);
 
         #[cfg_attr(not(unoptimised), inline(always))]
-        unsafe fn run<S: Simd>(self) -> (PreparedRays, [Way; CHUNK]) {
-            let (mut lanes, mut ways) = (PreparedRays::NONE, [Way::none(); CHUNK]);
+        unsafe fn run<S: Simd>(self) -> (PreparedRays, [TraversalRay; CHUNK]) {
+            let (mut lanes, mut ways) = (PreparedRays::NONE, [TraversalRay::none(); CHUNK]);
             // SAFETY: the caller's contract.
             unsafe {
                 lanes.fill::<S>(self.rays, self.scene, self.first, self.query);
@@ -542,7 +545,7 @@ pub(super) mod tests {
         scene: &SceneScale,
         first: usize,
         query: Query,
-    ) -> (PreparedRays, [Way; CHUNK]) {
+    ) -> (PreparedRays, [TraversalRay; CHUNK]) {
         // SAFETY: callers take sets that the processor has.
         unsafe { set.run(Fill { rays, scene, first, query }) }
     }

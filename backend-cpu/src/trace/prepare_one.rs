@@ -9,8 +9,8 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, Way, behind, far_end_is_solid};
-use super::simd::Four;
+use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, TraversalRay, behind, far_end_is_solid};
+use crate::simd::F32x4;
 
 /// What is to be done with a ray.
 pub(crate) enum Readiness {
@@ -29,27 +29,27 @@ const ALL_AXES: u32 = 0b111;
 const LEAST_POWER: u32 = 127 - 40;
 const MOST_POWER: u32 = 127 + 60;
 
-impl Way {
+impl TraversalRay {
     /// Becomes the way of a ray, if it says so. The bounds must not be empty.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
         // Origin and lower limit, direction and upper limit.
         let [given_origin, given]: [[f32; 4]; 2] = bytemuck::cast(*ray);
-        let (given_origin, given) = (Four::of(given_origin), Four::of(given));
-        let most = Four::splat(f32::MAX);
+        let (given_origin, given) = (F32x4::of(given_origin), F32x4::of(given));
+        let most = F32x4::splat(f32::MAX);
         let magnitude = given.abs();
         let finite = given_origin.abs().le(most).and(magnitude.le(most));
         let origin = given_origin.at_least(f32::MIN_POSITIVE);
-        let near = Four::of_three(scene.near.lo).le(origin);
-        let near = near.and(origin.le(Four::of_three(scene.near.hi)));
-        let near = near.and(origin.abs().le(Four::splat(COORDINATE_MOST)));
+        let near = F32x4::of_three(scene.near.lo).le(origin);
+        let near = near.and(origin.le(F32x4::of_three(scene.near.hi)));
+        let near = near.and(origin.abs().le(F32x4::splat(COORDINATE_MOST)));
         let origin = origin.at_least(ORIGIN_LEAST);
-        let is_least = origin.abs().le(Four::splat(0.0));
-        let origin = origin.or(Four::splat(scene.origin_least).and(is_least));
+        let is_least = origin.abs().le(F32x4::splat(0.0));
+        let origin = origin.or(F32x4::splat(scene.origin_least).and(is_least));
         let largest = magnitude.greatest_of_three();
         // The power of two in it, and its reciprocal.
-        let back = largest.and(Four::splat(f32::INFINITY));
-        let to_unit = Four::splat(f32::from_bits(254 << 23)).minus_bits(back);
+        let back = largest.and(F32x4::splat(f32::INFINITY));
+        let to_unit = F32x4::splat(f32::from_bits(254 << 23)).minus_bits(back);
         let biased = back.row()[0].to_bits() >> 23;
         let ordinary = (finite.and(near).signs() & ALL_AXES == ALL_AXES)
             & (ray.t_min <= ray.t_max)
@@ -61,21 +61,21 @@ impl Way {
         let given = given.at_least(f32::MIN_POSITIVE);
         let direction = given.times(to_unit).at_least(f32::MIN_POSITIVE);
 
-        let limits = Four::of([ray.t_min, ray.t_max, 0.0, 0.0]).times(back);
-        let limits = limits.max(Four::splat(-f32::MAX)).min(most).at_least(f32::MIN_POSITIVE);
-        let widen = Four::of([-STOP_SLACK, STOP_SLACK, 0.0, 0.0]);
+        let limits = F32x4::of([ray.t_min, ray.t_max, 0.0, 0.0]).times(back);
+        let limits = limits.max(F32x4::splat(-f32::MAX)).min(most).at_least(f32::MIN_POSITIVE);
+        let widen = F32x4::of([-STOP_SLACK, STOP_SLACK, 0.0, 0.0]);
         let [enter, exit, ..] = limits.plus(limits.abs().times(widen)).row();
         let [t_min, t_max, ..] = limits.row();
 
         // Of the direction as given, and scaled then, which is exact: a quotient takes long. Components of
         // less than `DIRECTION_LEAST` count as so much.
-        let reciprocal = Four::splat(1.0).over(magnitude).times(back);
-        let reciprocal = reciprocal.min(Four::splat(1.0 / DIRECTION_LEAST));
-        let slack = Four::splat(scene.slack).times(reciprocal).min(most);
-        let reciprocal = reciprocal.or(direction.and(Four::splat(-0.0)));
-        let low = Four::of_three(scene.bounds.lo).minus(origin).times(reciprocal);
-        let high = Four::of_three(scene.bounds.hi).minus(origin).times(reciprocal);
-        let widened = |t: Four| t.abs().times(Four::splat(PLANE_SLACK)).plus(slack);
+        let reciprocal = F32x4::splat(1.0).over(magnitude).times(back);
+        let reciprocal = reciprocal.min(F32x4::splat(1.0 / DIRECTION_LEAST));
+        let slack = F32x4::splat(scene.slack).times(reciprocal).min(most);
+        let reciprocal = reciprocal.or(direction.and(F32x4::splat(-0.0)));
+        let low = F32x4::of_three(scene.bounds.lo).minus(origin).times(reciprocal);
+        let high = F32x4::of_three(scene.bounds.hi).minus(origin).times(reciprocal);
+        let widened = |t: F32x4| t.abs().times(F32x4::splat(PLANE_SLACK)).plus(slack);
         let (near, far) = (low.min(high), low.max(high));
         let near = near.minus(widened(near)).greatest_of_three().row()[0];
         let far = far.plus(widened(far)).least_of_three().row()[0];
@@ -87,8 +87,9 @@ impl Way {
 
         let reach = behind(enter, exit);
         let from = origin.times(reciprocal);
-        let base = Four::splat(scene.base_slack).times(reciprocal.abs()).min(most);
-        let room = base.plus(from.abs().times(Four::splat(ORIGIN_SLACK))).plus(Four::splat(reach));
+        let base = F32x4::splat(scene.base_slack).times(reciprocal.abs()).min(most);
+        let room =
+            base.plus(from.abs().times(F32x4::splat(ORIGIN_SLACK))).plus(F32x4::splat(reach));
         let negative = direction.signs() & ALL_AXES;
         let is_largest = largest.le(magnitude).signs() & ALL_AXES;
         // The first of those that are the largest.
@@ -97,13 +98,13 @@ impl Way {
         let [kx, ky, kz] = AXES[axes as usize % AXES.len()];
         let (origins, directions) = (origin.row(), direction.row());
         let [x, y, z, _] = directions;
-        let slopes = Four::of([x, y, z, 1.0]).over(Four::splat(directions[kz]));
+        let slopes = F32x4::of([x, y, z, 1.0]).over(F32x4::splat(directions[kz]));
         let slopes = slopes.at_least(SLOPE_LEAST).row();
         let solid = (query == Query::Any) & far_end_is_solid(enter, t_min, exit, t_max);
 
         self.reciprocal = reciprocal.three();
         self.near = from.plus(room).three();
-        let factor = Four::splat(EXIT_FACTOR);
+        let factor = F32x4::splat(EXIT_FACTOR);
         self.far = from.minus(room).times(factor).three();
         self.exit_reciprocal = reciprocal.times(factor).three();
         (self.enter, self.stop) = (enter, exit);
@@ -128,9 +129,9 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::InstructionSet;
-    use crate::query::prepare::CHUNK;
-    use crate::query::prepare::tests::filled;
+    use crate::simd::InstructionSet;
+    use crate::trace::prepare::CHUNK;
+    use crate::trace::prepare::tests::filled;
 
     /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
     fn number(random: &mut Random, spread: f64) -> f32 {
@@ -169,7 +170,7 @@ mod tests {
             for ((lanes, ways), (lane, ray)) in
                 many.flat_map(|made| rays.iter().enumerate().map(move |ray| (made, ray)))
             {
-                let mut way = Way::none();
+                let mut way = TraversalRay::none();
                 let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
                 let within = lanes.enter[lane] <= lanes.exit[lane];
                 let biased = (lanes.exponent[lane] + 127) as u32;

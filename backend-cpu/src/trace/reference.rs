@@ -6,14 +6,14 @@ use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::Blocks;
-use super::leaf::{BestHit, test_one};
+use super::block_test::{BestHit, test_one};
 use super::walk::walk;
+use crate::layout::tree_layout::TreeLayout;
 
 /// Traces one ray from the root.
 #[cold]
 pub(crate) fn trace(
-    blocks: &Blocks,
+    blocks: &TreeLayout,
     scene: &SceneScale,
     ray: &Ray,
     options: &QueryOptions,

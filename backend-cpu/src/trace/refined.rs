@@ -8,7 +8,7 @@
 
 use splitplane_core::intersect::{DISTANCE_LEAST, T_LEAST};
 
-use super::simd::Simd;
+use crate::simd::Simd;
 
 /// Rays and triangles, a pair a lane; on the axes of the mesh.
 pub(crate) struct Pairs<S: Simd> {
@@ -202,8 +202,8 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::InstructionSet;
-    use crate::query::simd::{Compiled, MOST_LANES};
+    use crate::simd::InstructionSet;
+    use crate::simd::{Compiled, MOST_LANES};
 
     /// A power of two, with an exponent from one to another.
     fn power(random: &mut Random, from: i32, to: i32) -> f32 {

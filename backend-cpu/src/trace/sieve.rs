@@ -36,9 +36,9 @@ use splitplane_core::intersect::{EDGE_LEAST, STOP_SLACK};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::leaf::Triangles;
-use super::prepare::Way;
-use super::simd::Simd;
+use super::block_test::TriangleBlock;
+use super::prepare::TraversalRay;
+use crate::simd::Simd;
 
 /// The error of an edge function, in R P.
 pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
@@ -74,7 +74,7 @@ pub(crate) struct Reach {
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Way, bounds: &[Aabb; 2]) -> Reach {
+    pub fn new(ray: &TraversalRay, bounds: &[Aabb; 2]) -> Reach {
         let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
             for (reach, bounds) in reach.iter_mut().zip(bounds) {
@@ -126,7 +126,7 @@ impl ExactLane {
     /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
     /// [`super::large`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Ray, way: &Way, bounds: &[Aabb; 2]) -> Option<ExactLane> {
+    pub fn new(ray: &Ray, way: &TraversalRay, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })
     }
@@ -143,9 +143,9 @@ impl ExactLane {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn test<S: Simd, T: Triangles>(
+    pub unsafe fn test<S: Simd, T: TriangleBlock>(
         &mut self,
-        way: &Way,
+        way: &TraversalRay,
         block: &T,
         options: &QueryOptions,
         query: Query,
@@ -159,11 +159,11 @@ impl ExactLane {
 
     /// Decides some triangles of a block.
     #[inline(never)]
-    fn decide<T: Triangles>(
+    fn decide<T: TriangleBlock>(
         &mut self,
         block: &T,
         mut bits: u32,
-        way: &Way,
+        way: &TraversalRay,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,
@@ -214,7 +214,12 @@ pub(crate) fn inner_stop(t: f64, exponent: i32, offset: f32) -> f32 {
 /// # Safety
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit: f32) -> u32 {
+unsafe fn sift<S: Simd, T: TriangleBlock>(
+    way: &TraversalRay,
+    reach: &Reach,
+    block: &T,
+    limit: f32,
+) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
         let [kx, ky, kz] = way.axes();
@@ -286,10 +291,10 @@ unsafe fn sift<S: Simd, T: Triangles>(way: &Way, reach: &Reach, block: &T, limit
 mod tests {
     use super::*;
 
-    use crate::query::InstructionSet;
-    use crate::query::blocks::Block;
-    use crate::query::prepare_one::Readiness;
-    use crate::query::simd::Compiled;
+    use crate::layout::gathered_block::GatheredBlock;
+    use crate::simd::Compiled;
+    use crate::simd::InstructionSet;
+    use crate::trace::prepare_one::Readiness;
     use splitplane_core::exact::meet;
     use splitplane_core::intersect::{Limits, SceneScale};
     use splitplane_core::ray::Culling;
@@ -363,9 +368,9 @@ mod tests {
 
     /// What is tested here.
     struct Sift<'a> {
-        way: &'a Way,
+        way: &'a TraversalRay,
         reach: &'a Reach,
-        block: &'a Block<'a>,
+        block: &'a GatheredBlock<'a>,
         limit: f32,
     }
 
@@ -394,7 +399,7 @@ mod tests {
             let scene = SceneScale::new(bounds, &limits);
             for _ in 0..16 {
                 let ray = ray(&mut random, &triangles[..count], scale);
-                let mut way = Way::none();
+                let mut way = TraversalRay::none();
                 let Readiness::Ready = way.prepare(&ray, &scene, Query::Closest) else { continue };
                 let Some(mut lane) = ExactLane::new(&ray, &way, &[bounds; 2]) else { continue };
                 if way.ray().origin != lane.ray.origin {
@@ -414,8 +419,12 @@ mod tests {
                     let mut bits = 0;
                     for first in (0..count).step_by(set.lanes()) {
                         let count = (count - first).min(set.lanes());
-                        let block =
-                            Block { words: &words[first..], stride: 16, count, large: false };
+                        let block = GatheredBlock {
+                            words: &words[first..],
+                            stride: 16,
+                            count,
+                            large: false,
+                        };
                         let sift = Sift { way: &way, reach: &lane.reach, block: &block, limit };
                         // SAFETY: the caller names sets that there are; the words reach on.
                         let some = unsafe { set.run(sift) };

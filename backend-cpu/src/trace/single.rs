@@ -6,16 +6,17 @@ use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::Blocks;
-use super::leaf::BestHit;
-use super::leaves::{Indexed, Leaves, Packed};
-use super::prepare::{Care, Way};
+use super::block_test::BestHit;
+use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use super::prepare::{ScalarOutcome, TraversalRay};
 use super::prepare_one::Readiness;
-use super::simd::{Compiled, Simd};
-use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for_block, step};
-use super::stream::{Answers, Batch, Stream, lengthen};
-use super::wide::LEAF_MARK;
+use super::step::{Test, TestChild, Tested, TraversalStack, ask_for_block, step};
+use super::stream::{Answers, RayBatch, Stream};
 use super::{exact, reference};
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{DONE, is_leaf};
+use crate::memory::lengthen;
+use crate::simd::{Compiled, Simd};
 
 /// Entries of a stack that need not be asked for: enough for trees 29 nodes deep.
 const ENTRIES: usize = 512;
@@ -23,7 +24,7 @@ const ENTRIES: usize = 512;
 /// One ray, and what it is traced through.
 #[derive(Clone, Copy)]
 pub(crate) struct Single<'a> {
-    pub blocks: &'a Blocks,
+    pub blocks: &'a TreeLayout,
     pub scene: &'a SceneScale,
     pub ray: &'a Ray,
     pub options: &'a QueryOptions,
@@ -38,7 +39,7 @@ impl Compiled for Single<'_> {
         if self.blocks.wide.lines().is_empty() {
             return Hit::MISS;
         }
-        let mut way = Way::none();
+        let mut way = TraversalRay::none();
         let mut readiness = match self.options.accuracy {
             Accuracy::Exact => Readiness::Special,
             _ => way.prepare(self.ray, self.scene, self.query),
@@ -46,22 +47,24 @@ impl Compiled for Single<'_> {
         if let Readiness::Special = readiness
             && self.options.accuracy != Accuracy::Exact
         {
-            match Way::with_care(self.ray, self.scene, self.options.accuracy, self.query) {
-                Some(Care::Way(moved)) => (way, readiness) = (moved, Readiness::Ready),
-                Some(Care::Answer(hit)) => return hit,
+            match TraversalRay::with_care(self.ray, self.scene, self.options.accuracy, self.query) {
+                Some(ScalarOutcome::TraversalRay(moved)) => {
+                    (way, readiness) = (moved, Readiness::Ready)
+                }
+                Some(ScalarOutcome::Answer(hit)) => return hit,
                 None => {}
             }
         }
         // SAFETY: the caller's contract.
         unsafe {
-            match (readiness, self.blocks.indexed()) {
+            match (readiness, IndexedLeaves::of(self.blocks)) {
                 (Readiness::Misses, _) => Hit::MISS,
                 (Readiness::Special, _) => S::call(WithCare(self)),
                 (Readiness::Ready, None) => {
-                    self.through::<S, _, ENTRIES>(Packed::new(self.blocks), &mut way)
+                    self.through::<S, _, ENTRIES>(PackedLeaves::new(self.blocks), &mut way)
                 }
                 (Readiness::Ready, Some(leaves)) => {
-                    self.through::<S, Indexed<'_>, ENTRIES>(leaves, &mut way)
+                    self.through::<S, IndexedLeaves<'_>, ENTRIES>(leaves, &mut way)
                 }
             }
         }
@@ -79,7 +82,7 @@ impl Compiled for WithCare<'_> {
         let Single { blocks, scene, ray, options, query } = self.0;
         let mut hit = Hit::MISS;
         let answers = Answers::Hits(core::slice::from_mut(&mut hit));
-        let batch = Batch { blocks, scene, rays: core::slice::from_ref(ray), options, query };
+        let batch = RayBatch { blocks, scene, rays: core::slice::from_ref(ray), options, query };
         // SAFETY: the caller's contract.
         match unsafe { S::call(Stream { batch, answers }) } {
             Ok(()) => hit,
@@ -105,7 +108,7 @@ impl Single<'_> {
     unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
         &self,
         leaves: L,
-        way: &mut Way,
+        way: &mut TraversalRay,
     ) -> Hit {
         let room = self.blocks.wide.stack();
         if room > ENTRIES {
@@ -113,13 +116,14 @@ impl Single<'_> {
             if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
                 return self.without_memory();
             }
-            let stack = Stack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
+            let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
             // SAFETY: the caller's contract; stacks of that length.
             return unsafe { self.walk::<S, L>(leaves, way, stack) };
         }
         let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
         let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
-        let stack = Stack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
+        let stack =
+            TraversalStack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
         // SAFETY: the caller's contract; stacks of no less length.
         unsafe { self.walk::<S, L>(leaves, way, stack) }
     }
@@ -127,7 +131,12 @@ impl Single<'_> {
     /// # Safety
     /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn walk<S: Simd, L: Leaves>(&self, leaves: L, way: &mut Way, mut stack: Stack) -> Hit {
+    unsafe fn walk<S: Simd, L: Leaves>(
+        &self,
+        leaves: L,
+        way: &mut TraversalRay,
+        mut stack: TraversalStack,
+    ) -> Hit {
         let Single { blocks, options, query, .. } = *self;
         let lines = blocks.wide.lines().as_ptr();
         let test = &Test { leaves, options, query };
@@ -138,7 +147,7 @@ impl Single<'_> {
         unsafe { stack.begin() };
         let (mut child, mut top) = (0, 0);
         loop {
-            while child & LEAF_MARK == 0 {
+            while !is_leaf(child) {
                 // SAFETY: the caller's contract; the child is a node; the stack has the room.
                 (child, top) = unsafe { step::<S>(tested.way, lines, child, &mut stack, top) };
             }
@@ -172,7 +181,7 @@ mod tests {
 
     use super::*;
     use crate::CpuBackend;
-    use crate::query::InstructionSet;
+    use crate::simd::InstructionSet;
 
     /// Of a stack that is too short, and one that is long enough.
     struct Both<'a>(Single<'a>);
@@ -183,10 +192,10 @@ mod tests {
         #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> [Hit; 2] {
             let Single { blocks, scene, ray, query, .. } = self.0;
-            let (mut way, mut again) = (Way::none(), Way::none());
+            let (mut way, mut again) = (TraversalRay::none(), TraversalRay::none());
             let Readiness::Ready = way.prepare(ray, scene, query) else { return [Hit::MISS; 2] };
             again.prepare(ray, scene, query);
-            let leaves = Packed::new(blocks);
+            let leaves = PackedLeaves::new(blocks);
             // SAFETY: the caller's contract.
             unsafe {
                 [

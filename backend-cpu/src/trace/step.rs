@@ -3,15 +3,16 @@
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::traverse::Query;
 
-use super::leaf::{self, BestHit};
+use super::block_test::BestHit;
 use super::leaves::Leaves;
-use super::prepare::Way;
+use super::prepare::TraversalRay;
 use super::sieve::ExactLane;
-use super::simd::{Compiled, Direction, Simd, prefetch};
-use super::wide::{LEAF_MARK, Line};
-
-/// What stands at the bottom of a stack: the ray is answered.
-pub(crate) const DONE: u32 = u32::MAX;
+use crate::layout::wide_node::{
+    CacheLine, DONE, bounds_offset, children_offset, leaf_bit, leaf_number, lines_of_node,
+    order_offset,
+};
+use crate::simd::{Compiled, Direction, Simd, prefetch};
+use crate::trace::block_test as leaf;
 
 /// What of a node rays of an octant read, in bytes from its start.
 #[derive(Clone, Copy)]
@@ -25,7 +26,7 @@ pub(crate) struct Octant {
     pub direction: Direction,
 }
 
-/// Octants by [`Way::octant`], for nodes of so many children.
+/// Octants by [`TraversalRay::octant`], for nodes of so many children.
 const fn octants(lanes: usize) -> [Octant; 16] {
     let direction = Direction::new(lanes, false);
     let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
@@ -35,12 +36,12 @@ const fn octants(lanes: usize) -> [Octant; 16] {
         let signs = [x, y, z];
         let mut axis = 0;
         while axis < 3 {
-            let (low, high) = (4 * lanes * axis, 4 * lanes * (axis + 3));
+            let (low, high) = (bounds_offset(lanes, axis, false), bounds_offset(lanes, axis, true));
             octants[i].near[axis] = if signs[axis] == 0 { low } else { high } as u32;
             octants[i].far[axis] = if signs[axis] == 0 { high } else { low } as u32;
             axis += 1;
         }
-        octants[i].order = ((28 + (x ^ z) + 2 * (y ^ z)) * lanes) as u32;
+        octants[i].order = order_offset(lanes, (x ^ z) + 2 * (y ^ z)) as u32;
         octants[i].direction = Direction::new(lanes, z ^ reversed != 0);
         i += 1;
     }
@@ -59,12 +60,12 @@ pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
 /// What a ray comes back to: children and where it enters them.
 ///
 /// Pointers without bounds: every step reads and writes here.
-pub(crate) struct Stack {
+pub(crate) struct TraversalStack {
     pub children: *mut u32,
     pub t: *mut f32,
 }
 
-impl Stack {
+impl TraversalStack {
     /// Puts what ends it at the bottom.
     ///
     /// # Safety
@@ -94,16 +95,16 @@ impl Stack {
 /// 16 entries more.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn step<S: Simd>(
-    way: &Way,
-    lines: *const Line,
+    way: &TraversalRay,
+    lines: *const CacheLine,
     node: u32,
-    stack: &mut Stack,
+    stack: &mut TraversalStack,
     top: usize,
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
     unsafe {
         let octant = octants_of::<S>().get_unchecked(way.octant as usize);
-        let node = lines.add(node as usize * (S::N / 2)).cast::<u8>();
+        let node = lines.add(node as usize * lines_of_node(S::N)).cast::<u8>();
         let plane = |row: u32| S::load(node.add(row as usize).cast());
         let [x, y, z] = way.reciprocal;
         let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
@@ -121,7 +122,7 @@ pub(crate) unsafe fn step<S: Simd>(
         let to = top + 1;
         let below = *stack.children.add(top);
         let (nearest, count) = S::push_met(
-            node.add(24 * S::N).cast(),
+            node.add(children_offset(S::N)).cast(),
             enter,
             exit,
             node.add(octant.order as usize),
@@ -136,24 +137,24 @@ pub(crate) unsafe fn step<S: Simd>(
 
 /// Asks for the memory of a child.
 #[cfg_attr(not(unoptimised), inline(always))]
-pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const Line, leaves: L, child: u32) {
-    let node = lines.wrapping_add((child as usize).wrapping_mul(S::N / 2)) as usize;
-    let block = leaves.address(child & !LEAF_MARK) as usize;
+pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const CacheLine, leaves: L, child: u32) {
+    let node = lines.wrapping_add((child as usize).wrapping_mul(lines_of_node(S::N))) as usize;
+    let block = leaves.address(leaf_number(child)) as usize;
     // Without a branch, since nobody could foresee it.
-    let is_block = 0usize.wrapping_sub((child >> 31) as usize);
+    let is_block = 0usize.wrapping_sub(leaf_bit(child));
     ask_for_lines::<S>((node ^ ((node ^ block) & is_block)) as *const u8);
 }
 
 /// Asks for the memory of a child that is no node.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn ask_for_block<S: Simd, L: Leaves>(leaves: L, child: u32) {
-    ask_for_lines::<S>(leaves.address(child & !LEAF_MARK));
+    ask_for_lines::<S>(leaves.address(leaf_number(child)));
 }
 
 /// Asks for as many lines as a node has, and most blocks.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn ask_for_lines<S: Simd>(at: *const u8) {
-    for line in 0..S::N / 2 {
+    for line in 0..lines_of_node(S::N) {
         prefetch(at.wrapping_add(64 * line));
     }
 }
@@ -171,7 +172,7 @@ pub(crate) struct Test<'a, L> {
 pub(crate) struct Tested<'a, L: Leaves> {
     pub test: &'a Test<'a, L>,
     pub room: &'a mut L::Room,
-    pub way: &'a mut Way,
+    pub way: &'a mut TraversalRay,
     pub best: &'a mut BestHit,
     pub exact: Option<&'a mut ExactLane>,
 }
@@ -191,7 +192,7 @@ impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
         loop {
             // SAFETY: the caller's contract.
             better |= unsafe {
-                let (block, next) = leaves.block::<S>(child & !LEAF_MARK, from, room);
+                let (block, next) = leaves.block::<S>(leaf_number(child), from, room);
                 from = next;
                 match exact {
                     Some(exact) => exact.test::<S, _>(way, &block, options, query, &mut best.stop),

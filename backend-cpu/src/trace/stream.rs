@@ -14,24 +14,25 @@ use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
-use super::blocks::Blocks;
+use super::block_test::BestHit;
 use super::exact;
-use super::leaf::BestHit;
-use super::leaves::{Indexed, Leaves, Packed};
+use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::packet::Packet;
-use super::prepare::{CHUNK, Care, PreparedRays, Way};
+use super::prepare::{CHUNK, PreparedRays, ScalarOutcome, TraversalRay};
 use super::reference;
 use super::sieve::ExactLane;
-use super::simd::{Compiled, Simd, prefetch};
-use super::step::{DONE, Stack, Test, TestChild, Tested, ask_for, step};
-use crate::buffers::boxed;
+use super::step::{Test, TestChild, Tested, TraversalStack, ask_for, step};
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{DONE, leaf_bit};
+use crate::memory::{boxed, lengthen};
+use crate::simd::{Compiled, Simd, prefetch};
 
 /// Rays under way, at most 16.
 const FLIGHT: usize = 16;
 
 /// A ray under way.
 struct Lane {
-    way: Way,
+    way: TraversalRay,
     /// Where it stands.
     child: u32,
     /// Last entry of its stack.
@@ -46,7 +47,7 @@ struct Flight {
     children: Vec<u32>,
     t: Vec<f32>,
     ready: PreparedRays,
-    ways: [Way; CHUNK],
+    ways: [TraversalRay; CHUNK],
     packet: Packet,
 }
 
@@ -54,7 +55,8 @@ impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
         let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
-        let (ready, ways, packet) = (PreparedRays::NONE, [Way::none(); CHUNK], Packet::new());
+        let (ready, ways, packet) =
+            (PreparedRays::NONE, [TraversalRay::none(); CHUNK], Packet::new());
         Flight { lanes, children, t, ready, ways, packet }
     }
 
@@ -65,7 +67,7 @@ impl Flight {
     fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
         let Flight { lanes, children, t, packet, .. } = self;
         if lanes.is_empty() {
-            let (way, best, exact) = (Way::none(), BestHit::NONE, ExactLane::idle());
+            let (way, best, exact) = (TraversalRay::none(), BestHit::NONE, ExactLane::idle());
             lanes.try_reserve_exact(FLIGHT)?;
             lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
         }
@@ -75,30 +77,14 @@ impl Flight {
     }
 }
 
-/// Makes a list at least so long.
-///
-/// # Errors
-/// Less memory than that.
-pub(super) fn lengthen<T: Copy>(
-    list: &mut Vec<T>,
-    length: usize,
-    filler: T,
-) -> Result<(), TryReserveError> {
-    if list.len() < length {
-        list.try_reserve_exact(length - list.len())?;
-        list.resize(length, filler);
-    }
-    Ok(())
-}
-
 thread_local! {
     static IN_FLIGHT: RefCell<Option<Box<Flight>>> = const { RefCell::new(None) };
 }
 
 /// What a batch is traced through, and how.
 #[derive(Clone, Copy)]
-pub(crate) struct Batch<'a> {
-    pub blocks: &'a Blocks,
+pub(crate) struct RayBatch<'a> {
+    pub blocks: &'a TreeLayout,
     pub scene: &'a SceneScale,
     pub rays: &'a [Ray],
     pub options: &'a QueryOptions,
@@ -170,7 +156,7 @@ impl Answers<'_> {
 
 /// A batch to be answered. The layout must be made for the width of the set.
 pub(crate) struct Stream<'a> {
-    pub batch: Batch<'a>,
+    pub batch: RayBatch<'a>,
     pub answers: Answers<'a>,
 }
 
@@ -187,9 +173,13 @@ impl Compiled for Stream<'_> {
         flight.make_room(batch.blocks.wide.stack())?;
         // SAFETY: the caller's contract; there is room.
         unsafe {
-            match batch.blocks.indexed() {
-                None => fly::<S, _>(batch, Packed::new(batch.blocks), &mut flight, &mut answers),
-                Some(leaves) => fly::<S, Indexed<'_>>(batch, leaves, &mut flight, &mut answers),
+            match IndexedLeaves::of(batch.blocks) {
+                None => {
+                    fly::<S, _>(batch, PackedLeaves::new(batch.blocks), &mut flight, &mut answers)
+                }
+                Some(leaves) => {
+                    fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers)
+                }
             }
         }
         let _ = IN_FLIGHT.try_with(|kept| kept.replace(Some(flight)));
@@ -214,7 +204,7 @@ impl Queues {
     /// Puts a lane where its child says: without a branch, since nobody could foresee it.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn put(&mut self, lane: usize, child: u32) {
-        let queue = (child >> 31) as usize + usize::from(child == DONE);
+        let queue = leaf_bit(child) + usize::from(child == DONE);
         self.0 |= 1 << (16 * queue + lane);
     }
 
@@ -246,12 +236,12 @@ impl Iterator for Members {
 /// The processor must have the set, for whose width the layout was made; the flight must have room for its stacks.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn fly<S: Simd, L: Leaves>(
-    batch: Batch<'_>,
+    batch: RayBatch<'_>,
     leaves: L,
     flight: &mut Flight,
     answers: &mut Answers<'_>,
 ) {
-    let Batch { blocks, scene, rays, options, query } = batch;
+    let RayBatch { blocks, scene, rays, options, query } = batch;
     let lines = blocks.wide.lines();
     let test = &Test { leaves, options, query };
     let mut leaf_room = L::room();
@@ -262,7 +252,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let mut supply = Supply { batch, next: 0, left: 0, ready, ways, packet };
     let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
-        state.way.index = Way::NO_RAY;
+        state.way.index = TraversalRay::NO_RAY;
         queues.put(lane, DONE);
     }
     let lanes = &mut lanes[..FLIGHT];
@@ -270,7 +260,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
     macro_rules! stack {
         ($lane:expr) => {
             // SAFETY: lanes are below FLIGHT.
-            unsafe { Stack { children: children.add($lane * room), t: t.add($lane * room) } }
+            unsafe {
+                TraversalStack { children: children.add($lane * room), t: t.add($lane * room) }
+            }
         };
     }
     let lines = lines.as_ptr();
@@ -278,10 +270,10 @@ unsafe fn fly<S: Simd, L: Leaves>(
         for lane in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
-            if state.way.index != Way::NO_RAY {
+            if state.way.index != TraversalRay::NO_RAY {
                 let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
                 answers.set(state.way.index as usize, hit);
-                state.way.index = Way::NO_RAY;
+                state.way.index = TraversalRay::NO_RAY;
             }
             // SAFETY: the caller's contract.
             let Some(way) = (unsafe { supply.next::<S>(answers) }) else { continue };
@@ -344,11 +336,11 @@ unsafe fn fly<S: Simd, L: Leaves>(
 
 /// Where lanes get their rays: made ready 32 at a time.
 struct Supply<'a> {
-    batch: Batch<'a>,
+    batch: RayBatch<'a>,
     /// The first ray not yet made ready.
     next: usize,
     ready: &'a mut PreparedRays,
-    ways: &'a mut [Way; CHUNK],
+    ways: &'a mut [TraversalRay; CHUNK],
     /// Rays of `ready` not yet handed out.
     left: u32,
     packet: &'a mut Packet,
@@ -361,9 +353,9 @@ impl Supply<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&Way> {
+    unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&TraversalRay> {
         while self.left == 0 {
-            let Batch { scene, rays, options, query, .. } = self.batch;
+            let RayBatch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {
                 return None;
             }
@@ -404,11 +396,11 @@ impl Supply<'_> {
                 let lane = special.trailing_zeros() as usize;
                 special &= special - 1;
                 match self.with_care(&chunk[lane]) {
-                    Care::Way(way) => {
-                        self.ways[lane] = Way { index: (start + lane) as u32, ..way };
+                    ScalarOutcome::TraversalRay(way) => {
+                        self.ways[lane] = TraversalRay { index: (start + lane) as u32, ..way };
                         self.left |= 1 << lane;
                     }
-                    Care::Answer(hit) => answers.set(start + lane, hit),
+                    ScalarOutcome::Answer(hit) => answers.set(start + lane, hit),
                 }
             }
         }
@@ -423,9 +415,9 @@ impl Supply<'_> {
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
-        let Batch { blocks, scene, options, query, .. } = self.batch;
+        let RayBatch { blocks, scene, options, query, .. } = self.batch;
         // Packets test blocks as they are stored.
-        if options.accuracy == Accuracy::Exact || blocks.indexed().is_some() {
+        if options.accuracy == Accuracy::Exact || IndexedLeaves::of(blocks).is_some() {
             return;
         }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
@@ -463,10 +455,10 @@ impl Supply<'_> {
     /// A ray that is not made ready in vectors: one that starts far away is moved, by the core, and goes the way of all
     /// others then; the few that are left are traced alone.
     #[cold]
-    fn with_care(&self, ray: &Ray) -> Care {
-        let Batch { blocks, scene, options, query, .. } = self.batch;
-        Way::with_care(ray, scene, options.accuracy, query).unwrap_or_else(|| {
-            Care::Answer(if options.accuracy == Accuracy::Exact {
+    fn with_care(&self, ray: &Ray) -> ScalarOutcome {
+        let RayBatch { blocks, scene, options, query, .. } = self.batch;
+        TraversalRay::with_care(ray, scene, options.accuracy, query).unwrap_or_else(|| {
+            ScalarOutcome::Answer(if options.accuracy == Accuracy::Exact {
                 exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
             } else {
                 reference::trace(blocks, scene, ray, options, query)

@@ -7,7 +7,7 @@ use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::exact::Walker;
 use splitplane_core::intersect::PreparedRay;
 
-use super::blocks::WalkNode;
+use crate::layout::walk_node::WalkNode;
 
 /// A ray among planes, in `f32` or `f64`.
 pub(crate) trait Walk {
@@ -57,11 +57,11 @@ pub(crate) fn walk<W: Walk>(
     let mut top = 0;
     let mut node = 0u32;
     loop {
-        let WalkNode { word, tagged } = nodes[node as usize];
-        let axis = (tagged & 3) as usize;
+        let at = *nodes[node as usize].node();
+        let axis = at.axis_index() as usize;
         if axis < 3 {
-            let (least, greatest) = ray.plane_interval(axis, f32::from_bits(word));
-            let (left, right) = (node + 1, tagged >> WalkNode::SHIFT);
+            let (least, greatest) = ray.plane_interval(axis, at.split());
+            let (left, right) = (node + 1, at.right());
             let (near, far) = if ray.is_backwards(axis) { (right, left) } else { (left, right) };
             if greatest < enter {
                 node = far;

@@ -12,7 +12,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Culling;
 
 use super::refined::{Pairs, Refined};
-use super::simd::{MOST_LANES, Simd};
+use crate::simd::{MOST_LANES, Simd};
 
 /// A corner of triangles as rays see it.
 #[derive(Clone, Copy)]
@@ -393,8 +393,8 @@ mod tests {
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::query::InstructionSet;
-    use crate::query::simd::Compiled;
+    use crate::simd::Compiled;
+    use crate::simd::InstructionSet;
 
     /// A ray towards a point of a large triangle, from nearby, at any angle.
     fn pair(round: usize, scene: &SceneScale, random: &mut Random) -> (PreparedRay, Triangle) {

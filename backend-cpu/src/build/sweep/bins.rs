@@ -10,15 +10,15 @@ use rayon::prelude::*;
 use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 
-use super::cost::{Best, Cell, Costs, LOWER, Split};
-use super::grid::{Faces, Grid, MOST, Places, count_faces};
-use super::ledger::Ledger;
+use super::atomic_memory::AtomicMemory;
+use super::cost::{BestSplit, Cell, LOWER, Split, SplitCosts};
+use super::events::{Event, Face, event, sweep};
+use super::grid::{FaceBins, FaceCounts, Grid, MOST, count_faces};
 use super::matches::Ranges;
 use super::small::Small;
-use super::sweep::{Event, Face, event, sweep};
-use crate::every_set::for_every_set;
-use crate::lookout::Lookout;
-use crate::query::InstructionSet;
+use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
+use crate::simd::every_set::for_every_set;
 
 /// References for each bin, roughly.
 const PER_BIN: usize = 4;
@@ -35,7 +35,7 @@ pub(super) const CHUNK: usize = 2048;
 /// Scratch of one thread.
 #[derive(Debug)]
 pub(super) struct Bins {
-    faces: Faces,
+    faces: FaceCounts,
     /// Lower bounds of the costs in a bin, in units of the cell's half area; infinite where there is no
     /// face.
     least: [[f32; MOST]; 3],
@@ -50,9 +50,9 @@ pub(super) struct Bins {
     /// Their events.
     events: Vec<Event>,
     /// The bins of each reference's faces.
-    places: Vec<Places>,
+    places: Vec<FaceBins>,
     /// What tasks find in parts of many references.
-    parts: Vec<Part>,
+    parts: Vec<BinPart>,
     /// For nodes that are too small for bins.
     pub small: Small,
 }
@@ -75,8 +75,8 @@ const CLOSED: u32 = u32::MAX;
 
 /// What one task finds.
 #[derive(Debug)]
-struct Part {
-    faces: Faces,
+struct BinPart {
+    faces: FaceCounts,
     /// Events in open bins, bin by bin.
     events: Vec<Event>,
     /// Where those of each open bin end.
@@ -101,15 +101,15 @@ impl Default for Bins {
 }
 
 /// What a search needs besides scratch.
-struct Search<'a> {
+struct BinSearch<'a> {
     set: InstructionSet,
-    costs: &'a Costs,
+    costs: &'a SplitCosts,
     cell: &'a Cell,
     references: &'a [Reference],
     grid: Grid,
     limit: f64,
-    ledger: &'a Ledger,
-    look: &'a Lookout<'a>,
+    memory: &'a AtomicMemory,
+    meter: &'a ProgressMeter<'a>,
 }
 
 /// The split of least (cost, axis, position) that costs less than `limit`.
@@ -119,19 +119,19 @@ struct Search<'a> {
 #[allow(clippy::too_many_arguments, reason = "a bundle of them would be made for each node")]
 pub(super) fn best_split(
     set: InstructionSet,
-    costs: &Costs,
+    costs: &SplitCosts,
     cell: &Cell,
     references: &[Reference],
     limit: f64,
     bins: &mut Bins,
-    ledger: &Ledger,
-    look: &Lookout<'_>,
+    memory: &AtomicMemory,
+    meter: &ProgressMeter<'_>,
 ) -> Result<Option<Split>, BuildError> {
     let count = (references.len() / PER_BIN).next_power_of_two().clamp(LEAST, MOST);
     let grid = Grid::new(cell, count);
-    let search = Search { set, costs, cell, references, grid, limit, ledger, look };
+    let search = BinSearch { set, costs, cell, references, grid, limit, memory, meter };
     let parallel = references.len() > 4 * CHUNK;
-    lengthen(ledger, &mut bins.places, references.len(), [0; 8])?;
+    lengthen(memory, &mut bins.places, references.len(), [0; 8])?;
     if parallel {
         search.count_parts(bins)?;
     } else {
@@ -140,42 +140,42 @@ pub(super) fn best_split(
         }
         count_faces(set, &search.grid, references, &mut bins.faces, &mut bins.places);
     }
-    look.check()?;
+    meter.check()?;
     // Any bin may turn out to be open.
     bins.open.clear();
-    ledger.reserve(&mut bins.open, 3 * count)?;
+    memory.reserve(&mut bins.open, 3 * count)?;
     let events = bound(set, bins, costs, cell, &search.grid, references.len() as u32, limit);
     if bins.open.is_empty() {
         return Ok(None);
     }
-    lengthen(ledger, &mut bins.events, events, 0)?;
+    lengthen(memory, &mut bins.events, events, 0)?;
     let split = if parallel { search.sweep_parts(bins, events)? } else { search.sweep(bins) };
-    look.check()?;
+    meter.check()?;
     Ok(split)
 }
 
 /// Makes a list at least so long.
 fn lengthen<T: Copy>(
-    ledger: &Ledger,
+    memory: &AtomicMemory,
     list: &mut Vec<T>,
     length: usize,
     filler: T,
 ) -> Result<(), BuildError> {
     if list.len() < length {
-        ledger.reserve(list, length - list.len())?;
+        memory.reserve(list, length - list.len())?;
         list.resize(list.capacity(), filler);
     }
     Ok(())
 }
 
-impl Search<'_> {
+impl BinSearch<'_> {
     /// Counts faces, part by part.
     fn count_parts(&self, bins: &mut Bins) -> Result<(), BuildError> {
         let parts = self.references.len().div_ceil(CHUNK);
         if bins.parts.len() < parts {
             let more = parts - bins.parts.len();
-            self.ledger.reserve(&mut bins.parts, more)?;
-            let part = || Part { faces: [[0; MOST]; 8], events: Vec::new(), ends: Vec::new() };
+            self.memory.reserve(&mut bins.parts, more)?;
+            let part = || BinPart { faces: [[0; MOST]; 8], events: Vec::new(), ends: Vec::new() };
             bins.parts.resize_with(parts, part);
         }
         let parts = &mut bins.parts[..parts];
@@ -184,7 +184,7 @@ impl Search<'_> {
             for faces in &mut part.faces {
                 faces[..self.grid.bins].fill(0);
             }
-            if !self.look.worked(references.len() as u64) {
+            if !self.meter.record_work(references.len() as u64) {
                 count_faces(self.set, &self.grid, references, &mut part.faces, places);
             }
         });
@@ -213,12 +213,12 @@ impl Search<'_> {
             }
         }
         bins.open.swap(0, first);
-        let mut best = Best::below(self.limit);
+        let mut best = BestSplit::below(self.limit);
         for open in &bins.open {
             if open.least > best.cost {
                 continue;
             }
-            if self.look.is_over() {
+            if self.meter.is_cancelled() {
                 break;
             }
             let events = &mut bins.events[open.first as usize..open.end as usize];
@@ -235,15 +235,15 @@ impl Search<'_> {
         let ranges = ranges(open);
         let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks(CHUNK));
         parts.par_iter_mut().zip(chunks).try_for_each(|(part, (references, places))| {
-            if self.look.worked(references.len() as u64) {
+            if self.meter.record_work(references.len() as u64) {
                 return Ok(());
             }
             let places = &places[..references.len()];
             self.collect(part, references, places, numbers, open.len(), &ranges)
         })?;
-        self.look.check()?;
+        self.meter.check()?;
         let mut events = &mut bins.events[..];
-        let mut lists = self.ledger.passing(open.len())?;
+        let mut lists = self.memory.temporary(open.len())?;
         for (number, open) in open.iter().enumerate() {
             let end = bins.open.get(number + 1).map_or(all, |next| next.first as usize);
             let (list, rest) = events.split_at_mut(end - open.first as usize);
@@ -258,7 +258,7 @@ impl Search<'_> {
             .into_par_iter()
             .with_max_len(1)
             .map(|(number, open, list)| {
-                let mut best = Best::below(self.limit);
+                let mut best = BestSplit::below(self.limit);
                 if open.least > f64::from_bits(least.load(Relaxed)) {
                     return best;
                 }
@@ -268,7 +268,7 @@ impl Search<'_> {
                     list[end..end + events.len()].copy_from_slice(events);
                     end += events.len();
                 }
-                if !self.look.worked(4 * end as u64) {
+                if !self.meter.record_work(4 * end as u64) {
                     let counts = counts(started, unfinished, open);
                     let axis = open.axis as usize;
                     sweep(self.costs, self.cell, axis, &mut list[..end], counts, &mut best);
@@ -278,7 +278,7 @@ impl Search<'_> {
                 best
             })
             .reduce(
-                || Best::below(self.limit),
+                || BestSplit::below(self.limit),
                 |mut one, other| {
                     if let Some(split) = other.split {
                         one.offer(split);
@@ -292,22 +292,22 @@ impl Search<'_> {
     /// The events of a part in open bins, bin by bin.
     fn collect(
         &self,
-        part: &mut Part,
+        part: &mut BinPart,
         references: &[Reference],
-        places: &[Places],
+        places: &[FaceBins],
         numbers: &Numbers,
         open: usize,
         ranges: &Ranges,
     ) -> Result<(), BuildError> {
-        lengthen(self.ledger, &mut part.ends, open, 0)?;
+        lengthen(self.memory, &mut part.ends, open, 0)?;
         part.ends[..open].fill(0);
         let all = count_events(self.set, ranges, places, numbers, &mut part.ends[..open]);
-        lengthen(self.ledger, &mut part.events, all as usize, 0)?;
+        lengthen(self.memory, &mut part.events, all as usize, 0)?;
         let mut first = 0;
         for end in &mut part.ends[..open] {
             first += core::mem::replace(end, first);
         }
-        let Part { events, ends, .. } = part;
+        let BinPart { events, ends, .. } = part;
         place_events(self.set, ranges, references, places, numbers, ends, events);
         Ok(())
     }
@@ -316,7 +316,7 @@ impl Search<'_> {
 /// In place of the upper face of a planar reference: sorted behind all events.
 const NOTHING: Event = Event::MAX;
 
-impl Part {
+impl BinPart {
     /// The events of an open bin.
     fn of(&self, number: usize) -> &[Event] {
         let first = number.checked_sub(1).map_or(0, |before| self.ends[before]);
@@ -362,11 +362,11 @@ impl Bins {
     pub fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();
         let events = self.events.capacity() * size_of::<Event>();
-        let places = self.places.capacity() * size_of::<Places>();
-        let part = |part: &Part| {
+        let places = self.places.capacity() * size_of::<FaceBins>();
+        let part = |part: &BinPart| {
             (part.events.capacity() * size_of::<Event>() + part.ends.capacity() * 4) as u64
         };
-        let parts = (self.parts.capacity() * size_of::<Part>()) as u64;
+        let parts = (self.parts.capacity() * size_of::<BinPart>()) as u64;
         (open + events + places) as u64 + parts + self.parts.iter().map(part).sum::<u64>()
     }
 }
@@ -376,7 +376,7 @@ for_every_set! {
     /// events they may have.
     fn bound<S>(
         bins: &mut Bins,
-        costs: &Costs,
+        costs: &SplitCosts,
         cell: &Cell,
         grid: &Grid,
         count: u32,
@@ -474,7 +474,7 @@ for_every_set! {
     fn gather<S>(
         ranges: &Ranges,
         references: &[Reference],
-        places: &[Places],
+        places: &[FaceBins],
         numbers: &Numbers,
         open: &mut [Open],
         events: &mut [Event],
@@ -495,7 +495,7 @@ for_every_set! {
     /// Counts the events in each open bin. Returns how many there are in all.
     fn count_events<S>(
         ranges: &Ranges,
-        places: &[Places],
+        places: &[FaceBins],
         numbers: &Numbers,
         counts: &mut [u32],
     ) -> u32 {
@@ -516,7 +516,7 @@ for_every_set! {
     fn place_events<S>(
         ranges: &Ranges,
         references: &[Reference],
-        places: &[Places],
+        places: &[FaceBins],
         numbers: &Numbers,
         ends: &mut [u32],
         events: &mut [Event],
@@ -535,15 +535,15 @@ for_every_set! {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::best::oracle;
-    use crate::buffers::Memory;
-    use crate::lookout::UNWATCHED;
+    use crate::build::sweep::oracle;
+    use crate::cancel::UNWATCHED;
+    use crate::memory::Memory;
     use splitplane_test_support::random::Random;
 
     #[test]
     fn the_split_is_that_of_a_search_over_all() {
         let mut random = Random::new(8);
-        let (ledger, mut bins) = (Ledger::new(Memory::default()), Bins::default());
+        let (memory, mut bins) = (AtomicMemory::new(Memory::default()), Bins::default());
         let mut found = 0;
         for round in 0..300 {
             let both = oracle::costs(&mut random);
@@ -556,10 +556,10 @@ mod tests {
             for limit in [f64::INFINITY, costs.leaf(cell.area, count as u32)] {
                 let expected = oracle::best_split(costs, &cell, &references, limit);
                 for set in InstructionSet::available() {
-                    let (ledger, look) = (&ledger, &UNWATCHED);
+                    let (memory, meter) = (&memory, &UNWATCHED);
                     let (bins, references) = (&mut bins, &references);
                     let split =
-                        best_split(set, costs, &cell, references, limit, bins, ledger, look);
+                        best_split(set, costs, &cell, references, limit, bins, memory, meter);
                     assert_eq!(split.unwrap(), expected, "{set:?} {round} {limit}");
                 }
                 found += usize::from(expected.is_some());
@@ -571,7 +571,7 @@ mod tests {
     #[test]
     fn many_tasks_find_what_one_finds() {
         let mut random = Random::new(9);
-        let ledger = Ledger::new(Memory::default());
+        let memory = AtomicMemory::new(Memory::default());
         let (mut one, mut many) = (Bins::default(), Bins::default());
         for round in 0..12 {
             let both = oracle::costs(&mut random);
@@ -582,19 +582,19 @@ mod tests {
                 continue;
             }
             for set in InstructionSet::available() {
-                let search = Search {
+                let search = BinSearch {
                     set,
                     costs,
                     cell: &cell,
                     references: &references,
                     grid: Grid::new(&cell, MOST),
                     limit: f64::INFINITY,
-                    ledger: &ledger,
-                    look: &UNWATCHED,
+                    memory: &memory,
+                    meter: &UNWATCHED,
                 };
                 let mut events = [0; 2];
                 for (bins, events) in [&mut one, &mut many].into_iter().zip(&mut events) {
-                    lengthen(&ledger, &mut bins.places, count, [0; 8]).unwrap();
+                    lengthen(&memory, &mut bins.places, count, [0; 8]).unwrap();
                     bins.faces = [[0; MOST]; 8];
                     count_faces(set, &search.grid, &references, &mut bins.faces, &mut bins.places);
                     let faces = bins.faces;
@@ -604,7 +604,7 @@ mod tests {
                     }
                     let limit = f64::INFINITY;
                     *events = bound(set, bins, costs, &cell, &search.grid, count as u32, limit);
-                    lengthen(&ledger, &mut bins.events, *events, 0).unwrap();
+                    lengthen(&memory, &mut bins.events, *events, 0).unwrap();
                 }
                 // Where no plane lies inside, no bin is open, and neither is asked.
                 if one.open.is_empty() {

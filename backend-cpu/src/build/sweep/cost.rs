@@ -16,7 +16,7 @@ pub(super) const STEPS: usize = 128;
 
 /// What of the configuration decides.
 #[derive(Clone, Debug)]
-pub(super) struct Costs {
+pub(super) struct SplitCosts {
     /// K_T.
     pub traversal: f64,
     /// K_I.
@@ -33,21 +33,21 @@ pub(super) struct Costs {
     inverse: f64,
     /// Whether children are taken for leaves when planes are compared, too.
     pub leaves: bool,
-    /// [`Costs::expected`] of the blocks of so many references.
+    /// [`SplitCosts::expected`] of the blocks of so many references.
     known: [f64; KNOWN],
     /// What one block more than so many is expected to cost, times K_I; rounded.
     pub steps: [f32; STEPS],
 }
 
-impl Costs {
+impl SplitCosts {
     /// The costs of a configuration, and the same with children taken for leaves throughout.
-    pub fn both(config: &BuildConfig) -> [Costs; 2] {
-        [Costs::of(config, false), Costs::of(config, true)]
+    pub fn both(config: &BuildConfig) -> [SplitCosts; 2] {
+        [SplitCosts::of(config, false), SplitCosts::of(config, true)]
     }
 
-    fn of(config: &BuildConfig, leaves: bool) -> Costs {
+    fn of(config: &BuildConfig, leaves: bool) -> SplitCosts {
         let width = config.block_width;
-        let mut costs = Costs {
+        let mut costs = SplitCosts {
             traversal: f64::from(config.traversal_cost),
             intersection: f64::from(config.intersection_cost),
             width,
@@ -104,15 +104,15 @@ impl Costs {
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
-    /// The same with children that cost what [`Costs::expected`] says: what planes are compared by. Up to
-    /// four blocks in all it is [`Costs::split`].
+    /// The same with children that cost what [`SplitCosts::expected`] says: what planes are compared by. Up to
+    /// four blocks in all it is [`SplitCosts::split`].
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = counts.map(|n| self.expected_of(n));
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
-    /// [`Costs::expected`] of the blocks of `n` references.
+    /// [`SplitCosts::expected`] of the blocks of `n` references.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected_of(&self, n: u32) -> f64 {
         match self.known.get(n as usize) {
@@ -127,7 +127,7 @@ impl Costs {
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
     }
 
-    /// Whether [`Costs::expected_split`] is [`Costs::split`] for every split of so many references.
+    /// Whether [`SplitCosts::expected_split`] is [`SplitCosts::split`] for every split of so many references.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn few(&self, count: u32) -> bool {
         self.leaves || count <= 4 * self.width
@@ -195,7 +195,7 @@ pub(super) struct Cell {
 
 impl Cell {
     /// A cell; extents cannot overflow in `f64`.
-    pub fn new(costs: &Costs, bounds: &Aabb) -> Cell {
+    pub fn new(costs: &SplitCosts, bounds: &Aabb) -> Cell {
         let (lo, hi) = (bounds.lo.map(f64::from), bounds.hi.map(f64::from));
         let extents = [0, 1, 2].map(|axis| hi[axis] - lo[axis]);
         let area = half_area(extents);
@@ -222,7 +222,7 @@ impl Cell {
 /// A plane, and what it makes of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
-    /// [`Costs::expected_split`].
+    /// [`SplitCosts::expected_split`].
     pub cost: f64,
     /// Axis the plane is perpendicular to, 0 to 2.
     pub axis: usize,
@@ -236,17 +236,17 @@ pub(super) struct Split {
 
 /// The best split so far.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Best {
+pub(super) struct BestSplit {
     /// Its cost, or what a split must cost less than.
     pub cost: f64,
     /// The split.
     pub split: Option<Split>,
 }
 
-impl Best {
+impl BestSplit {
     /// None so far, and none of `limit` or more wanted.
-    pub fn below(limit: f64) -> Best {
-        Best { cost: limit, split: None }
+    pub fn below(limit: f64) -> BestSplit {
+        BestSplit { cost: limit, split: None }
     }
 
     /// Takes the better one of this and a plane with so many references that start before it, are planar
@@ -254,7 +254,7 @@ impl Best {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn consider(
         &mut self,
-        costs: &Costs,
+        costs: &SplitCosts,
         cell: &Cell,
         axis: usize,
         position: f32,
@@ -288,7 +288,7 @@ impl Best {
             }
         };
         if better {
-            *self = Best { cost: split.cost, split: Some(split) };
+            *self = BestSplit { cost: split.cost, split: Some(split) };
         }
     }
 }
@@ -300,7 +300,8 @@ mod tests {
     #[test]
     fn blocks_are_rounded_up_quotients() {
         for block_width in 1..=64 {
-            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() }, false);
+            let costs =
+                SplitCosts::of(&BuildConfig { block_width, ..BuildConfig::default() }, false);
             let check =
                 |n: u32| assert_eq!(costs.blocks(n), f64::from(n.div_ceil(block_width)), "{n}");
             (0..1000).for_each(check);
@@ -315,8 +316,8 @@ mod tests {
 
     #[test]
     fn expected_costs_never_fall_and_are_those_in_whole_numbers() {
-        let costs = Costs::of(&BuildConfig::default(), false);
-        assert_eq!(Costs::of(&BuildConfig::default(), true).expected(77.0), 77.0);
+        let costs = SplitCosts::of(&BuildConfig::default(), false);
+        assert_eq!(SplitCosts::of(&BuildConfig::default(), true).expected(77.0), 77.0);
         let mut last = 0.0;
         for blocks in 0..100_000u32 {
             let found = costs.expected(f64::from(blocks));
@@ -336,7 +337,7 @@ mod tests {
         assert_eq!(half_area([2.0, 3.0, 4.0]), 26.0);
         assert_eq!(half_area([2.0, 3.0, 0.0]), 6.0);
         assert_eq!(half_area([0.0, 3.0, 0.0]), 3.0);
-        let costs = Costs::of(&BuildConfig::default(), false);
+        let costs = SplitCosts::of(&BuildConfig::default(), false);
         let cell = Cell::new(&costs, &Aabb { lo: [0.0, 1.0, 0.0], hi: [0.0, 4.0, 0.0] });
         assert_eq!(cell.axes[1].at(2.0), [1.0, 2.0]);
     }

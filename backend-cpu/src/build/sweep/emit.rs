@@ -6,10 +6,10 @@ use std::collections::TryReserveError;
 use splitplane_core::backend::BuildError;
 use splitplane_core::node::{Axis, KdNode, NodeKind};
 
-use super::subtree::{Worker, union};
-use crate::buffers::boxed;
-use crate::lookout::Lookout;
-use crate::query::WalkNode;
+use super::thread_scratch::ThreadScratch;
+use crate::build::MOST_NODES;
+use crate::cancel::ProgressMeter;
+use crate::memory::boxed;
 
 /// A finished subtree.
 #[derive(Debug)]
@@ -17,17 +17,17 @@ pub(super) enum Built {
     /// One that a single thread built.
     Whole(Subtree),
     /// A node with two children.
-    Split(Box<Parts>),
+    Split(Box<Children>),
     /// One leaf.
     Leaf(Vec<u32>),
     /// A node that is a leaf after all: the references of its children, each once.
-    Retracted(Box<Parts>),
+    Retracted(Box<Children>),
 }
 
-/// Where a subtree is in what a [`Worker`] has built; indices count from its start.
+/// Where a subtree is in what a [`ThreadScratch`] has built; indices count from its start.
 #[derive(Debug)]
 pub(super) struct Subtree {
-    /// [`Worker::number`].
+    /// [`ThreadScratch::number`].
     pub worker: usize,
     pub nodes: Range<usize>,
     pub references: Range<usize>,
@@ -35,7 +35,7 @@ pub(super) struct Subtree {
 
 /// A node with two children.
 #[derive(Debug)]
-pub(super) struct Parts {
+pub(super) struct Children {
     axis: Axis,
     position: f32,
     left: Built,
@@ -57,7 +57,7 @@ impl Built {
     ) -> Result<Built, TryReserveError> {
         let nodes = 1 + left.nodes() + right.nodes();
         let references = left.references() + right.references();
-        boxed(|| Parts { axis, position, left, right, nodes, references }).map(Built::Split)
+        boxed(|| Children { axis, position, left, right, nodes, references }).map(Built::Split)
     }
 
     /// A leaf of all that its children's leaves have: so many references.
@@ -66,7 +66,8 @@ impl Built {
     /// No memory for it.
     pub fn retracted(left: Built, right: Built, references: u64) -> Result<Built, TryReserveError> {
         let (axis, position) = (Axis::X, 0.0);
-        boxed(|| Parts { axis, position, left, right, nodes: 1, references }).map(Built::Retracted)
+        boxed(|| Children { axis, position, left, right, nodes: 1, references })
+            .map(Built::Retracted)
     }
 
     /// How many nodes it has.
@@ -88,7 +89,11 @@ impl Built {
     }
 
     /// Appends the references of all leaves.
-    fn collect(&self, workers: &[&Worker], out: &mut Vec<u32>) -> Result<(), TryReserveError> {
+    fn collect(
+        &self,
+        workers: &[&ThreadScratch],
+        out: &mut Vec<u32>,
+    ) -> Result<(), TryReserveError> {
         let references = match self {
             Built::Whole(subtree) => subtree.references_in(workers),
             Built::Split(parts) | Built::Retracted(parts) => {
@@ -119,7 +124,7 @@ impl Built {
     /// More than the format can address.
     pub fn check_size(&self) -> Result<(usize, usize), BuildError> {
         let (nodes, references) = (self.nodes(), self.references());
-        if nodes > u64::from(WalkNode::MOST) || references > u64::from(u32::MAX) {
+        if nodes > u64::from(MOST_NODES) || references > u64::from(u32::MAX) {
             return Err(BuildError::TooLarge { nodes, references });
         }
         Ok((nodes as usize, references as usize))
@@ -132,25 +137,25 @@ impl Built {
     /// Less memory than putting leaves together takes.
     pub fn emit(
         &self,
-        look: &Lookout<'_>,
-        workers: &[&Worker],
+        meter: &ProgressMeter<'_>,
+        workers: &[&ThreadScratch],
         nodes: &mut [KdNode],
         references: &mut [u32],
     ) -> Result<(), TryReserveError> {
-        self.emit_at(look, workers, nodes, references, [0, 0])
+        self.emit_at(meter, workers, nodes, references, [0, 0])
     }
 
     /// Writes the subtree to arrays of its size, which begin at these indices of the tree: of nodes and
     /// of references.
     fn emit_at(
         &self,
-        look: &Lookout<'_>,
-        workers: &[&Worker],
+        meter: &ProgressMeter<'_>,
+        workers: &[&ThreadScratch],
         nodes: &mut [KdNode],
         references: &mut [u32],
         first: [u32; 2],
     ) -> Result<(), TryReserveError> {
-        if look.is_over() {
+        if meter.is_cancelled() {
             return Ok(());
         }
         let [first_node, first_reference] = first;
@@ -167,11 +172,11 @@ impl Built {
                         }
                     };
                 }
-                look.advance(nodes.len() as u64);
-                look.worked((nodes.len() + references.len()) as u64 / 2);
+                meter.advance(nodes.len() as u64);
+                meter.record_work((nodes.len() + references.len()) as u64 / 2);
             }
             Built::Split(parts) => {
-                look.advance(1);
+                meter.advance(1);
                 let (left_nodes, left_references) = (parts.left.nodes(), parts.left.references());
                 let Some((root, nodes)) = nodes.split_first_mut() else { return Ok(()) };
                 let right_node = first_node + 1 + left_nodes as u32;
@@ -181,13 +186,13 @@ impl Built {
                 let near_first = [first_node + 1, first_reference];
                 let far_first = [right_node, first_reference + left_references as u32];
                 let (left, right) = rayon::join(
-                    || parts.left.emit_at(look, workers, nodes, references, near_first),
-                    || parts.right.emit_at(look, workers, far_nodes, far, far_first),
+                    || parts.left.emit_at(meter, workers, nodes, references, near_first),
+                    || parts.right.emit_at(meter, workers, far_nodes, far, far_first),
                 );
                 left.and(right)?;
             }
             Built::Leaf(_) | Built::Retracted(_) => {
-                look.advance(1);
+                meter.advance(1);
                 let mut all = Vec::new();
                 self.collect(workers, &mut all)?;
                 union(&mut all, 0);
@@ -205,11 +210,38 @@ impl Built {
 }
 
 impl Subtree {
-    fn nodes_in<'w>(&self, workers: &[&'w Worker]) -> &'w [KdNode] {
+    fn nodes_in<'w>(&self, workers: &[&'w ThreadScratch]) -> &'w [KdNode] {
         &workers[self.worker].nodes[self.nodes.clone()]
     }
 
-    fn references_in<'w>(&self, workers: &[&'w Worker]) -> &'w [u32] {
+    fn references_in<'w>(&self, workers: &[&'w ThreadScratch]) -> &'w [u32] {
         &workers[self.worker].references[self.references.clone()]
+    }
+}
+
+/// Makes one leaf of all from `first` on: in order, each once. Returns how many there are.
+pub(super) fn union(references: &mut Vec<u32>, first: usize) -> u32 {
+    references[first..].sort_unstable();
+    let mut end = first;
+    for i in first..references.len() {
+        if end == first || references[end - 1] != references[i] {
+            references[end] = references[i];
+            end += 1;
+        }
+    }
+    references.truncate(end);
+    (end - first) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_union_is_in_order_and_without_repeats() {
+        let mut references = vec![9, 9, 5, 3, 5, 9, 1];
+        assert_eq!(union(&mut references, 2), 4);
+        assert_eq!(references, [9, 9, 1, 3, 5, 9]);
+        assert_eq!(union(&mut references, 6), 0);
     }
 }

@@ -2,7 +2,7 @@
 
 use splitplane_core::arithmetic::ordered_bits;
 
-use super::cost::{Best, Cell, Costs};
+use super::cost::{BestSplit, Cell, SplitCosts};
 
 /// An event: a face of a reference's bounds. Sorts by position, then by kind.
 pub(super) type Event = u64;
@@ -36,12 +36,12 @@ fn position(event: Event) -> f32 {
 /// before the range, `unfinished` ones do not end before it; both count those planar.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(super) fn sweep(
-    costs: &Costs,
+    costs: &SplitCosts,
     cell: &Cell,
     axis: usize,
     events: &mut [Event],
     [mut started, mut unfinished]: [u32; 2],
-    best: &mut Best,
+    best: &mut BestSplit,
 ) {
     events.sort_unstable();
     let mut i = 0;

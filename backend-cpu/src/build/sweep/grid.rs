@@ -3,7 +3,7 @@
 use splitplane_core::layout::Reference;
 
 use super::cost::Cell;
-use crate::every_set::for_every_set;
+use crate::simd::every_set::for_every_set;
 
 /// Most bins of an axis; a power of two.
 pub(super) const MOST: usize = 256;
@@ -17,10 +17,10 @@ const SLACK: f32 = 1.0 / 524_288.0; // 2^-19
 
 /// Faces by word of a reference and bin: three words of lower faces, one that is none, three of upper
 /// faces, one that is none.
-pub(super) type Faces = [[u32; MOST]; 8];
+pub(super) type FaceCounts = [[u32; MOST]; 8];
 
 /// The bins of a reference's faces, by word.
-pub(super) type Places = [u8; 8];
+pub(super) type FaceBins = [u8; 8];
 
 /// Bins of a cell. Words are those of a [`Reference`]: three lower faces, the triangle, three upper
 /// faces, padding; the two that are no faces land somewhere, unused.
@@ -91,8 +91,8 @@ for_every_set! {
     pub(super) fn count_faces<S>(
         grid: &Grid,
         references: &[Reference],
-        faces: &mut Faces,
-        places: &mut [Places],
+        faces: &mut FaceCounts,
+        places: &mut [FaceBins],
     ) -> () {
         let [x, y, z, _, far_x, far_y, far_z, _] = faces;
         for (reference, place) in references.iter().zip(places) {

@@ -1,7 +1,7 @@
 //! Which faces lie in a range of bins, eight references at a time.
 
-use super::grid::Places;
-use crate::query::Simd;
+use super::grid::FaceBins;
+use crate::simd::Simd;
 
 /// References that are looked at together.
 pub(super) const AT_ONCE: usize = 8;
@@ -32,7 +32,7 @@ impl Ranges {
 
     /// Calls `found` with every word that is in its range: its reference's number and its own.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn search<S: Simd>(&self, places: &[Places], mut found: impl FnMut(usize, usize)) {
+    pub fn search<S: Simd>(&self, places: &[FaceBins], mut found: impl FnMut(usize, usize)) {
         for (block, chunk) in places.chunks(AT_ONCE).enumerate() {
             let mut bits = match chunk.first_chunk() {
                 Some(chunk) => self.of::<S>(chunk),
@@ -52,37 +52,21 @@ impl Ranges {
 
     /// The words of eight references that are in their ranges, a bit each.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn of<S: Simd>(&self, places: &[Places; AT_ONCE]) -> u64 {
-        #[cfg(target_arch = "x86_64")]
-        if S::AVX512 {
-            use core::arch::x86_64::*;
-            // SAFETY: what is compiled for a set runs where the processor has it. Loads of 64 bytes, as
-            // many as there are.
-            return unsafe {
-                let places = _mm512_loadu_si512(places.as_ptr().cast());
-                let first = _mm512_loadu_si512(self.first.as_ptr().cast());
-                let span = _mm512_loadu_si512(self.span.as_ptr().cast());
-                _mm512_mask_cmple_epu8_mask(self.there, _mm512_sub_epi8(places, first), span)
-            };
-        }
-        let mut bits = 0;
-        for bit in 0..64 {
-            let inside = places[bit / 8][bit % 8].wrapping_sub(self.first[bit]) <= self.span[bit];
-            bits |= u64::from(inside) << bit;
-        }
-        bits & self.there
+    fn of<S: Simd>(&self, places: &[FaceBins; AT_ONCE]) -> u64 {
+        // SAFETY: what is compiled for a set runs where the processor has it.
+        unsafe { S::bytes_in_ranges(places, &self.first, &self.span, self.there) }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::every_set::for_every_set;
-    use crate::query::InstructionSet;
+    use crate::simd::InstructionSet;
+    use crate::simd::every_set::for_every_set;
     use splitplane_test_support::random::Random;
 
     for_every_set! {
-        fn searched<S>(ranges: &Ranges, places: &[Places]) -> Vec<(usize, usize)> {
+        fn searched<S>(ranges: &Ranges, places: &[FaceBins]) -> Vec<(usize, usize)> {
             let mut found = Vec::new();
             ranges.search::<S>(places, |i, word| found.push((i, word)));
             found
@@ -93,7 +77,7 @@ mod tests {
     fn every_set_finds_what_is_in_range() {
         let mut random = Random::new(5);
         for round in 0..200 {
-            let places: Vec<Places> = (0..random.below(40))
+            let places: Vec<FaceBins> = (0..random.below(40))
                 .map(|_| [0; 8].map(|_: u8| random.below(256) as u8))
                 .collect();
             let axes = [0, 1, 2].map(|axis| {

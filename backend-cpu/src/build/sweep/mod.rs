@@ -38,13 +38,14 @@
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or
 //! time: costs are `f64` operations that round once, in a fixed order.
 
+mod atomic_memory;
 mod bins;
-pub mod clip;
+pub(crate) mod clip;
+mod context;
 mod cost;
 mod emit;
+mod events;
 mod grid;
-mod lanes;
-mod ledger;
 mod matches;
 mod node;
 #[cfg(test)]
@@ -52,7 +53,7 @@ mod oracle;
 mod partition;
 mod small;
 mod subtree;
-mod sweep;
+mod thread_scratch;
 mod top;
 
 use core::sync::atomic::AtomicUsize;
@@ -63,15 +64,16 @@ use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::Counter;
 use splitplane_core::watch::Stage;
 
-use crate::buffers::{Buffers, Memory};
-use crate::lookout::Lookout;
-use crate::query::InstructionSet;
-use cost::Costs;
-use ledger::Ledger;
-use node::Node;
-use top::Builder;
+use crate::build::twin::buffers::Buffers;
+use crate::cancel::ProgressMeter;
+use crate::memory::Memory;
+use crate::simd::InstructionSet;
+use atomic_memory::AtomicMemory;
+use context::BuildContext;
+use cost::SplitCosts;
+use node::OpenNode;
 
-pub(crate) use top::Scratch;
+pub(super) use context::Scratch;
 
 /// References copied between two looks at the watch.
 const PIECE: usize = 1 << 13;
@@ -85,52 +87,52 @@ const PIECE: usize = 1 << 13;
 pub(crate) fn build(
     config: &BuildConfig,
     set: InstructionSet,
-    buffers: &mut Buffers,
+    (buffers, scratch): (&mut Buffers, &mut Scratch),
     memory: &mut Memory,
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
 ) -> Result<(usize, usize), BuildError> {
     let references = buffers.counters[Counter::ActiveReferences] as usize;
-    let ledger = Ledger::new(*memory);
-    let workers = AtomicUsize::new(buffers.best.begin());
+    let shared = AtomicMemory::new(*memory);
+    let workers = AtomicUsize::new(scratch.begin());
     // Tens of kilobytes, which are moved nowhere: unless this is optimised they would be on the stack twice.
-    let costs = Costs::both(config);
+    let costs = SplitCosts::both(config);
     let built = {
-        let builder = Builder {
+        let builder = BuildContext {
             costs: &costs,
             clip: config.clip,
             set,
             triangles: &buffers.triangles,
-            ledger: &ledger,
-            scratch: &buffers.best,
+            memory: &shared,
+            scratch: scratch,
             workers,
-            look,
+            meter,
         };
         let count = references as u32;
-        let root = Node::root(buffers.root_bounds, u64::from(config.reference_cap(count)));
+        let root = OpenNode::root(buffers.root_bounds, u64::from(config.reference_cap(count)));
         // The shares of the leaves add up to the root's.
-        look.begin(Stage::Offline, root.budget);
+        meter.begin_stage(Stage::Offline, root.budget);
         let mut list = builder.list(references)?;
         let from = buffers.references[..references].par_chunks(PIECE);
         list[..references].par_chunks_mut(PIECE).zip(from).for_each(|(list, references)| {
-            if !look.worked(references.len() as u64) {
+            if !meter.record_work(references.len() as u64) {
                 list.copy_from_slice(references);
             }
         });
-        look.check()?;
+        meter.check()?;
         builder.build(list, references, &root)?.0
     };
-    look.finish();
-    look.check()?;
-    *memory = ledger.close();
+    meter.finish_stage();
+    meter.check()?;
+    *memory = shared.total();
     let (nodes, references) = built.check_size()?;
-    look.begin(Stage::Output, nodes as u64);
-    memory.grow_watched(&mut buffers.nodes, nodes, look)?;
-    memory.grow_watched(&mut buffers.leaf_references, references, look)?;
-    let workers = buffers.best.workers().map_err(|_| memory.lacking())?;
+    meter.begin_stage(Stage::Output, nodes as u64);
+    memory.grow_watched(&mut buffers.nodes, nodes, meter)?;
+    memory.grow_watched(&mut buffers.leaf_references, references, meter)?;
+    let workers = scratch.workers().map_err(|_| memory.lacking())?;
     let out = (&mut buffers.nodes[..nodes], &mut buffers.leaf_references[..references]);
-    built.emit(look, &workers, out.0, out.1).map_err(|_| memory.lacking())?;
-    look.finish();
-    look.check()?;
+    built.emit(meter, &workers, out.0, out.1).map_err(|_| memory.lacking())?;
+    meter.finish_stage();
+    meter.check()?;
     // What has been emitted is dropped here.
     memory.held -= built.bytes();
     Ok((nodes, references))

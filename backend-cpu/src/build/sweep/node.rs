@@ -6,16 +6,17 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::sah::Extents;
 
-use super::bins::{self, Bins};
-use super::cost::{Best, Cell, Costs, Split};
-use super::ledger::Ledger;
+use super::atomic_memory::AtomicMemory;
+use super::bins;
+use super::bins::Bins;
+use super::cost::{BestSplit, Cell, Split, SplitCosts};
 use super::small;
-use crate::lookout::Lookout;
-use crate::query::InstructionSet;
+use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
 
 /// A node besides its references.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Node {
+pub(super) struct OpenNode {
     /// Its cell.
     pub cell: Aabb,
     /// Levels below the root.
@@ -28,29 +29,29 @@ pub(super) struct Node {
 
 /// What is done with a node that is split.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Decision {
+pub(super) struct SplitDecision {
     /// The plane.
     pub split: Split,
-    /// [`Node::bad`] of the children.
+    /// [`OpenNode::bad`] of the children.
     pub bad: u32,
 }
 
-impl Node {
+impl OpenNode {
     /// The root. A cell without references is never looked at.
-    pub fn root(cell: Aabb, budget: u64) -> Node {
-        Node { cell, depth: 0, bad: 0, budget }
+    pub fn root(cell: Aabb, budget: u64) -> OpenNode {
+        OpenNode { cell, depth: 0, bad: 0, budget }
     }
 
     /// The two children of a decision, when so many references went either way. The budget is handed down
     /// in proportion to them, so that it binds in the same place whoever builds which child first.
-    pub fn children(&self, decision: &Decision, counts: [usize; 2]) -> [Node; 2] {
+    pub fn children(&self, decision: &SplitDecision, counts: [usize; 2]) -> [OpenNode; 2] {
         let [left, right] = counts.map(|n| n as u64);
         // At most 2^30 each, so the product fits. What a child gets is never below its references.
         let share = (self.budget * left).checked_div(left + right).unwrap_or(0);
         let (mut below, mut above) = (self.cell, self.cell);
         below.hi[decision.split.axis] = decision.split.position;
         above.lo[decision.split.axis] = decision.split.position;
-        [(below, share), (above, self.budget - share)].map(|(cell, budget)| Node {
+        [(below, share), (above, self.budget - share)].map(|(cell, budget)| OpenNode {
             cell,
             depth: self.depth + 1,
             bad: decision.bad,
@@ -66,14 +67,14 @@ impl Node {
     #[inline]
     pub fn decide(
         &self,
-        [costs, of_leaves]: &[Costs; 2],
+        [costs, of_leaves]: &[SplitCosts; 2],
         set: InstructionSet,
         cell: &Cell,
         references: &[Reference],
         bins: &mut Bins,
-        ledger: &Ledger,
-        look: &Lookout<'_>,
-    ) -> Result<Option<Decision>, BuildError> {
+        memory: &AtomicMemory,
+        meter: &ProgressMeter<'_>,
+    ) -> Result<Option<SplitDecision>, BuildError> {
         let count = references.len() as u32;
         if count == 0
             || self.depth >= costs.max_depth
@@ -84,13 +85,13 @@ impl Node {
         let leaf = costs.leaf(cell.area, count);
         if count <= costs.width {
             let split = cut_empty(costs, cell, references, leaf);
-            return Ok(split.map(|split| Decision { split, bad: 0 }));
+            return Ok(split.map(|split| SplitDecision { split, bad: 0 }));
         }
-        let search = |costs: &Costs, limit: f64, bins: &mut Bins| {
+        let search = |costs: &SplitCosts, limit: f64, bins: &mut Bins| {
             if references.len() <= small::MOST {
                 Ok(small::best_split(set, costs, cell, references, limit, &mut bins.small))
             } else {
-                bins::best_split(set, costs, cell, references, limit, bins, ledger, look)
+                bins::best_split(set, costs, cell, references, limit, bins, memory, meter)
             }
         };
         // What does not pay need not be found where it is not tried.
@@ -111,13 +112,18 @@ impl Node {
         if left + right > self.budget {
             return Ok(None);
         }
-        Ok(Some(Decision { split, bad: if pays(&split) { 0 } else { self.bad + 1 } }))
+        Ok(Some(SplitDecision { split, bad: if pays(&split) { 0 } else { self.bad + 1 } }))
     }
 }
 
 /// The split of a node that fits one block. Only planes with nothing on one side can pay, and the best of
 /// those touch the outermost faces.
-fn cut_empty(costs: &Costs, cell: &Cell, references: &[Reference], leaf: f64) -> Option<Split> {
+fn cut_empty(
+    costs: &SplitCosts,
+    cell: &Cell,
+    references: &[Reference],
+    leaf: f64,
+) -> Option<Split> {
     let mut tight = Aabb::EMPTY;
     for reference in references {
         for axis in 0..3 {
@@ -126,7 +132,7 @@ fn cut_empty(costs: &Costs, cell: &Cell, references: &[Reference], leaf: f64) ->
         }
     }
     let count = references.len() as u32;
-    let mut best = Best::below(leaf);
+    let mut best = BestSplit::below(leaf);
     for axis in 0..3 {
         // The high face first: where all are planar in one plane, left wins the tie.
         for (position, counts) in [(tight.hi[axis], [count, 0]), (tight.lo[axis], [0, count])] {

@@ -5,16 +5,16 @@ use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::Reference;
 use splitplane_test_support::random::Random;
 
-use super::cost::{Best, Cell, Costs, Split};
+use super::cost::{BestSplit, Cell, Split, SplitCosts};
 
 /// The split of least (cost, axis, position) that costs less than `limit`.
 pub fn best_split(
-    costs: &Costs,
+    costs: &SplitCosts,
     cell: &Cell,
     references: &[Reference],
     limit: f64,
 ) -> Option<Split> {
-    let mut best = Best::below(limit);
+    let mut best = BestSplit::below(limit);
     for axis in 0..3 {
         let faces = |reference: &Reference| [reference.lo[axis], reference.hi[axis]];
         for position in references.iter().flat_map(faces) {
@@ -35,8 +35,8 @@ pub fn best_split(
 }
 
 /// Costs of many kinds.
-pub fn costs(random: &mut Random) -> [Costs; 2] {
-    Costs::both(&BuildConfig {
+pub fn costs(random: &mut Random) -> [SplitCosts; 2] {
+    SplitCosts::both(&BuildConfig {
         block_width: random.pick(&[1, 2, 3, 4, 8, 8, 8, 16, 64]),
         traversal_cost: random.pick(&[1, 1, 3, 15]),
         intersection_cost: random.pick(&[2, 2, 4, 20]),
@@ -46,7 +46,7 @@ pub fn costs(random: &mut Random) -> [Costs; 2] {
 }
 
 /// A cell, and references in it: some planar, some sharing faces, some on its sides.
-pub fn node(random: &mut Random, costs: &Costs, count: usize) -> (Cell, Vec<Reference>) {
+pub fn node(random: &mut Random, costs: &SplitCosts, count: usize) -> (Cell, Vec<Reference>) {
     // Most are of a fair size, some as small or great as numbers are.
     let scales = [1.0, 1.0, 100.0, 1e-6, 1e15, 1e-25, 1e-36, 1e37, 2e38];
     let scales = [0, 1, 2].map(|_| random.pick(&scales));

@@ -6,7 +6,7 @@ use splitplane_core::triangle::Triangle;
 
 use super::clip::{Clipper, Polygons, points};
 use super::cost::Split;
-use crate::every_set::for_every_set;
+use crate::simd::every_set::for_every_set;
 
 /// References that are moved before those of them that straddle are clipped.
 const BLOCK: usize = 64;
@@ -126,10 +126,10 @@ fn halves(reference: &Reference, split: &Split) -> (Reference, Reference) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::best::clip::clip;
-    use crate::best::cost::Costs;
-    use crate::best::oracle;
-    use crate::query::InstructionSet;
+    use crate::build::sweep::clip::clip;
+    use crate::build::sweep::cost::SplitCosts;
+    use crate::build::sweep::oracle;
+    use crate::simd::InstructionSet;
     use splitplane_core::config::BuildConfig;
     use splitplane_test_support::random::Random;
 
@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn references_go_where_they_go_one_by_one() {
         let mut random = Random::new(21);
-        let costs = &Costs::both(&BuildConfig::default())[0];
+        let costs = &SplitCosts::both(&BuildConfig::default())[0];
         let mut lost = 0;
         for round in 0..600 {
             let count = 1 + random.below(200);

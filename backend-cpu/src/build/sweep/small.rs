@@ -12,11 +12,11 @@ use core::cmp::Ordering;
 
 use splitplane_core::layout::Reference;
 
-use super::cost::{Best, Cell, Costs, STEPS, Split};
-#[cfg(target_arch = "x86_64")]
-use super::lanes::Avx512;
-use super::lanes::{LANES, Lanes, Loops, Row};
-use crate::query::{Compiled, InstructionSet, Simd};
+use super::cost::{BestSplit, Cell, STEPS, Split, SplitCosts};
+use crate::simd::InstructionSet;
+use crate::simd::WIDTH;
+use crate::simd::f32x16::{F32x16, Row16};
+use crate::simd::{Compiled, Simd};
 
 /// Most references that are searched this way.
 pub(super) const MOST: usize = 128;
@@ -35,56 +35,52 @@ const FAIR: [f64; 2] = [8.673_617_379_884_035e-19, 1_152_921_504_606_846_976.0];
 #[repr(align(64))]
 pub(super) struct Small {
     /// The references, two a row; sorted column by column as [`place`] says.
-    rows: [Row; ROWS],
+    rows: [Row16; ROWS],
     /// Bounds of the costs of what is in the rows.
-    least: [Row; ROWS],
+    least: [Row16; ROWS],
 }
 
 impl Default for Small {
     fn default() -> Small {
-        Small { rows: [[0.0; LANES]; ROWS], least: [[0.0; LANES]; ROWS] }
+        Small { rows: [[0.0; WIDTH]; ROWS], least: [[0.0; WIDTH]; ROWS] }
     }
 }
 
 /// The split of least (cost, axis, position) that costs less than `limit`. At most [`MOST`] references.
 pub(super) fn best_split(
     set: InstructionSet,
-    costs: &Costs,
+    costs: &SplitCosts,
     cell: &Cell,
     references: &[Reference],
     limit: f64,
     small: &mut Small,
 ) -> Option<Split> {
     // SAFETY: only sets that the processor has come here.
-    unsafe { set.run(Search { costs, cell, references, limit, small }) }
+    unsafe { set.run(SmallSearch { costs, cell, references, limit, small }) }
 }
 
 /// [`best`], for the lanes of each set.
-struct Search<'a> {
-    costs: &'a Costs,
+struct SmallSearch<'a> {
+    costs: &'a SplitCosts,
     cell: &'a Cell,
     references: &'a [Reference],
     limit: f64,
     small: &'a mut Small,
 }
 
-impl Compiled for Search<'_> {
+impl Compiled for SmallSearch<'_> {
     type Output = Option<Split>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Option<Split> {
-        let Search { costs, cell, references, limit, small } = self;
-        #[cfg(target_arch = "x86_64")]
-        if S::AVX512 {
-            return best::<Avx512>(costs, cell, references, limit, small);
-        }
-        best::<Loops>(costs, cell, references, limit, small)
+        let SmallSearch { costs, cell, references, limit, small } = self;
+        best::<S::F32x16>(costs, cell, references, limit, small)
     }
 }
 
 #[cfg_attr(not(unoptimised), inline(always))]
-fn best<V: Lanes>(
-    costs: &Costs,
+fn best<V: F32x16>(
+    costs: &SplitCosts,
     cell: &Cell,
     references: &[Reference],
     limit: f64,
@@ -94,7 +90,7 @@ fn best<V: Lanes>(
     let octets = references.len().div_ceil(2 * OCTET);
     let planar = load::<V>(references, &mut small.rows[..octets * OCTET]);
     sort::<V>(&mut small.rows[..octets * OCTET]);
-    let mut best = Best::below(limit);
+    let mut best = BestSplit::below(limit);
     let least = bound::<V>(costs, cell, references.len(), small);
     // A bound is off by less than the margin, and so is what it is held against.
     let upper = |cost: f64| ((cost / cell.area) * (1.0 + 2.0 * MARGIN)) as f32;
@@ -103,7 +99,7 @@ fn best<V: Lanes>(
     let rows = &small.rows[..octets * OCTET];
     loop {
         // The same plane often comes again: columns are sorted.
-        let mut last = [f32::NAN; LANES];
+        let mut last = [f32::NAN; WIDTH];
         for (row, least) in rows.iter().zip(&small.least) {
             let mut open = V::load(least).not_above(V::splat(most));
             while open != 0 {
@@ -137,7 +133,7 @@ fn best<V: Lanes>(
 /// Copies references to rows, which they fill but for the last few; upper faces negated. Returns a bit
 /// for each axis that a reference is planar on.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn load<V: Lanes>(references: &[Reference], rows: &mut [Row]) -> u16 {
+fn load<V: F32x16>(references: &[Reference], rows: &mut [Row16]) -> u16 {
     let words: &mut [f32] = rows.as_flattened_mut();
     let (full, rest) = words.split_at_mut(references.len() * 8);
     full.copy_from_slice(bytemuck::cast_slice(references));
@@ -165,7 +161,7 @@ fn place(sorted: usize) -> (usize, usize) {
 
 /// Sorts rows whose number is a multiple of [`OCTET`].
 #[cfg_attr(not(unoptimised), inline(always))]
-fn sort<V: Lanes>(rows: &mut [Row]) {
+fn sort<V: F32x16>(rows: &mut [Row16]) {
     let octets = rows.as_chunks_mut::<OCTET>().0;
     for octet in octets.iter_mut() {
         sort_octet::<V>(octet);
@@ -214,20 +210,20 @@ macro_rules! exchange {
 
 /// Sorts eight rows: [`NETWORK`].
 #[cfg_attr(not(unoptimised), inline(always))]
-fn sort_rows<V: Lanes>(rows: &mut [V; OCTET]) {
+fn sort_rows<V: F32x16>(rows: &mut [V; OCTET]) {
     exchange!(rows: 0 2, 1 3, 4 6, 5 7, 0 4, 1 5, 2 6, 3 7, 0 1, 2 3, 4 5, 6 7, 2 4, 3 5, 1 4, 3 6,
         1 2, 3 4, 5 6);
 }
 
 /// Sorts eight rows that first rise and then fall, or the other way round.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn sort_bitonic<V: Lanes>(rows: &mut [V; OCTET]) {
+fn sort_bitonic<V: F32x16>(rows: &mut [V; OCTET]) {
     exchange!(rows: 0 4, 1 5, 2 6, 3 7, 0 2, 1 3, 4 6, 5 7, 0 1, 2 3, 4 5, 6 7);
 }
 
 /// Sorts the columns of both halves, as one of 16: the upper half behind the lower one.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn sort_octet<V: Lanes>(octet: &mut [Row; OCTET]) {
+fn sort_octet<V: F32x16>(octet: &mut [Row16; OCTET]) {
     let mut rows: [V; OCTET] = core::array::from_fn(|i| V::load(&octet[i]));
     sort_rows(&mut rows);
     rows = core::array::from_fn(|i| {
@@ -242,7 +238,7 @@ fn sort_octet<V: Lanes>(octet: &mut [Row; OCTET]) {
 
 /// Makes two sorted octets one of what is less and one of what is greater, both sorted.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn merge<V: Lanes>(low: &mut [Row; OCTET], high: &mut [Row; OCTET]) {
+fn merge<V: F32x16>(low: &mut [Row16; OCTET], high: &mut [Row16; OCTET]) {
     let one: [V; OCTET] = core::array::from_fn(|i| V::load(&low[i]));
     let other: [V; OCTET] = core::array::from_fn(|i| V::load(&high[OCTET - 1 - i]).swapped());
     let least = core::array::from_fn(|i| one[i].least(other[i]));
@@ -262,7 +258,7 @@ fn merge<V: Lanes>(low: &mut [Row; OCTET], high: &mut [Row; OCTET]) {
 /// Bounds the costs of the planes in all rows from below, but for [`MARGIN`], in units of the cell's half
 /// area; infinite where a plane is not inside. Returns the least.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn bound<V: Lanes>(costs: &Costs, cell: &Cell, count: usize, small: &mut Small) -> f32 {
+fn bound<V: F32x16>(costs: &SplitCosts, cell: &Cell, count: usize, small: &mut Small) -> f32 {
     let width = costs.width as usize;
     let blocks = count.div_ceil(width);
     // The near side of a plane is the one that its column's numbers begin on.
@@ -319,7 +315,7 @@ fn bound<V: Lanes>(costs: &Costs, cell: &Cell, count: usize, small: &mut Small) 
 
 /// How many references start before a plane, and how many end behind it.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn count<V: Lanes>(rows: &[Row], axis: usize, position: f32) -> [u32; 2] {
+fn count<V: F32x16>(rows: &[Row16], axis: usize, position: f32) -> [u32; 2] {
     let mut plane = [f32::NEG_INFINITY; 8];
     (plane[axis], plane[axis + 4]) = (position, -position);
     let plane = V::twice(&plane);
@@ -335,9 +331,9 @@ fn count<V: Lanes>(rows: &[Row], axis: usize, position: f32) -> [u32; 2] {
 
 /// How many references are planar in a plane.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn count_planar<V: Lanes>(references: &[Reference], axis: usize, position: f32) -> u32 {
+fn count_planar<V: F32x16>(references: &[Reference], axis: usize, position: f32) -> u32 {
     let words: &[f32] = bytemuck::cast_slice(references);
-    let (rows, rest) = words.as_chunks::<LANES>();
+    let (rows, rest) = words.as_chunks::<WIDTH>();
     let plane = V::splat(position);
     let both = |words: V| {
         let faces = words.equal(plane);
@@ -356,7 +352,8 @@ fn count_planar<V: Lanes>(references: &[Reference], axis: usize, position: f32) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::best::oracle;
+    use crate::build::sweep::oracle;
+    use crate::simd::f32x16::ArrayF32x16;
     use splitplane_test_support::random::Random;
 
     #[test]
@@ -390,11 +387,11 @@ mod tests {
 
     #[test]
     fn columns_are_sorted() {
-        fn check<V: Lanes>(random: &mut Random, octets: usize) {
-            let mut rows = vec![[0.0; LANES]; octets * OCTET];
+        fn check<V: F32x16>(random: &mut Random, octets: usize) {
+            let mut rows = vec![[0.0; WIDTH]; octets * OCTET];
             // Few values, so that many are equal.
             rows.as_flattened_mut().fill_with(|| random.below(20) as f32);
-            let column = |rows: &[Row], column: usize| -> Vec<f32> {
+            let column = |rows: &[Row16], column: usize| -> Vec<f32> {
                 (0..rows.len() * 2).map(place).map(|(row, half)| rows[row][half + column]).collect()
             };
             let mut expected: Vec<Vec<f32>> = (0..8).map(|k| column(&rows, k)).collect();
@@ -406,10 +403,10 @@ mod tests {
         let mut random = Random::new(3);
         for octets in 1..=MOST / 16 {
             for _ in 0..50 {
-                check::<Loops>(&mut random, octets);
+                check::<ArrayF32x16>(&mut random, octets);
                 #[cfg(target_arch = "x86_64")]
                 if InstructionSet::available().contains(&InstructionSet::Avx512) {
-                    check::<Avx512>(&mut random, octets);
+                    check::<<crate::simd::avx512::Avx512 as Simd>::F32x16>(&mut random, octets);
                 }
             }
         }

@@ -6,62 +6,24 @@ use splitplane_core::backend::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::node::{Axis, KdNode};
 
-use super::bins::Bins;
+use super::context::BuildContext;
 use super::cost::Cell;
-use super::emit::Subtree;
-use super::node::Node;
+use super::emit::{Subtree, union};
+use super::node::OpenNode;
 use super::partition::partition;
-use super::top::Builder;
-
-/// Lists of references, one above the other; what is above `top` is free.
-#[derive(Debug, Default)]
-pub(super) struct Stack {
-    pub references: Vec<Reference>,
-    pub top: usize,
-}
+use super::thread_scratch::ThreadScratch;
 
 /// Work between two looks at the watch, in references of nodes that are decided.
 const WORK: usize = 2048;
 
-/// Scratch of one thread. A node's references are on top of one stack. What goes right stays there, what
-/// goes left goes to the top of the other: so nothing is held but the lists of nodes that wait.
-#[derive(Debug, Default)]
-pub(super) struct Worker {
-    pub stacks: [Stack; 2],
-    pub bins: Bins,
-    /// Which of a build's workers it is.
-    pub number: usize,
-    /// Nodes of the subtrees built so far; children and references count from the start of each.
-    pub nodes: Vec<KdNode>,
-    /// References of their leaves.
-    pub references: Vec<u32>,
-    /// Where the subtree at hand starts in either.
-    start: [usize; 2],
-    /// Work since the watch was asked last, in references looked at.
-    work: usize,
-}
-
-impl Worker {
-    /// A worker of this number.
-    pub fn new(number: usize) -> Worker {
-        Worker { number, ..Worker::default() }
-    }
-
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        let [a, b] = self.stacks.each_ref().map(|stack| stack.references.capacity());
-        let references = (a + b) * size_of::<Reference>();
-        let out = self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4;
-        (references + out + size_of::<Worker>()) as u64 + self.bins.bytes()
-    }
-
+impl ThreadScratch {
     /// Builds a subtree from the first references of a list. Returns it with its cost.
     pub fn task(
         &mut self,
-        builder: &Builder<'_>,
+        builder: &BuildContext<'_>,
         list: &mut Vec<Reference>,
         count: usize,
-        node: &Node,
+        node: &OpenNode,
     ) -> Result<(Subtree, f64), BuildError> {
         self.start = [self.nodes.len(), self.references.len()];
         // The list is put under the worker while it works.
@@ -79,8 +41,8 @@ impl Worker {
     /// removes them. Returns its cost.
     fn build(
         &mut self,
-        builder: &Builder<'_>,
-        node: &Node,
+        builder: &BuildContext<'_>,
+        node: &OpenNode,
         stack: usize,
         first: usize,
     ) -> Result<f64, BuildError> {
@@ -94,13 +56,13 @@ impl Worker {
         let index = self.nodes.len();
         let first_reference = self.references.len();
         let leaf_at = (first_reference - self.start[1]) as u32;
-        builder.ledger.reserve(&mut self.nodes, 1)?;
+        builder.memory.reserve(&mut self.nodes, 1)?;
         let Some(decision) = decision else {
             self.nodes.push(KdNode::leaf(leaf_at, count as u32));
-            builder.ledger.reserve(&mut self.references, count)?;
+            builder.memory.reserve(&mut self.references, count)?;
             self.references.extend(references.iter().map(|reference| reference.triangle));
             self.stacks[stack].top = first;
-            builder.look.advance(node.budget);
+            builder.meter.advance(node.budget);
             return Ok(leaf);
         };
         let split = decision.split;
@@ -141,44 +103,17 @@ impl Worker {
     }
 }
 
-impl Worker {
+impl ThreadScratch {
     /// Asks the watch after some work.
     #[inline]
-    fn look_up(&mut self, builder: &Builder<'_>, references: usize) -> Result<(), BuildError> {
+    fn look_up(&mut self, builder: &BuildContext<'_>, references: usize) -> Result<(), BuildError> {
         self.work += references + 1;
         if self.work < WORK {
             return Ok(());
         }
         // Every plane is held against every reference, or nearly.
-        builder.look.worked(4 * self.work as u64);
+        builder.meter.record_work(4 * self.work as u64);
         self.work = 0;
-        builder.look.check()
-    }
-}
-
-/// Makes one leaf of all from `first` on: in order, each once. Returns how many there are.
-pub(super) fn union(references: &mut Vec<u32>, first: usize) -> u32 {
-    references[first..].sort_unstable();
-    let mut end = first;
-    for i in first..references.len() {
-        if end == first || references[end - 1] != references[i] {
-            references[end] = references[i];
-            end += 1;
-        }
-    }
-    references.truncate(end);
-    (end - first) as u32
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_union_is_in_order_and_without_repeats() {
-        let mut references = vec![9, 9, 5, 3, 5, 9, 1];
-        assert_eq!(union(&mut references, 2), 4);
-        assert_eq!(references, [9, 9, 1, 3, 5, 9]);
-        assert_eq!(union(&mut references, 6), 0);
+        builder.meter.check()
     }
 }

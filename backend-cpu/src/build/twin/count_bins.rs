@@ -5,7 +5,7 @@ use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::BinAxis;
 use splitplane_core::config::MAX_BINS;
 
-use super::lanes::WIDTH;
+use crate::simd::WIDTH;
 
 const BINS: usize = MAX_BINS as usize;
 /// Neighbours fall in the same bin more often than not, and a count must not wait for the one before.

@@ -18,69 +18,21 @@ use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::sah::Extents;
 use splitplane_core::split::{Rank, SplitPlane};
 
-use super::columns::Columns;
-use super::lanes::{Faces, Lanes, Outermost, Planes, WIDTH};
-
-/// Subtrees one behind the other, in preorder. Indices count from where the caller says.
-#[derive(Debug, Default)]
-pub struct Subtrees {
-    /// Nodes.
-    pub nodes: Vec<KdNode>,
-    /// References.
-    pub references: Vec<u32>,
-}
-
-impl Subtrees {
-    /// Bytes held.
-    pub fn bytes(&self) -> u64 {
-        (self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4) as u64
-    }
-
-    /// No subtrees any more, in the same memory.
-    pub fn clear(&mut self) {
-        self.nodes.clear();
-        self.references.clear();
-    }
-
-    /// Appends a node.
-    ///
-    /// # Errors
-    /// No memory for it.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn push(&mut self, node: KdNode) -> Result<(), TryReserveError> {
-        self.nodes.try_reserve(1)?;
-        self.nodes.push(node);
-        Ok(())
-    }
-
-    /// Appends a leaf of these references, and them. Indices count from `base`: so many references.
-    ///
-    /// # Errors
-    /// No memory for it.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn leaf(
-        &mut self,
-        base: usize,
-        references: impl ExactSizeIterator<Item = u32>,
-    ) -> Result<(), TryReserveError> {
-        self.references.try_reserve(references.len())?;
-        let first = self.references.len() - base;
-        self.push(KdNode::leaf(first as u32, references.len() as u32))?;
-        self.references.extend(references);
-        Ok(())
-    }
-}
+use super::subtrees::Subtrees;
+use crate::simd::WIDTH;
+use crate::simd::columns::Columns;
+use crate::simd::references::{AxisFaces, Outermost, PlaneList, ReferenceOps};
 
 /// A small root in cache: the bounds of its references, by axis, and what its nodes need on the way.
 #[derive(Debug)]
-pub(crate) struct Root {
+pub(crate) struct SmallRootBuilder {
     count: usize,
     triangles: [u32; 64],
-    faces: [Faces; 3],
+    faces: [AxisFaces; 3],
     stack: [Pending; MAX_DEPTH as usize + 2],
     /// The faces of the node at hand.
-    gathered: Faces,
-    planes: Planes,
+    gathered: AxisFaces,
+    planes: PlaneList,
 }
 
 /// A node not yet decided.
@@ -93,16 +45,16 @@ struct Pending {
     parent: u32,
 }
 
-impl Root {
+impl SmallRootBuilder {
     /// No reference.
-    pub fn new() -> Root {
+    pub fn new() -> SmallRootBuilder {
         let nothing = Pending { mask: 0, cell: Aabb::EMPTY, depth: 0, parent: u32::MAX };
-        Root {
+        SmallRootBuilder {
             count: 0,
             triangles: [0; 64],
-            faces: [Faces::NONE; 3],
+            faces: [AxisFaces::NONE; 3],
             stack: [nothing; MAX_DEPTH as usize + 2],
-            gathered: Faces::NONE,
+            gathered: AxisFaces::NONE,
             planes: [0.0; 2 * 64 + WIDTH],
         }
     }
@@ -135,9 +87,9 @@ impl Root {
     /// # Errors
     /// Less memory than it takes.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn build<A: Arithmetic, L: Lanes>(
+    pub fn build<A: Arithmetic, S: ReferenceOps>(
         &mut self,
-        costs: &Costs,
+        costs: &SmallRootCosts,
         cell: &Aabb,
         depth: u32,
         base: [usize; 2],
@@ -156,18 +108,17 @@ impl Root {
             if node.parent != u32::MAX {
                 // The parent was written with its right child unknown.
                 let parent = &mut out.nodes[first_node + node.parent as usize];
-                let [split, tagged] = parent.words();
-                *parent = KdNode::from_words([split, tagged | (index as u32) << 2]);
+                *parent = parent.with_right(index as u32);
             }
             let count = node.mask.count_ones();
             let plane = if node.depth < costs.max_depth {
-                self.best_split::<A, L>(costs, &node)
+                self.best_split::<A, S>(costs, &node)
             } else {
                 None
             };
             if let Some(plane) = plane {
                 // The paper makes the masks of all candidates beforehand; only a chosen plane needs them.
-                let sides = L::sides(&self.faces[plane.axis], self.count, plane.position);
+                let sides = S::sides(&self.faces[plane.axis], self.count, plane.position);
                 let [left, right] = sides.map(|side| side & node.mask);
                 let after = references + left.count_ones() + right.count_ones() - count;
                 if nodes + 2 <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES {
@@ -200,9 +151,9 @@ impl Root {
 
     /// The split of least rank, if it costs less than a leaf.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn best_split<A: Arithmetic, L: Lanes>(
+    fn best_split<A: Arithmetic, S: ReferenceOps>(
         &mut self,
-        costs: &Costs,
+        costs: &SmallRootCosts,
         node: &Pending,
     ) -> Option<SplitPlane> {
         let count = node.mask.count_ones();
@@ -216,19 +167,19 @@ impl Root {
             return None;
         }
         if count <= costs.block_width {
-            return self.cut_empty::<A, L>(costs, node, &extents, leaf);
+            return self.cut_empty::<A, S>(costs, node, &extents, leaf);
         }
-        let mut best = Best::above(leaf);
+        let mut best = BestByLane::above(leaf);
         for axis in 0..3 {
             let (low, high) = (node.cell.lo[axis], node.cell.hi[axis]);
             let (faces, planes) = (&mut self.gathered, &mut self.planes);
-            let found = L::gather(&self.faces[axis], node.mask, low, high, faces, planes);
+            let found = S::gather(&self.faces[axis], node.mask, low, high, faces, planes);
             // Planes at the cell's side are not candidates.
             planes[found..(found + WIDTH).min(2 * 64 + WIDTH)].fill(low);
             for start in (0..found).step_by(WIDTH) {
                 let positions = core::array::from_fn(|k| planes[start + k]);
-                let block = Block { axis, positions, faces, count };
-                consider::<A, L>(costs, &node.cell, &extents, &block, &mut best);
+                let block = PlaneBlock { axis, positions, faces, count };
+                consider::<A, S>(costs, &node.cell, &extents, &block, &mut best);
             }
         }
         best.plane(leaf)
@@ -238,9 +189,9 @@ impl Root {
     /// than the leaf's one block, since the parts' areas add up to more than the whole's. Only
     /// planes with nothing on one side can win, and the best of those touch the outermost bounds.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn cut_empty<A: Arithmetic, L: Lanes>(
+    fn cut_empty<A: Arithmetic, S: ReferenceOps>(
         &self,
-        costs: &Costs,
+        costs: &SmallRootCosts,
         node: &Pending,
         extents: &Extents,
         leaf: u32,
@@ -253,7 +204,7 @@ impl Root {
         let (mut whole, mut rim, mut cap) = ([0u32; 8], [0u32; 8], [0u32; 8]);
         for axis in 0..3 {
             let Outermost { lowest, highest, first_end } =
-                L::outermost(&self.faces[axis], node.mask);
+                S::outermost(&self.faces[axis], node.mask);
             let (low, high) = (node.cell.lo[axis], node.cell.hi[axis]);
             let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
             // A triangle planar in the lowest plane goes left of it, which is then not empty.
@@ -296,18 +247,18 @@ impl Root {
 
 /// The least candidates so far, one for each lane: lanes are compared in the end.
 #[derive(Debug)]
-struct Best {
+struct BestByLane {
     cost: [u32; WIDTH],
     axis: [u32; WIDTH],
     position: [f32; WIDTH],
 }
 
-impl Best {
+impl BestByLane {
     /// Candidates must cost less than this.
     #[cfg_attr(not(unoptimised), inline(always))]
-    fn above(cost: u32) -> Best {
+    fn above(cost: u32) -> BestByLane {
         // No candidate has this axis: none wins by a tie.
-        Best { cost: [cost; WIDTH], axis: [3; WIDTH], position: [0.0; WIDTH] }
+        BestByLane { cost: [cost; WIDTH], axis: [3; WIDTH], position: [0.0; WIDTH] }
     }
 
     /// Takes a candidate for a lane if it is less. Candidates come in the order of their axes.
@@ -343,7 +294,7 @@ impl Best {
 
 /// What of the configuration costs depend on, with the division by W made a multiplication.
 #[derive(Debug)]
-pub(crate) struct Costs {
+pub(crate) struct SmallRootCosts {
     traversal: u32,
     intersection: u32,
     block_width: u32,
@@ -352,10 +303,10 @@ pub(crate) struct Costs {
     reciprocal: u32,
 }
 
-impl Costs {
+impl SmallRootCosts {
     /// Of a valid configuration.
-    pub fn of(config: &BuildConfig) -> Costs {
-        Costs {
+    pub fn of(config: &BuildConfig) -> SmallRootCosts {
+        SmallRootCosts {
             traversal: config.traversal_cost,
             intersection: config.intersection_cost,
             block_width: config.block_width,
@@ -372,11 +323,11 @@ impl Costs {
 }
 
 /// Planes of one axis of a node.
-struct Block<'a> {
+struct PlaneBlock<'a> {
     axis: usize,
     positions: [f32; WIDTH],
     /// Bounds of the node's references on that axis.
-    faces: &'a Faces,
+    faces: &'a AxisFaces,
     /// Their number.
     count: u32,
 }
@@ -384,15 +335,15 @@ struct Block<'a> {
 /// Evaluates the planes of a block, all at once: loops without branches over arrays, which compilers turn
 /// into vector instructions.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn consider<A: Arithmetic, L: Lanes>(
-    costs: &Costs,
+fn consider<A: Arithmetic, S: ReferenceOps>(
+    costs: &SmallRootCosts,
     cell: &Aabb,
     extents: &Extents,
-    block: &Block<'_>,
-    best: &mut Best,
+    block: &PlaneBlock<'_>,
+    best: &mut BestByLane,
 ) {
-    let &Block { axis, positions, faces, count } = block;
-    let [left, ended] = L::count(faces, count as usize, &positions);
+    let &PlaneBlock { axis, positions, faces, count } = block;
+    let [left, ended] = S::count(faces, count as usize, &positions);
     let (low, high) = (cell.lo[axis], cell.hi[axis]);
     let half_low = A::snapped_product(low, 0.5);
     let [_, b, c] = [0, 1, 2].map(|k| extents.cells[(axis + k) % 3].max(1));
@@ -416,8 +367,8 @@ fn consider<A: Arithmetic, L: Lanes>(
 
 #[cfg(test)]
 mod tests {
-    use super::super::lanes::Plain;
     use super::*;
+    use crate::simd::portable::Portable;
     use splitplane_core::arithmetic::Strict;
     use splitplane_core::sah::{leaf_cost, split_cost};
     use splitplane_core::split::strictly_inside;
@@ -425,7 +376,11 @@ mod tests {
 
     /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,
     /// counts from masks.
-    fn by_masks(config: &BuildConfig, root: &Root, node: &Pending) -> Option<SplitPlane> {
+    fn by_masks(
+        config: &BuildConfig,
+        root: &SmallRootBuilder,
+        node: &Pending,
+    ) -> Option<SplitPlane> {
         let extents = Extents::of::<Strict>(&node.cell)?;
         let area = Extents::half_area(extents.cells);
         let count = node.mask.count_ones();
@@ -439,7 +394,7 @@ mod tests {
                         continue;
                     }
                     let plane = SplitPlane { axis, position };
-                    let [left, right] = Plain::sides(&root.faces[axis], root.count, position)
+                    let [left, right] = Portable::sides(&root.faces[axis], root.count, position)
                         .map(|side| side & node.mask);
                     let offset = extents.offset::<Strict>(node.cell.lo[axis], position);
                     let areas = extents.split_areas(axis, offset);
@@ -462,7 +417,7 @@ mod tests {
         let mut splits = 0;
         for round in 0..400 {
             let count = 1 + (round * 7) % 64;
-            let mut root = Box::new(Root::new());
+            let mut root = Box::new(SmallRootBuilder::new());
             let references: Vec<Reference> = (0..count)
                 .map(|triangle| {
                     let a = [next(), next(), next()];
@@ -482,7 +437,8 @@ mod tests {
                 for mask in [u64::MAX, 0x5555_5555_5555_5555, 0x0f0f_00ff_0000_ffff] {
                     let mask = mask & TriangleMask::first(count).bits();
                     let node = Pending { mask, cell, depth: 0, parent: u32::MAX };
-                    let found = root.best_split::<Strict, Plain>(&Costs::of(&config), &node);
+                    let found =
+                        root.best_split::<Strict, Portable>(&SmallRootCosts::of(&config), &node);
                     assert_eq!(found, by_masks(&config, &root, &node));
                     splits += usize::from(found.is_some());
                 }
@@ -494,7 +450,7 @@ mod tests {
     #[test]
     fn division_by_w_is_exact() {
         for block_width in 1..=64 {
-            let costs = Costs::of(&BuildConfig { block_width, ..BuildConfig::default() });
+            let costs = SmallRootCosts::of(&BuildConfig { block_width, ..BuildConfig::default() });
             for count in 0..=64 {
                 assert_eq!(costs.blocks(count), count.div_ceil(block_width));
             }

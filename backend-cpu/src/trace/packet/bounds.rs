@@ -1,10 +1,10 @@
 //! What holds for all rays of a packet: intervals, and which triangles of a block they rule out.
 
 use super::Packet;
-use super::row::{Row, ZERO, store};
-use crate::query::leaf::{Table, of_corners};
-use crate::query::record::Record;
-use crate::query::simd::{MOST_LANES, Simd};
+use super::row::{GroupRow, ZERO, store};
+use crate::layout::packed_block::PackedBlock;
+use crate::simd::{MOST_LANES, Simd};
+use crate::trace::block_test::{Table, of_corners};
 
 /// What holds for all rays of a packet.
 #[derive(Clone, Copy, Default)]
@@ -36,7 +36,7 @@ static ODD: [u8; MOST_LANES] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 2
 pub(super) unsafe fn ranges<S: Simd, const R: usize>(
     lo: [S::Floats; R],
     hi: [S::Floats; R],
-) -> [Row; 2] {
+) -> [GroupRow; 2] {
     let mut ranges = [ZERO; 2];
     // SAFETY: as above; rows have room for the most lanes.
     unsafe {
@@ -136,7 +136,7 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn cull<S: Simd>(&self, record: &Record<'_>) -> u32 {
+    pub(super) unsafe fn cull<S: Simd>(&self, record: &PackedBlock<'_>) -> u32 {
         // SAFETY: the caller's contract.
         unsafe {
             let Bounds { origin, shear, enter, stop, .. } = &self.bounds;

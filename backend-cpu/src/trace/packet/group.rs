@@ -3,13 +3,14 @@
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::row::{Row, ZERO, load, store};
-use super::{FEW, Rays};
-use crate::query::leaf::{self, BestHit};
-use crate::query::record::Record;
-use crate::query::simd::{Compiled, MOST_LANES, Simd};
-use crate::query::step::Octant;
-use crate::query::watertight::or_zero;
+use super::row::{GroupRow, ZERO, load, store};
+use super::{FEW, PacketRays};
+use crate::layout::packed_block::PackedBlock;
+use crate::simd::{Compiled, MOST_LANES, Simd};
+use crate::trace::block_test as leaf;
+use crate::trace::block_test::BestHit;
+use crate::trace::step::Octant;
+use crate::trace::watertight::or_zero;
 
 /// What one triangle against all rays costs, and one ray against a whole block.
 const COST_OF_A_TRIANGLE: u32 = 2;
@@ -39,21 +40,21 @@ pub(super) struct Group {
     pub(super) axes: [usize; 3],
     /// Where rays leave the bounds, or nothing can precede their best hits; minus infinity for rays
     /// that are answered or not there.
-    pub(super) stop: Row,
+    pub(super) stop: GroupRow,
     /// Powers of two that lead from inner `t` to the caller's.
-    pub(super) outwards: Row,
+    pub(super) outwards: GroupRow,
     /// Inner `t` from which on none is flushed to 0 on the way. Never below the normal range: numbers
     /// there take processors as long as a whole test.
-    pub(super) least: Row,
+    pub(super) least: GroupRow,
     /// The best hits so far; for any hit the triangle alone.
-    pub(super) t: Row,
-    pub(super) triangle: Row,
+    pub(super) t: GroupRow,
+    pub(super) triangle: GroupRow,
     /// Edge functions opposite the second and the third corner, and the sum of all three.
-    pub(super) v: Row,
-    pub(super) w: Row,
-    pub(super) det: Row,
+    pub(super) v: GroupRow,
+    pub(super) w: GroupRow,
+    pub(super) det: GroupRow,
     /// Inner `t` beyond which nothing can precede them.
-    pub(super) beyond: Row,
+    pub(super) beyond: GroupRow,
 }
 
 impl Group {
@@ -78,7 +79,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn meets<S: Simd>(
         &self,
-        rays: &Rays<'_>,
+        rays: &PacketRays<'_>,
         octant: &Octant,
         corner: *const u8,
     ) -> u32 {
@@ -107,8 +108,8 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
-        record: &Record<'_>,
-        rays: &mut Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &mut PacketRays<'_>,
         mut triangles: u32,
         mut active: u32,
         options: &QueryOptions,
@@ -172,8 +173,8 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn test_ray<S: Simd>(
         &mut self,
-        record: &Record<'_>,
-        rays: &mut Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &mut PacketRays<'_>,
         lane: usize,
         options: &QueryOptions,
         query: Query,
@@ -251,8 +252,8 @@ impl Group {
 /// registers from the loops around them.
 struct Singly<'a, 'b> {
     group: &'a mut Group,
-    record: &'a Record<'a>,
-    rays: &'a mut Rays<'b>,
+    record: &'a PackedBlock<'a>,
+    rays: &'a mut PacketRays<'b>,
     active: u32,
     options: &'a QueryOptions,
     query: Query,

@@ -25,15 +25,15 @@ use splitplane_core::traverse::Query;
 
 use self::bounds::{Bounds, greatest};
 use self::group::Group;
-use self::row::{Row, load};
-use super::blocks::Blocks;
-use super::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, Way};
-use super::record::Record;
-use super::simd::{MOST_LANES, Simd};
-use super::step::{Octant, octants_of};
-use super::stream::lengthen;
-use super::watertight::Span;
-use super::wide::{LEAF_MARK, Line};
+use self::row::{GroupRow, load};
+use crate::layout::packed_block::PackedBlock;
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
+use crate::memory::lengthen;
+use crate::simd::{MOST_LANES, Simd};
+use crate::trace::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, TraversalRay};
+use crate::trace::step::{Octant, octants_of};
+use crate::trace::watertight::Span;
 
 /// Of so many rays each is tested by itself against a whole block.
 const FEW: u32 = 2;
@@ -61,23 +61,23 @@ pub(crate) struct Packet {
     groups: [Group; MOST_GROUPS],
     /// The first of the groups that were taken.
     first: usize,
-    stack: Stack,
+    stack: PacketStack,
     /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
     came: u64,
     met: u64,
 }
 
 /// Rays of a packet as they were made ready, and which group's turn it is.
-struct Rays<'a> {
+struct PacketRays<'a> {
     ready: &'a PreparedRays,
-    ways: &'a mut [Way; CHUNK],
+    ways: &'a mut [TraversalRay; CHUNK],
     /// The groups whose ways were written, as bits.
     written: u32,
     /// The group's first lane.
     first: usize,
 }
 
-impl Rays<'_> {
+impl PacketRays<'_> {
     /// The group's part of a row.
     ///
     /// # Safety
@@ -91,9 +91,9 @@ impl Rays<'_> {
     /// Inner `t` that count, where nothing beyond `beyond` does.
     ///
     /// # Safety
-    /// As for [`Rays::row`].
+    /// As for [`PacketRays::row`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn span<S: Simd>(&self, beyond: &Row) -> Span<S> {
+    unsafe fn span<S: Simd>(&self, beyond: &GroupRow) -> Span<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let t_max = self.row::<S>(&self.ready.t_max);
@@ -105,7 +105,7 @@ impl Rays<'_> {
     /// The group's part of three rows.
     ///
     /// # Safety
-    /// As for [`Rays::row`].
+    /// As for [`PacketRays::row`].
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn rows<S: Simd>(&self, [x, y, z]: &[PerRay<f32>; 3]) -> [S::Floats; 3] {
         // SAFETY: the caller's contract.
@@ -117,7 +117,7 @@ impl Rays<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn way<S: Simd>(&mut self, lane: usize) -> &Way {
+    unsafe fn way<S: Simd>(&mut self, lane: usize) -> &TraversalRay {
         let group = 1 << (self.first / S::N);
         if self.written & group == 0 {
             // SAFETY: the caller's contract.
@@ -129,7 +129,7 @@ impl Rays<'_> {
 }
 
 /// What the packet comes back to: children as node and place, and where the first ray enters.
-struct Stack {
+struct PacketStack {
     nodes: Vec<u32>,
     places: Vec<u32>,
     t: Vec<f32>,
@@ -144,7 +144,7 @@ impl Packet {
             octant: 0,
             groups: [Group::NONE; MOST_GROUPS],
             first: 0,
-            stack: Stack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
+            stack: PacketStack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
             came: 0,
             met: 0,
         }
@@ -190,18 +190,18 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
-        blocks: &Blocks,
-        (ready, ways): (&PreparedRays, &mut [Way; CHUNK]),
+        blocks: &TreeLayout,
+        (ready, ways): (&PreparedRays, &mut [TraversalRay; CHUNK]),
         options: &QueryOptions,
         query: Query,
     ) {
-        let mut rays = Rays { ready, ways, written: 0, first: 0 };
+        let mut rays = PacketRays { ready, ways, written: 0, first: 0 };
         if self.came > LATELY {
             (self.came, self.met) = (self.came / 2, self.met / 2);
         }
         let (lines, words) = (blocks.wide.lines().as_ptr(), &blocks.words[..]);
         let room = blocks.wide.stack();
-        let Stack { nodes, places, t } = &self.stack;
+        let PacketStack { nodes, places, t } = &self.stack;
         debug_assert!(nodes.len().min(places.len()).min(t.len()) >= room);
         let octant = &octants_of::<S>()[self.octant];
         let (mut node, mut top) = (0, 0);
@@ -220,7 +220,7 @@ impl Packet {
                     }
                     let parent = *self.stack.nodes.get_unchecked(top);
                     let place = *self.stack.places.get_unchecked(top) as usize;
-                    let parent = lines.add(parent as usize * (S::N / 2)).cast::<u8>();
+                    let parent = lines.add(parent as usize * lines_of_node(S::N)).cast::<u8>();
                     let (mut active, mut some) = ([0; G], 0);
                     for (k, met) in active.iter_mut().enumerate() {
                         let (group, corner) = (self.first + k, parent.add(4 * place));
@@ -231,12 +231,12 @@ impl Packet {
                     if some == 0 {
                         continue;
                     }
-                    let child = *parent.add(24 * S::N + 4 * place).cast::<u32>();
-                    if child & LEAF_MARK == 0 {
+                    let child = *parent.add(children_offset(S::N) + 4 * place).cast::<u32>();
+                    if !is_leaf(child) {
                         node = child;
                         break;
                     }
-                    let record = Record::at_unchecked(words, child & !LEAF_MARK);
+                    let record = PackedBlock::at_unchecked(words, leaf_number(child));
                     if self.block::<S, G>(&record, &mut rays, active, options, query) {
                         self.bounds.stop = self.last::<S, G>();
                         if self.bounds.stop == f32::NEG_INFINITY {
@@ -272,7 +272,7 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn step<S: Simd>(
         &mut self,
-        lines: *const Line,
+        lines: *const CacheLine,
         index: u32,
         octant: &Octant,
         top: usize,
@@ -280,7 +280,7 @@ impl Packet {
         let bounds = &self.bounds;
         // SAFETY: the caller's contract.
         unsafe {
-            let node = lines.add(index as usize * (S::N / 2)).cast::<u8>();
+            let node = lines.add(index as usize * lines_of_node(S::N)).cast::<u8>();
             let mut enter = S::splat(f32::NEG_INFINITY);
             let mut exit = S::splat(f32::INFINITY);
             for axis in 0..3 {
@@ -324,8 +324,8 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn block<S: Simd, const G: usize>(
         &mut self,
-        record: &Record<'_>,
-        rays: &mut Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &mut PacketRays<'_>,
         active: [u32; G],
         options: &QueryOptions,
         query: Query,

@@ -9,8 +9,8 @@ use super::Packet;
 use super::bounds::{Bounds, ranges};
 use super::group::Group;
 use super::row::store;
-use crate::query::prepare::{ORIGIN_SLACK, PreparedRays};
-use crate::query::simd::Simd;
+use crate::simd::Simd;
+use crate::trace::prepare::{ORIGIN_SLACK, PreparedRays};
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
 const FEWEST: usize = 2;

@@ -7,11 +7,11 @@ use splitplane_test_support::random::Random;
 
 use super::*;
 use crate::CpuBackend;
-use crate::buffers::Memory;
-use crate::lookout::UNWATCHED;
-use crate::query::instruction_set::InstructionSet;
-use crate::query::simd::Compiled;
-use crate::query::{LayoutScratch, Source};
+use crate::cancel::UNWATCHED;
+use crate::layout::scratch::{LayoutScratch, LayoutSource};
+use crate::memory::Memory;
+use crate::simd::Compiled;
+use crate::simd::InstructionSet;
 
 /// A bumpy sheet whose triangles share corners, small triangles about it, flat ones, and some of all
 /// twice: at equal `t` the lower index counts.
@@ -89,18 +89,19 @@ impl Compiled for Compare {
         let mut random = Random::new(77);
         let (mut packets, mut hits) = ([0; 2], 0);
         let mut packet = Packet::new();
-        let mut ways = [Way::none(); CHUNK];
+        let mut ways = [TraversalRay::none(); CHUNK];
         for size in [1, 40, 6, 100] {
             let triangles = mesh(size, &mut random);
             let soup = Mesh::soup(&triangles).unwrap();
             let backend = CpuBackend::with_instruction_set(set);
             let built = backend.build_accelerator(&soup, &BuildOptions::default()).unwrap();
             let (tree, scene) = (built.tree().view(), built.scene_scale());
-            let source = Source { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
+            let source =
+                LayoutSource { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
             let mut scratch = LayoutScratch::default();
             let (copy, mut memory) = (built.tree().clone(), Memory::default());
             let blocks =
-                Blocks::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
+                TreeLayout::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut random);
                 packet.make_room(blocks.wide.stack()).expect("memory");

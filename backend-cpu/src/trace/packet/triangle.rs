@@ -4,25 +4,25 @@ use splitplane_core::intersect::STOP_SLACK;
 use splitplane_core::ray::{Culling, QueryOptions};
 use splitplane_core::traverse::Query;
 
-use super::Rays;
+use super::PacketRays;
 use super::group::Group;
-use super::row::{Row, load, put};
-use crate::query::fast;
-use crate::query::leaf::decide;
-use crate::query::record::Record;
-use crate::query::refined::Pairs;
-use crate::query::simd::{Compiled, Simd};
-use crate::query::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_zero};
+use super::row::{GroupRow, load, put};
+use crate::layout::packed_block::PackedBlock;
+use crate::simd::{Compiled, Simd};
+use crate::trace::block_test::decide;
+use crate::trace::fast;
+use crate::trace::refined::Pairs;
+use crate::trace::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_zero};
 
 impl Group {
     /// Decides a triangle for some rays by the reference test; those whose best hit changed.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn decide(
         &mut self,
-        record: &Record<'_>,
+        record: &PackedBlock<'_>,
         index: usize,
         mut unclear: u32,
-        rays: &Rays<'_>,
+        rays: &PacketRays<'_>,
         options: &QueryOptions,
     ) -> u32 {
         let mut taken = 0;
@@ -47,12 +47,12 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn within<S: Simd>(
         &self,
-        record: &Record<'_>,
-        rays: &Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &PacketRays<'_>,
         index: usize,
     ) -> u32 {
         // SAFETY: the caller's contract.
-        unsafe { enclosed(&Seen::<S>::new(rays, self.axes, record, index)) }
+        unsafe { enclosed(&ShearedTriangle::<S>::new(rays, self.axes, record, index)) }
     }
 
     /// The watertight test of one triangle against some rays; keeps what precedes. The rays whose best
@@ -63,8 +63,8 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test<S: Simd>(
         &mut self,
-        record: &Record<'_>,
-        rays: &Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &PacketRays<'_>,
         index: usize,
         active: u32,
         culling: Culling,
@@ -72,12 +72,12 @@ impl Group {
     ) -> (u32, u32) {
         // SAFETY: the caller's contract.
         unsafe {
-            let seen = Seen::<S>::new(rays, self.axes, record, index);
+            let seen = ShearedTriangle::<S>::new(rays, self.axes, record, index);
             let span = rays.span::<S>(&self.beyond);
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
             if meeting.unclear & meeting.robust != 0 {
                 let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
-                S::call(CloserLook { rays, record, index, beyond, met: &mut met });
+                S::call(GroupCloserLook { rays, record, index, beyond, met: &mut met });
                 meeting = met.meeting();
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
@@ -126,8 +126,8 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test_fast<S: Simd>(
         &self,
-        record: &Record<'_>,
-        rays: &Rays<'_>,
+        record: &PackedBlock<'_>,
+        rays: &PacketRays<'_>,
         index: usize,
         active: u32,
     ) -> u32 {
@@ -149,7 +149,7 @@ impl Group {
 /// The processor must have the set; the triangle must be one of the block's.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn corners<S: Simd>(
-    record: &Record<'_>,
+    record: &PackedBlock<'_>,
     index: usize,
     [x, y, z]: [usize; 3],
 ) -> [[S::Floats; 3]; 3] {
@@ -166,15 +166,20 @@ unsafe fn corners<S: Simd>(
 }
 
 /// One triangle as the rays see it.
-struct Seen<S: Simd> {
+struct ShearedTriangle<S: Simd> {
     corners: [Corner<S>; 3],
 }
 
-impl<S: Simd> Seen<S> {
+impl<S: Simd> ShearedTriangle<S> {
     /// # Safety
     /// As for [`super::Packet::trace`]; the triangle must be one of the block's.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn new(rays: &Rays<'_>, axes: [usize; 3], record: &Record<'_>, index: usize) -> Seen<S> {
+    unsafe fn new(
+        rays: &PacketRays<'_>,
+        axes: [usize; 3],
+        record: &PackedBlock<'_>,
+        index: usize,
+    ) -> ShearedTriangle<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.sheared_origin);
@@ -185,12 +190,12 @@ impl<S: Simd> Seen<S> {
                 Corner::new(b, origin, shear),
                 Corner::new(c, origin, shear),
             ];
-            Seen { corners }
+            ShearedTriangle { corners }
         }
     }
 }
 
-impl<S: Simd> View<S> for Seen<S> {
+impl<S: Simd> View<S> for ShearedTriangle<S> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
         let [a, b, c] = &self.corners;
@@ -219,16 +224,16 @@ impl<S: Simd> View<S> for Seen<S> {
 }
 
 /// A closer look at a triangle for the rays that are unclear.
-struct CloserLook<'a> {
-    rays: &'a Rays<'a>,
-    record: &'a Record<'a>,
+struct GroupCloserLook<'a> {
+    rays: &'a PacketRays<'a>,
+    record: &'a PackedBlock<'a>,
     index: usize,
     /// See [`Group::beyond`].
-    beyond: &'a Row,
+    beyond: &'a GroupRow,
     met: &'a mut Met,
 }
 
-impl Compiled for CloserLook<'_> {
+impl Compiled for GroupCloserLook<'_> {
     type Output = ();
 
     #[cfg_attr(not(unoptimised), inline(always))]

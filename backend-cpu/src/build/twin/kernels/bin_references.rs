@@ -13,13 +13,14 @@ use splitplane_core::config::{CHUNK, MAX_BINS};
 use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 
 use super::GRAIN;
-use crate::cached::count_bins::count_axis;
-use crate::lookout::Lookout;
-use crate::query::{Compiled, InstructionSet, Simd};
+use crate::build::twin::count_bins::count_axis;
+use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
+use crate::simd::{Compiled, Simd};
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     set: InstructionSet,
     bins: u32,
     chunks: &[Chunk],
@@ -28,7 +29,7 @@ pub fn run<A: Arithmetic>(
     chunk_bins: &mut [ChunkBins],
 ) {
     chunks.par_iter().zip(chunk_bins).with_min_len(GRAIN).for_each(|(chunk, out)| {
-        if look.worked(u64::from(chunk.count)) {
+        if meter.record_work(u64::from(chunk.count)) {
             return;
         }
         let tight = &node_bounds[chunk.node as usize];

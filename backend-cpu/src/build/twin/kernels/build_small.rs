@@ -11,12 +11,12 @@ use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Extent, Reference, SmallRoot};
 
-#[cfg(target_arch = "x86_64")]
-use crate::cached::lanes::Avx512;
-use crate::cached::lanes::{Lanes, Plain};
-use crate::cached::small_root::{Costs, Root, Subtrees};
-use crate::lookout::Lookout;
-use crate::query::{Compiled, InstructionSet, Simd};
+use crate::build::twin::small_root::{SmallRootBuilder, SmallRootCosts};
+use crate::build::twin::subtrees::Subtrees;
+use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
+use crate::simd::references::ReferenceOps;
+use crate::simd::{Compiled, Simd};
 
 /// Roots of one task. Their subtrees share two vectors.
 pub const BATCH: usize = 32;
@@ -26,7 +26,7 @@ pub const BATCH: usize = 32;
 /// # Errors
 /// Less memory than the subtrees take.
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     set: InstructionSet,
     roots: &[SmallRoot],
@@ -36,24 +36,24 @@ pub fn run<A: Arithmetic>(
 ) -> Result<(), TryReserveError> {
     roots.par_chunks(BATCH).zip(sizes.par_chunks_mut(BATCH)).zip(subtrees).try_for_each(
         |((roots, sizes), out)| {
-            if look.is_over() {
+            if meter.is_cancelled() {
                 return Ok(());
             }
             let count = roots.len() as u64;
             let batch =
-                Batch::<A> { config, roots, references, sizes, out, arithmetic: PhantomData };
+                RootBatch::<A> { config, roots, references, sizes, out, arithmetic: PhantomData };
             // SAFETY: the executor holds only sets that the processor has.
             unsafe { set.run(batch) }?;
-            look.advance(count);
+            meter.advance(count);
             // A root takes some tens of microseconds.
-            look.worked(256 * count);
+            meter.record_work(256 * count);
             Ok(())
         },
     )
 }
 
 /// [`batch`], for the lanes of each set.
-struct Batch<'a, A> {
+struct RootBatch<'a, A> {
     config: &'a BuildConfig,
     roots: &'a [SmallRoot],
     references: &'a [Reference],
@@ -62,23 +62,19 @@ struct Batch<'a, A> {
     arithmetic: PhantomData<A>,
 }
 
-impl<A: Arithmetic> Compiled for Batch<'_, A> {
+impl<A: Arithmetic> Compiled for RootBatch<'_, A> {
     type Output = Result<(), TryReserveError>;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
-        let Batch { config, roots, references, sizes, out, .. } = self;
-        #[cfg(target_arch = "x86_64")]
-        if S::AVX512 {
-            return batch::<A, Avx512>(config, roots, references, sizes, out);
-        }
-        batch::<A, Plain>(config, roots, references, sizes, out)
+        let RootBatch { config, roots, references, sizes, out, .. } = self;
+        batch::<A, S>(config, roots, references, sizes, out)
     }
 }
 
 /// Builds the subtrees of a batch.
 #[cfg_attr(not(unoptimised), inline(always))]
-fn batch<A: Arithmetic, L: Lanes>(
+fn batch<A: Arithmetic, S: ReferenceOps>(
     config: &BuildConfig,
     roots: &[SmallRoot],
     references: &[Reference],
@@ -86,15 +82,15 @@ fn batch<A: Arithmetic, L: Lanes>(
     out: &mut Subtrees,
 ) -> Result<(), TryReserveError> {
     out.clear();
-    let costs = Costs::of(config);
-    let mut scratch = Root::new();
+    let costs = SmallRootCosts::of(config);
+    let mut scratch = SmallRootBuilder::new();
     for (root, size) in roots.iter().zip(sizes) {
         let mine = &references[root.first as usize..(root.first + root.count) as usize];
         let before = (out.nodes.len(), out.references.len());
         if root.count <= config.small_node_limit {
             scratch.load(mine);
             let base = [before.0, before.1];
-            scratch.build::<A, L>(&costs, &root.cell(), root.depth, base, out)?;
+            scratch.build::<A, S>(&costs, &root.cell(), root.depth, base, out)?;
         } else {
             out.leaf(before.1, mine.iter().map(|reference| reference.triangle))?;
         }

@@ -10,12 +10,12 @@ use splitplane_core::split::{goes_left, goes_right};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
+use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     clipped: bool,
     chunks: &[Chunk],
     decisions: &[Decision],
@@ -26,7 +26,7 @@ pub fn run<A: Arithmetic>(
 ) {
     chunks.par_iter().zip(reference_sides).zip(chunk_counts).with_min_len(GRAIN).for_each(
         |((chunk, sides), counts)| {
-            if look.worked(u64::from(chunk.count)) {
+            if meter.record_work(u64::from(chunk.count)) {
                 return;
             }
             let decision = &decisions[chunk.node as usize];

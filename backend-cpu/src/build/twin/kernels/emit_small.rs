@@ -7,14 +7,14 @@ use rayon::prelude::*;
 use splitplane_core::layout::{Extent, SmallRoot};
 use splitplane_core::node::{KdNode, NodeKind};
 
-use crate::cached::small_root::Subtrees;
-use crate::lookout::Lookout;
-use crate::scatter::Scatter;
+use crate::build::twin::subtrees::Subtrees;
+use crate::cancel::ProgressMeter;
+use crate::memory::Scatter;
 
 /// Runs the kernel. `subtrees` holds an element for each `batch` roots.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
 pub fn run(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     batch: usize,
     roots: &[SmallRoot],
     sizes: &[Extent],
@@ -27,7 +27,7 @@ pub fn run(
     let leaf_references = Scatter::new(leaf_references);
     roots.par_chunks(batch).zip(sizes.par_chunks(batch)).zip(subtrees).for_each(
         |((roots, sizes), subtrees)| {
-            if look.is_over() {
+            if meter.is_cancelled() {
                 return;
             }
             let (mut node, mut reference) = (0, 0);
@@ -54,8 +54,8 @@ pub fn run(
                 .copy_from_slice(&subtrees.references[reference..next_reference]);
                 (node, reference) = (next_node, next_reference);
             }
-            look.advance(roots.len() as u64);
-            look.worked((node + reference) as u64 / 2);
+            meter.advance(roots.len() as u64);
+            meter.record_work((node + reference) as u64 / 2);
         },
     );
 }

@@ -9,12 +9,12 @@ use splitplane_core::layout::{Reference, Sides};
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
-use crate::scatter::Scatter;
+use crate::cancel::ProgressMeter;
+use crate::memory::Scatter;
 
 /// Runs the kernel. `references` is as long as there are triangles kept.
 pub fn run(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     triangles: &[Triangle],
     chunk_counts: &[Sides],
     references: &mut [Reference],
@@ -23,7 +23,7 @@ pub fn run(
     let references = Scatter::new(references);
     triangles.par_chunks(CHUNK as usize).enumerate().with_min_len(GRAIN).for_each(
         |(chunk, triangles)| {
-            if look.is_over() {
+            if meter.is_cancelled() {
                 return;
             }
             let first = chunk_counts[chunk].left as usize;
@@ -38,8 +38,8 @@ pub fn run(
                     *reference = Reference::new(&Aabb::of_points(corners), index as u32);
                 }
             }
-            look.advance(triangles.len() as u64);
-            look.worked(triangles.len() as u64);
+            meter.advance(triangles.len() as u64);
+            meter.record_work(triangles.len() as u64);
         },
     );
 }

@@ -8,17 +8,17 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{ChunkBounds, LargeNode};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
+use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 pub fn run(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     active: &[LargeNode],
     chunk_bounds: &[ChunkBounds],
     node_bounds: &mut [Aabb],
 ) {
     active.par_iter().zip(node_bounds).with_min_len(GRAIN).for_each(|(node, bounds)| {
-        if look.is_over() {
+        if meter.is_cancelled() {
             return;
         }
         let first = node.source as usize;
@@ -26,6 +26,6 @@ pub fn run(
         *bounds = chunks
             .iter()
             .fold(Aabb::EMPTY, |bounds, chunk| bounds.union(&chunk.sides[node.side as usize]));
-        look.worked(u64::from(node.source_chunks));
+        meter.record_work(u64::from(node.source_chunks));
     });
 }

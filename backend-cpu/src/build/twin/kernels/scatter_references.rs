@@ -10,8 +10,8 @@ use splitplane_core::layout::{Chunk, ChunkBounds, ChunkSides, Decision, Referenc
 use splitplane_core::triangle::{Triangle, clip};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
-use crate::scatter::Scatter;
+use crate::cancel::ProgressMeter;
+use crate::memory::Scatter;
 
 /// What the kernel reads.
 #[derive(Debug)]
@@ -36,7 +36,7 @@ pub struct Inputs<'a> {
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     inputs: &Inputs<'_>,
     next_references: &mut [Reference],
     small_references: &mut [Reference],
@@ -52,7 +52,7 @@ pub fn run<A: Arithmetic>(
         .zip(chunk_bounds)
         .with_min_len(GRAIN)
         .for_each(|(((chunk, sides), offsets), bounds)| {
-            if look.worked(2 * u64::from(chunk.count)) {
+            if meter.record_work(2 * u64::from(chunk.count)) {
                 return;
             }
             let decision = &inputs.decisions[chunk.node as usize];

@@ -13,11 +13,11 @@ use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
 use splitplane_core::split::{SplitPlane, spatial_median};
 
 use super::split_large::cut_empty_space;
-use crate::lookout::Lookout;
+use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     active: &[LargeNode],
     node_bounds: &[Aabb],
@@ -27,7 +27,7 @@ pub fn run<A: Arithmetic>(
     active.par_iter().zip(node_bounds).zip(decisions).with_min_len(4).for_each(
         |((node, tight), decision)| {
             // A chunk's bins take about as long as a quarter of its references.
-            if !look.worked(u64::from(node.count / 4)) {
+            if !meter.record_work(u64::from(node.count / 4)) {
                 *decision = decide::<A>(config, node, tight, chunk_bins);
             }
         },

@@ -12,11 +12,11 @@ use splitplane_core::layout::{Decision, LargeNode, Reference, Sides};
 use splitplane_core::split::{SplitPlane, empty_cutoff, sampled_sweep_while, spatial_median};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
+use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     active: &[LargeNode],
     node_bounds: &[Aabb],
@@ -25,8 +25,8 @@ pub fn run<A: Arithmetic>(
 ) {
     active.par_iter().zip(node_bounds).zip(decisions).with_min_len(GRAIN).for_each(
         |((node, tight), decision)| {
-            if !look.worked(4) {
-                *decision = decide::<A>(look, config, node, tight, references);
+            if !meter.record_work(4) {
+                *decision = decide::<A>(meter, config, node, tight, references);
             }
         },
     );
@@ -34,7 +34,7 @@ pub fn run<A: Arithmetic>(
 
 /// The decision about one node. Its references matter only where a plane did not separate it.
 pub(crate) fn decide<A: Arithmetic>(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     node: &LargeNode,
     tight: &Aabb,
@@ -47,7 +47,7 @@ pub(crate) fn decide<A: Arithmetic>(
     } else {
         // That the median does not separate does not mean that no plane does.
         let mine = &references[node.first as usize..(node.first + node.count) as usize];
-        sampled_sweep_while::<A>(&cell, mine, |work| !look.worked(work))
+        sampled_sweep_while::<A>(&cell, mine, |work| !meter.record_work(work))
     };
     if let Some(SplitPlane { axis, position }) = plane {
         decision.axis = axis as u32;

@@ -11,11 +11,11 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::GRAIN;
-use crate::lookout::Lookout;
+use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 pub fn run(
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
     mesh: &Mesh<'_>,
     triangles: &mut [Triangle],
     chunk_counts: &mut [Sides],
@@ -28,7 +28,7 @@ pub fn run(
         .enumerate()
         .with_min_len(GRAIN)
         .for_each(|(chunk, ((triangles, counts), bounds))| {
-            if look.is_over() {
+            if meter.is_cancelled() {
                 return;
             }
             let mut kept = Aabb::EMPTY;
@@ -43,7 +43,7 @@ pub fn run(
                 }
             }
             *bounds = ChunkBounds { sides: [kept, Aabb::EMPTY] };
-            look.advance(triangles.len() as u64);
-            look.worked(triangles.len() as u64);
+            meter.advance(triangles.len() as u64);
+            meter.record_work(triangles.len() as u64);
         });
 }

@@ -4,7 +4,11 @@
 
 use core::arch::x86_64::*;
 
+mod f32x16;
+mod references;
+
 use super::{Compiled, Direction, Simd};
+use f32x16::Avx512F32x16;
 
 /// [`Simd`] by AVX-512.
 #[derive(Clone, Copy)]
@@ -13,7 +17,7 @@ pub(crate) struct Avx512;
 // SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
 impl Simd for Avx512 {
     const N: usize = 16;
-    const AVX512: bool = true;
+    type F32x16 = Avx512F32x16;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;
@@ -197,6 +201,20 @@ impl Simd for Avx512 {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn magnitude(a: __m512, b: __m512) -> __m512 {
         unsafe { _mm512_range_ps::<0b1011>(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn bytes_in_ranges(
+        bytes: &[[u8; 8]; 8],
+        first: &[u8; 64],
+        span: &[u8; 64],
+        there: u64,
+    ) -> u64 {
+        unsafe {
+            let bytes = _mm512_loadu_si512(bytes.as_ptr().cast());
+            let first = _mm512_loadu_si512(first.as_ptr().cast());
+            let span = _mm512_loadu_si512(span.as_ptr().cast());
+            _mm512_mask_cmple_epu8_mask(there, _mm512_sub_epi8(bytes, first), span)
+        }
     }
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn product_error(a: __m512, b: __m512) -> __m512 {

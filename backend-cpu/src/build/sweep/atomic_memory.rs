@@ -3,21 +3,21 @@
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use splitplane_core::backend::BuildError;
 
-use crate::buffers::Memory;
+use crate::memory::Memory;
 
 /// [`Memory`] that threads share. Which of them meets the limit first may differ from run to run; that
 /// it is met ends the build, so no tree depends on it.
 #[derive(Debug)]
-pub(super) struct Ledger {
+pub(super) struct AtomicMemory {
     held: AtomicU64,
     peak: AtomicU64,
     limit: Option<u64>,
 }
 
-impl Ledger {
+impl AtomicMemory {
     /// Counts on from `memory`.
-    pub fn new(memory: Memory) -> Ledger {
-        Ledger {
+    pub fn new(memory: Memory) -> AtomicMemory {
+        AtomicMemory {
             held: AtomicU64::new(memory.held),
             peak: AtomicU64::new(memory.peak),
             limit: memory.limit,
@@ -25,7 +25,7 @@ impl Ledger {
     }
 
     /// What has been counted.
-    pub fn close(&self) -> Memory {
+    pub fn total(&self) -> Memory {
         Memory { held: self.held.load(Relaxed), peak: self.peak.load(Relaxed), limit: self.limit }
     }
 
@@ -70,7 +70,7 @@ impl Ledger {
     ///
     /// # Errors
     /// Less memory than that.
-    pub fn passing<T>(&self, length: usize) -> Result<Vec<T>, BuildError> {
+    pub fn temporary<T>(&self, length: usize) -> Result<Vec<T>, BuildError> {
         let mut list = Vec::new();
         list.try_reserve_exact(length).map_err(|_| self.lacking())?;
         Ok(list)
