@@ -43,14 +43,14 @@ const TOO_LONG: Duration = Duration::from_millis(2);
 pub struct CpuAccelerator {
     summary: BuildSummary,
     scene: SceneScale,
-    blocks: TreeLayout,
+    layout: TreeLayout,
     set: InstructionSet,
 }
 
 impl CpuAccelerator {
     /// Bytes that tree and layout have room for, for a limit that this and another one must keep together.
     pub(crate) fn bytes(&self) -> u64 {
-        self.blocks.held()
+        self.layout.held()
     }
 
     /// Makes the query layout of a valid tree; `set` must be one that the processor has. Of no use when
@@ -67,9 +67,9 @@ impl CpuAccelerator {
         (memory, scratch): (&mut Memory, &mut LayoutScratch),
     ) -> Result<CpuAccelerator, BuildError> {
         let scene = scene_scale(tree.bounds, set, source.triangles, meter);
-        let blocks = TreeLayout::new(tree, source, set, meter, memory, scratch)?;
+        let layout = TreeLayout::new(tree, source, set, meter, memory, scratch)?;
         summary.peak_bytes = memory.peak;
-        Ok(CpuAccelerator { summary, scene, blocks, set })
+        Ok(CpuAccelerator { summary, scene, layout, set })
     }
 
     /// Becomes the accelerator of another valid tree, in the same memory. After an error it is what it was.
@@ -83,7 +83,7 @@ impl CpuAccelerator {
         source: LayoutSource<'_>,
         (memory, scratch): (&mut Memory, &mut LayoutScratch),
     ) -> Result<(), BuildError> {
-        self.blocks.replace(tree, source, memory, scratch)?;
+        self.layout.replace(tree, source, memory, scratch)?;
         self.scene = scene_scale(tree.bounds, self.set, source.triangles, &UNWATCHED);
         summary.peak_bytes = memory.peak;
         self.summary = summary;
@@ -92,13 +92,13 @@ impl CpuAccelerator {
 
     /// The layout that was asked for.
     pub fn layout(&self) -> QueryLayout {
-        self.blocks.layout()
+        self.layout.layout()
     }
 
     /// What rays are traced through.
     #[cfg(test)]
     pub(super) fn parts(&self) -> (&TreeLayout, &SceneScale) {
-        (&self.blocks, &self.scene)
+        (&self.layout, &self.scene)
     }
 
     /// The instruction set of queries.
@@ -150,9 +150,9 @@ impl CpuAccelerator {
     }
 
     fn trace(&self, ray: &Ray, options: &QueryOptions, query: Query) -> Hit {
-        let (blocks, scene) = (&self.blocks, &self.scene);
+        let (layout, scene) = (&self.layout, &self.scene);
         // SAFETY: `set` was detected on this processor, and the layout made for it.
-        unsafe { self.set.run(Single { blocks, scene, ray, options, query }) }
+        unsafe { self.set.run(Single { layout, scene, ray, options, query }) }
     }
 
     /// Answers a batch under a lookout.
@@ -165,7 +165,7 @@ impl CpuAccelerator {
     ) -> Result<QueryReport, QueryError> {
         check(rays.len(), answers.len())?;
         meter.begin_stage(Stage::Rays, rays.len() as u64);
-        let (blocks, scene) = (&self.blocks, &self.scene);
+        let (layout, scene) = (&self.layout, &self.scene);
         // How slow rays are shows only as they are traced.
         let at_first = if meter.is_watched() { FIRST } else { TASK };
         let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
@@ -177,7 +177,7 @@ impl CpuAccelerator {
                     let some = next..rays.len().min(next + *count);
                     let since = meter.is_watched().then(Instant::now);
                     let rays = &rays[some.clone()];
-                    let batch = RayBatch { blocks, scene, rays, options, query: T::QUERY };
+                    let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
                     let answers = T::answers(&mut answers[some.clone()]);
                     // SAFETY: as for one ray.
                     unsafe { self.set.run(Stream { batch, answers }) }?;
@@ -194,7 +194,7 @@ impl CpuAccelerator {
             },
         );
         // A thread's stacks, of which no more is known.
-        done.map_err(|_| refused((2 * blocks.wide.stack() * size_of::<u32>()) as u64))?;
+        done.map_err(|_| refused((2 * layout.wide.stack() * size_of::<u32>()) as u64))?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())
     }
@@ -220,7 +220,7 @@ impl CpuAccelerator {
             let mut share = TaskBytes { held: &held, own: 0, max_memory: options.max_memory };
             let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
             let mut collector = Collector::default();
-            let (blocks, bounds) = (&self.blocks, &self.blocks.tree.bounds);
+            let (layout, bounds) = (&self.layout, &self.layout.tree.bounds);
             for ray in rays {
                 // What threads find is copied together in the end, so it counts twice.
                 let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
@@ -232,7 +232,7 @@ impl CpuAccelerator {
                     ended = meter.check_batch().and_then(|()| share.hold(beside + bytes));
                     ended.is_ok()
                 };
-                exact::all_hits(blocks, bounds, ray, options, &mut collector, go_on);
+                exact::all_hits(layout, bounds, ray, options, &mut collector, go_on);
                 ended?;
                 let grown = collector.growth(&part.crossings);
                 share.hold(beside + collector.bytes() + grown)?;
@@ -275,7 +275,7 @@ impl CpuAccelerator {
                 let mut ended = meter.check_batch();
                 ended.clone()?;
                 let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
-                    exact::visit(&self.blocks, &self.blocks.tree.bounds, ray, &options, test);
+                    exact::visit(&self.layout, &self.layout.tree.bounds, ray, &options, test);
                 };
                 let wound = locator.winding(point, visit, &mut |bytes| {
                     meter.record_work(WORK_BETWEEN_CHECKS / 8);
@@ -373,7 +373,7 @@ fn check(rays: usize, results: usize) -> Result<(), QueryError> {
 
 impl Accelerator for CpuAccelerator {
     fn tree(&self) -> &KdTree {
-        &self.blocks.tree
+        &self.layout.tree
     }
 
     fn summary(&self) -> &BuildSummary {
@@ -381,7 +381,7 @@ impl Accelerator for CpuAccelerator {
     }
 
     fn query_bytes(&self) -> u64 {
-        self.blocks.bytes()
+        self.layout.bytes()
     }
 
     fn closest_hits(

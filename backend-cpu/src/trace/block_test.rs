@@ -11,7 +11,7 @@ use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::fast;
-use super::prepare::TraversalRay;
+use super::prepare::RayState;
 use super::refined::Pairs;
 use super::watertight::{Corner, Met, Span, View, meet};
 use crate::layout::gathered_block::GatheredBlock;
@@ -222,29 +222,30 @@ pub(crate) fn test_one(
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
-    way: &TraversalRay,
-    record: &T,
+    ray_state: &RayState,
+    block: &T,
     options: &QueryOptions,
     query: Query,
     best: &mut BestHit,
 ) -> bool {
-    let limit = if best.stop < way.t_max { best.stop } else { way.t_max };
+    let limit = if best.stop < ray_state.t_max { best.stop } else { ray_state.t_max };
     let any = query == Query::Any;
     // SAFETY: the caller's contract.
     unsafe {
         if options.accuracy == Accuracy::Fast {
             let mut sifted = Met::NONE;
-            sifted.unclear = sift_fast::<S, T>(way, record, limit);
-            return sifted.unclear != 0 && test_sifted(way, record, options, query, &sifted, best);
+            sifted.unclear = sift_fast::<S, T>(ray_state, block, limit);
+            return sifted.unclear != 0
+                && test_sifted(ray_state, block, options, query, &sifted, best);
         }
-        let seen = ShearedBlock::<S, T>::new(way, record);
+        let seen = ShearedBlock::<S, T>::new(ray_state, block);
         // Of what follows the last triangle nothing counts.
-        let mut there = (1u32 << record.count()) - 1;
+        let mut there = (1u32 << block.count()) - 1;
         if !any {
             // A leaf behind the best hit often has its triangle too, and would give the same `t`.
-            there &= !S::equal(record.triangles(), best.hit.triangle);
+            there &= !S::equal(block.triangles(), best.hit.triangle);
         }
-        let meeting = meet(&seen, there, &span::<S>(way, limit), options.culling);
+        let meeting = meet(&seen, there, &span::<S>(ray_state, limit), options.culling);
         let Some(mut meeting) = meeting else { return false };
         if meeting.met | meeting.unclear == 0 {
             return false;
@@ -252,7 +253,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         // For any hit those that are met come first.
         if meeting.unclear & meeting.robust != 0 && !(any && meeting.met != 0) {
             let mut met = Met::of(&meeting);
-            S::call(CloserLook { way, record, limit, met: &mut met });
+            S::call(CloserLook { ray_state, block, limit, met: &mut met });
             meeting = met.meeting();
             if meeting.met | meeting.unclear == 0 {
                 return false;
@@ -265,17 +266,18 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         let one =
             if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
         // Of moved rays different inner `t` may be one to the caller, or beyond the limits.
-        if one && options.ignore.is_none() && way.offset == 0.0 {
+        if one && options.ignore.is_none() && ray_state.offset == 0.0 {
             let index = nearest.trailing_zeros() as usize % S::N;
             let inner = S::lane(meeting.t, index);
-            let t = inner * power_of_two(-way.exponent);
+            let t = inner * power_of_two(-ray_state.exponent);
             // What was flushed or clamped may be the same for others too.
             if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
                 let det = S::lane(meeting.det, index);
                 let u = snap(S::lane(meeting.v, index) / det);
                 let v = snap(S::lane(meeting.w, index) / det);
-                let hit = Hit { t, triangle: record.triangle(index), u, v };
-                let better = way.limits[0] <= t && t <= way.limits[1] && hit.precedes(&best.hit);
+                let hit = Hit { t, triangle: block.triangle(index), u, v };
+                let better =
+                    ray_state.limits[0] <= t && t <= ray_state.limits[1] && hit.precedes(&best.hit);
                 if better {
                     *best = BestHit { hit, stop: stop_after(inner) };
                 }
@@ -284,35 +286,35 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
                 }
             }
         }
-        test_sifted(way, record, options, query, &Met::of(&meeting), best)
+        test_sifted(ray_state, block, options, query, &Met::of(&meeting), best)
     }
 }
 
 /// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.
 #[inline(never)]
 fn test_sifted<T: TriangleBlock>(
-    way: &TraversalRay,
-    record: &T,
+    ray_state: &RayState,
+    block: &T,
     options: &QueryOptions,
     query: Query,
     sifted: &Met,
     best: &mut BestHit,
 ) -> bool {
-    let ray = way.ray();
+    let ray = ray_state.ray();
     // Those that are met first: they may spare the others.
     let mut bits = u64::from(sifted.met) | u64::from(sifted.unclear) << 32;
     let mut better = false;
     while bits != 0 {
         let index = bits.trailing_zeros() as usize % 32;
         bits &= bits - 1;
-        let triangle = record.triangle(index);
+        let triangle = block.triangle(index);
         if options.ignore == Some(triangle) {
             continue;
         }
         let found = if sifted.met >> index & 1 != 0 {
             sifted.candidate(index)
         } else {
-            let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
+            let Some(found) = decide(&ray, &block.corners(index), options) else { continue };
             found
         };
         if best.take(&ray, &found, triangle) {
@@ -360,21 +362,21 @@ impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
     /// # Safety
     /// As for [`test()`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn new(way: &TraversalRay, record: &T) -> ShearedBlock<S, T> {
+    unsafe fn new(ray_state: &RayState, block: &T) -> ShearedBlock<S, T> {
         // SAFETY: the caller's contract.
         unsafe {
-            let axes = way.axes();
-            let (origin, shear) = (each::<S>(way.origin), each::<S>(way.shear));
+            let axes = ray_state.axes();
+            let (origin, shear) = (each::<S>(ray_state.origin), each::<S>(ray_state.shear));
             // Written out: they are to stay in registers, which loops do not grant.
-            let first = Corner::new(coordinates::<S, T>(record, axes, 0), origin, shear);
-            let second = Corner::new(coordinates::<S, T>(record, axes, 1), origin, shear);
+            let first = Corner::new(coordinates::<S, T>(block, axes, 0), origin, shear);
+            let second = Corner::new(coordinates::<S, T>(block, axes, 1), origin, shear);
             let third = if T::VECTORS > 2 {
-                Corner::new(coordinates::<S, T>(record, axes, 2), origin, shear)
+                Corner::new(coordinates::<S, T>(block, axes, 2), origin, shear)
             } else {
                 second
             };
             let corners = [first, second, third];
-            ShearedBlock { places: record.places::<S>(), corners, of: PhantomData }
+            ShearedBlock { places: block.places::<S>(), corners, of: PhantomData }
         }
     }
 
@@ -404,16 +406,16 @@ unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn coordinates<S: Simd, T: TriangleBlock>(
-    record: &T,
+    block: &T,
     [x, y, z]: [usize; 3],
     vector: usize,
 ) -> [S::Floats; 3] {
     // SAFETY: the caller's contract.
     unsafe {
         [
-            record.coordinates::<S>(x, vector),
-            record.coordinates::<S>(y, vector),
-            record.coordinates::<S>(z, vector),
+            block.coordinates::<S>(x, vector),
+            block.coordinates::<S>(y, vector),
+            block.coordinates::<S>(z, vector),
         ]
     }
 }
@@ -424,7 +426,7 @@ unsafe fn coordinates<S: Simd, T: TriangleBlock>(
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn all_corners<S: Simd, T: TriangleBlock>(
-    record: &T,
+    block: &T,
     axes: [usize; 3],
     places: [S::Places; 3],
 ) -> [[S::Floats; 3]; 3] {
@@ -432,9 +434,9 @@ unsafe fn all_corners<S: Simd, T: TriangleBlock>(
     unsafe {
         let mut corners = [[S::splat(0.0); 3]; 3];
         for (k, axis) in axes.into_iter().enumerate() {
-            let second = record.coordinates::<S>(axis, 1);
-            let third = if T::VECTORS > 2 { record.coordinates::<S>(axis, 2) } else { second };
-            let vectors = [record.coordinates::<S>(axis, 0), second, third];
+            let second = block.coordinates::<S>(axis, 1);
+            let third = if T::VECTORS > 2 { block.coordinates::<S>(axis, 2) } else { second };
+            let vectors = [block.coordinates::<S>(axis, 0), second, third];
             let [a, b, c] = T::of_corners::<S>(vectors, places);
             (corners[0][k], corners[1][k], corners[2][k]) = (a, b, c);
         }
@@ -478,8 +480,8 @@ impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
 
 /// A closer look at the triangles that are unclear, seldom needed.
 struct CloserLook<'a, T> {
-    way: &'a TraversalRay,
-    record: &'a T,
+    ray_state: &'a RayState,
+    block: &'a T,
     limit: f32,
     met: &'a mut Met,
 }
@@ -489,15 +491,15 @@ impl<T: TriangleBlock> Compiled for CloserLook<'_, T> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) {
-        let CloserLook { way, record, limit, met } = self;
+        let CloserLook { ray_state, block, limit, met } = self;
         // SAFETY: the caller's contract, and that of [`test()`].
         unsafe {
-            let ray = way.ray();
-            let corners = all_corners::<S, T>(record, [0, 1, 2], record.places::<S>());
+            let ray = ray_state.ray();
+            let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
             let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
             let mut meeting = met.meeting::<S>();
             let pairs = Pairs { origin, direction, corners };
-            meeting.look_closely(pairs, &span::<S>(way, limit));
+            meeting.look_closely(pairs, &span::<S>(ray_state, limit));
             *met = Met::of(&meeting);
         }
     }
@@ -506,9 +508,9 @@ impl<T: TriangleBlock> Compiled for CloserLook<'_, T> {
 /// # Safety
 /// The processor must have the set.
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn span<S: Simd>(way: &TraversalRay, limit: f32) -> Span<S> {
+unsafe fn span<S: Simd>(ray_state: &RayState, limit: f32) -> Span<S> {
     // SAFETY: the caller's contract.
-    let [t_min, t_max, stop] = unsafe { each::<S>([way.t_min, way.t_max, limit]) };
+    let [t_min, t_max, stop] = unsafe { each::<S>([ray_state.t_min, ray_state.t_max, limit]) };
     Span { t_min, t_max, stop }
 }
 
@@ -517,13 +519,13 @@ unsafe fn span<S: Simd>(way: &TraversalRay, limit: f32) -> Span<S> {
 /// # Safety
 /// As for [`test()`].
 #[cfg_attr(not(unoptimised), inline(always))]
-unsafe fn sift_fast<S: Simd, T: TriangleBlock>(way: &TraversalRay, record: &T, limit: f32) -> u32 {
+unsafe fn sift_fast<S: Simd, T: TriangleBlock>(ray_state: &RayState, block: &T, limit: f32) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
-        let ray = way.ray();
+        let ray = ray_state.ray();
         let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
-        let corners = all_corners::<S, T>(record, [0, 1, 2], record.places::<S>());
+        let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
         let span = [S::splat(ray.t_min), S::splat(limit)];
-        fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << record.count()) - 1)
+        fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << block.count()) - 1)
     }
 }

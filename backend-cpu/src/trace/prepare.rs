@@ -22,7 +22,7 @@ pub(crate) type PerRay<T> = [T; CHUNK];
 /// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
-pub(crate) struct TraversalRay {
+pub(crate) struct RayState {
     pub reciprocal: [f32; 3],
     /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their
     /// triangles' sizes.
@@ -45,16 +45,16 @@ pub(crate) struct TraversalRay {
     pub direction: [f32; 3],
     /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
     pub exit_reciprocal: [f32; 3],
-    /// The ray's place in its batch; [`TraversalRay::NO_RAY`] for none.
+    /// The ray's place in its batch; [`RayState::NO_RAY`] for none.
     pub index: u32,
     /// See [`PreparedRay::offset`].
     pub offset: f32,
 }
 
-/// Words of a [`TraversalRay`].
-pub(crate) const WAY_WORDS: usize = size_of::<TraversalRay>() / 4;
+/// Words of a [`RayState`].
+pub(crate) const RAY_STATE_WORDS: usize = size_of::<RayState>() / 4;
 
-/// The axes that shearing calls x, y and z, by [`TraversalRay::axes`]. Two more than there are, so that the
+/// The axes that shearing calls x, y and z, by [`RayState::axes`]. Two more than there are, so that the
 /// remainder that keeps places in bounds costs nothing.
 pub(crate) static AXES: [[usize; 3]; 8] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
@@ -65,7 +65,7 @@ static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0
 /// What becomes of a ray that is not made ready in vectors.
 pub(crate) enum ScalarOutcome {
     /// It goes through the wide nodes.
-    TraversalRay(TraversalRay),
+    Traced(RayState),
     /// It is answered.
     Answer(Hit),
 }
@@ -76,10 +76,10 @@ const FARTHEST: f32 = 1.152_921_5e18; // 2^60
 /// Greatest exponent, either way, of directions that are scaled in one step.
 const MOST_EXPONENT: i32 = 126;
 
-impl TraversalRay {
+impl RayState {
     /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
     #[cold]
-    pub fn with_care(
+    pub fn prepare_by_core(
         ray: &Ray,
         scene: &SceneScale,
         accuracy: Accuracy,
@@ -94,13 +94,13 @@ impl TraversalRay {
             return None;
         }
         Some(
-            TraversalRay::of(&ray, scene, query)
-                .map_or(ScalarOutcome::Answer(Hit::MISS), ScalarOutcome::TraversalRay),
+            RayState::of(&ray, scene, query)
+                .map_or(ScalarOutcome::Answer(Hit::MISS), ScalarOutcome::Traced),
         )
     }
 
     /// The way of a ray that the core made ready; `None` where it comes nowhere near the scene.
-    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<TraversalRay> {
+    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<RayState> {
         let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
         let reach = behind(enter, exit);
         let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
@@ -113,7 +113,7 @@ impl TraversalRay {
         }
         let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
         let main = ray.axes[2];
-        Some(TraversalRay {
+        Some(RayState {
             reciprocal: ray.reciprocal,
             near,
             far,
@@ -129,7 +129,7 @@ impl TraversalRay {
             limits: ray.limits,
             direction: ray.direction,
             exit_reciprocal: ray.reciprocal.map(|r| r * EXIT_FACTOR),
-            index: TraversalRay::NO_RAY,
+            index: RayState::NO_RAY,
             offset: ray.offset,
         })
     }
@@ -138,8 +138,8 @@ impl TraversalRay {
     pub const NO_RAY: u32 = u32::MAX;
 
     /// No ray.
-    pub fn none() -> TraversalRay {
-        TraversalRay { index: TraversalRay::NO_RAY, ..bytemuck::Zeroable::zeroed() }
+    pub fn none() -> RayState {
+        RayState { index: RayState::NO_RAY, ..bytemuck::Zeroable::zeroed() }
     }
 
     /// The axes that shearing calls x, y and z.
@@ -200,11 +200,11 @@ pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) ->
     (enter <= t_min) & (exit < t_max)
 }
 
-/// Rays made ready together; see [`PreparedRay`] and [`TraversalRay`] for the fields.
+/// Rays made ready together; see [`PreparedRay`] and [`RayState`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
-    // Row by row the words of a `TraversalRay`.
+    // Row by row the words of a `RayState`.
     pub reciprocal: [PerRay<f32>; 3],
     pub near: [PerRay<f32>; 3],
     pub far: [PerRay<f32>; 3],
@@ -232,7 +232,7 @@ pub(crate) struct PreparedRays {
     pub shifted: PerRay<u32>,
 }
 
-const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == WAY_WORDS * 4 * CHUNK);
+const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == RAY_STATE_WORDS * 4 * CHUNK);
 
 /// The numbers of one lane.
 #[cfg_attr(not(unoptimised), inline(always))]
@@ -271,10 +271,10 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn ways<S: Simd>(&self, ways: &mut [TraversalRay; CHUNK]) {
+    pub unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; CHUNK]) {
         for lane in (0..CHUNK).step_by(S::N) {
             // SAFETY: the caller's contract.
-            unsafe { self.some_ways::<S>(lane, ways) };
+            unsafe { self.some_ray_states::<S>(lane, ray_states) };
         }
     }
 
@@ -283,17 +283,17 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set; there must be as many rays.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn some_ways<S: Simd>(&self, lane: usize, ways: &mut [TraversalRay; CHUNK]) {
+    pub unsafe fn some_ray_states<S: Simd>(&self, lane: usize, ray_states: &mut [RayState; CHUNK]) {
         let rows = (&raw const *self).cast::<f32>();
-        let to = ways.as_mut_ptr().cast::<f32>();
-        for first in (0..WAY_WORDS).step_by(S::N) {
+        let to = ray_states.as_mut_ptr().cast::<f32>();
+        for first in (0..RAY_STATE_WORDS).step_by(S::N) {
             // SAFETY: the struct begins with a row for each word of a way; ways are of that size.
             unsafe {
                 S::transpose(
                     rows.add(first * CHUNK + lane),
                     CHUNK,
-                    to.add(lane * WAY_WORDS + first),
-                    WAY_WORDS,
+                    to.add(lane * RAY_STATE_WORDS + first),
+                    RAY_STATE_WORDS,
                 );
             }
         }
@@ -524,17 +524,17 @@ pub(super) mod tests {
     }
 
     impl Compiled for Fill<'_> {
-        type Output = (PreparedRays, [TraversalRay; CHUNK]);
+        type Output = (PreparedRays, [RayState; CHUNK]);
 
         #[cfg_attr(not(unoptimised), inline(always))]
-        unsafe fn run<S: Simd>(self) -> (PreparedRays, [TraversalRay; CHUNK]) {
-            let (mut lanes, mut ways) = (PreparedRays::NONE, [TraversalRay::none(); CHUNK]);
+        unsafe fn run<S: Simd>(self) -> (PreparedRays, [RayState; CHUNK]) {
+            let (mut lanes, mut ray_states) = (PreparedRays::NONE, [RayState::none(); CHUNK]);
             // SAFETY: the caller's contract.
             unsafe {
                 lanes.fill::<S>(self.rays, self.scene, self.first, self.query);
-                lanes.ways::<S>(&mut ways);
+                lanes.ray_states::<S>(&mut ray_states);
             }
-            (lanes, ways)
+            (lanes, ray_states)
         }
     }
 
@@ -545,7 +545,7 @@ pub(super) mod tests {
         scene: &SceneScale,
         first: usize,
         query: Query,
-    ) -> (PreparedRays, [TraversalRay; CHUNK]) {
+    ) -> (PreparedRays, [RayState; CHUNK]) {
         // SAFETY: callers take sets that the processor has.
         unsafe { set.run(Fill { rays, scene, first, query }) }
     }
@@ -575,7 +575,7 @@ pub(super) mod tests {
             for first in (0..rays.len()).step_by(CHUNK) {
                 // Where there are more, they are read from where they are; the last are fewer than lanes.
                 let chunk = &rays[first..];
-                let (lanes, ways) = filled(set, chunk, &scene, first, Query::Closest);
+                let (lanes, ray_states) = filled(set, chunk, &scene, first, Query::Closest);
                 for lane in chunk.len()..CHUNK {
                     assert_eq!(lanes.alive[lane], 0, "{set:?} {lane}");
                 }
@@ -590,13 +590,17 @@ pub(super) mod tests {
                         continue;
                     };
                     assert_eq!(lanes.alive[lane], 1, "{set:?} {ray:?}");
-                    let found = ways[lane].ray();
+                    let found = ray_states[lane].ray();
                     let expected = PreparedRay { slack: [0.0; 3], ..expected };
                     assert_eq!(found, expected, "{set:?} {ray:?}");
                     assert_eq!(lanes.ray(lane), expected, "{set:?} {ray:?}");
-                    assert_eq!(ways[lane].index as usize, first + lane, "{set:?}");
+                    assert_eq!(ray_states[lane].index as usize, first + lane, "{set:?}");
                     let interval = (lanes.enter[lane], lanes.exit[lane]);
-                    assert_eq!((ways[lane].enter, ways[lane].stop), interval, "{set:?} {ray:?}");
+                    assert_eq!(
+                        (ray_states[lane].enter, ray_states[lane].stop),
+                        interval,
+                        "{set:?} {ray:?}"
+                    );
                     let expected = PreparedRay::new::<Strict>(ray, &scene).expect("alive");
                     let expected = expected.enter::<Strict>(&bounds);
                     assert_eq!((interval.0 <= interval.1).then_some(interval), expected);

@@ -9,7 +9,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, TraversalRay, behind, far_end_is_solid};
+use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
 use crate::simd::F32x4;
 
 /// What is to be done with a ray.
@@ -29,7 +29,7 @@ const ALL_AXES: u32 = 0b111;
 const LEAST_POWER: u32 = 127 - 40;
 const MOST_POWER: u32 = 127 + 60;
 
-impl TraversalRay {
+impl RayState {
     /// Becomes the way of a ray, if it says so. The bounds must not be empty.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
@@ -167,21 +167,21 @@ mod tests {
             });
             let many = InstructionSet::available();
             let many = many.into_iter().map(|set| filled(set, &rays, &scene, 0, query));
-            for ((lanes, ways), (lane, ray)) in
+            for ((lanes, ray_states), (lane, ray)) in
                 many.flat_map(|made| rays.iter().enumerate().map(move |ray| (made, ray)))
             {
-                let mut way = TraversalRay::none();
+                let mut ray_state = RayState::none();
                 let ordinary = lanes.alive[lane] != 0 && lanes.special[lane] == 0;
                 let within = lanes.enter[lane] <= lanes.exit[lane];
                 let biased = (lanes.exponent[lane] + 127) as u32;
-                match way.prepare(ray, &scene, query) {
+                match ray_state.prepare(ray, &scene, query) {
                     Readiness::Ready => {
                         assert!(ordinary && within, "{ray:?}");
-                        way.index = ways[lane].index;
-                        let (found, expected) = (bytemuck::bytes_of(&way), &ways[lane]);
+                        ray_state.index = ray_states[lane].index;
+                        let (found, expected) = (bytemuck::bytes_of(&ray_state), &ray_states[lane]);
                         assert_eq!(found, bytemuck::bytes_of(expected), "{ray:?} {expected:?}");
                         ready += 1;
-                        any += way.octant >> 3;
+                        any += ray_state.octant >> 3;
                     }
                     Readiness::Misses => {
                         assert!(ordinary && !within, "{ray:?}");

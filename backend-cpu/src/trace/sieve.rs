@@ -37,7 +37,7 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::block_test::TriangleBlock;
-use super::prepare::TraversalRay;
+use super::prepare::RayState;
 use crate::simd::Simd;
 
 /// The error of an edge function, in R P.
@@ -74,7 +74,7 @@ pub(crate) struct Reach {
 impl Reach {
     /// The reach of a ray that is made ready and ordinary.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &TraversalRay, bounds: &[Aabb; 2]) -> Reach {
+    pub fn new(ray: &RayState, bounds: &[Aabb; 2]) -> Reach {
         let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
             for (reach, bounds) in reach.iter_mut().zip(bounds) {
@@ -126,9 +126,9 @@ impl ExactLane {
     /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
     /// [`super::large`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Ray, way: &TraversalRay, bounds: &[Aabb; 2]) -> Option<ExactLane> {
+    pub fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
-        Some(ExactLane { ray, reach: Reach::new(way, bounds), best: Best::default() })
+        Some(ExactLane { ray, reach: Reach::new(ray_state, bounds), best: Best::default() })
     }
 
     /// The answer.
@@ -145,7 +145,7 @@ impl ExactLane {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn test<S: Simd, T: TriangleBlock>(
         &mut self,
-        way: &TraversalRay,
+        ray_state: &RayState,
         block: &T,
         options: &QueryOptions,
         query: Query,
@@ -153,8 +153,8 @@ impl ExactLane {
     ) -> bool {
         let limit = self.reach.t_max.min(*stop);
         // SAFETY: the caller's contract.
-        let bits = unsafe { sift::<S, T>(way, &self.reach, block, limit) };
-        bits != 0 && self.decide(block, bits, way, options, query, stop)
+        let bits = unsafe { sift::<S, T>(ray_state, &self.reach, block, limit) };
+        bits != 0 && self.decide(block, bits, ray_state, options, query, stop)
     }
 
     /// Decides some triangles of a block.
@@ -163,7 +163,7 @@ impl ExactLane {
         &mut self,
         block: &T,
         mut bits: u32,
-        way: &TraversalRay,
+        ray_state: &RayState,
         options: &QueryOptions,
         query: Query,
         stop: &mut f32,
@@ -184,7 +184,7 @@ impl ExactLane {
                     break;
                 }
                 let outer = self.best.stop();
-                *stop = inner_stop(outer, way.exponent, way.offset) + self.reach.late;
+                *stop = inner_stop(outer, ray_state.exponent, ray_state.offset) + self.reach.late;
             }
         }
         better
@@ -215,17 +215,24 @@ pub(crate) fn inner_stop(t: f64, exponent: i32, offset: f32) -> f32 {
 /// The processor must have the set, and a block of its width must follow the triangles' words.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn sift<S: Simd, T: TriangleBlock>(
-    way: &TraversalRay,
+    ray_state: &RayState,
     reach: &Reach,
     block: &T,
     limit: f32,
 ) -> u32 {
     // SAFETY: the caller's contract.
     unsafe {
-        let [kx, ky, kz] = way.axes();
-        let [ox, oy, oz] =
-            [S::splat(way.origin[0]), S::splat(way.origin[1]), S::splat(way.origin[2])];
-        let [sx, sy, sz] = [S::splat(way.shear[0]), S::splat(way.shear[1]), S::splat(way.shear[2])];
+        let [kx, ky, kz] = ray_state.axes();
+        let [ox, oy, oz] = [
+            S::splat(ray_state.origin[0]),
+            S::splat(ray_state.origin[1]),
+            S::splat(ray_state.origin[2]),
+        ];
+        let [sx, sy, sz] = [
+            S::splat(ray_state.shear[0]),
+            S::splat(ray_state.shear[1]),
+            S::splat(ray_state.shear[2]),
+        ];
         let zero = S::splat(0.0);
         // Of each corner: sheared coordinates and depth, and the greatest magnitudes before and after.
         let mut flat_x = [zero; 3];
@@ -368,7 +375,7 @@ mod tests {
 
     /// What is tested here.
     struct Sift<'a> {
-        way: &'a TraversalRay,
+        ray_state: &'a RayState,
         reach: &'a Reach,
         block: &'a GatheredBlock<'a>,
         limit: f32,
@@ -380,7 +387,7 @@ mod tests {
         #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> u32 {
             // SAFETY: the caller's contract.
-            unsafe { sift::<S, _>(self.way, self.reach, self.block, self.limit) }
+            unsafe { sift::<S, _>(self.ray_state, self.reach, self.block, self.limit) }
         }
     }
 
@@ -399,10 +406,14 @@ mod tests {
             let scene = SceneScale::new(bounds, &limits);
             for _ in 0..16 {
                 let ray = ray(&mut random, &triangles[..count], scale);
-                let mut way = TraversalRay::none();
-                let Readiness::Ready = way.prepare(&ray, &scene, Query::Closest) else { continue };
-                let Some(mut lane) = ExactLane::new(&ray, &way, &[bounds; 2]) else { continue };
-                if way.ray().origin != lane.ray.origin {
+                let mut ray_state = RayState::none();
+                let Readiness::Ready = ray_state.prepare(&ray, &scene, Query::Closest) else {
+                    continue;
+                };
+                let Some(mut lane) = ExactLane::new(&ray, &ray_state, &[bounds; 2]) else {
+                    continue;
+                };
+                if ray_state.ray().origin != lane.ray.origin {
                     continue;
                 }
                 lane.reach.errors.as_flattened_mut().iter_mut().for_each(|error| *error *= share);
@@ -414,7 +425,7 @@ mod tests {
                     .collect();
                 let nearest = found.iter().flatten().min_by(|a, b| a.compare_t(b));
                 let stop = nearest.map_or(f64::INFINITY, |met| met.t_interval().1);
-                let stop = inner_stop(stop, way.exponent, way.offset);
+                let stop = inner_stop(stop, ray_state.exponent, ray_state.offset);
                 for limit in [lane.reach.t_max, lane.reach.t_max.min(stop)] {
                     let mut bits = 0;
                     for first in (0..count).step_by(set.lanes()) {
@@ -425,7 +436,12 @@ mod tests {
                             count,
                             large: false,
                         };
-                        let sift = Sift { way: &way, reach: &lane.reach, block: &block, limit };
+                        let sift = Sift {
+                            ray_state: &ray_state,
+                            reach: &lane.reach,
+                            block: &block,
+                            limit,
+                        };
                         // SAFETY: the caller names sets that there are; the words reach on.
                         let some = unsafe { set.run(sift) };
                         assert_eq!(u64::from(some) >> count, 0, "triangles that are not there");

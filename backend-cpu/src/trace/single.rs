@@ -8,7 +8,7 @@ use splitplane_core::traverse::Query;
 
 use super::block_test::BestHit;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
-use super::prepare::{ScalarOutcome, TraversalRay};
+use super::prepare::{RayState, ScalarOutcome};
 use super::prepare_one::Readiness;
 use super::step::{Test, TestChild, Tested, TraversalStack, ask_for_block, step};
 use super::stream::{Answers, RayBatch, Stream};
@@ -24,7 +24,7 @@ const ENTRIES: usize = 512;
 /// One ray, and what it is traced through.
 #[derive(Clone, Copy)]
 pub(crate) struct Single<'a> {
-    pub blocks: &'a TreeLayout,
+    pub layout: &'a TreeLayout,
     pub scene: &'a SceneScale,
     pub ray: &'a Ray,
     pub options: &'a QueryOptions,
@@ -36,20 +36,21 @@ impl Compiled for Single<'_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Hit {
-        if self.blocks.wide.lines().is_empty() {
+        if self.layout.wide.lines().is_empty() {
             return Hit::MISS;
         }
-        let mut way = TraversalRay::none();
+        let mut ray_state = RayState::none();
         let mut readiness = match self.options.accuracy {
             Accuracy::Exact => Readiness::Special,
-            _ => way.prepare(self.ray, self.scene, self.query),
+            _ => ray_state.prepare(self.ray, self.scene, self.query),
         };
         if let Readiness::Special = readiness
             && self.options.accuracy != Accuracy::Exact
         {
-            match TraversalRay::with_care(self.ray, self.scene, self.options.accuracy, self.query) {
-                Some(ScalarOutcome::TraversalRay(moved)) => {
-                    (way, readiness) = (moved, Readiness::Ready)
+            match RayState::prepare_by_core(self.ray, self.scene, self.options.accuracy, self.query)
+            {
+                Some(ScalarOutcome::Traced(moved)) => {
+                    (ray_state, readiness) = (moved, Readiness::Ready)
                 }
                 Some(ScalarOutcome::Answer(hit)) => return hit,
                 None => {}
@@ -57,14 +58,14 @@ impl Compiled for Single<'_> {
         }
         // SAFETY: the caller's contract.
         unsafe {
-            match (readiness, IndexedLeaves::of(self.blocks)) {
+            match (readiness, IndexedLeaves::of(self.layout)) {
                 (Readiness::Misses, _) => Hit::MISS,
                 (Readiness::Special, _) => S::call(WithCare(self)),
                 (Readiness::Ready, None) => {
-                    self.through::<S, _, ENTRIES>(PackedLeaves::new(self.blocks), &mut way)
+                    self.through::<S, _, ENTRIES>(PackedLeaves::new(self.layout), &mut ray_state)
                 }
                 (Readiness::Ready, Some(leaves)) => {
-                    self.through::<S, IndexedLeaves<'_>, ENTRIES>(leaves, &mut way)
+                    self.through::<S, IndexedLeaves<'_>, ENTRIES>(leaves, &mut ray_state)
                 }
             }
         }
@@ -79,10 +80,10 @@ impl Compiled for WithCare<'_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Hit {
-        let Single { blocks, scene, ray, options, query } = self.0;
+        let Single { layout, scene, ray, options, query } = self.0;
         let mut hit = Hit::MISS;
         let answers = Answers::Hits(core::slice::from_mut(&mut hit));
-        let batch = RayBatch { blocks, scene, rays: core::slice::from_ref(ray), options, query };
+        let batch = RayBatch { layout, scene, rays: core::slice::from_ref(ray), options, query };
         // SAFETY: the caller's contract.
         match unsafe { S::call(Stream { batch, answers }) } {
             Ok(()) => hit,
@@ -95,11 +96,11 @@ impl Single<'_> {
     /// The hit where there is no memory for a stack: by the reference, which needs none.
     #[cold]
     fn without_memory(&self) -> Hit {
-        let Single { blocks, scene, ray, options, query } = *self;
+        let Single { layout, scene, ray, options, query } = *self;
         if options.accuracy == Accuracy::Exact {
-            return exact::trace_in_f64(blocks, &scene.bounds, ray, options, query);
+            return exact::trace_in_f64(layout, &scene.bounds, ray, options, query);
         }
-        reference::trace(blocks, scene, ray, options, query)
+        reference::trace(layout, scene, ray, options, query)
     }
 
     /// # Safety
@@ -108,9 +109,9 @@ impl Single<'_> {
     unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
         &self,
         leaves: L,
-        way: &mut TraversalRay,
+        ray_state: &mut RayState,
     ) -> Hit {
-        let room = self.blocks.wide.stack();
+        let room = self.layout.wide.stack();
         if room > ENTRIES {
             let (mut children, mut t) = (Vec::new(), Vec::new());
             if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
@@ -118,14 +119,14 @@ impl Single<'_> {
             }
             let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
             // SAFETY: the caller's contract; stacks of that length.
-            return unsafe { self.walk::<S, L>(leaves, way, stack) };
+            return unsafe { self.walk::<S, L>(leaves, ray_state, stack) };
         }
         let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
         let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
         let stack =
             TraversalStack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
         // SAFETY: the caller's contract; stacks of no less length.
-        unsafe { self.walk::<S, L>(leaves, way, stack) }
+        unsafe { self.walk::<S, L>(leaves, ray_state, stack) }
     }
 
     /// # Safety
@@ -134,22 +135,23 @@ impl Single<'_> {
     unsafe fn walk<S: Simd, L: Leaves>(
         &self,
         leaves: L,
-        way: &mut TraversalRay,
+        ray_state: &mut RayState,
         mut stack: TraversalStack,
     ) -> Hit {
-        let Single { blocks, options, query, .. } = *self;
-        let lines = blocks.wide.lines().as_ptr();
+        let Single { layout, options, query, .. } = *self;
+        let lines = layout.wide.lines().as_ptr();
         let test = &Test { leaves, options, query };
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
-        let tested = &mut Tested { test, room, way, best, exact: None };
+        let tested = &mut Tested { test, room, ray_state, best, exact: None };
         // SAFETY: the stack has the room.
         unsafe { stack.begin() };
         let (mut child, mut top) = (0, 0);
         loop {
             while !is_leaf(child) {
                 // SAFETY: the caller's contract; the child is a node; the stack has the room.
-                (child, top) = unsafe { step::<S>(tested.way, lines, child, &mut stack, top) };
+                (child, top) =
+                    unsafe { step::<S>(tested.ray_state, lines, child, &mut stack, top) };
             }
             if child == DONE {
                 return tested.best.hit;
@@ -161,8 +163,8 @@ impl Single<'_> {
                 if query == Query::Any {
                     return tested.best.hit;
                 }
-                let stop = tested.best.stop.min(tested.way.stop);
-                tested.way.stop = stop;
+                let stop = tested.best.stop.min(tested.ray_state.stop);
+                tested.ray_state.stop = stop;
                 // SAFETY: the caller's contract; the stack has the room.
                 top = unsafe { stack.cull::<S>(top, stop) };
             }
@@ -191,15 +193,17 @@ mod tests {
 
         #[cfg_attr(not(unoptimised), inline(always))]
         unsafe fn run<S: Simd>(self) -> [Hit; 2] {
-            let Single { blocks, scene, ray, query, .. } = self.0;
-            let (mut way, mut again) = (TraversalRay::none(), TraversalRay::none());
-            let Readiness::Ready = way.prepare(ray, scene, query) else { return [Hit::MISS; 2] };
+            let Single { layout, scene, ray, query, .. } = self.0;
+            let (mut ray_state, mut again) = (RayState::none(), RayState::none());
+            let Readiness::Ready = ray_state.prepare(ray, scene, query) else {
+                return [Hit::MISS; 2];
+            };
             again.prepare(ray, scene, query);
-            let leaves = PackedLeaves::new(blocks);
+            let leaves = PackedLeaves::new(layout);
             // SAFETY: the caller's contract.
             unsafe {
                 [
-                    self.0.through::<S, _, 1>(leaves, &mut way),
+                    self.0.through::<S, _, 1>(leaves, &mut ray_state),
                     self.0.through::<S, _, ENTRIES>(leaves, &mut again),
                 ]
             }
@@ -228,11 +232,11 @@ mod tests {
             let built = CpuBackend::with_instruction_set(set)
                 .build_accelerator(&mesh, &BuildOptions::default())
                 .expect("a tree");
-            let (blocks, scene) = built.parts();
+            let (layout, scene) = built.parts();
             let options = &QueryOptions::default();
             let mut found = 0;
             for ray in &rays {
-                let single = Single { blocks, scene, ray, options, query: Query::Closest };
+                let single = Single { layout, scene, ray, options, query: Query::Closest };
                 // SAFETY: a set of this processor, and its layout.
                 let [long, short] = unsafe { set.run(Both(single)) };
                 let expected = built.closest_hit(ray, options).unwrap_or(Hit::MISS);

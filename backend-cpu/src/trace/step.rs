@@ -5,7 +5,7 @@ use splitplane_core::traverse::Query;
 
 use super::block_test::BestHit;
 use super::leaves::Leaves;
-use super::prepare::TraversalRay;
+use super::prepare::RayState;
 use super::sieve::ExactLane;
 use crate::layout::wide_node::{
     CacheLine, DONE, bounds_offset, children_offset, leaf_bit, leaf_number, lines_of_node,
@@ -26,7 +26,7 @@ pub(crate) struct Octant {
     pub direction: Direction,
 }
 
-/// Octants by [`TraversalRay::octant`], for nodes of so many children.
+/// Octants by [`RayState::octant`], for nodes of so many children.
 const fn octants(lanes: usize) -> [Octant; 16] {
     let direction = Direction::new(lanes, false);
     let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
@@ -95,7 +95,7 @@ impl TraversalStack {
 /// 16 entries more.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn step<S: Simd>(
-    way: &TraversalRay,
+    ray_state: &RayState,
     lines: *const CacheLine,
     node: u32,
     stack: &mut TraversalStack,
@@ -103,22 +103,22 @@ pub(crate) unsafe fn step<S: Simd>(
 ) -> (u32, usize) {
     // SAFETY: the caller's contract.
     unsafe {
-        let octant = octants_of::<S>().get_unchecked(way.octant as usize);
+        let octant = octants_of::<S>().get_unchecked(ray_state.octant as usize);
         let node = lines.add(node as usize * lines_of_node(S::N)).cast::<u8>();
         let plane = |row: u32| S::load(node.add(row as usize).cast());
-        let [x, y, z] = way.reciprocal;
+        let [x, y, z] = ray_state.reciprocal;
         let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
-        let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(way.near[0]));
-        let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(way.near[1]));
-        let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(way.near[2]));
-        let [x, y, z] = way.exit_reciprocal;
+        let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(ray_state.near[0]));
+        let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(ray_state.near[1]));
+        let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(ray_state.near[2]));
+        let [x, y, z] = ray_state.exit_reciprocal;
         let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
-        let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(way.far[0]));
-        let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(way.far[1]));
-        let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(way.far[2]));
+        let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(ray_state.far[0]));
+        let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(ray_state.far[1]));
+        let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(ray_state.far[2]));
         // Places without a child are entered at infinity.
-        let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(way.enter)));
-        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(way.stop)));
+        let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(ray_state.enter)));
+        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(ray_state.stop)));
         let to = top + 1;
         let below = *stack.children.add(top);
         let (nearest, count) = S::push_met(
@@ -172,7 +172,7 @@ pub(crate) struct Test<'a, L> {
 pub(crate) struct Tested<'a, L: Leaves> {
     pub test: &'a Test<'a, L>,
     pub room: &'a mut L::Room,
-    pub way: &'a mut TraversalRay,
+    pub ray_state: &'a mut RayState,
     pub best: &'a mut BestHit,
     pub exact: Option<&'a mut ExactLane>,
 }
@@ -186,7 +186,7 @@ impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
-        let TestChild(child, Tested { test, room, way, best, exact }) = self;
+        let TestChild(child, Tested { test, room, ray_state, best, exact }) = self;
         let Test { leaves, options, query } = **test;
         let (mut from, mut better) = (0, false);
         loop {
@@ -195,8 +195,10 @@ impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
                 let (block, next) = leaves.block::<S>(leaf_number(child), from, room);
                 from = next;
                 match exact {
-                    Some(exact) => exact.test::<S, _>(way, &block, options, query, &mut best.stop),
-                    None => leaf::test::<S, _>(way, &block, options, query, best),
+                    Some(exact) => {
+                        exact.test::<S, _>(ray_state, &block, options, query, &mut best.stop)
+                    }
+                    None => leaf::test::<S, _>(ray_state, &block, options, query, best),
                 }
             };
             if L::ONE || from == 0 || (better && query == Query::Any) {

@@ -18,7 +18,7 @@ use super::block_test::BestHit;
 use super::exact;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::packet::Packet;
-use super::prepare::{CHUNK, PreparedRays, ScalarOutcome, TraversalRay};
+use super::prepare::{CHUNK, PreparedRays, RayState, ScalarOutcome};
 use super::reference;
 use super::sieve::ExactLane;
 use super::step::{Test, TestChild, Tested, TraversalStack, ask_for, step};
@@ -32,7 +32,7 @@ const FLIGHT: usize = 16;
 
 /// A ray under way.
 struct Lane {
-    way: TraversalRay,
+    ray_state: RayState,
     /// Where it stands.
     child: u32,
     /// Last entry of its stack.
@@ -47,7 +47,7 @@ struct Flight {
     children: Vec<u32>,
     t: Vec<f32>,
     ready: PreparedRays,
-    ways: [TraversalRay; CHUNK],
+    ray_states: [RayState; CHUNK],
     packet: Packet,
 }
 
@@ -55,9 +55,9 @@ impl Flight {
     /// No rays, and no memory yet.
     fn new() -> Flight {
         let (lanes, children, t) = (Vec::new(), Vec::new(), Vec::new());
-        let (ready, ways, packet) =
-            (PreparedRays::NONE, [TraversalRay::none(); CHUNK], Packet::new());
-        Flight { lanes, children, t, ready, ways, packet }
+        let (ready, ray_states, packet) =
+            (PreparedRays::NONE, [RayState::none(); CHUNK], Packet::new());
+        Flight { lanes, children, t, ready, ray_states, packet }
     }
 
     /// Makes lanes, and stacks of so many entries.
@@ -67,9 +67,9 @@ impl Flight {
     fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
         let Flight { lanes, children, t, packet, .. } = self;
         if lanes.is_empty() {
-            let (way, best, exact) = (TraversalRay::none(), BestHit::NONE, ExactLane::idle());
+            let (ray_state, best, exact) = (RayState::none(), BestHit::NONE, ExactLane::idle());
             lanes.try_reserve_exact(FLIGHT)?;
-            lanes.resize_with(FLIGHT, || Lane { way, child: DONE, top: 0, best, exact });
+            lanes.resize_with(FLIGHT, || Lane { ray_state, child: DONE, top: 0, best, exact });
         }
         lengthen(children, room * FLIGHT, DONE)?;
         lengthen(t, room * FLIGHT, 0.0)?;
@@ -84,7 +84,7 @@ thread_local! {
 /// What a batch is traced through, and how.
 #[derive(Clone, Copy)]
 pub(crate) struct RayBatch<'a> {
-    pub blocks: &'a TreeLayout,
+    pub layout: &'a TreeLayout,
     pub scene: &'a SceneScale,
     pub rays: &'a [Ray],
     pub options: &'a QueryOptions,
@@ -170,12 +170,12 @@ impl Compiled for Stream<'_> {
         // Taken out, and none where the thread is about to end.
         let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
         let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
-        flight.make_room(batch.blocks.wide.stack())?;
+        flight.make_room(batch.layout.wide.stack())?;
         // SAFETY: the caller's contract; there is room.
         unsafe {
-            match IndexedLeaves::of(batch.blocks) {
+            match IndexedLeaves::of(batch.layout) {
                 None => {
-                    fly::<S, _>(batch, PackedLeaves::new(batch.blocks), &mut flight, &mut answers)
+                    fly::<S, _>(batch, PackedLeaves::new(batch.layout), &mut flight, &mut answers)
                 }
                 Some(leaves) => {
                     fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers)
@@ -241,18 +241,18 @@ unsafe fn fly<S: Simd, L: Leaves>(
     flight: &mut Flight,
     answers: &mut Answers<'_>,
 ) {
-    let RayBatch { blocks, scene, rays, options, query } = batch;
-    let lines = blocks.wide.lines();
+    let RayBatch { layout, scene, rays, options, query } = batch;
+    let lines = layout.wide.lines();
     let test = &Test { leaves, options, query };
     let mut leaf_room = L::room();
-    let room = blocks.wide.stack();
-    let Flight { lanes, children, t, ready, ways, packet } = flight;
+    let room = layout.wide.stack();
+    let Flight { lanes, children, t, ready, ray_states, packet } = flight;
     let exactly = options.accuracy == Accuracy::Exact;
-    let bounds = [scene.bounds, blocks.large.others];
-    let mut supply = Supply { batch, next: 0, left: 0, ready, ways, packet };
+    let bounds = [scene.bounds, layout.large.others];
+    let mut supply = Supply { batch, next: 0, left: 0, ready, ray_states, packet };
     let mut queues = Queues(0);
     for (lane, state) in lanes.iter_mut().enumerate() {
-        state.way.index = TraversalRay::NO_RAY;
+        state.ray_state.index = RayState::NO_RAY;
         queues.put(lane, DONE);
     }
     let lanes = &mut lanes[..FLIGHT];
@@ -270,18 +270,18 @@ unsafe fn fly<S: Simd, L: Leaves>(
         for lane in queues.take(Turn::Refill) {
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
-            if state.way.index != TraversalRay::NO_RAY {
+            if state.ray_state.index != RayState::NO_RAY {
                 let hit = if exactly { state.exact.hit(query) } else { state.best.hit };
-                answers.set(state.way.index as usize, hit);
-                state.way.index = TraversalRay::NO_RAY;
+                answers.set(state.ray_state.index as usize, hit);
+                state.ray_state.index = RayState::NO_RAY;
             }
             // SAFETY: the caller's contract.
-            let Some(way) = (unsafe { supply.next::<S>(answers) }) else { continue };
-            state.way = *way;
+            let Some(ray_state) = (unsafe { supply.next::<S>(answers) }) else { continue };
+            state.ray_state = *ray_state;
             state.best = BestHit::NONE;
             if exactly {
-                let ray = &rays[way.index as usize];
-                let exact = ExactLane::new(ray, way, &bounds);
+                let ray = &rays[ray_state.index as usize];
+                let exact = ExactLane::new(ray, ray_state, &bounds);
                 // Rays that can hit nothing are not handed out.
                 state.exact = exact.unwrap_or(ExactLane::idle());
             }
@@ -300,7 +300,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             let mut stack = stack!(lane);
             // SAFETY: the caller's contract; the child is a node; stacks have the room.
             let (child, top) =
-                unsafe { step::<S>(&state.way, lines, state.child, &mut stack, state.top) };
+                unsafe { step::<S>(&state.ray_state, lines, state.child, &mut stack, state.top) };
             (state.child, state.top) = (child, top);
             ask_for::<S, L>(lines, leaves, child);
             queues.put(lane, child);
@@ -309,9 +309,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
-            let Lane { way, best, child, .. } = state;
+            let Lane { ray_state, best, child, .. } = state;
             let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
-            let tested = &mut Tested { test, room, way, best, exact };
+            let tested = &mut Tested { test, room, ray_state, best, exact };
             // Not in a function of its own: that costs rays that hit something a tenth here.
             // SAFETY: the caller's contract; children name nodes or leaves; wide rays get no lane.
             let better = unsafe { TestChild(*child, tested).run::<S>() };
@@ -320,8 +320,8 @@ unsafe fn fly<S: Simd, L: Leaves>(
                     queues.put(lane, DONE);
                     continue;
                 }
-                let stop = state.best.stop.min(state.way.stop);
-                state.way.stop = stop;
+                let stop = state.best.stop.min(state.ray_state.stop);
+                state.ray_state.stop = stop;
                 // SAFETY: the caller's contract; stacks have the room.
                 state.top = unsafe { stack.cull::<S>(state.top, stop) };
             }
@@ -340,7 +340,7 @@ struct Supply<'a> {
     /// The first ray not yet made ready.
     next: usize,
     ready: &'a mut PreparedRays,
-    ways: &'a mut [TraversalRay; CHUNK],
+    ray_states: &'a mut [RayState; CHUNK],
     /// Rays of `ready` not yet handed out.
     left: u32,
     packet: &'a mut Packet,
@@ -353,7 +353,7 @@ impl Supply<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&TraversalRay> {
+    unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&RayState> {
         while self.left == 0 {
             let RayBatch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {
@@ -389,15 +389,16 @@ impl Supply<'_> {
             unsafe { self.packets::<S>(start, answers) };
             if self.left != 0 {
                 // SAFETY: the caller's contract.
-                unsafe { self.ready.ways::<S>(self.ways) };
+                unsafe { self.ready.ray_states::<S>(self.ray_states) };
             }
             special &= there;
             while special != 0 {
                 let lane = special.trailing_zeros() as usize;
                 special &= special - 1;
-                match self.with_care(&chunk[lane]) {
-                    ScalarOutcome::TraversalRay(way) => {
-                        self.ways[lane] = TraversalRay { index: (start + lane) as u32, ..way };
+                match self.prepare_by_core(&chunk[lane]) {
+                    ScalarOutcome::Traced(ray_state) => {
+                        self.ray_states[lane] =
+                            RayState { index: (start + lane) as u32, ..ray_state };
                         self.left |= 1 << lane;
                     }
                     ScalarOutcome::Answer(hit) => answers.set(start + lane, hit),
@@ -406,7 +407,7 @@ impl Supply<'_> {
         }
         let lane = self.left.trailing_zeros() as usize;
         self.left &= self.left - 1;
-        Some(&self.ways[lane])
+        Some(&self.ray_states[lane])
     }
 
     /// Answers the rays made ready that go the same way: all together, or as many as a vector has lanes.
@@ -415,9 +416,9 @@ impl Supply<'_> {
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
-        let RayBatch { blocks, scene, options, query, .. } = self.batch;
+        let RayBatch { layout, scene, options, query, .. } = self.batch;
         // Packets test blocks as they are stored.
-        if options.accuracy == Accuracy::Exact || IndexedLeaves::of(blocks).is_some() {
+        if options.accuracy == Accuracy::Exact || IndexedLeaves::of(layout).is_some() {
             return;
         }
         let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
@@ -431,11 +432,11 @@ impl Supply<'_> {
                     if !self.packet.take_coherent::<S>(self.ready, groups, rays, scene) {
                         continue;
                     }
-                    let ready = (&*self.ready, &mut *self.ways);
+                    let ready = (&*self.ready, &mut *self.ray_states);
                     match lanes / S::N {
-                        2 if S::N == 16 => self.packet.trace::<S, 2>(blocks, ready, options, query),
-                        4 if S::N == 8 => self.packet.trace::<S, 4>(blocks, ready, options, query),
-                        _ => self.packet.trace::<S, 1>(blocks, ready, options, query),
+                        2 if S::N == 16 => self.packet.trace::<S, 2>(layout, ready, options, query),
+                        4 if S::N == 8 => self.packet.trace::<S, 4>(layout, ready, options, query),
+                        _ => self.packet.trace::<S, 1>(layout, ready, options, query),
                     }
                 }
                 self.left &= !rays;
@@ -455,13 +456,13 @@ impl Supply<'_> {
     /// A ray that is not made ready in vectors: one that starts far away is moved, by the core, and goes the way of all
     /// others then; the few that are left are traced alone.
     #[cold]
-    fn with_care(&self, ray: &Ray) -> ScalarOutcome {
-        let RayBatch { blocks, scene, options, query, .. } = self.batch;
-        TraversalRay::with_care(ray, scene, options.accuracy, query).unwrap_or_else(|| {
+    fn prepare_by_core(&self, ray: &Ray) -> ScalarOutcome {
+        let RayBatch { layout, scene, options, query, .. } = self.batch;
+        RayState::prepare_by_core(ray, scene, options.accuracy, query).unwrap_or_else(|| {
             ScalarOutcome::Answer(if options.accuracy == Accuracy::Exact {
-                exact::trace_in_f64(blocks, &scene.bounds, ray, options, query)
+                exact::trace_in_f64(layout, &scene.bounds, ray, options, query)
             } else {
-                reference::trace(blocks, scene, ray, options, query)
+                reference::trace(layout, scene, ray, options, query)
             })
         })
     }

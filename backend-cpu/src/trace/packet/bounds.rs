@@ -136,7 +136,7 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub(super) unsafe fn cull<S: Simd>(&self, record: &PackedBlock<'_>) -> u32 {
+    pub(super) unsafe fn cull<S: Simd>(&self, block: &PackedBlock<'_>) -> u32 {
         // SAFETY: the caller's contract.
         unsafe {
             let Bounds { origin, shear, enter, stop, .. } = &self.bounds;
@@ -146,7 +146,7 @@ impl Packet {
             for half in 0..2 {
                 let mut from = [[zero; 2]; 3];
                 for axis in 0..3 {
-                    let row = record.coordinates(self.axes[axis]).wrapping_add(half * S::N);
+                    let row = block.coordinates(self.axes[axis]).wrapping_add(half * S::N);
                     let x = S::load(row);
                     let [lo, hi] = origin[axis];
                     from[axis] = [S::sub(x, S::splat(hi)), S::sub(x, S::splat(lo))];
@@ -159,9 +159,9 @@ impl Packet {
                 }
             }
             let places = [
-                S::places(record.places(0)),
-                S::places(record.places(1)),
-                S::places(record.places(2)),
+                S::places(block.places(0)),
+                S::places(block.places(1)),
+                S::places(block.places(2)),
             ];
             let left = S::max(least::<S>(tables[0][0], places), least::<S>(tables[1][0], places));
             let right = S::min(most::<S>(tables[0][1], places), most::<S>(tables[1][1], places));

@@ -108,7 +108,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn block<S: Simd>(
         &mut self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &mut PacketRays<'_>,
         mut triangles: u32,
         mut active: u32,
@@ -123,7 +123,7 @@ impl Group {
             let singly =
                 many <= FEW || triangles.count_ones() * COST_OF_A_TRIANGLE > many * COST_OF_A_RAY;
             if singly && triangles != 0 {
-                return S::call(Singly { group: self, record, rays, active, options, query });
+                return S::call(Singly { group: self, block, rays, active, options, query });
             }
             if !fast && triangles & triangles.wrapping_sub(1) != 0 {
                 // All edges first: nobody could foresee which triangles rays are within.
@@ -131,25 +131,25 @@ impl Group {
                 while rest != 0 {
                     let index = rest.trailing_zeros() as usize;
                     rest &= rest - 1;
-                    let met = self.within::<S>(record, rays, index) & active != 0;
+                    let met = self.within::<S>(block, rays, index) & active != 0;
                     triangles ^= u32::from(!met) << index;
                 }
             }
             while triangles != 0 && active != 0 {
                 let index = triangles.trailing_zeros() as usize;
                 triangles &= triangles - 1;
-                if options.ignore == Some(record.triangle(index)) {
+                if options.ignore == Some(block.triangle(index)) {
                     continue;
                 }
                 let (taken, unclear) = if fast {
-                    (0, self.test_fast::<S>(record, rays, index, active))
+                    (0, self.test_fast::<S>(block, rays, index, active))
                 } else {
-                    self.test::<S>(record, rays, index, active, options.culling, query)
+                    self.test::<S>(block, rays, index, active, options.culling, query)
                 };
                 if taken | unclear == 0 {
                     continue;
                 }
-                let taken = taken | self.decide(record, index, unclear, rays, options);
+                let taken = taken | self.decide(block, index, unclear, rays, options);
                 better |= taken != 0;
                 if query == Query::Any {
                     active &= !taken;
@@ -173,7 +173,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn test_ray<S: Simd>(
         &mut self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &mut PacketRays<'_>,
         lane: usize,
         options: &QueryOptions,
@@ -181,8 +181,9 @@ impl Group {
     ) -> bool {
         let mut best = self.best(lane);
         // SAFETY: the caller's contract.
-        let better =
-            unsafe { leaf::test::<S, _>(rays.way::<S>(lane), record, options, query, &mut best) };
+        let better = unsafe {
+            leaf::test::<S, _>(rays.ray_state::<S>(lane), block, options, query, &mut best)
+        };
         if better {
             self.set(lane, &best);
             if query == Query::Any {
@@ -252,7 +253,7 @@ impl Group {
 /// registers from the loops around them.
 struct Singly<'a, 'b> {
     group: &'a mut Group,
-    record: &'a PackedBlock<'a>,
+    block: &'a PackedBlock<'a>,
     rays: &'a mut PacketRays<'b>,
     active: u32,
     options: &'a QueryOptions,
@@ -265,13 +266,13 @@ impl Compiled for Singly<'_, '_> {
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
-        let Singly { group, record, rays, mut active, options, query } = self;
+        let Singly { group, block, rays, mut active, options, query } = self;
         let mut better = false;
         while active != 0 {
             let lane = active.trailing_zeros() as usize;
             active &= active - 1;
             // SAFETY: the caller's contract.
-            better |= unsafe { group.test_ray::<S>(record, rays, lane, options, query) };
+            better |= unsafe { group.test_ray::<S>(block, rays, lane, options, query) };
         }
         better
     }

@@ -31,7 +31,7 @@ use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
 use crate::memory::lengthen;
 use crate::simd::{MOST_LANES, Simd};
-use crate::trace::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, TraversalRay};
+use crate::trace::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, RayState};
 use crate::trace::step::{Octant, octants_of};
 use crate::trace::watertight::Span;
 
@@ -70,7 +70,7 @@ pub(crate) struct Packet {
 /// Rays of a packet as they were made ready, and which group's turn it is.
 struct PacketRays<'a> {
     ready: &'a PreparedRays,
-    ways: &'a mut [TraversalRay; CHUNK],
+    ray_states: &'a mut [RayState; CHUNK],
     /// The groups whose ways were written, as bits.
     written: u32,
     /// The group's first lane.
@@ -117,14 +117,14 @@ impl PacketRays<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    unsafe fn way<S: Simd>(&mut self, lane: usize) -> &TraversalRay {
+    unsafe fn ray_state<S: Simd>(&mut self, lane: usize) -> &RayState {
         let group = 1 << (self.first / S::N);
         if self.written & group == 0 {
             // SAFETY: the caller's contract.
-            unsafe { self.ready.some_ways::<S>(self.first, self.ways) };
+            unsafe { self.ready.some_ray_states::<S>(self.first, self.ray_states) };
             self.written |= group;
         }
-        &self.ways[self.first + lane]
+        &self.ray_states[self.first + lane]
     }
 }
 
@@ -190,17 +190,17 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
-        blocks: &TreeLayout,
-        (ready, ways): (&PreparedRays, &mut [TraversalRay; CHUNK]),
+        layout: &TreeLayout,
+        (ready, ray_states): (&PreparedRays, &mut [RayState; CHUNK]),
         options: &QueryOptions,
         query: Query,
     ) {
-        let mut rays = PacketRays { ready, ways, written: 0, first: 0 };
+        let mut rays = PacketRays { ready, ray_states, written: 0, first: 0 };
         if self.came > LATELY {
             (self.came, self.met) = (self.came / 2, self.met / 2);
         }
-        let (lines, words) = (blocks.wide.lines().as_ptr(), &blocks.words[..]);
-        let room = blocks.wide.stack();
+        let (lines, words) = (layout.wide.lines().as_ptr(), &layout.words[..]);
+        let room = layout.wide.stack();
         let PacketStack { nodes, places, t } = &self.stack;
         debug_assert!(nodes.len().min(places.len()).min(t.len()) >= room);
         let octant = &octants_of::<S>()[self.octant];
@@ -236,8 +236,8 @@ impl Packet {
                         node = child;
                         break;
                     }
-                    let record = PackedBlock::at_unchecked(words, leaf_number(child));
-                    if self.block::<S, G>(&record, &mut rays, active, options, query) {
+                    let block = PackedBlock::at_unchecked(words, leaf_number(child));
+                    if self.block::<S, G>(&block, &mut rays, active, options, query) {
                         self.bounds.stop = self.last::<S, G>();
                         if self.bounds.stop == f32::NEG_INFINITY {
                             return;
@@ -324,13 +324,13 @@ impl Packet {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn block<S: Simd, const G: usize>(
         &mut self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &mut PacketRays<'_>,
         active: [u32; G],
         options: &QueryOptions,
         query: Query,
     ) -> bool {
-        let mut triangles = (1u32 << record.count()) - 1;
+        let mut triangles = (1u32 << block.count()) - 1;
         let mut most = 0;
         for rays in active {
             most = rays.count_ones().max(most);
@@ -338,9 +338,9 @@ impl Packet {
         }
         self.came += (G * S::N) as u64;
         let fast = options.accuracy == Accuracy::Fast;
-        if most > FEW && !fast && record.count() >= WORTH_CULLING {
+        if most > FEW && !fast && block.count() >= WORTH_CULLING {
             // SAFETY: the caller's contract.
-            triangles &= unsafe { self.cull::<S>(record) };
+            triangles &= unsafe { self.cull::<S>(block) };
         }
         let mut better = false;
         for (k, active) in active.into_iter().enumerate() {
@@ -351,7 +351,7 @@ impl Packet {
             // SAFETY: the caller's contract.
             better |= unsafe {
                 let group = self.groups.get_unchecked_mut(self.first + k);
-                group.block::<S>(record, rays, triangles, active, options, query)
+                group.block::<S>(block, rays, triangles, active, options, query)
             };
         }
         better

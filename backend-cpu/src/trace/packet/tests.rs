@@ -89,7 +89,7 @@ impl Compiled for Compare {
         let mut random = Random::new(77);
         let (mut packets, mut hits) = ([0; 2], 0);
         let mut packet = Packet::new();
-        let mut ways = [TraversalRay::none(); CHUNK];
+        let mut ray_states = [RayState::none(); CHUNK];
         for size in [1, 40, 6, 100] {
             let triangles = mesh(size, &mut random);
             let soup = Mesh::soup(&triangles).unwrap();
@@ -100,11 +100,11 @@ impl Compiled for Compare {
                 LayoutSource { mesh: &soup, triangles: &triangles, layout: QueryLayout::Fast };
             let mut scratch = LayoutScratch::default();
             let (copy, mut memory) = (built.tree().clone(), Memory::default());
-            let blocks =
+            let layout =
                 TreeLayout::new(copy, source, set, &UNWATCHED, &mut memory, &mut scratch).unwrap();
             for round in 0..120 {
                 let rays = group(&triangles, round, &mut random);
-                packet.make_room(blocks.wide.stack()).expect("memory");
+                packet.make_room(layout.wide.stack()).expect("memory");
                 let (accuracy, culling, ignore) = match round % 6 {
                     0 => (Accuracy::Fast, Culling::None, None),
                     1 => (Accuracy::Watertight, Culling::Back, None),
@@ -132,11 +132,11 @@ impl Compiled for Compare {
                             if alive == 0 || !packet.take::<S>(&mut ready, groups, alive, scene) {
                                 continue;
                             }
-                            let ready = (&ready, &mut ways);
+                            let ready = (&ready, &mut ray_states);
                             match size / S::N {
-                                1 => packet.trace::<S, 1>(&blocks, ready, &options, query),
-                                2 => packet.trace::<S, 2>(&blocks, ready, &options, query),
-                                _ => packet.trace::<S, 4>(&blocks, ready, &options, query),
+                                1 => packet.trace::<S, 1>(&layout, ready, &options, query),
+                                2 => packet.trace::<S, 2>(&layout, ready, &options, query),
+                                _ => packet.trace::<S, 4>(&layout, ready, &options, query),
                             }
                         }
                         packets[usize::from(size == CHUNK)] += 1;

@@ -19,7 +19,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn decide(
         &mut self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         index: usize,
         mut unclear: u32,
         rays: &PacketRays<'_>,
@@ -30,9 +30,9 @@ impl Group {
             let lane = unclear.trailing_zeros() as usize;
             unclear &= unclear - 1;
             let ray = rays.ready.ray(rays.first + lane);
-            let Some(found) = decide(&ray, &record.corners(index), options) else { continue };
+            let Some(found) = decide(&ray, &block.corners(index), options) else { continue };
             let mut best = self.best(lane);
-            if best.take(&ray, &found, record.triangle(index)) {
+            if best.take(&ray, &found, block.triangle(index)) {
                 self.set(lane, &best);
                 taken |= 1 << lane;
             }
@@ -47,12 +47,12 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn within<S: Simd>(
         &self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &PacketRays<'_>,
         index: usize,
     ) -> u32 {
         // SAFETY: the caller's contract.
-        unsafe { enclosed(&ShearedTriangle::<S>::new(rays, self.axes, record, index)) }
+        unsafe { enclosed(&ShearedTriangle::<S>::new(rays, self.axes, block, index)) }
     }
 
     /// The watertight test of one triangle against some rays; keeps what precedes. The rays whose best
@@ -63,7 +63,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test<S: Simd>(
         &mut self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &PacketRays<'_>,
         index: usize,
         active: u32,
@@ -72,12 +72,12 @@ impl Group {
     ) -> (u32, u32) {
         // SAFETY: the caller's contract.
         unsafe {
-            let seen = ShearedTriangle::<S>::new(rays, self.axes, record, index);
+            let seen = ShearedTriangle::<S>::new(rays, self.axes, block, index);
             let span = rays.span::<S>(&self.beyond);
             let Some(mut meeting) = meet(&seen, active, &span, culling) else { return (0, 0) };
             if meeting.unclear & meeting.robust != 0 {
                 let (mut met, beyond) = (Met::of(&meeting), &self.beyond);
-                S::call(GroupCloserLook { rays, record, index, beyond, met: &mut met });
+                S::call(GroupCloserLook { rays, block, index, beyond, met: &mut met });
                 meeting = met.meeting();
             }
             let Meeting { met, unclear, t: inner, v, w, det, .. } = meeting;
@@ -88,7 +88,7 @@ impl Group {
             let within = S::le(rays.row::<S>(&rays.ready.limits[0]), t);
             let within = S::and(within, S::le(t, rays.row::<S>(&rays.ready.limits[1])));
             let met = met & S::bits(within);
-            let triangle = S::splat(f32::from_bits(record.triangle(index)));
+            let triangle = S::splat(f32::from_bits(block.triangle(index)));
             if query == Query::Any {
                 put::<S>(S::mask(met), &mut self.triangle, triangle);
                 return (met, unclear);
@@ -99,7 +99,7 @@ impl Group {
             while tied != 0 {
                 let lane = tied.trailing_zeros() as usize;
                 tied &= tied - 1;
-                let lower = record.triangle(index) < self.triangle.0[lane].to_bits();
+                let lower = block.triangle(index) < self.triangle.0[lane].to_bits();
                 taken |= u32::from(lower) << lane;
             }
             if taken != 0 {
@@ -126,7 +126,7 @@ impl Group {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) unsafe fn test_fast<S: Simd>(
         &self,
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         rays: &PacketRays<'_>,
         index: usize,
         active: u32,
@@ -135,7 +135,7 @@ impl Group {
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.origin);
             let direction = rays.rows::<S>(&rays.ready.direction);
-            let corners = corners::<S>(record, index, [0, 1, 2]);
+            let corners = corners::<S>(block, index, [0, 1, 2]);
             let limit = S::min(load::<S>(&self.beyond), rays.row::<S>(&rays.ready.t_max));
             let span = [rays.row::<S>(&rays.ready.t_min), limit];
             fast::may_meet::<S>(origin, direction, corners, span) & active
@@ -149,14 +149,14 @@ impl Group {
 /// The processor must have the set; the triangle must be one of the block's.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn corners<S: Simd>(
-    record: &PackedBlock<'_>,
+    block: &PackedBlock<'_>,
     index: usize,
     [x, y, z]: [usize; 3],
 ) -> [[S::Floats; 3]; 3] {
     // SAFETY: the caller's contract.
     unsafe {
-        let (x, y, z) = (record.coordinates(x), record.coordinates(y), record.coordinates(z));
-        let [a, b, c] = record.places_of(index);
+        let (x, y, z) = (block.coordinates(x), block.coordinates(y), block.coordinates(z));
+        let [a, b, c] = block.places_of(index);
         [
             [S::splat(*x.add(a)), S::splat(*y.add(a)), S::splat(*z.add(a))],
             [S::splat(*x.add(b)), S::splat(*y.add(b)), S::splat(*z.add(b))],
@@ -177,14 +177,14 @@ impl<S: Simd> ShearedTriangle<S> {
     unsafe fn new(
         rays: &PacketRays<'_>,
         axes: [usize; 3],
-        record: &PackedBlock<'_>,
+        block: &PackedBlock<'_>,
         index: usize,
     ) -> ShearedTriangle<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let origin = rays.rows::<S>(&rays.ready.sheared_origin);
             let shear = rays.rows::<S>(&rays.ready.shear);
-            let [a, b, c] = corners::<S>(record, index, axes);
+            let [a, b, c] = corners::<S>(block, index, axes);
             let corners = [
                 Corner::new(a, origin, shear),
                 Corner::new(b, origin, shear),
@@ -226,7 +226,7 @@ impl<S: Simd> View<S> for ShearedTriangle<S> {
 /// A closer look at a triangle for the rays that are unclear.
 struct GroupCloserLook<'a> {
     rays: &'a PacketRays<'a>,
-    record: &'a PackedBlock<'a>,
+    block: &'a PackedBlock<'a>,
     index: usize,
     /// See [`Group::beyond`].
     beyond: &'a GroupRow,
@@ -244,7 +244,7 @@ impl Compiled for GroupCloserLook<'_> {
             let pairs = Pairs::<S> {
                 origin: self.rays.rows::<S>(&ready.origin),
                 direction: self.rays.rows::<S>(&ready.direction),
-                corners: corners::<S>(self.record, self.index, [0, 1, 2]),
+                corners: corners::<S>(self.block, self.index, [0, 1, 2]),
             };
             let mut meeting = self.met.meeting::<S>();
             meeting.look_closely(pairs, &self.rays.span::<S>(self.beyond));
