@@ -53,8 +53,8 @@ impl CpuAccelerator {
         self.layout.held()
     }
 
-    /// Makes the query layout of a valid tree; `set` must be one that the processor has. Of no use when
-    /// the lookout has ended it. `memory` accounts for the layout, and for what the scratch grows by.
+    /// Makes the query layout of a valid tree; `set` must be one that the processor has. After
+    /// cancellation it is incomplete and must not be used. `memory` accounts for the layout, and for what the scratch grows by.
     ///
     /// # Errors
     /// As for [`TreeLayout::new`].
@@ -155,7 +155,7 @@ impl CpuAccelerator {
         unsafe { self.set.run(Single { layout, scene, ray, options, query }) }
     }
 
-    /// Answers a batch under a lookout.
+    /// Answers a batch; the meter may cancel it.
     fn answer<T: Answer>(
         &self,
         rays: &[Ray],
@@ -199,7 +199,7 @@ impl CpuAccelerator {
         meter.check_batch().map(|()| QueryReport::default())
     }
 
-    /// All hits of a batch under a lookout.
+    /// All hits of a batch; the meter may cancel it.
     fn all_hits_under(
         &self,
         rays: &[Ray],
@@ -255,7 +255,7 @@ impl CpuAccelerator {
         meter.check_batch().map(|()| all)
     }
 
-    /// Where points lie, under a lookout.
+    /// Where points lie; the meter may cancel it.
     fn locate_under(
         &self,
         points: &[[f32; 3]],

@@ -29,7 +29,7 @@ pub struct CpuBackend {
 }
 
 /// A tree that was built, in memory that is kept, and what a layout for queries is made with.
-struct Built<'a> {
+struct BuiltTree<'a> {
     tree: KdTreeView<'a>,
     summary: BuildSummary,
     /// Snapped corners of the mesh.
@@ -128,7 +128,7 @@ impl CpuBackend {
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
         self.with_built(mesh, options, meter, |built| {
-            let Built { tree, summary, triangles, mut memory, scratch } = built;
+            let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
             begin_layout(meter, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
             let tree = copied(&tree, &memory, meter)?;
@@ -153,7 +153,7 @@ impl CpuBackend {
         options: &BuildOptions,
     ) -> Result<(), BuildError> {
         self.with_built(mesh, options, &UNWATCHED, |built| {
-            let Built { tree, summary, triangles, mut memory, scratch } = built;
+            let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
             memory.take(scratch.bytes())?;
             let source = LayoutSource { mesh, triangles, layout: options.layout };
             accelerator.replace(&tree, summary, source, (&mut memory, scratch))
@@ -186,7 +186,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         meter: &ProgressMeter<'_>,
-        mut then: impl FnMut(Built<'_>) -> Result<T, BuildError>,
+        mut then: impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
@@ -215,7 +215,7 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions,
         meter: &ProgressMeter<'_>,
-        then: &mut impl FnMut(Built<'_>) -> Result<T, BuildError>,
+        then: &mut impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         let Finished { nodes, references, stages, memory } =
             build::build(kept, mesh, options, self.set, meter)?;
@@ -237,7 +237,7 @@ impl CpuBackend {
             peak_bytes: memory.peak,
         };
         let triangles = &buffers.triangles[..mesh.len()];
-        then(Built { tree, summary, triangles, memory, scratch: layout })
+        then(BuiltTree { tree, summary, triangles, memory, scratch: layout })
     }
 }
 
@@ -362,7 +362,7 @@ fn in_box(accelerator: CpuAccelerator) -> Result<Box<dyn Accelerator>, BuildErro
     }
 }
 
-/// Triangles that are made ready between two looks at the watch.
+/// Triangles that are prepared between two calls of the watch.
 const PIECE: usize = 4096;
 
 /// Bytes of nodes and references.

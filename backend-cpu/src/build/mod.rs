@@ -29,8 +29,8 @@ pub(crate) const MOST_NODES: u32 = 1 << 28;
 pub(crate) struct BuildScratch {
     /// Of the twin, with the finished tree in it.
     pub buffers: Buffers,
-    depth_first: depth_first::Scratch,
-    sweep: sweep::Scratch,
+    depth_first: depth_first::DepthFirstScratch,
+    sweep: sweep::SweepScratch,
 }
 
 impl BuildScratch {

@@ -12,7 +12,7 @@ pub(crate) struct GatheredBlock<'a> {
     pub stride: usize,
     /// Triangles, 1 to 16.
     pub count: usize,
-    /// Whether they are [`Large`], in a block of their own.
+    /// Whether they are [large](super::large), in a block of their own.
     pub large: bool,
 }
 

@@ -12,7 +12,7 @@ use crate::cancel::ProgressMeter;
 use crate::memory::{Memory, bytes_of, extend, resize};
 use crate::simd::MOST_LANES;
 
-/// Vertices that are snapped between two looks at the watch.
+/// Vertices that are snapped between two calls of the watch.
 const PIECE: usize = 1 << 13;
 /// Where gathered triangles are put together to a block, with what vector loads read behind it.
 #[repr(align(64))]
@@ -78,8 +78,8 @@ impl IndexedMesh {
         memory.reserve(&mut self.indices, indices)
     }
 
-    /// Becomes the copy of a mesh with these snapped corners, for which there is room; of no use when the
-    /// lookout has ended it.
+    /// Becomes the copy of a mesh with these snapped corners, for which there is room. After cancellation
+    /// it is incomplete and must not be used.
     pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) {
         let IndexedMesh { vertices, indices } = self;
         vertices.clear();

@@ -1,4 +1,4 @@
-//! Packing: the triangles of leaves put together to blocks ([`super::record`]).
+//! Packing: the triangles of leaves put together to blocks ([`super::packed_block`]).
 //!
 //! Which corners are the same is found by a small table of where a corner with the same hash was seen
 //! last. A corner whose place in the table another one has taken is stored twice: that is rare, costs three

@@ -32,10 +32,10 @@ pub(crate) struct PackedBlock<'a> {
 }
 
 impl PackedBlock<'_> {
-    /// Set in the first word of a block of [`super::large`] triangles.
+    /// Set in the first word of a block of [large](super::large) triangles.
     const LARGE: u32 = 1 << 7;
 
-    /// The first word of a block of so many triangles and different corners; whether they are [`super::large`].
+    /// The first word of a block of so many triangles and different corners; whether they are [large](super::large).
     pub const fn header(count: usize, corners: usize, large: bool) -> u32 {
         let before = PackedBlock::before_coordinates(count);
         let mark = if large { PackedBlock::LARGE } else { 0 };
@@ -76,7 +76,7 @@ impl<'a> PackedBlock<'a> {
         (self.words[0] & 0x7f) as usize
     }
 
-    /// Whether these are [`super::large`] triangles, in a block of their own.
+    /// Whether these are [large](super::large) triangles, in a block of their own.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn is_large(&self) -> bool {
         self.words[0] & PackedBlock::LARGE != 0

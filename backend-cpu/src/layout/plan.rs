@@ -71,7 +71,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct PlaceCosts {
     /// The branch that it is.
     branch: u32,
-    /// More places than these are of no use; 0 where there is no branch.
+    /// More places than these bring nothing; 0 where there is no branch.
     useful: u32,
     /// For each number of places, one less than it and behind as many that say no places: the surface area of
     /// the nodes made of the subtree.

@@ -152,10 +152,10 @@ impl LayoutScratch {
     }
 
     /// Packs and plans. Where the limit of `memory` is met, the size is still right, but it cannot be filled:
-    /// whoever accounts for it meets the limit too.
+    /// the caller that accounts for it meets the limit too.
     ///
     /// # Errors
-    /// [`BuildError::Cancelled`] by the lookout; [`BuildError::TooLarge`] when children could not name all
+    /// [`BuildError::Cancelled`] by the watch; [`BuildError::TooLarge`] when children could not name all
     /// blocks; no memory for branches and lists of tasks within the limit, or less than it allows.
     pub fn plan(
         &mut self,
@@ -307,8 +307,8 @@ struct LayoutPlanning<'a> {
 }
 
 impl LayoutPlanning<'_> {
-    /// Packs the leaves of a task's subtree and plans it; of no use when the lookout has ended it, or where
-    /// there was no memory.
+    /// Packs the leaves of a task's subtree and plans it. After cancellation, or where there was no memory, the result is
+    /// incomplete and must not be used.
     fn make(&self, task: &mut PackTask, part: &mut PackedWords, branches: &mut [Branch]) {
         let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
         let mut packer = Packer::new(self.set.lanes(), self.source.triangles);

@@ -53,7 +53,7 @@ impl TreeLayout {
         }
     }
 
-    /// Makes the layout of a tree; of no use when the lookout has ended it.
+    /// Makes the layout of a tree. After cancellation it is incomplete and must not be used.
     ///
     /// # Errors
     /// As for [`TreeLayout::plan`].

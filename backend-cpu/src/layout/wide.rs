@@ -136,8 +136,8 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Makes the planned nodes of a tree of so many, for which there is room. Of no use when the lookout has
-    /// ended it.
+    /// Makes the planned nodes of a tree of so many, for which there is room. After cancellation they are incomplete and must
+    /// not be used.
     pub fn fill(
         &mut self,
         leaves: LeafChildren<'_>,

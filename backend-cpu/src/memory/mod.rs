@@ -51,7 +51,7 @@ impl Memory {
         self.grow_watched(vector, length, &UNWATCHED)
     }
 
-    /// As [`Memory::grow`]; new memory takes time to clear, and the lookout may end it.
+    /// As [`Memory::grow`]; new memory takes time to clear, and the watch may cancel it.
     pub(crate) fn grow_watched<T: bytemuck::Zeroable + Clone + Send + Sync>(
         &mut self,
         vector: &mut Vec<T>,
@@ -145,11 +145,11 @@ pub(crate) fn lengthen<T: Copy>(
     Ok(())
 }
 
-/// Elements that are cleared between two looks at the watch.
+/// Elements that are cleared between two calls of the watch.
 const PIECE: usize = 1 << 15;
 
 /// [`Vec::resize`] for vectors that have the room: by all threads, since most of the time goes into the system's
-/// making of pages; under a watch in pieces, one after the other. Ends early when the work is over.
+/// making of pages; under a watch in pieces, one after the other. Ends early when the work is cancelled.
 pub(crate) fn resize<T: Clone + Send + Sync>(
     meter: &ProgressMeter<'_>,
     vector: &mut Vec<T>,
@@ -171,7 +171,7 @@ pub(crate) fn resize<T: Clone + Send + Sync>(
     vector.truncate(length);
 }
 
-/// Appends all of a slice, as [`resize`] does with one value. Ends early when the work is over.
+/// Appends all of a slice, as [`resize`] does with one value. Ends early when the work is cancelled.
 pub(crate) fn extend<T: Copy + Send + Sync>(
     meter: &ProgressMeter<'_>,
     vector: &mut Vec<T>,

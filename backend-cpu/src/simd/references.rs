@@ -162,7 +162,7 @@ pub(crate) trait ReferenceOps {
     }
 
     /// Lists the places of references from `lo` to `hi` that a plane crosses, in order. At most [`TILE`]
-    /// references. Returns how many there are; what stands behind them is of no use.
+    /// references. Returns how many there are; what stands behind them is undefined.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut TilePlaces) -> usize {
         let mut crossing = 0;

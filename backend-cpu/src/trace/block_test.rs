@@ -26,7 +26,7 @@ pub(crate) trait TriangleBlock {
     /// How many, at most as many as there are lanes.
     fn count(&self) -> usize;
 
-    /// Whether they are [`super::large`], in a block of their own.
+    /// Whether they are [large](crate::layout::large), in a block of their own.
     fn is_large(&self) -> bool;
 
     /// The index of a triangle in the mesh.

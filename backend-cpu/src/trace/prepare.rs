@@ -99,7 +99,7 @@ impl RayState {
         )
     }
 
-    /// The way of a ray that the core made ready; `None` where it comes nowhere near the scene.
+    /// The state of a ray that the core has prepared; `None` where the ray misses the scene's bounds.
     fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<RayState> {
         let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
         let reach = behind(enter, exit);
@@ -266,7 +266,7 @@ impl PreparedRays {
         shifted: [0; CHUNK],
     };
 
-    /// The ways of the rays.
+    /// The states of the rays.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -278,7 +278,7 @@ impl PreparedRays {
         }
     }
 
-    /// The ways of as many rays as the set has lanes, from one on.
+    /// The states of as many rays as the set has lanes, from one on.
     ///
     /// # Safety
     /// The processor must have the set; there must be as many rays.
@@ -287,7 +287,7 @@ impl PreparedRays {
         let rows = (&raw const *self).cast::<f32>();
         let to = ray_states.as_mut_ptr().cast::<f32>();
         for first in (0..RAY_STATE_WORDS).step_by(S::N) {
-            // SAFETY: the struct begins with a row for each word of a way; ways are of that size.
+            // SAFETY: the struct begins with a row for each word of a way; states are of that size.
             unsafe {
                 S::transpose(
                     rows.add(first * CHUNK + lane),

@@ -30,7 +30,7 @@ const LEAST_POWER: u32 = 127 - 40;
 const MOST_POWER: u32 = 127 + 60;
 
 impl RayState {
-    /// Becomes the way of a ray, if it says so. The bounds must not be empty.
+    /// Becomes the state of a ray where it returns [`Readiness::Ready`]. The bounds must not be empty.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
         // Origin and lower limit, direction and upper limit.

@@ -58,7 +58,7 @@ const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 /// What the sieve must know of a ray besides what all tests do.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    /// Error of an edge function of [`super::large`] triangles, and of all others: per unit of P, and the part that does
+    /// Error of an edge function of [large](crate::layout::large) triangles, and of all others: per unit of P, and the part that does
     /// not depend on P. (Large ones in blocks of others may be let go: they are in their own as well.)
     pub errors: [[f32; 2]; 2],
     /// M, where the ray was changed.
@@ -124,7 +124,7 @@ impl ExactLane {
     }
 
     /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
-    /// [`super::large`].
+    /// [large](crate::layout::large).
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;

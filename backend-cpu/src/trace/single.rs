@@ -10,7 +10,7 @@ use super::block_test::BestHit;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::prepare::{RayState, ScalarOutcome};
 use super::prepare_one::Readiness;
-use super::step::{Test, TestChild, Tested, TraversalStack, ask_for_block, step};
+use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block, step};
 use super::stream::{Answers, RayBatch, Stream};
 use super::{exact, reference};
 use crate::layout::tree_layout::TreeLayout;
@@ -50,7 +50,7 @@ impl Compiled for Single<'_> {
             match RayState::prepare_by_core(self.ray, self.scene, self.options.accuracy, self.query)
             {
                 Some(ScalarOutcome::Traced(moved)) => {
-                    (ray_state, readiness) = (moved, Readiness::Ready)
+                    (ray_state, readiness) = (moved, Readiness::Ready);
                 }
                 Some(ScalarOutcome::Answer(hit)) => return hit,
                 None => {}
@@ -140,10 +140,10 @@ impl Single<'_> {
     ) -> Hit {
         let Single { layout, options, query, .. } = *self;
         let lines = layout.wide.lines().as_ptr();
-        let test = &Test { leaves, options, query };
+        let test = &TestContext { leaves, options, query };
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
-        let tested = &mut Tested { test, room, ray_state, best, exact: None };
+        let tested = &mut RayTest { test, room, ray_state, best, exact: None };
         // SAFETY: the stack has the room.
         unsafe { stack.begin() };
         let (mut child, mut top) = (0, 0);
@@ -159,7 +159,7 @@ impl Single<'_> {
             // A block's header says where its corners are: they need not wait for it.
             ask_for_block::<S, L>(leaves, child);
             // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
-            if unsafe { S::call(TestChild(child, tested)) } {
+            if unsafe { S::call(TestLeaf(child, tested)) } {
                 if query == Query::Any {
                     return tested.best.hit;
                 }

@@ -161,16 +161,16 @@ fn ask_for_lines<S: Simd>(at: *const u8) {
 
 /// What traversals test triangles with.
 #[derive(Clone, Copy)]
-pub(crate) struct Test<'a, L> {
+pub(crate) struct TestContext<'a, L> {
     pub leaves: L,
     pub options: &'a QueryOptions,
     pub query: Query,
 }
 
-/// What tests of a ray's triangles read and write: its way, which must not be wide, its best hit, room for blocks,
-/// and for tests that are exact its lane.
-pub(crate) struct Tested<'a, L: Leaves> {
-    pub test: &'a Test<'a, L>,
+/// What tests of a ray's triangles read and write: the state of the ray, which must not be wide, its best hit, room for
+/// blocks, and its lane where tests are exact.
+pub(crate) struct RayTest<'a, L: Leaves> {
+    pub test: &'a TestContext<'a, L>,
     pub room: &'a mut L::Room,
     pub ray_state: &'a mut RayState,
     pub best: &'a mut BestHit,
@@ -179,15 +179,15 @@ pub(crate) struct Tested<'a, L: Leaves> {
 
 /// The test of the triangles of a child that is no node but one that a node names. True when the best hit
 /// changed, which for any hit is the end. Of two words, so that they come in registers.
-pub(crate) struct TestChild<'a, 'b, L: Leaves>(pub u32, pub &'a mut Tested<'b, L>);
+pub(crate) struct TestLeaf<'a, 'b, L: Leaves>(pub u32, pub &'a mut RayTest<'b, L>);
 
-impl<L: Leaves> Compiled for TestChild<'_, '_, L> {
+impl<L: Leaves> Compiled for TestLeaf<'_, '_, L> {
     type Output = bool;
 
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> bool {
-        let TestChild(child, Tested { test, room, ray_state, best, exact }) = self;
-        let Test { leaves, options, query } = **test;
+        let TestLeaf(child, RayTest { test, room, ray_state, best, exact }) = self;
+        let TestContext { leaves, options, query } = **test;
         let (mut from, mut better) = (0, false);
         loop {
             // SAFETY: the caller's contract.

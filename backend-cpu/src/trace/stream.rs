@@ -21,7 +21,7 @@ use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays, RayState, ScalarOutcome};
 use super::reference;
 use super::sieve::ExactLane;
-use super::step::{Test, TestChild, Tested, TraversalStack, ask_for, step};
+use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{DONE, leaf_bit};
 use crate::memory::{boxed, lengthen};
@@ -175,10 +175,10 @@ impl Compiled for Stream<'_> {
         unsafe {
             match IndexedLeaves::of(batch.layout) {
                 None => {
-                    fly::<S, _>(batch, PackedLeaves::new(batch.layout), &mut flight, &mut answers)
+                    fly::<S, _>(batch, PackedLeaves::new(batch.layout), &mut flight, &mut answers);
                 }
                 Some(leaves) => {
-                    fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers)
+                    fly::<S, IndexedLeaves<'_>>(batch, leaves, &mut flight, &mut answers);
                 }
             }
         }
@@ -243,7 +243,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
 ) {
     let RayBatch { layout, scene, rays, options, query } = batch;
     let lines = layout.wide.lines();
-    let test = &Test { leaves, options, query };
+    let test = &TestContext { leaves, options, query };
     let mut leaf_room = L::room();
     let room = layout.wide.stack();
     let Flight { lanes, children, t, ready, ray_states, packet } = flight;
@@ -311,10 +311,10 @@ unsafe fn fly<S: Simd, L: Leaves>(
             let mut stack = stack!(lane);
             let Lane { ray_state, best, child, .. } = state;
             let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
-            let tested = &mut Tested { test, room, ray_state, best, exact };
+            let tested = &mut RayTest { test, room, ray_state, best, exact };
             // Not in a function of its own: that costs rays that hit something a tenth here.
             // SAFETY: the caller's contract; children name nodes or leaves; wide rays get no lane.
-            let better = unsafe { TestChild(*child, tested).run::<S>() };
+            let better = unsafe { TestLeaf(*child, tested).run::<S>() };
             if better {
                 if query == Query::Any {
                     queues.put(lane, DONE);

@@ -1,5 +1,5 @@
 //! The watertight test in vectors, a triangle and a ray a lane: one ray against the triangles of a block
-//! ([`super::leaf`]), or the rays of a packet against one triangle ([`super::packet`]).
+//! ([`super::block_test`]), or the rays of a packet against one triangle ([`super::packet`]).
 //!
 //! The operations are those of [`splitplane_core::intersect::watertight`] in its order, so all numbers
 //! are the reference's bit for bit. Rays must not be wide.

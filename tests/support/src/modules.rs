@@ -223,8 +223,11 @@ fn components(edges: &BTreeMap<&str, BTreeMap<&str, String>>) -> Vec<Vec<String>
     out
 }
 
-/// The next declaration of a module from a place on: where it ends, its name, and where its block is, if it has one.
-fn next_module(code: &str, from: usize) -> Option<(usize, String, Option<(usize, usize)>)> {
+/// A declaration of a module: where it ends, its name, and where its block is, if it has one.
+type Declaration = (usize, String, Option<(usize, usize)>);
+
+/// The next declaration of a module from a place on.
+fn next_module(code: &str, from: usize) -> Option<Declaration> {
     let mut at = from;
     loop {
         at += code[at..].find("mod ")?;

@@ -98,7 +98,7 @@ impl Cut {
         Cut { parts: CutParts::NONE, crossing: [0; TILE_ROOM] }
     }
 
-    /// Cuts what the plane crosses among `count` references from `first`, at most [`TILE`]. Without
+    /// Cuts what the plane crosses among `count` references from `first`, at most [`crate::simd::references::TILE`]. Without
     /// triangles bounds are cut alone.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn tile<A: Arithmetic, S: ReferenceOps>(

@@ -17,7 +17,7 @@ use crate::memory::{Memory, bytes_of};
 
 /// Memory of the executor, kept between builds.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct DepthFirstScratch {
     /// What each task has counted.
     counts: Vec<StageCounts>,
     tasks: ScratchPool,
@@ -26,7 +26,7 @@ pub(crate) struct Scratch {
     voided: Option<(u32, BuildConfig)>,
 }
 
-impl Scratch {
+impl DepthFirstScratch {
     /// Bytes held.
     pub fn bytes(&self) -> u64 {
         bytes_of(&self.counts) + self.tasks.bytes()
@@ -46,13 +46,13 @@ pub(crate) struct DepthFirstExecutor<'a, A = Strict> {
     twin: CpuExecutor<'a, A>,
     /// The configuration of the tree; the twin's has a larger T.
     config: BuildConfig,
-    scratch: Scratch,
+    scratch: DepthFirstScratch,
     is_void: bool,
 }
 
 impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
     /// Wraps a twin that is ready for a schedule, and whose memory has accounted for the scratch too.
-    pub fn new(twin: CpuExecutor<'a, A>, scratch: Scratch) -> DepthFirstExecutor<'a, A> {
+    pub fn new(twin: CpuExecutor<'a, A>, scratch: DepthFirstScratch) -> DepthFirstExecutor<'a, A> {
         let config = twin.config;
         DepthFirstExecutor { twin, config, scratch, is_void: false }
     }
@@ -79,7 +79,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
     }
 
     /// Gives the memory back, with the finished tree in the buffers.
-    pub fn finish(self) -> (Buffers, Scratch) {
+    pub fn finish(self) -> (Buffers, DepthFirstScratch) {
         (self.twin.finish(), self.scratch)
     }
 

@@ -17,4 +17,4 @@ mod task_scratch;
 #[cfg(test)]
 mod tests;
 
-pub(super) use executor::{DepthFirstExecutor, Scratch};
+pub(super) use executor::{DepthFirstExecutor, DepthFirstScratch};

@@ -102,7 +102,7 @@ impl TaskScratch {
 pub(super) struct ColumnNode {
     pub first: usize,
     pub count: usize,
-    /// From this row on, and [`WIDTH`] rows behind its own, there is nothing that is needed.
+    /// From this row on, and [`crate::simd::WIDTH`] rows behind its own, there is nothing that is needed.
     pub free: usize,
     pub cell: Aabb,
     pub depth: u32,

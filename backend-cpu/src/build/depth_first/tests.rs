@@ -7,7 +7,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule;
 use splitplane_test_support::scenes;
 
-use super::{DepthFirstExecutor, Scratch};
+use super::{DepthFirstExecutor, DepthFirstScratch};
 use crate::build::twin::buffers::Buffers;
 use crate::build::twin::executor::{CpuExecutor, StageCounts};
 use crate::simd::InstructionSet;
@@ -23,7 +23,7 @@ fn built<A: Arithmetic>(
     let mut twin: CpuExecutor<'_, A> =
         CpuExecutor::new(*mesh, config, set, Buffers::default(), None).unwrap();
     let (stages, void, buffers) = if depth_first {
-        let mut executor = DepthFirstExecutor::new(twin, Scratch::default());
+        let mut executor = DepthFirstExecutor::new(twin, DepthFirstScratch::default());
         schedule::build(&mut executor, planes).unwrap();
         (executor.stage_counts(), executor.is_void(), executor.finish().0)
     } else {

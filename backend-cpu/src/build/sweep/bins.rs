@@ -27,7 +27,7 @@ const LEAST: usize = 16;
 /// What bounds of costs may be off, of themselves: numbers of blocks by at most 2^-16, all else by less
 /// than 2^-20.
 const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
-/// Numbers of references below this have their blocks counted without error in `f32`.
+/// OpenNumbers of references below this have their blocks counted without error in `f32`.
 const EXACT: u32 = 1 << 22;
 /// References that one task looks through; nodes of more than four times as many have several.
 pub(super) const CHUNK: usize = 2048;
@@ -44,7 +44,7 @@ pub(super) struct Bins {
     /// References that do not end in bins before this one.
     unfinished: [[u32; MOST + 1]; 3],
     /// Where each bin is among the open ones; [`CLOSED`] for bins that cannot hold the least split.
-    numbers: Numbers,
+    numbers: OpenNumbers,
     /// The bins that can hold it.
     open: Vec<Open>,
     /// Their events.
@@ -58,7 +58,7 @@ pub(super) struct Bins {
 }
 
 /// By axis and bin.
-type Numbers = [[u32; MOST]; 3];
+type OpenNumbers = [[u32; MOST]; 3];
 
 /// A bin that can hold the least split.
 #[derive(Clone, Copy, Debug)]
@@ -295,7 +295,7 @@ impl BinSearch<'_> {
         part: &mut BinPart,
         references: &[Reference],
         places: &[FaceBins],
-        numbers: &Numbers,
+        numbers: &OpenNumbers,
         open: usize,
         ranges: &Ranges,
     ) -> Result<(), BuildError> {
@@ -475,7 +475,7 @@ for_every_set! {
         ranges: &Ranges,
         references: &[Reference],
         places: &[FaceBins],
-        numbers: &Numbers,
+        numbers: &OpenNumbers,
         open: &mut [Open],
         events: &mut [Event],
     ) -> () {
@@ -496,7 +496,7 @@ for_every_set! {
     fn count_events<S>(
         ranges: &Ranges,
         places: &[FaceBins],
-        numbers: &Numbers,
+        numbers: &OpenNumbers,
         counts: &mut [u32],
     ) -> u32 {
         let mut all = 0;
@@ -517,7 +517,7 @@ for_every_set! {
         ranges: &Ranges,
         references: &[Reference],
         places: &[FaceBins],
-        numbers: &Numbers,
+        numbers: &OpenNumbers,
         ends: &mut [u32],
         events: &mut [Event],
     ) -> () {

@@ -20,12 +20,12 @@ use crate::simd::InstructionSet;
 
 /// Memory kept between builds: scratch of threads, and lists of references of large nodes.
 #[derive(Debug, Default)]
-pub(crate) struct Scratch {
+pub(crate) struct SweepScratch {
     workers: Mutex<Vec<Box<ThreadScratch>>>,
     lists: Mutex<Vec<Vec<Reference>>>,
 }
 
-impl Scratch {
+impl SweepScratch {
     /// Makes ready for a build. Returns how many workers there are.
     pub(super) fn begin(&mut self) -> usize {
         // A poisoned lock means that another build panicked: what is left serves.
@@ -70,14 +70,14 @@ pub(super) struct BuildContext<'a> {
     /// Snapped corners of all triangles.
     pub triangles: &'a [Triangle],
     pub memory: &'a AtomicMemory,
-    pub scratch: &'a Scratch,
+    pub scratch: &'a SweepScratch,
     /// How many workers there are.
     pub workers: AtomicUsize,
     pub meter: &'a ProgressMeter<'a>,
 }
 
 impl BuildContext<'_> {
-    /// A list with room for so many references; what it holds is of no use.
+    /// A list with room for so many references; what it holds is left over from earlier nodes.
     pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
         // A poisoned lock means that another thread panicked; a new list serves.
         let spare = self.scratch.lists.lock().map_or(None, |mut lists| {

@@ -73,9 +73,9 @@ use context::BuildContext;
 use cost::SplitCosts;
 use node::OpenNode;
 
-pub(super) use context::Scratch;
+pub(super) use context::SweepScratch;
 
-/// References copied between two looks at the watch.
+/// References copied between two calls of the watch.
 const PIECE: usize = 1 << 13;
 
 /// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
@@ -87,7 +87,7 @@ const PIECE: usize = 1 << 13;
 pub(crate) fn build(
     config: &BuildConfig,
     set: InstructionSet,
-    (buffers, scratch): (&mut Buffers, &mut Scratch),
+    (buffers, scratch): (&mut Buffers, &mut SweepScratch),
     memory: &mut Memory,
     meter: &ProgressMeter<'_>,
 ) -> Result<(usize, usize), BuildError> {
@@ -103,7 +103,7 @@ pub(crate) fn build(
             set,
             triangles: &buffers.triangles,
             memory: &shared,
-            scratch: scratch,
+            scratch,
             workers,
             meter,
         };

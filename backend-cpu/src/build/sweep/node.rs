@@ -43,7 +43,7 @@ impl OpenNode {
     }
 
     /// The two children of a decision, when so many references went either way. The budget is handed down
-    /// in proportion to them, so that it binds in the same place whoever builds which child first.
+    /// in proportion to them, so that it binds in the same place, whichever thread builds which child first.
     pub fn children(&self, decision: &SplitDecision, counts: [usize; 2]) -> [OpenNode; 2] {
         let [left, right] = counts.map(|n| n as u64);
         // At most 2^30 each, so the product fits. What a child gets is never below its references.

@@ -13,7 +13,7 @@ use super::node::OpenNode;
 use super::partition::partition;
 use super::thread_scratch::ThreadScratch;
 
-/// Work between two looks at the watch, in references of nodes that are decided.
+/// Work between two calls of the watch, in references of nodes that are decided.
 const WORK: usize = 2048;
 
 impl ThreadScratch {

@@ -1,5 +1,5 @@
 //! Where references start and end by bins: what `bin_references` does for chunks and
-//! [`super::build_cached`] for nodes.
+//! [`crate::build::depth_first`] for nodes.
 
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::BinAxis;

@@ -5,7 +5,7 @@
 //! entry and an exit that hold for each of them. Only the children that pass are tested ray by ray, one
 //! box against all rays of a group, when their turn comes. In a block triangles that no ray of the packet
 //! can meet are sorted out first, again by intervals; the others are tested one after the other
-//! against all rays of a group, by the operations of [`super::leaf`] in their order. So the hits are bit
+//! against all rays of a group, by the operations of [`super::block_test`] in their order. So the hits are bit
 //! for bit those of single rays.
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
@@ -112,7 +112,7 @@ impl PacketRays<'_> {
         unsafe { [self.row::<S>(x), self.row::<S>(y), self.row::<S>(z)] }
     }
 
-    /// The way of a ray; those of its group are written when the first is asked for.
+    /// The state of a ray; the states of its group are written when the first is asked for.
     ///
     /// # Safety
     /// The processor must have the set.
