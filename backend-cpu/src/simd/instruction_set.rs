@@ -1,11 +1,12 @@
 //! What the processor can do.
 
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
+use super::avx512::Avx512;
 #[cfg(target_arch = "aarch64")]
 use super::neon::Neon;
 use super::portable::Portable;
 use super::{Compiled, Simd};
-#[cfg(target_arch = "x86_64")]
-use super::{avx2::Avx2, avx512::Avx512};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

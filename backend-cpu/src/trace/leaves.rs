@@ -1,7 +1,7 @@
 //! What a child that is no node stands for, in the two layouts: a block, or a leaf of the tree whose
 //! triangles are gathered when a ray comes there.
 
-use super::block_test::TriangleBlock;
+use super::triangle_block::TriangleBlock;
 use crate::layout::gathered_block::GatheredBlock;
 use crate::layout::indexed::{GatherBuffer, IndexedMesh};
 use crate::layout::packed_block::{PackedBlock, UNIT_WORDS};

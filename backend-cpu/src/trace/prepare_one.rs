@@ -9,7 +9,7 @@ use splitplane_core::intersect::{
 use splitplane_core::ray::Ray;
 use splitplane_core::traverse::Query;
 
-use super::prepare::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
+use super::ray_state::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
 use crate::simd::F32x4;
 
 /// What is to be done with a ray.

@@ -8,8 +8,8 @@ use splitplane_core::traverse::Query;
 
 use super::block_test::BestHit;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
-use super::prepare::{RayState, ScalarOutcome};
 use super::prepare_one::Readiness;
+use super::ray_state::{RayState, ScalarOutcome};
 use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block, step};
 use super::stream::{Answers, RayBatch, Stream};
 use super::{exact, reference};

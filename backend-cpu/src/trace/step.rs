@@ -5,7 +5,7 @@ use splitplane_core::traverse::Query;
 
 use super::block_test::BestHit;
 use super::leaves::Leaves;
-use super::prepare::RayState;
+use super::ray_state::RayState;
 use super::sieve::ExactLane;
 use crate::layout::wide_node::{
     CacheLine, DONE, bounds_offset, children_offset, leaf_bit, leaf_number, lines_of_node,

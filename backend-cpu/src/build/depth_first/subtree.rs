@@ -20,9 +20,10 @@ use crate::build::twin::kernels::{split_binned, split_large};
 use crate::build::twin::small_root::SmallRootCosts;
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
 use crate::simd::columns::Columns;
 use crate::simd::references::TILE;
-use crate::simd::{Compiled, InstructionSet, Simd, WIDTH};
+use crate::simd::{Compiled, Simd, WIDTH};
 
 /// What all tasks read.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::schedule;
 use splitplane_test_support::scenes;
 
-use super::{DepthFirstExecutor, DepthFirstScratch};
+use super::executor::{DepthFirstExecutor, DepthFirstScratch};
 use crate::build::twin::buffers::Buffers;
 use crate::build::twin::executor::{CpuExecutor, StageCounts};
 use crate::simd::InstructionSet;

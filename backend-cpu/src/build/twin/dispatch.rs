@@ -7,9 +7,11 @@ use splitplane_core::schedule::Executor;
 use splitplane_core::watch::Stage;
 
 use super::executor::CpuExecutor;
-use super::kernels::build_small::BATCH;
-use super::kernels::{self, allocate_children::Lists, scatter_references::Inputs};
+use super::kernels;
 use super::subtrees::Subtrees;
+use crate::build::twin::kernels::allocate_children::Lists;
+use crate::build::twin::kernels::build_small::BATCH;
+use crate::build::twin::kernels::scatter_references::Inputs;
 
 impl<A: Arithmetic> CpuExecutor<'_, A> {
     /// `emit_small`, of subtrees of which so many roots stand together.

@@ -7,7 +7,7 @@ use core::arch::x86_64::*;
 mod f32x16;
 mod references;
 
-use super::{Compiled, Direction, Simd};
+use crate::simd::{Compiled, Direction, Simd};
 use f32x16::Avx512F32x16;
 
 /// [`Simd`] by AVX-512.

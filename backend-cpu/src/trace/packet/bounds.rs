@@ -1,10 +1,11 @@
 //! What holds for all rays of a packet: intervals, and which triangles of a block they rule out.
 
+/*UNRES*/
 use super::Packet;
 use super::row::{GroupRow, ZERO, store};
 use crate::layout::packed_block::PackedBlock;
 use crate::simd::{MOST_LANES, Simd};
-use crate::trace::block_test::{Table, of_corners};
+use crate::trace::triangle_block::{Table, of_corners};
 
 /// What holds for all rays of a packet.
 #[derive(Clone, Copy, Default)]

@@ -31,7 +31,8 @@ use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
 use crate::memory::lengthen;
 use crate::simd::{MOST_LANES, Simd};
-use crate::trace::prepare::{CHUNK, EXIT_FACTOR, PerRay, PreparedRays, RayState};
+use crate::trace::prepare::{CHUNK, PerRay, PreparedRays};
+use crate::trace::ray_state::{EXIT_FACTOR, RayState};
 use crate::trace::step::{Octant, octants_of};
 use crate::trace::watertight::Span;
 

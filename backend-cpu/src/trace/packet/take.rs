@@ -5,12 +5,14 @@ use core::ops::Range;
 use splitplane_core::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
 use splitplane_core::ray::Hit;
 
+/*UNRES*/
 use super::Packet;
 use super::bounds::{Bounds, ranges};
 use super::group::Group;
 use super::row::store;
 use crate::simd::Simd;
-use crate::trace::prepare::{ORIGIN_SLACK, PreparedRays};
+use crate::trace::prepare::PreparedRays;
+use crate::trace::ray_state::ORIGIN_SLACK;
 
 /// A packet has at least this part of the rays that it has room for, one in so many.
 const FEWEST: usize = 2;

@@ -4,6 +4,7 @@ use splitplane_core::intersect::STOP_SLACK;
 use splitplane_core::ray::{Culling, QueryOptions};
 use splitplane_core::traverse::Query;
 
+/*UNRES*/
 use super::PacketRays;
 use super::group::Group;
 use super::row::{GroupRow, load, put};
