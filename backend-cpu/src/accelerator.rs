@@ -305,12 +305,12 @@ fn trim(crossings: &mut Vec<Crossing>) {
     }
 }
 
-/// What a batch tells of each ray.
+/// What a query answers for each ray of a batch.
 trait Answer: Send + Sized {
     /// The query that it answers.
     const QUERY: Query;
 
-    /// Such answers, to be written.
+    /// The answers as [`Answers`], to be written.
     fn answers(answers: &mut [Self]) -> Answers<'_>;
 }
 
@@ -338,7 +338,7 @@ struct TaskBytes<'a> {
 }
 
 impl TaskBytes<'_> {
-    /// From now on the task holds so many bytes.
+    /// From now on the task holds `bytes` bytes.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] when all tasks together hold more than allowed.

@@ -119,7 +119,7 @@ impl CpuBackend {
         self.build_under(mesh, options, &ProgressMeter::new(watch), 0)
     }
 
-    /// Builds, while so many bytes of an accelerator are held that is to be replaced.
+    /// Builds, while an accelerator of `old` bytes is held that is to be replaced.
     fn build_under(
         &self,
         mesh: &Mesh<'_>,

@@ -2,7 +2,7 @@
 //!
 //! Which corners are the same is found by a small table of where a corner with the same hash was seen
 //! last. A corner whose place in the table another one has taken is stored twice: that is rare, costs three
-//! words, and spares chains and the branches that nobody could foresee. What a corner is compared with
+//! words, and needs neither chains nor branches that no predictor gets right. What a corner is compared with
 //! is read from the list of all corners, never from what was just decided: so the processor can compare many at a time.
 
 use core::hint::select_unpredictable;
@@ -23,7 +23,7 @@ const AHEAD: usize = 24;
 /// Most words that a block may take.
 pub(crate) const MOST_WORDS: usize = PackedBlock::words(MOST_LANES, 2 * MOST_LANES);
 
-/// Puts triangles together to blocks of at most so many.
+/// Packs triangles into blocks of at most `lanes`.
 pub(crate) struct Packer<'a> {
     /// Triangles of a block.
     lanes: usize,
@@ -55,7 +55,7 @@ pub(crate) struct PackedSize {
 }
 
 impl<'a> Packer<'a> {
-    /// For vectors of so many lanes.
+    /// For vectors of `lanes` lanes.
     pub fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer {
             lanes,

@@ -35,19 +35,19 @@ impl PackedBlock<'_> {
     /// Set in the first word of a block of [large](super::large) triangles.
     const LARGE: u32 = 1 << 7;
 
-    /// The first word of a block of so many triangles and different corners; whether they are [large](super::large).
+    /// The first word of a block with these numbers of triangles and of different corners.
     pub const fn header(count: usize, corners: usize, large: bool) -> u32 {
         let before = PackedBlock::before_coordinates(count);
         let mark = if large { PackedBlock::LARGE } else { 0 };
         mark | count as u32 | (corners as u32) << 8 | (before as u32) << 16
     }
 
-    /// Words before the coordinates of a block of so many triangles.
+    /// Words before the coordinates of a block of `count` triangles.
     pub const fn before_coordinates(count: usize) -> usize {
         1 + (3 * count).div_ceil(4) + count
     }
 
-    /// Words of a block of so many triangles and different corners.
+    /// Words of a block with these numbers of triangles and of different corners.
     pub const fn words(count: usize, corners: usize) -> usize {
         (PackedBlock::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
     }

@@ -42,7 +42,7 @@ impl Branch {
     /// In a plan: a node of its own is no worse.
     const ALONE: u8 = 0;
 
-    /// A leaf of so many blocks.
+    /// A leaf of `blocks` blocks, the first of which begins at `unit`.
     pub fn leaf(bounds: Aabb, unit: u32, blocks: u32) -> Branch {
         let plan = [Branch::LEAF; MOST_LANES];
         Branch { bounds, children: [unit, blocks], nodes: 0, plan }
@@ -268,7 +268,7 @@ for_every_set! {
     }
 }
 
-/// Wide nodes of a leaf of so many blocks, 2 at least: they share its places evenly.
+/// Wide nodes of a leaf of `blocks` blocks, 2 at least, which the nodes' places share evenly.
 pub(crate) fn run_nodes(blocks: u32, lanes: u32) -> u32 {
     let below = |blocks: u32| if blocks > 1 { run_nodes(blocks, lanes) } else { 0 };
     if blocks <= lanes {

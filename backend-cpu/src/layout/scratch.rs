@@ -1,9 +1,9 @@
 //! Making the layout that queries read from a tree.
 //!
-//! In two steps. *Planning* touches nothing but scratch: tasks pack the leaves of a subtree each and plan
-//! its wide nodes, then the few nodes above the tasks are planned. Now it is known how large everything
-//! is, to the byte, and a limit is held against it. Then room is made for all of it, and *filling* writes
-//! to that: it cannot fail, so an old layout gives way only to a whole one.
+//! A layout is made in two steps. *Planning* touches nothing but scratch: each task packs the leaves of one subtree and
+//! plans its wide nodes; then the few nodes above the tasks are planned. Now the size of everything is known
+//! to the byte and compared with the limit. Then room is made for all of it, and *filling* writes
+//! to that. It cannot fail, so an old layout is replaced only by a complete one.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -46,7 +46,7 @@ pub(crate) struct LayoutSource<'a> {
 /// What layouts are made with, kept for the next one.
 #[derive(Debug, Default)]
 pub(crate) struct LayoutScratch {
-    /// By the number of their node; those of nodes that are no branch are of no account.
+    /// By the number of their node. Elements of nodes that are no branch are unused.
     pub branches: Vec<Branch>,
     /// The nodes above all tasks, and the tasks, in preorder.
     pub top: Vec<u32>,
@@ -105,20 +105,20 @@ struct Budget {
 }
 
 impl Budget {
-    /// Accounts for so many bytes more; whether there are.
+    /// Accounts for `bytes` more and returns whether they are within the limit.
     fn take(&self, bytes: u64) -> bool {
         self.held.fetch_add(bytes, Relaxed) + bytes <= self.limit
     }
 }
 
 impl PackedWords {
-    /// Gets ready for another task.
+    /// Empties the list for another task.
     fn begin(&mut self) {
         (self.used, self.room, self.lost) = (0, self.words.len(), false);
     }
 
-    /// Room for a block more. Where there is less than one, it is made for so many triangles. `None`, as the
-    /// budget will tell, where there is no memory for it.
+    /// Room for one more block. Where there is too little, room for `triangles` triangles is made. `None` where there is no
+    /// memory for it, which the budget records.
     fn next(&mut self, triangles: usize, budget: &Budget) -> Option<&mut [u32]> {
         if self.used + MOST_WORDS > self.room {
             let needed = self.used + MOST_WORDS + GUESS * triangles;
@@ -372,7 +372,7 @@ impl LayoutPlanning<'_> {
             let own = references[..count as usize].iter().map(corners);
             bounds = self.large.bounds_of_others(own);
         }
-        // Without bounds nobody goes there.
+        // No ray goes to a leaf without bounds.
         let within = if bounds.is_empty() { bounds } else { within(cell, &bounds) };
         Some(Branch::leaf(within, unit, blocks))
     }

@@ -135,8 +135,8 @@ impl TreeLayout {
         Ok(size)
     }
 
-    /// Makes room for a planned layout of so many nodes. After an error what is here is what it was; else it is
-    /// to be filled.
+    /// Makes room for a planned layout of `nodes` nodes. After an error the layout is what it was; else it must be
+    /// filled.
     ///
     /// # Errors
     /// As for [`Memory::reserve`].

@@ -12,7 +12,7 @@ use super::packed_block::PackedBlock;
 pub(crate) struct WalkNode(KdNode);
 
 impl WalkNode {
-    /// A leaf of so many blocks, the first of which begins at a unit.
+    /// A leaf of `blocks` blocks, the first of which begins at `unit`.
     pub fn leaf(unit: u32, blocks: u32) -> WalkNode {
         WalkNode(KdNode::leaf(unit, blocks))
     }

@@ -29,7 +29,7 @@ use crate::simd::{MOST_LANES, prefetch};
 
 /// Subtrees of more nodes are written by several tasks.
 const TASK: usize = 1 << 8;
-/// Nodes with so many above them are written by one task: all threads have work long before, and tasks within
+/// Nodes with this many above them are written by one task: all threads have work long before, and tasks within
 /// tasks take a few times the stack.
 const DIVIDED: usize = 8;
 
@@ -58,7 +58,7 @@ struct Writer<'a> {
     leaves: LeafChildren<'a>,
     branches: &'a [Branch],
     large: &'a Large,
-    /// A child that nobody goes to; who did would lose nothing by it.
+    /// What stands in places without a child. No ray goes there, and one that did would find a leaf without triangles.
     nothing: u32,
     meter: &'a ProgressMeter<'a>,
     /// Progress that a node is.
@@ -90,7 +90,7 @@ struct NodeChildren {
 }
 
 impl WideNodes {
-    /// No nodes yet, for vectors of so many lanes.
+    /// No nodes yet, for vectors of `lanes` lanes.
     pub fn new(lanes: usize) -> WideNodes {
         WideNodes { lanes, lines: Vec::new(), depth: 0 }
     }
@@ -111,7 +111,7 @@ impl WideNodes {
         bytes_of(&self.lines)
     }
 
-    /// Bytes of so many nodes.
+    /// Bytes of this number of nodes.
     pub fn bytes_for(&self, nodes: usize) -> u64 {
         (nodes * self.node_lines() * size_of::<CacheLine>()) as u64
     }
@@ -136,7 +136,7 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Makes the planned nodes of a tree of so many, for which there is room. After cancellation they are incomplete and must
+    /// Makes the planned nodes of a tree of `nodes` nodes, for which there is room. After cancellation they are incomplete and must
     /// not be used.
     pub fn fill(
         &mut self,
@@ -325,8 +325,8 @@ impl Writer<'_> {
     }
 }
 
-/// The greatest of what comes of some parts, of which each is a task. Apart from [`Writer::write`], so that
-/// the tasks take no room on the stack where there are none.
+/// Does each part as a task and returns the greatest result. A function apart from [`Writer::write`], so that tasks take
+/// room on the stack only where there are some.
 fn in_tasks<T: Send>(
     parts: impl Iterator<Item = T>,
     work: impl Fn(T) -> usize + Sync + Send,

@@ -129,7 +129,7 @@ pub(crate) fn bytes_of<T>(vector: &Vec<T>) -> u64 {
     (vector.capacity() * size_of::<T>()) as u64
 }
 
-/// Makes a list at least so long.
+/// Makes a list at least `length` long.
 ///
 /// # Errors
 /// Less memory than that.

@@ -37,7 +37,7 @@ impl Columns {
         4 * (faces + self.triangles.capacity()) as u64
     }
 
-    /// Makes room for so many rows, of which those there are stay.
+    /// Makes room for `rows` rows in all; those that are there stay.
     ///
     /// # Errors
     /// Less memory than that.

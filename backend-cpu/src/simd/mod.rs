@@ -49,7 +49,7 @@ pub(crate) struct Direction {
 }
 
 impl Direction {
-    /// For orders of so many.
+    /// For orders of `lanes` places.
     pub const fn new(lanes: usize, backwards: bool) -> Direction {
         let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
         let mut i = 0;
@@ -111,7 +111,7 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     unsafe fn select(mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
     /// A bit a lane, the first lane lowest.
     unsafe fn bits(mask: Self::Mask) -> u32;
-    /// The mask of such bits.
+    /// The mask of these bits.
     unsafe fn mask(bits: u32) -> Self::Mask;
     /// The number in a lane, which there must be.
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -165,7 +165,7 @@ pub(crate) trait Simd: ReferenceOps + Copy {
         unsafe { task.run::<Self>() }
     }
 
-    /// [`Simd::push`] for the children that are left no sooner than they are entered. The last one as
+    /// [`Simd::push`] for the children whose exit is at or behind their entry. Returns the last one, as
     /// there, and how many there are.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn push_met(

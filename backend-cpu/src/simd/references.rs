@@ -46,7 +46,7 @@ pub(crate) struct Outermost {
     pub first_end: f32,
 }
 
-/// What is left on either side of the references of a tile that a plane crosses, one behind the other.
+/// What is left on either side of the references of a tile that a plane crosses, in their order.
 #[derive(Debug)]
 pub(crate) struct CutParts {
     /// Axis of the plane.

@@ -115,7 +115,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
             }
         }
         // Of registers, and whether or not there are several: half of the blocks that are met have
-        // several, and nobody could foresee which.
+        // several, and no predictor could tell which.
         let nearest = if any { meeting.met } else { meeting.nearest() };
         // Nearly always there is one triangle that is nearer than all others.
         let one =

@@ -68,7 +68,7 @@ impl RayState {
         let [t_min, t_max, ..] = limits.row();
 
         // Of the direction as given, and scaled then, which is exact: a quotient takes long. Components of
-        // less than `DIRECTION_LEAST` count as so much.
+        // less than `DIRECTION_LEAST` count as that.
         let reciprocal = F32x4::splat(1.0).over(magnitude).times(back);
         let reciprocal = reciprocal.min(F32x4::splat(1.0 / DIRECTION_LEAST));
         let slack = F32x4::splat(scene.slack).times(reciprocal).min(most);

@@ -48,7 +48,7 @@ pub(crate) static AXES: [[usize; 3]; 8] =
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
-/// What becomes of a ray that is not made ready in vectors.
+/// What becomes of a ray that vectors did not prepare.
 pub(crate) enum ScalarOutcome {
     /// It goes through the wide nodes.
     Traced(RayState),

@@ -26,7 +26,7 @@ pub(crate) struct Octant {
     pub direction: Direction,
 }
 
-/// Octants by [`RayState::octant`], for nodes of so many children.
+/// Octants by [`RayState::octant`], for nodes of `lanes` children.
 const fn octants(lanes: usize) -> [Octant; 16] {
     let direction = Direction::new(lanes, false);
     let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
@@ -140,7 +140,7 @@ pub(crate) unsafe fn step<S: Simd>(
 pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const CacheLine, leaves: L, child: u32) {
     let node = lines.wrapping_add((child as usize).wrapping_mul(lines_of_node(S::N))) as usize;
     let block = leaves.address(leaf_number(child)) as usize;
-    // Without a branch, since nobody could foresee it.
+    // Without a branch, since no predictor could get it right.
     let is_block = 0usize.wrapping_sub(leaf_bit(child));
     ask_for_lines::<S>((node ^ ((node ^ block) & is_block)) as *const u8);
 }

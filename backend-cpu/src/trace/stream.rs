@@ -1,10 +1,9 @@
-//! Batches: several rays under way at a time, one step of each after the other.
+//! Batches: several rays at a time, which take their steps in turn.
 //!
 //! A step of a ray is one wide node, whose boxes are tested all at once, or one block of triangles.
-//! After it the ray knows where it goes next, asks for that memory, and waits while others take
-//! their steps: when its turn comes the memory is there. Rays at nodes and rays at blocks take
-//! turns, those that wait for either as bits of one word, so that processors are not left to guess what a ray
-//! stands at; a ray that is answered makes room for the next one. Rays that go the same way are traced by
+//! After it the next place of the ray is known and prefetched, and other rays take their steps until the memory has
+//! arrived. Rays at nodes and rays at blocks are processed by turns, each kind as bits of one word, so that no branch has
+//! to predict which kind a ray is. A ray that is answered makes room for the next one. Coherent rays are traced by
 //! [`super::packet`] instead.
 
 use core::cell::RefCell;
@@ -61,7 +60,7 @@ impl Flight {
         Flight { lanes, children, t, ready, ray_states, packet }
     }
 
-    /// Makes lanes, and stacks of so many entries.
+    /// Makes lanes, and stacks of `room` entries.
     ///
     /// # Errors
     /// Less memory than that.
@@ -202,7 +201,7 @@ enum Turn {
 }
 
 impl Queues {
-    /// Puts a lane where its child says: without a branch, since nobody could foresee it.
+    /// Puts a lane into the queue that its child calls for, without a branch, since no predictor could get it right.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn put(&mut self, lane: usize, child: u32) {
         let queue = leaf_bit(child) + usize::from(child == DONE);
@@ -454,8 +453,8 @@ impl Supply<'_> {
         }
     }
 
-    /// A ray that is not made ready in vectors: one that starts far away is moved, by the core, and goes the way of all
-    /// others then; the few that are left are traced alone.
+    /// Prepares a ray that vectors did not prepare. The core moves one that starts far away, which is then traced like all
+    /// others; the few that are left are traced alone.
     #[cold]
     fn prepare_by_core(&self, ray: &Ray) -> ScalarOutcome {
         let RayBatch { layout, scene, options, query, .. } = self.batch;

@@ -262,7 +262,7 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let (t, kept) = held::<S>(interpolated, depths, span);
         let fine_and_kept = bits & fine & kept;
         // Of the others many are let go as the reference does: the ones that rays start on. Without a
-        // branch, which nobody could foresee.
+        // branch, which no predictor would get right.
         let error = S::mul(S::div(disorder, size), S::splat(INTERPOLATION_ERROR));
         let early = S::sub(interpolated, error);
         let after = S::le(span.t_min, S::add(interpolated, error));

@@ -8,7 +8,7 @@ use splitplane_core::config::BuildConfig;
 const TASKS: usize = 8;
 /// Fewest references of a task: levels cost little beside what they save from here on.
 const LEAST: usize = 1024;
-/// Most: columns of so many references fit the last level of cache of most machines.
+/// Most references of a task: columns of this length fit the last level of cache of most machines.
 const MOST: usize = 1 << 17;
 
 /// Most references of a node that one task builds.

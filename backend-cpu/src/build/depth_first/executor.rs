@@ -32,7 +32,7 @@ impl DepthFirstScratch {
         bytes_of(&self.counts) + self.tasks.bytes()
     }
 
-    /// Whether the last build of a mesh of so many triangles by a configuration was not void.
+    /// Whether the last void build was not of a mesh of `triangles` triangles by this configuration.
     pub fn is_promising(&self, triangles: u32, config: &BuildConfig) -> bool {
         self.voided != Some((triangles, *config))
     }

@@ -260,7 +260,7 @@ impl SubtreeTask<'_> {
         Ok(Some(child))
     }
 
-    /// What is done with a large node: up to the split what `split_large` and `split_binned` do.
+    /// The decision about a large node, as `split_large` and `split_binned` make it.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn decide<A: Arithmetic>(&mut self, node: &ColumnNode) -> Result<Decision, TryReserveError> {
         let SubtreeInputs { meter, config, planes, .. } = *self.inputs;

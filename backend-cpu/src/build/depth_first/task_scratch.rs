@@ -26,7 +26,7 @@ impl ScratchPool {
     }
 
     /// Makes as many as there are threads, each with as much room as any of them needed before, so that the
-    /// next build of the kind allocates nothing, whichever takes what.
+    /// next build of the kind allocates nothing, whichever thread takes which.
     ///
     /// # Errors
     /// Less memory than that room.
@@ -52,7 +52,7 @@ impl ScratchPool {
         spare.map_or_else(TaskScratch::new, Ok)
     }
 
-    /// Keeps a worker; one that there is no room for is let go.
+    /// Keeps scratch for later tasks. Where there is no room in the list, it is dropped.
     pub fn give_back(&self, worker: Box<TaskScratch>) {
         if let Ok(mut spare) = self.spare.lock()
             && spare.try_reserve(1).is_ok()

@@ -65,8 +65,7 @@ impl AtomicMemory {
         vector.try_reserve_exact(wanted - vector.len()).map_err(|_| self.lacking())
     }
 
-    /// Makes room for a list of so many that is gone before its maker returns: kilobytes, which do not
-    /// count.
+    /// A list with room for `length` elements that is dropped before its maker returns: kilobytes, which do not count.
     ///
     /// # Errors
     /// Less memory than that.

@@ -154,7 +154,7 @@ pub(super) fn best_split(
     Ok(split)
 }
 
-/// Makes a list at least so long.
+/// Makes a list at least `length` long.
 fn lengthen<T: Copy>(
     memory: &AtomicMemory,
     list: &mut Vec<T>,

@@ -77,7 +77,7 @@ pub(super) struct BuildContext<'a> {
 }
 
 impl BuildContext<'_> {
-    /// A list with room for so many references; what it holds is left over from earlier nodes.
+    /// A list of at least `references` elements, whose contents are left over from earlier nodes.
     pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
         // A poisoned lock means that another thread panicked; a new list serves.
         let spare = self.scratch.lists.lock().map_or(None, |mut lists| {
@@ -92,7 +92,7 @@ impl BuildContext<'_> {
         Ok(list)
     }
 
-    /// Makes a list at least so long.
+    /// Makes a list at least `length` long.
     pub fn lengthen(&self, list: &mut Vec<Reference>, references: usize) -> Result<(), BuildError> {
         if list.len() < references {
             self.memory.reserve(list, references - list.len())?;
@@ -113,7 +113,7 @@ impl BuildContext<'_> {
         node.decide(self.costs, self.set, cell, references, bins, self.memory, self.meter)
     }
 
-    /// Keeps a list; one that there is no room for is let go.
+    /// Keeps a list for later nodes. Where there is no room for it, it is dropped.
     pub fn recycle(&self, list: Vec<Reference>) {
         if let Ok(mut lists) = self.scratch.lists.lock()
             && lists.try_reserve(1).is_ok()

@@ -33,9 +33,9 @@ pub(super) struct SplitCosts {
     inverse: f64,
     /// Whether children are taken for leaves when planes are compared, too.
     pub leaves: bool,
-    /// [`SplitCosts::expected`] of the blocks of so many references.
+    /// [`SplitCosts::expected`] of the blocks of a number of references.
     known: [f64; KNOWN],
-    /// What one block more than so many is expected to cost, times K_I; rounded.
+    /// By number of blocks: what one more is expected to cost, times K_I; rounded.
     pub steps: [f32; STEPS],
 }
 
@@ -81,7 +81,7 @@ impl SplitCosts {
         self.intersection * (self.blocks(n) * area)
     }
 
-    /// What a child of so many blocks is expected to cost, in blocks: itself up to four, beyond them
+    /// What a child of `blocks` blocks is expected to cost, in blocks: itself up to four, beyond them
     /// `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
     /// numbers). Never falls, and is concave but for rounding: square roots round once.
     #[cfg_attr(not(unoptimised), inline(always))]
@@ -127,7 +127,7 @@ impl SplitCosts {
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
     }
 
-    /// Whether [`SplitCosts::expected_split`] is [`SplitCosts::split`] for every split of so many references.
+    /// Whether [`SplitCosts::expected_split`] is [`SplitCosts::split`] for every split of `count` references.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn few(&self, count: u32) -> bool {
         self.leaves || count <= 4 * self.width
@@ -249,7 +249,7 @@ impl BestSplit {
         BestSplit { cost: limit, split: None }
     }
 
-    /// Takes the better one of this and a plane with so many references that start before it, are planar
+    /// Takes the better one of this and a plane, given the numbers of references that start before it, are planar
     /// in it, and end behind it: the least (cost, axis, position), planar references left on a tie.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn consider(

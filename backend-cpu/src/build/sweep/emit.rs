@@ -60,7 +60,7 @@ impl Built {
         boxed(|| Children { axis, position, left, right, nodes, references }).map(Built::Split)
     }
 
-    /// A leaf of all that its children's leaves have: so many references.
+    /// A leaf of all `references` references of its children's leaves.
     ///
     /// # Errors
     /// No memory for it.

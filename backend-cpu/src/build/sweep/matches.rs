@@ -18,7 +18,7 @@ pub(super) struct Ranges {
 }
 
 impl Ranges {
-    /// From the first and last bin of each axis that has such; for lower and upper faces.
+    /// From the first and last bin of each axis that has a range; for lower and upper faces.
     pub fn new(axes: [Option<[u8; 2]>; 3]) -> Ranges {
         let mut ranges = Ranges { first: [0; 64], span: [0; 64], there: 0 };
         for bit in 0..64 {

@@ -29,8 +29,8 @@
 //! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead (`small.rs`).
 //!
 //! # Who works
-//! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; what
-//! one task does for such a node alone is bounding its bins. Smaller ones are built by one task each,
+//! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; all that
+//! is left to one task is to bound the bins of a node. Smaller ones are built by one task each,
 //! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds; what
 //! is above the subtrees is a few small lists made anew by each.
 //!

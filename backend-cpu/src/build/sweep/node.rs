@@ -42,7 +42,7 @@ impl OpenNode {
         OpenNode { cell, depth: 0, bad: 0, budget }
     }
 
-    /// The two children of a decision, when so many references went either way. The budget is handed down
+    /// The two children of a decision; `counts` references went left and right. The budget is handed down
     /// in proportion to them, so that it binds in the same place, whichever thread builds which child first.
     pub fn children(&self, decision: &SplitDecision, counts: [usize; 2]) -> [OpenNode; 2] {
         let [left, right] = counts.map(|n| n as u64);

@@ -200,7 +200,7 @@ const NETWORK: [[usize; 2]; 19] = [
 ];
 
 /// Exchanges pairs of rows so that the former of each pair has what is less, column by column. A macro,
-/// since compilers do not unroll a loop of so many steps, and indices are to be known.
+/// since compilers do not unroll loops of that length, and indices must be constants.
 macro_rules! exchange {
     ($rows:ident: $($one:literal $other:literal),*) => {$(
         let (a, b) = ($rows[$one], $rows[$other]);

@@ -41,7 +41,7 @@ struct Divided {
     counts: [usize; 2],
 }
 
-/// A node of so many references whose children are built: split where that pays. `step` is what a step at it
+/// A node of `count` references whose children are built: split where that pays. `step` is what a step at it
 /// costs, `leaf` what it would as a leaf.
 fn joined(
     split: &Split,
@@ -106,7 +106,7 @@ impl BuildContext<'_> {
         Ok(Outcome::Divided(Divided { split, step: cell.step, leaf, lists, nodes, counts }))
     }
 
-    /// Builds the children of a node of so many references, and what it is then.
+    /// Builds the children of a node of `count` references, and then the node.
     fn build_children(
         &self,
         Divided { split, step, leaf, lists, nodes, counts }: Divided,

@@ -14,7 +14,7 @@ use crate::build::twin::kernels::build_small::BATCH;
 use crate::build::twin::kernels::scatter_references::Inputs;
 
 impl<A: Arithmetic> CpuExecutor<'_, A> {
-    /// `emit_small`, of subtrees of which so many roots stand together.
+    /// Runs `emit_small`. The subtrees of `batch` roots each are in one element of the buffer.
     pub(in crate::build) fn emit_small(&mut self, batch: usize) -> Result<(), BuildError> {
         let top = self.count(Counter::TopNodes);
         let small = self.count(Counter::SmallRoots);

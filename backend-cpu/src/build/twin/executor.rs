@@ -87,8 +87,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         CpuExecutor { meter, ..self }
     }
 
-    /// From now on nodes of at most so many references leave the levels for the small list, whatever T the
-    /// configuration has: for an executor that takes over there.
+    /// From now on nodes of at most `references` references go to the small list, whatever T the configuration has: for an
+    /// executor that takes over there.
     pub(in crate::build) fn hand_over_at(&mut self, references: u32) {
         self.config.small_node_limit = references;
     }

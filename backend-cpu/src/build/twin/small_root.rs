@@ -81,8 +81,8 @@ impl SmallRootBuilder {
         }
     }
 
-    /// Appends the subtree of the references taken to `out`. Indices count from `base`: so many nodes and
-    /// references.
+    /// Appends the subtree of the references taken to `out`. Indices count from `base`, which has a
+    /// number of nodes and one of references.
     ///
     /// # Errors
     /// Less memory than it takes.

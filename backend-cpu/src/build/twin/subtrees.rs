@@ -4,7 +4,7 @@ use std::collections::TryReserveError;
 
 use splitplane_core::node::KdNode;
 
-/// Subtrees one behind the other, in preorder. Indices count from where the caller says.
+/// Consecutive subtrees, each in preorder. The caller says where indices count from.
 #[derive(Debug, Default)]
 pub struct Subtrees {
     /// Nodes.
@@ -36,7 +36,7 @@ impl Subtrees {
         Ok(())
     }
 
-    /// Appends a leaf of these references, and them. Indices count from `base`: so many references.
+    /// Appends a leaf and its references. Indices of references count from `base`.
     ///
     /// # Errors
     /// No memory for it.

@@ -126,7 +126,7 @@ impl Group {
                 return S::call(Singly { group: self, block, rays, active, options, query });
             }
             if !fast && triangles & triangles.wrapping_sub(1) != 0 {
-                // All edges first: nobody could foresee which triangles rays are within.
+                // All edges first: no predictor could tell which triangles rays are within.
                 let mut rest = triangles;
                 while rest != 0 {
                     let index = rest.trailing_zeros() as usize;

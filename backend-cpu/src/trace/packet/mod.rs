@@ -36,7 +36,7 @@ use crate::trace::ray_state::{EXIT_FACTOR, RayState};
 use crate::trace::step::{Octant, octants_of};
 use crate::trace::watertight::Span;
 
-/// Of so many rays each is tested by itself against a whole block.
+/// Up to this many rays are each tested alone against a whole block.
 const FEW: u32 = 2;
 /// Blocks of fewer triangles are not looked through for those that the packet can meet.
 const WORTH_CULLING: usize = 3;
@@ -44,7 +44,7 @@ const WORTH_CULLING: usize = 3;
 /// many meet it.
 const ENOUGH: u64 = 2;
 const ENOUGH_OF: u64 = 5;
-/// Rays that came to blocks are remembered up to about so many.
+/// About this many of the latest rays that came to blocks are remembered.
 const LATELY: u64 = 1 << 12;
 
 /// The fewest lanes of any set, and so the most groups.
@@ -151,7 +151,7 @@ impl Packet {
         }
     }
 
-    /// Makes room for a stack of so many entries.
+    /// Makes room for a stack of `room` entries.
     ///
     /// # Errors
     /// Less memory than that.

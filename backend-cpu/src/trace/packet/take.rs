@@ -14,7 +14,7 @@ use crate::simd::Simd;
 use crate::trace::prepare::PreparedRays;
 use crate::trace::ray_state::ORIGIN_SLACK;
 
-/// A packet has at least this part of the rays that it has room for, one in so many.
+/// A packet has at least one in this many of the rays that it has room for.
 const FEWEST: usize = 2;
 /// Slopes of a packet, parts of the largest component, differ by less than this on both other axes
 /// together.
