@@ -24,9 +24,10 @@ use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::layout::tree_layout::TreeLayout;
 use crate::memory::Memory;
 use crate::simd::InstructionSet;
+use crate::trace::batch::{Answers, RayBatch};
 use crate::trace::exact;
 use crate::trace::single::Single;
-use crate::trace::stream::{Answers, RayBatch, Stream};
+use crate::trace::stream::Stream;
 
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;

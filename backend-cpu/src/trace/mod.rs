@@ -9,6 +9,7 @@
 //! `packet` has rays that go the same way. Rays that need more care go through the tree's own nodes
 //! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
+pub(crate) mod batch;
 pub(crate) mod block_test;
 pub(crate) mod exact;
 pub(crate) mod fast;
@@ -23,6 +24,7 @@ pub(crate) mod sieve;
 pub(crate) mod single;
 pub(crate) mod step;
 pub(crate) mod stream;
+mod supply;
 pub(crate) mod triangle_block;
 pub(crate) mod walk;
 pub(crate) mod watertight;

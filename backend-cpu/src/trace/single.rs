@@ -6,12 +6,13 @@ use splitplane_core::intersect::SceneScale;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
+use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::prepare_one::Readiness;
 use super::ray_state::{RayState, ScalarOutcome};
 use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block, step};
-use super::stream::{Answers, RayBatch, Stream};
+use super::stream::Stream;
 use super::{exact, reference};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{DONE, is_leaf};
