@@ -14,8 +14,8 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 which=${1:-}
 case $which in
 core) select=(-p splitplane-core) ;;
-cpu) select=(-p splitplane-cpu --exclude 'backend-cpu/src/query/simd/**' --exclude 'backend-cpu/src/query/packet/**'
-    --exclude 'backend-cpu/src/query/{fast,leaf,lines,prepare,refined,sieve,step,stream,watertight}.rs') ;;
+cpu) select=(-p splitplane-cpu --exclude 'backend-cpu/src/simd/**' --exclude 'backend-cpu/src/trace/packet/**'
+    --exclude 'backend-cpu/src/trace/{block_test,fast,prepare,ray_state,refined,sieve,step,stream,triangle_block,watertight}.rs') ;;
 *)
     sed -n 's/^# \{0,1\}//; 2,/^set/{/^set/!p}' "$0" >&2
     exit 2

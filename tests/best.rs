@@ -13,7 +13,7 @@ use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_core::validate::validate_mesh;
-use splitplane_cpu::best::clip::clip;
+use splitplane_cpu::testing::clip;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::greedy;
 use splitplane_test_support::random::Random;

@@ -8,28 +8,28 @@ use splitplane_core::backend::{
 };
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::Stage;
 
-use crate::best;
-use crate::buffers::{Buffers, Memory, boxed};
-use crate::executor::CpuExecutor;
-use crate::lookout::{self, Lookout, UNWATCHED};
-use crate::query::{CpuAccelerator, InstructionSet, LayoutScratch, Source};
+use crate::accelerator::CpuAccelerator;
+use crate::build::{self, BuildScratch, Finished};
+use crate::cancel::{ProgressMeter, UNWATCHED};
+use crate::layout::scratch::{LayoutScratch, LayoutSource};
+use crate::memory::{Memory, boxed, extend};
+use crate::simd::InstructionSet;
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
 /// between builds, counts towards their limits, and is given back where they leave no room for it.
 #[derive(Debug)]
 pub struct CpuBackend {
-    scratch: Mutex<Option<Box<(Buffers, LayoutScratch)>>>,
+    scratch: Mutex<Option<Box<(BuildScratch, LayoutScratch)>>>,
     set: InstructionSet,
 }
 
 /// A tree that was built, in memory that is kept, and what a layout for queries is made with.
-struct Built<'a> {
+struct BuiltTree<'a> {
     tree: KdTreeView<'a>,
     summary: BuildSummary,
     /// Snapped corners of the mesh.
@@ -67,9 +67,9 @@ impl CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(KdTree, BuildSummary), BuildError> {
-        let look = &Lookout::of(options.watch);
-        self.with_built(mesh, options, look, |built| {
-            Ok((copied(&built.tree, &built.memory, look)?, built.summary))
+        let meter = &ProgressMeter::of(options.watch);
+        self.with_built(mesh, options, meter, |built| {
+            Ok((copied(&built.tree, &built.memory, meter)?, built.summary))
         })
     }
 
@@ -85,24 +85,24 @@ impl CpuBackend {
         self.build_beside(mesh, options, 0)
     }
 
-    /// Builds, while so many bytes of an accelerator are held that is to be replaced.
+    /// Builds, while an accelerator of `old` bytes is held that is to be replaced.
     fn build_beside(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
         old: u64,
     ) -> Result<CpuAccelerator, BuildError> {
-        let look = &Lookout::of(options.watch);
-        self.with_built(mesh, options, look, |built| {
-            let Built { tree, summary, triangles, mut memory, scratch } = built;
-            begin_layout(look, &tree);
+        let meter = &ProgressMeter::of(options.watch);
+        self.with_built(mesh, options, meter, |built| {
+            let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
+            begin_layout(meter, &tree);
             memory.take(old + tree_bytes(&tree) + scratch.bytes())?;
-            let tree = copied(&tree, &memory, look)?;
-            let source = Source { mesh, triangles, layout: options.layout };
+            let tree = copied(&tree, &memory, meter)?;
+            let source = LayoutSource { mesh, triangles, layout: options.layout };
             let with = (&mut memory, scratch);
-            let built = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
-            look.finish();
-            look.check().map(|()| built)
+            let built = CpuAccelerator::new(tree, summary, source, self.set, meter, with)?;
+            meter.finish_stage();
+            meter.check().map(|()| built)
         })
     }
 
@@ -125,9 +125,9 @@ impl CpuBackend {
             return Ok(());
         }
         self.with_built(mesh, options, &UNWATCHED, |built| {
-            let Built { tree, summary, triangles, mut memory, scratch } = built;
+            let BuiltTree { tree, summary, triangles, mut memory, scratch } = built;
             memory.take(scratch.bytes())?;
-            let source = Source { mesh, triangles, layout: options.layout };
+            let source = LayoutSource { mesh, triangles, layout: options.layout };
             accelerator.replace(&tree, summary, source, (&mut memory, scratch))
         })
     }
@@ -139,8 +139,8 @@ impl CpuBackend {
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
-        look: &Lookout<'_>,
-        mut then: impl FnMut(Built<'_>) -> Result<T, BuildError>,
+        meter: &ProgressMeter<'_>,
+        mut then: impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
         options.config.validate()?;
         // A poisoned lock means that another build panicked; its scratch is not needed.
@@ -148,10 +148,10 @@ impl CpuBackend {
         let is_kept = kept.is_some();
         let new = || boxed(Default::default).map_err(|_| Memory::default().lacking());
         let mut kept = kept.map_or_else(new, Ok)?;
-        let mut out = self.build_with(&mut kept, mesh, options, look, &mut then);
+        let mut out = self.build_with(&mut kept, mesh, options, meter, &mut then);
         if is_kept && matches!(out, Err(BuildError::OutOfMemory { .. })) {
             *kept = Default::default();
-            out = self.build_with(&mut kept, mesh, options, look, &mut then);
+            out = self.build_with(&mut kept, mesh, options, meter, &mut then);
         }
         // What was not enough is not worth keeping: the next build would only have to give it back.
         if !matches!(out, Err(BuildError::OutOfMemory { .. }))
@@ -165,56 +165,32 @@ impl CpuBackend {
     /// Builds in memory that may have been used before.
     fn build_with<T>(
         &self,
-        (kept, layout): &mut (Buffers, LayoutScratch),
+        (kept, layout): &mut (BuildScratch, LayoutScratch),
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
-        look: &Lookout<'_>,
-        then: &mut impl FnMut(Built<'_>) -> Result<T, BuildError>,
+        meter: &ProgressMeter<'_>,
+        then: &mut impl FnMut(BuiltTree<'_>) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {
-        let BuildOptions { config, max_memory, .. } = *options;
-        let executor = |buffers| -> Result<CpuExecutor<'_>, BuildError> {
-            Ok(CpuExecutor::on(*mesh, config, self.set, buffers, max_memory)?.watched(look))
-        };
-        let mut executing = executor(core::mem::take(kept))?;
-        let planes = config.preset.planes();
-        match planes {
-            Some(planes) => {
-                executing = executing.cached();
-                schedule::build(&mut executing, planes)?;
-                if executing.is_void() {
-                    executing = executor(executing.finish())?;
-                    schedule::build(&mut executing, planes)?;
-                }
-            }
-            None => schedule::start(&mut executing)?,
-        }
-        let totals = executing.totals();
-        let mut memory = executing.memory();
-        *kept = executing.finish();
-        let counters = kept.counters;
-        let (nodes, references) = if planes.is_some() {
-            let [nodes, references] =
-                [Counter::Nodes, Counter::LeafReferences].map(|counter| counters[counter] as usize);
-            (nodes, references)
-        } else {
-            best::build(&config, self.set, kept, &mut memory, look)?
-        };
+        let Finished { nodes, references, stages, memory } =
+            build::build(kept, mesh, options, self.set, meter)?;
+        let buffers = &kept.buffers;
+        let counters = buffers.counters;
         let tree = KdTreeView {
-            nodes: &kept.nodes[..nodes],
-            references: &kept.leaf_references[..references],
-            bounds: kept.root_bounds,
+            nodes: &buffers.nodes[..nodes],
+            references: &buffers.leaf_references[..references],
+            bounds: buffers.root_bounds,
             triangles: counters[Counter::Triangles],
-            config,
+            config: options.config,
         };
         let mut summary = BuildSummary::default();
         summary.triangles = counters[Counter::Triangles];
         summary.dropped = counters[Counter::Dropped];
         summary.snapped = counters[Counter::Snapped];
-        summary.large_levels = totals.levels;
-        summary.small_roots = totals.small_roots;
+        summary.large_levels = stages.levels;
+        summary.small_roots = stages.small_roots;
         summary.peak_bytes = memory.peak;
-        let triangles = &kept.triangles[..mesh.len()];
-        then(Built { tree, summary, triangles, memory, scratch: layout })
+        let triangles = &buffers.triangles[..mesh.len()];
+        then(BuiltTree { tree, summary, triangles, memory, scratch: layout })
     }
 }
 
@@ -261,23 +237,23 @@ impl Backend for CpuBackend {
         tree: KdTree,
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
-        let look = &Lookout::of(options.watch);
+        let meter = &ProgressMeter::of(options.watch);
         // Each triangle is checked, then made ready.
-        look.begin(Stage::Start, 2 * mesh.len() as u64);
+        meter.begin_stage(Stage::Start, 2 * mesh.len() as u64);
         let wrong = |reason: String| BuildError::WrongMesh { reason };
         validate_mesh_while(&tree.view(), mesh, |triangles| {
-            look.advance(u64::from(triangles));
-            !look.worked(4096)
+            meter.advance(u64::from(triangles));
+            !meter.record_work(4096)
         })
         .map_err(|violation| wrong(violation.to_string()))?;
-        look.check()?;
+        meter.check()?;
         let mut memory = Memory { limit: options.max_memory, ..Memory::default() };
         memory.take(tree_bytes(&tree.view()))?;
         let mut triangles: Vec<Triangle> = Vec::new();
-        memory.grow_watched(&mut triangles, mesh.len(), look)?;
+        memory.grow_watched(&mut triangles, mesh.len(), meter)?;
         let pieces = triangles.par_chunks_mut(PIECE).enumerate().map(|(piece, triangles)| {
             let mut counts = [0; 2];
-            if look.worked(triangles.len() as u64) {
+            if meter.record_work(triangles.len() as u64) {
                 return counts;
             }
             for (i, triangle) in triangles.iter_mut().enumerate() {
@@ -286,24 +262,24 @@ impl Backend for CpuBackend {
                 *triangle = corners;
                 counts = [counts[0] + u32::from(!kept), counts[1] + u32::from(snapped)];
             }
-            look.advance(triangles.len() as u64);
+            meter.advance(triangles.len() as u64);
             counts
         });
         let [dropped, snapped] =
             pieces.reduce(|| [0; 2], |one, other| [one[0] + other[0], one[1] + other[1]]);
-        look.finish();
-        look.check()?;
+        meter.finish_stage();
+        meter.check()?;
         let mut summary = BuildSummary::default();
         summary.triangles = mesh.len() as u32;
         (summary.dropped, summary.snapped) = (dropped, snapped);
         summary.peak_bytes = memory.peak;
-        begin_layout(look, &tree.view());
+        begin_layout(meter, &tree.view());
         let mut scratch = LayoutScratch::default();
-        let source = Source { mesh, triangles: &triangles, layout: options.layout };
+        let source = LayoutSource { mesh, triangles: &triangles, layout: options.layout };
         let with = (&mut memory, &mut scratch);
-        let loaded = CpuAccelerator::new(tree, summary, source, self.set, look, with)?;
-        look.finish();
-        look.check()?;
+        let loaded = CpuAccelerator::new(tree, summary, source, self.set, meter, with)?;
+        meter.finish_stage();
+        meter.check()?;
         in_box(loaded)
     }
 }
@@ -320,7 +296,7 @@ fn in_box(accelerator: CpuAccelerator) -> Result<Box<dyn Accelerator>, BuildErro
     }
 }
 
-/// Triangles that are made ready between two looks at the watch.
+/// Triangles that are prepared between two calls of the watch.
 const PIECE: usize = 4096;
 
 /// Bytes of nodes and references.
@@ -329,8 +305,8 @@ fn tree_bytes(tree: &KdTreeView<'_>) -> u64 {
 }
 
 /// The layout reads each node and each reference once.
-fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
-    look.begin(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
+fn begin_layout(meter: &ProgressMeter<'_>, tree: &KdTreeView<'_>) {
+    meter.begin_stage(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
 }
 
 /// A tree of its own, which `memory` has accounted for where that is to be done.
@@ -340,14 +316,14 @@ fn begin_layout(look: &Lookout<'_>, tree: &KdTreeView<'_>) {
 fn copied(
     tree: &KdTreeView<'_>,
     memory: &Memory,
-    look: &Lookout<'_>,
+    meter: &ProgressMeter<'_>,
 ) -> Result<KdTree, BuildError> {
     let (mut nodes, mut references) = (Vec::new(), Vec::new());
     memory.reserve(&mut nodes, tree.nodes.len())?;
     memory.reserve(&mut references, tree.references.len())?;
-    lookout::extend(look, &mut nodes, tree.nodes);
-    lookout::extend(look, &mut references, tree.references);
-    look.check()?;
+    extend(meter, &mut nodes, tree.nodes);
+    extend(meter, &mut references, tree.references);
+    meter.check()?;
     let KdTreeView { bounds, triangles, config, .. } = *tree;
     Ok(KdTree { nodes, references, bounds, triangles, config })
 }

@@ -1,16 +1,18 @@
 #![doc = include_str!("../README.md")]
 
-pub mod backend;
-pub mod best;
-pub mod buffers;
-pub(crate) mod cached;
-pub(crate) mod every_set;
-pub mod executor;
-pub(crate) mod kernels;
-mod lookout;
-pub mod query;
-mod scatter;
+mod accelerator;
+mod backend;
+mod build;
+mod cancel;
+mod layout;
+mod memory;
+mod simd;
+#[doc(hidden)]
+pub mod testing;
+mod trace;
 
+pub use accelerator::CpuAccelerator;
 pub use backend::CpuBackend;
-pub use executor::CpuExecutor;
-pub use query::{CpuAccelerator, InstructionSet};
+pub use build::twin::{CpuExecutor, buffers};
+pub use memory::Memory;
+pub use simd::InstructionSet;

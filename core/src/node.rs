@@ -86,21 +86,58 @@ impl KdNode {
     /// True for a leaf.
     #[inline]
     pub const fn is_leaf(&self) -> bool {
-        self.tagged & 3 == 3
+        self.axis_index() == 3
     }
 
     /// The node, decoded.
     #[inline]
     pub const fn kind(&self) -> NodeKind {
         if self.is_leaf() {
-            NodeKind::Leaf { first: self.word, count: self.tagged >> 2 }
+            NodeKind::Leaf { first: self.first(), count: self.count() }
         } else {
             NodeKind::Interior {
-                axis: Axis::from_index(self.tagged),
-                split: f32::from_bits(self.word),
-                right: self.tagged >> 2,
+                axis: Axis::from_index(self.axis_index()),
+                split: self.split(),
+                right: self.right(),
             }
         }
+    }
+
+    /// Axis of an interior node, 0 to 2; 3 for a leaf.
+    #[inline]
+    pub const fn axis_index(&self) -> u32 {
+        self.tagged & 3
+    }
+
+    /// Position of the split plane; only an interior node has one.
+    #[inline]
+    pub const fn split(&self) -> f32 {
+        f32::from_bits(self.word)
+    }
+
+    /// Index of the right child; only an interior node has one.
+    #[inline]
+    pub const fn right(&self) -> u32 {
+        self.tagged >> 2
+    }
+
+    /// Index of the first reference; only a leaf has one.
+    #[inline]
+    pub const fn first(&self) -> u32 {
+        self.word
+    }
+
+    /// Number of references; only a leaf has them.
+    #[inline]
+    pub const fn count(&self) -> u32 {
+        self.tagged >> 2
+    }
+
+    /// An interior node with another right child, for builders that know it later. `right` must be at most
+    /// [`KdNode::MAX_INDEX`].
+    #[inline]
+    pub const fn with_right(self, right: u32) -> KdNode {
+        KdNode { word: self.word, tagged: (right << 2) | self.axis_index() }
     }
 
     /// The two words as stored: what is hashed, written to files and sent to devices.
@@ -128,5 +165,8 @@ mod tests {
         let leaf = KdNode::leaf(u32::MAX, KdNode::MAX_INDEX);
         assert_eq!(leaf.kind(), NodeKind::Leaf { first: u32::MAX, count: KdNode::MAX_INDEX });
         assert_eq!(KdNode::from_words(inner.words()), inner);
+        let pending = KdNode::interior(Axis::Z, 0.25, 0);
+        assert_eq!(pending.with_right(7), KdNode::interior(Axis::Z, 0.25, 7));
+        assert_eq!(pending.with_right(7).with_right(KdNode::MAX_INDEX).right(), KdNode::MAX_INDEX);
     }
 }

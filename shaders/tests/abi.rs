@@ -77,7 +77,7 @@ fn kernels_have_the_names_of_the_core_and_of_their_files() {
     let in_core: Vec<_> = Kernel::ALL.iter().map(|kernel| kernel.name()).collect();
     assert_eq!(in_table, in_core);
     let files = names::files("kernels", ".wgsl");
-    let mut cpu = names::files("../backend-cpu/src/kernels", ".rs");
+    let mut cpu = names::files("../backend-cpu/src/build/twin/kernels", ".rs");
     cpu.remove("mod");
     for (what, files) in [("kernels/", files), ("backend-cpu", cpu)] {
         let files: Vec<_> = files.iter().map(String::as_str).collect();

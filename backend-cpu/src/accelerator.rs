@@ -1,0 +1,435 @@
+//! The built tree, ready for rays.
+
+use core::any::Any;
+use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::collections::TryReserveError;
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::all_hits::{
+    AllHits, AllHitsOptions, Collector, Crossing, check_bytes, refused,
+};
+use splitplane_core::backend::{
+    Accelerator, BuildError, BuildSummary, QueryError, QueryLayout, QueryReport,
+};
+use splitplane_core::inside::{self, LocateOptions, Located, Locator};
+use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+use splitplane_core::tree::{KdTree, KdTreeView};
+use splitplane_core::triangle::Triangle;
+use splitplane_core::watch::Stage;
+
+use crate::cancel::{ProgressMeter, UNWATCHED, WORK_BETWEEN_CHECKS};
+use crate::layout::limits;
+use crate::layout::scratch::{LayoutScratch, LayoutSource};
+use crate::layout::tree_layout::TreeLayout;
+use crate::memory::Memory;
+use crate::simd::InstructionSet;
+use crate::trace::batch::{Answers, RayBatch};
+use crate::trace::exact;
+use crate::trace::single::Single;
+use crate::trace::stream::Stream;
+
+/// Rays of one task: what one thread takes at a time.
+const TASK: usize = 4096;
+/// Rays of one task of all hits, and points of one task, which take longer and give more.
+const FEW: usize = 64;
+/// Rays of a task under a watch that are traced before the next question to it, at first.
+const FIRST: usize = 16;
+/// What takes longer under a watch is followed by half as many rays, what takes half of it by twice as
+/// many.
+const TOO_LONG: Duration = Duration::from_millis(2);
+
+/// A tree over a mesh on the CPU.
+#[derive(Debug)]
+pub struct CpuAccelerator {
+    summary: BuildSummary,
+    scene: SceneScale,
+    layout: TreeLayout,
+    set: InstructionSet,
+}
+
+impl CpuAccelerator {
+    /// Bytes that tree and layout have room for, for a limit that this and another one must keep together.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.layout.held()
+    }
+
+    /// Makes the query layout of a valid tree; `set` must be one that the processor has. After
+    /// cancellation it is incomplete and must not be used. `memory` accounts for the layout, and for what the scratch grows by.
+    ///
+    /// # Errors
+    /// As for [`TreeLayout::new`].
+    pub(crate) fn new(
+        tree: KdTree,
+        mut summary: BuildSummary,
+        source: LayoutSource<'_>,
+        set: InstructionSet,
+        meter: &ProgressMeter<'_>,
+        (memory, scratch): (&mut Memory, &mut LayoutScratch),
+    ) -> Result<CpuAccelerator, BuildError> {
+        let scene = scene_scale(tree.bounds, set, source.triangles, meter);
+        let layout = TreeLayout::new(tree, source, set, meter, memory, scratch)?;
+        summary.peak_bytes = memory.peak;
+        Ok(CpuAccelerator { summary, scene, layout, set })
+    }
+
+    /// Becomes the accelerator of another valid tree, in the same memory. After an error it is what it was.
+    ///
+    /// # Errors
+    /// As for [`TreeLayout::replace`].
+    pub(crate) fn replace(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        mut summary: BuildSummary,
+        source: LayoutSource<'_>,
+        (memory, scratch): (&mut Memory, &mut LayoutScratch),
+    ) -> Result<(), BuildError> {
+        self.layout.replace(tree, source, memory, scratch)?;
+        self.scene = scene_scale(tree.bounds, self.set, source.triangles, &UNWATCHED);
+        summary.peak_bytes = memory.peak;
+        self.summary = summary;
+        Ok(())
+    }
+
+    /// The layout that was asked for.
+    pub fn layout(&self) -> QueryLayout {
+        self.layout.layout()
+    }
+
+    /// What rays are traced through.
+    #[cfg(test)]
+    pub(super) fn parts(&self) -> (&TreeLayout, &SceneScale) {
+        (&self.layout, &self.scene)
+    }
+
+    /// The instruction set of queries.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.set
+    }
+
+    /// The scale that the reference traversal needs for the same answers.
+    pub fn scene_scale(&self) -> &SceneScale {
+        &self.scene
+    }
+
+    /// The hits of a batch with one ray after the other, for comparing with the batch path.
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length.
+    pub fn closest_hits_singly(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        check(rays.len(), hits.len())?;
+        rays.par_chunks(TASK).zip(hits.par_chunks_mut(TASK)).for_each(|(rays, hits)| {
+            for (ray, hit) in rays.iter().zip(hits) {
+                *hit = self.trace(ray, options, Query::Closest);
+            }
+        });
+        Ok(QueryReport::default())
+    }
+
+    /// Whether rays hit anything, one ray after the other.
+    ///
+    /// # Errors
+    /// `rays` and `occluded` of different length.
+    pub fn any_hits_singly(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        check(rays.len(), occluded.len())?;
+        rays.par_chunks(TASK).zip(occluded.par_chunks_mut(TASK)).for_each(|(rays, occluded)| {
+            for (ray, occluded) in rays.iter().zip(occluded) {
+                *occluded = self.trace(ray, options, Query::Any).is_hit();
+            }
+        });
+        Ok(QueryReport::default())
+    }
+
+    fn trace(&self, ray: &Ray, options: &QueryOptions<'_>, query: Query) -> Hit {
+        let (layout, scene) = (&self.layout, &self.scene);
+        // SAFETY: `set` was detected on this processor, and the layout made for it.
+        unsafe { self.set.run(Single { layout, scene, ray, options, query }) }
+    }
+
+    /// Answers a batch.
+    fn answer<T: Answer>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        check(rays.len(), answers.len())?;
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
+        let (layout, scene) = (&self.layout, &self.scene);
+        // How slow rays are shows only as they are traced.
+        let at_first = if meter.is_watched() { FIRST } else { TASK };
+        let tasks = rays.par_chunks(TASK).zip(answers.par_chunks_mut(TASK));
+        let done = tasks.try_for_each_init(
+            || at_first,
+            |count, (rays, answers)| {
+                let mut next = 0;
+                while next < rays.len() && !meter.is_cancelled() {
+                    let some = next..rays.len().min(next + *count);
+                    let since = meter.is_watched().then(Instant::now);
+                    let rays = &rays[some.clone()];
+                    let batch = RayBatch { layout, scene, rays, options, query: T::QUERY };
+                    let answers = T::answers(&mut answers[some.clone()]);
+                    // SAFETY: as for one ray.
+                    unsafe { self.set.run(Stream { batch, answers }) }?;
+                    match since.map(|since| since.elapsed()) {
+                        Some(took) if took > TOO_LONG => *count = (*count / 2).max(1),
+                        Some(took) if took < TOO_LONG / 2 => *count = (*count * 2).min(TASK),
+                        _ => {}
+                    }
+                    meter.advance(some.len() as u64);
+                    meter.record_work(WORK_BETWEEN_CHECKS);
+                    next = some.end;
+                }
+                Ok::<(), TryReserveError>(())
+            },
+        );
+        // A thread's stacks, of which no more is known.
+        done.map_err(|_| refused((2 * layout.wide.stack() * size_of::<u32>()) as u64))?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| QueryReport::default())
+    }
+
+    /// All hits of a batch.
+    fn find_all_hits(
+        &self,
+        rays: &[Ray],
+        options: &AllHitsOptions<'_>,
+    ) -> Result<AllHits, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        let query = &options.query();
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
+        // The starts of all, and what is told of each part.
+        let tasks = rays.len().div_ceil(FEW);
+        let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
+        let held = AtomicU64::new(lists);
+        let lacking = || refused(held.load(Relaxed));
+        check_bytes(lists, options.max_memory)?;
+        let mut parts: Vec<Option<AllHits>> = Vec::new();
+        parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
+        parts.resize(tasks, None);
+        rays.par_chunks(FEW).zip(&mut parts).try_for_each(|(rays, out)| {
+            let mut share = TaskBytes { held: &held, own: 0, max_memory: options.max_memory };
+            let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
+            let mut collector = Collector::default();
+            let (layout, bounds) = (&self.layout, &self.layout.tree.bounds);
+            for ray in rays {
+                // What threads find is copied together in the end, so it counts twice.
+                let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
+                let beside = part.bytes() + copy(part.crossings.len());
+                let mut ended = share.hold(beside + collector.bytes());
+                ended.clone()?;
+                let go_on = |bytes| {
+                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
+                    ended = meter.check_batch().and_then(|()| share.hold(beside + bytes));
+                    ended.is_ok()
+                };
+                exact::all_hits(layout, bounds, ray, query, &mut collector, go_on);
+                ended?;
+                let grown = collector.growth(&part.crossings);
+                share.hold(beside + collector.bytes() + grown)?;
+                collector.finish(&mut part.crossings).map_err(|_| lacking())?;
+                part.starts.push(part.crossings.len());
+            }
+            drop(collector);
+            trim(&mut part.crossings);
+            share.hold(part.bytes() + size_of_val(&part.crossings[..]) as u64)?;
+            meter.advance(rays.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
+            *out = Some(part);
+            meter.check_batch()
+        })?;
+        let mut all = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
+        let crossings = parts.iter().flatten().map(|part| part.crossings.len()).sum();
+        all.crossings.try_reserve_exact(crossings).map_err(|_| lacking())?;
+        parts.into_iter().flatten().try_for_each(|part| all.append(part))?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| all)
+    }
+
+    /// Where points lie.
+    fn find_windings(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        let LocateOptions { max_memory, watch } = *options;
+        let meter = &ProgressMeter::of(watch);
+        meter.begin_stage(Stage::Rays, points.len() as u64);
+        let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
+        meter.check_batch()?;
+        let mut windings = inside::no_windings(points.len())?;
+        let options = QueryOptions::default();
+        let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
+        tasks.try_for_each(|(points, windings)| {
+            let mut share = TaskBytes { held: &held, own: 0, max_memory };
+            let mut locator = Locator::default();
+            for (&point, winding) in points.iter().zip(windings) {
+                let mut ended = meter.check_batch();
+                ended.clone()?;
+                let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
+                    exact::visit(&self.layout, &self.layout.tree.bounds, ray, &options, test);
+                };
+                let wound = locator.winding(point, visit, &mut |bytes| {
+                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
+                    ended = meter.check_batch().and_then(|()| share.hold(bytes));
+                    ended.is_ok()
+                });
+                ended?;
+                *winding = wound.map_err(|_| refused(held.load(Relaxed)))?;
+                meter.advance(1);
+                meter.record_work(WORK_BETWEEN_CHECKS / 64);
+            }
+            share.hold(0)
+        })?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| Located { windings, report: QueryReport::default() })
+    }
+}
+
+/// Gives back what a list has to spare, as long as there is memory for a shorter one: shrinking it where it is
+/// could end the process.
+fn trim(crossings: &mut Vec<Crossing>) {
+    let mut shorter = Vec::new();
+    if crossings.len() < crossings.capacity() && shorter.try_reserve_exact(crossings.len()).is_ok()
+    {
+        shorter.extend_from_slice(crossings);
+        *crossings = shorter;
+    }
+}
+
+/// What a query answers for each ray of a batch.
+trait Answer: Send + Sized {
+    /// The query that it answers.
+    const QUERY: Query;
+
+    /// The answers as [`Answers`], to be written.
+    fn answers(answers: &mut [Self]) -> Answers<'_>;
+}
+
+impl Answer for Hit {
+    const QUERY: Query = Query::Closest;
+
+    fn answers(answers: &mut [Hit]) -> Answers<'_> {
+        Answers::Hits(answers)
+    }
+}
+
+impl Answer for bool {
+    const QUERY: Query = Query::Any;
+
+    fn answers(answers: &mut [bool]) -> Answers<'_> {
+        Answers::Any(answers)
+    }
+}
+
+/// A task's share of the bytes that all tasks of a batch hold.
+struct TaskBytes<'a> {
+    held: &'a AtomicU64,
+    own: u64,
+    max_memory: Option<u64>,
+}
+
+impl TaskBytes<'_> {
+    /// From now on the task holds `bytes` bytes.
+    ///
+    /// # Errors
+    /// [`QueryError::OutOfMemory`] when all tasks together hold more than allowed.
+    fn hold(&mut self, bytes: u64) -> Result<(), QueryError> {
+        if bytes == self.own {
+            return Ok(());
+        }
+        let difference = bytes.wrapping_sub(self.own);
+        self.own = bytes;
+        let all = self.held.fetch_add(difference, Relaxed).wrapping_add(difference);
+        check_bytes(all, self.max_memory)
+    }
+}
+
+/// What queries need to know of all triangles. Dropped ones have no say.
+fn scene_scale(
+    bounds: Aabb,
+    set: InstructionSet,
+    triangles: &[Triangle],
+    meter: &ProgressMeter<'_>,
+) -> SceneScale {
+    let limits = triangles.par_chunks(4096).map(|chunk| {
+        if meter.record_work(chunk.len() as u64) { Limits::NONE } else { limits::of(set, chunk) }
+    });
+    SceneScale::new(bounds, &limits.reduce(|| Limits::NONE, Limits::union))
+}
+
+fn check(rays: usize, results: usize) -> Result<(), QueryError> {
+    if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
+}
+
+impl Accelerator for CpuAccelerator {
+    fn tree(&self) -> &KdTree {
+        &self.layout.tree
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        &self.summary
+    }
+
+    fn query_bytes(&self) -> u64 {
+        self.layout.bytes()
+    }
+
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.answer(rays, hits, options)
+    }
+
+    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.answer(rays, occluded, options)
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        self.find_all_hits(rays, options)
+    }
+
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        self.find_windings(points, options)
+    }
+
+    fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        Some(self)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        self.trace(ray, options, Query::Closest).some()
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        self.trace(ray, options, Query::Any).is_hit()
+    }
+}

@@ -1,0 +1,124 @@
+//! Builders of trees, each in a module named after its algorithm.
+//!
+//! - [`twin`] runs the schedule of [`splitplane_core::schedule`] kernel by kernel, as devices do.
+//! - [`depth_first`] builds the same trees: it runs the upper levels on the twin and hands nodes of few references to tasks
+//!   that build a subtree each, depth first, in cache.
+//! - [`sweep`] is the offline builder of preset `best`.
+
+pub(crate) mod depth_first;
+pub(crate) mod sweep;
+pub mod twin;
+
+use splitplane_core::backend::{BuildError, BuildOptions};
+use splitplane_core::kernel::Counter;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::schedule;
+
+use crate::cancel::ProgressMeter;
+use crate::memory::Memory;
+use crate::simd::InstructionSet;
+use depth_first::DepthFirstExecutor;
+use twin::buffers::Buffers;
+use twin::executor::{CpuExecutor, StageCounts};
+
+/// Most nodes of a tree: larger ones end in [`BuildError::TooLarge`].
+pub(crate) const MOST_NODES: u32 = 1 << 28;
+
+/// Memory of all builders, kept between builds.
+#[derive(Debug, Default)]
+pub(crate) struct BuildScratch {
+    /// Of the twin, with the finished tree in it.
+    pub buffers: Buffers,
+    depth_first: depth_first::DepthFirstScratch,
+    sweep: sweep::SweepScratch,
+}
+
+impl BuildScratch {
+    /// Bytes held.
+    fn bytes(&self) -> u64 {
+        self.buffers.bytes() + self.depth_first.bytes() + self.sweep.bytes()
+    }
+
+    /// Accounts for what is held. Memory of a larger build before is given back where it exceeds the limit: what a
+    /// limit allows must not depend on what was built earlier.
+    ///
+    /// # Errors
+    /// More memory than the limit.
+    fn begin(&mut self, limit: Option<u64>) -> Result<Memory, BuildError> {
+        if limit.is_some_and(|limit| self.bytes() > limit) {
+            *self = BuildScratch::default();
+        }
+        let mut memory = Memory { held: 0, peak: 0, limit };
+        memory.take(self.bytes())?;
+        Ok(memory)
+    }
+}
+
+/// A finished tree in [`BuildScratch::buffers`], and what its build has counted.
+#[derive(Debug)]
+pub(crate) struct Finished {
+    /// How many nodes and references there are.
+    pub nodes: usize,
+    pub references: usize,
+    /// Levels of the large-node stage, and small roots.
+    pub stages: StageCounts,
+    pub memory: Memory,
+}
+
+/// Builds the tree of a mesh by the builder of its preset. `set` must be one that the processor has.
+///
+/// # Errors
+/// More memory than the limit allows, more nodes or references than the format can address, or a build that was
+/// cancelled.
+pub(crate) fn build(
+    scratch: &mut BuildScratch,
+    mesh: &Mesh<'_>,
+    options: &BuildOptions<'_>,
+    set: InstructionSet,
+    meter: &ProgressMeter<'_>,
+) -> Result<Finished, BuildError> {
+    let BuildOptions { config, max_memory, .. } = *options;
+    let Some(planes) = config.preset.planes() else {
+        let memory = scratch.begin(max_memory)?;
+        let buffers = core::mem::take(&mut scratch.buffers);
+        let mut twin = CpuExecutor::on(*mesh, config, set, buffers, memory).watched(meter);
+        schedule::start::<CpuExecutor<'_>>(&mut twin)?;
+        let (stages, mut memory) = (twin.stage_counts(), twin.memory());
+        scratch.buffers = twin.finish();
+        let BuildScratch { buffers, sweep, .. } = scratch;
+        let (nodes, references) = sweep::build(&config, set, (buffers, sweep), &mut memory, meter)?;
+        return Ok(Finished { nodes, references, stages, memory });
+    };
+    let mut memory = scratch.begin(max_memory)?;
+    let mut finished = None;
+    if scratch.depth_first.is_promising(mesh.len() as u32, &config) {
+        let buffers = core::mem::take(&mut scratch.buffers);
+        let kept = core::mem::take(&mut scratch.depth_first);
+        let twin = CpuExecutor::on(*mesh, config, set, buffers, memory).watched(meter);
+        let mut executor: DepthFirstExecutor<'_> = DepthFirstExecutor::new(twin, kept);
+        schedule::build(&mut executor, planes)?;
+        let (stages, is_void) = (executor.stage_counts(), executor.is_void());
+        memory = executor.memory();
+        (scratch.buffers, scratch.depth_first) = executor.finish();
+        if is_void {
+            // A cap might have bound: the schedule as it stands says where.
+            memory = scratch.begin(max_memory)?;
+        } else {
+            finished = Some((stages, memory));
+        }
+    }
+    let (stages, memory) = match finished {
+        Some(finished) => finished,
+        None => {
+            let buffers = core::mem::take(&mut scratch.buffers);
+            let mut twin = CpuExecutor::on(*mesh, config, set, buffers, memory).watched(meter);
+            schedule::build::<CpuExecutor<'_>>(&mut twin, planes)?;
+            let counted = (twin.stage_counts(), twin.memory());
+            scratch.buffers = twin.finish();
+            counted
+        }
+    };
+    let [nodes, references] = [Counter::Nodes, Counter::LeafReferences]
+        .map(|counter| scratch.buffers.counters[counter] as usize);
+    Ok(Finished { nodes, references, stages, memory })
+}

@@ -1,0 +1,536 @@
+//! The least split of a large node: bins bound the cost, sweeps decide.
+//!
+//! A reference that starts in a bin before k starts before every plane in bin k, and one that ends in a
+//! bin behind k ends behind them. So the counts of bins bound the numbers of references on either side of
+//! any plane in a bin, and the bin's borders bound the areas.
+
+use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+use splitplane_core::backend::BuildError;
+use splitplane_core::layout::Reference;
+
+use super::atomic_memory::AtomicMemory;
+use super::cost::{BestSplit, Cell, LOWER, Split, SplitCosts};
+use super::events::{Event, Face, event, sweep};
+use super::grid::{FaceBins, FaceCounts, Grid, MOST, count_faces};
+use super::matches::Ranges;
+use super::small::Small;
+use crate::cancel::ProgressMeter;
+use crate::simd::InstructionSet;
+use crate::simd::every_set::for_every_set;
+
+/// References for each bin, roughly.
+const PER_BIN: usize = 4;
+/// Fewest bins of an axis.
+const LEAST: usize = 16;
+/// What bounds of costs may be off, of themselves: numbers of blocks by at most 2^-16, all else by less
+/// than 2^-20.
+const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
+/// Numbers of references below this have their blocks counted without error in `f32`.
+const EXACT: u32 = 1 << 22;
+/// References that one task looks through; nodes of more than four times as many have several.
+pub(super) const CHUNK: usize = 2048;
+
+/// Scratch of one thread.
+#[derive(Debug)]
+pub(super) struct Bins {
+    faces: FaceCounts,
+    /// Lower bounds of the costs in a bin, in units of the cell's half area; infinite where there is no
+    /// face.
+    least: [[f32; MOST]; 3],
+    /// References that start in bins before this one.
+    started: [[u32; MOST + 1]; 3],
+    /// References that do not end in bins before this one.
+    unfinished: [[u32; MOST + 1]; 3],
+    /// Where each bin is among the open ones; [`CLOSED`] for bins that cannot hold the least split.
+    numbers: OpenNumbers,
+    /// The bins that can hold it.
+    open: Vec<Open>,
+    /// Their events.
+    events: Vec<Event>,
+    /// The bins of each reference's faces.
+    places: Vec<FaceBins>,
+    /// What tasks find in parts of many references.
+    parts: Vec<BinPart>,
+    /// For nodes that are too small for bins.
+    pub small: Small,
+}
+
+/// By axis and bin.
+type OpenNumbers = [[u32; MOST]; 3];
+
+/// A bin that can hold the least split.
+#[derive(Clone, Copy, Debug)]
+struct Open {
+    least: f64,
+    axis: u32,
+    bin: u32,
+    /// Where its events begin, and where those end that are there so far.
+    first: u32,
+    end: u32,
+}
+
+const CLOSED: u32 = u32::MAX;
+
+/// What one task finds.
+#[derive(Debug)]
+struct BinPart {
+    faces: FaceCounts,
+    /// Events in open bins, bin by bin.
+    events: Vec<Event>,
+    /// Where those of each open bin end.
+    ends: Vec<u32>,
+}
+
+impl Default for Bins {
+    fn default() -> Bins {
+        Bins {
+            faces: [[0; MOST]; 8],
+            least: [[f32::INFINITY; MOST]; 3],
+            started: [[0; MOST + 1]; 3],
+            unfinished: [[0; MOST + 1]; 3],
+            numbers: [[CLOSED; MOST]; 3],
+            open: Vec::new(),
+            events: Vec::new(),
+            places: Vec::new(),
+            parts: Vec::new(),
+            small: Small::default(),
+        }
+    }
+}
+
+/// What a search needs besides scratch.
+struct BinSearch<'a> {
+    set: InstructionSet,
+    costs: &'a SplitCosts,
+    cell: &'a Cell,
+    references: &'a [Reference],
+    grid: Grid,
+    limit: f64,
+    memory: &'a AtomicMemory,
+    meter: &'a ProgressMeter<'a>,
+}
+
+/// The split of least (cost, axis, position) that costs less than `limit`.
+///
+/// # Errors
+/// More memory than the limit allows.
+#[allow(clippy::too_many_arguments, reason = "a bundle of them would be made for each node")]
+pub(super) fn best_split(
+    set: InstructionSet,
+    costs: &SplitCosts,
+    cell: &Cell,
+    references: &[Reference],
+    limit: f64,
+    bins: &mut Bins,
+    memory: &AtomicMemory,
+    meter: &ProgressMeter<'_>,
+) -> Result<Option<Split>, BuildError> {
+    let count = (references.len() / PER_BIN).next_power_of_two().clamp(LEAST, MOST);
+    let grid = Grid::new(cell, count);
+    let search = BinSearch { set, costs, cell, references, grid, limit, memory, meter };
+    let parallel = references.len() > 4 * CHUNK;
+    lengthen(memory, &mut bins.places, references.len(), [0; 8])?;
+    if parallel {
+        search.count_parts(bins)?;
+    } else {
+        for faces in &mut bins.faces {
+            faces[..count].fill(0);
+        }
+        count_faces(set, &search.grid, references, &mut bins.faces, &mut bins.places);
+    }
+    meter.check()?;
+    // Any bin may turn out to be open.
+    bins.open.clear();
+    memory.reserve(&mut bins.open, 3 * count)?;
+    let events = bound(set, bins, costs, cell, &search.grid, references.len() as u32, limit);
+    if bins.open.is_empty() {
+        return Ok(None);
+    }
+    lengthen(memory, &mut bins.events, events, 0)?;
+    let split = if parallel { search.sweep_parts(bins, events)? } else { search.sweep(bins) };
+    meter.check()?;
+    Ok(split)
+}
+
+/// Makes a list at least `length` long.
+fn lengthen<T: Copy>(
+    memory: &AtomicMemory,
+    list: &mut Vec<T>,
+    length: usize,
+    filler: T,
+) -> Result<(), BuildError> {
+    if list.len() < length {
+        memory.reserve(list, length - list.len())?;
+        list.resize(list.capacity(), filler);
+    }
+    Ok(())
+}
+
+impl BinSearch<'_> {
+    /// Counts faces, part by part.
+    fn count_parts(&self, bins: &mut Bins) -> Result<(), BuildError> {
+        let parts = self.references.len().div_ceil(CHUNK);
+        if bins.parts.len() < parts {
+            let more = parts - bins.parts.len();
+            self.memory.reserve(&mut bins.parts, more)?;
+            let part = || BinPart { faces: [[0; MOST]; 8], events: Vec::new(), ends: Vec::new() };
+            bins.parts.resize_with(parts, part);
+        }
+        let parts = &mut bins.parts[..parts];
+        let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks_mut(CHUNK));
+        parts.par_iter_mut().zip(chunks).for_each(|(part, (references, places))| {
+            for faces in &mut part.faces {
+                faces[..self.grid.bins].fill(0);
+            }
+            if !self.meter.record_work(references.len() as u64) {
+                count_faces(self.set, &self.grid, references, &mut part.faces, places);
+            }
+        });
+        bins.faces.par_iter_mut().enumerate().for_each(|(word, faces)| {
+            faces.fill(0);
+            for part in &*parts {
+                for bin in 0..self.grid.bins {
+                    faces[bin] += part.faces[word][bin];
+                }
+            }
+        });
+        Ok(())
+    }
+
+    /// Collects the events in open bins and sweeps these, the most promising one first, as long as they
+    /// may hold something better.
+    fn sweep(&self, bins: &mut Bins) -> Option<Split> {
+        let Bins { numbers, open, events, places, .. } = bins;
+        let places = &places[..self.references.len()];
+        let ranges = ranges(open);
+        gather(self.set, &ranges, self.references, places, numbers, open, events);
+        let mut first = 0;
+        for (i, open) in bins.open.iter().enumerate() {
+            if open.least < bins.open[first].least {
+                first = i;
+            }
+        }
+        bins.open.swap(0, first);
+        let mut best = BestSplit::below(self.limit);
+        for open in &bins.open {
+            if open.least > best.cost {
+                continue;
+            }
+            if self.meter.is_cancelled() {
+                break;
+            }
+            let events = &mut bins.events[open.first as usize..open.end as usize];
+            let counts = counts(&bins.started, &bins.unfinished, open);
+            sweep(self.costs, self.cell, open.axis as usize, events, counts, &mut best);
+        }
+        best.split
+    }
+
+    /// The same by many tasks: first one a part of the references, then one an open bin.
+    fn sweep_parts(&self, bins: &mut Bins, all: usize) -> Result<Option<Split>, BuildError> {
+        let parts = &mut bins.parts[..self.references.len().div_ceil(CHUNK)];
+        let (numbers, open) = (&bins.numbers, &bins.open);
+        let ranges = ranges(open);
+        let chunks = self.references.par_chunks(CHUNK).zip(bins.places.par_chunks(CHUNK));
+        parts.par_iter_mut().zip(chunks).try_for_each(|(part, (references, places))| {
+            if self.meter.record_work(references.len() as u64) {
+                return Ok(());
+            }
+            let places = &places[..references.len()];
+            self.collect(part, references, places, numbers, open.len(), &ranges)
+        })?;
+        self.meter.check()?;
+        let mut events = &mut bins.events[..];
+        let mut lists = self.memory.temporary(open.len())?;
+        for (number, open) in open.iter().enumerate() {
+            let end = bins.open.get(number + 1).map_or(all, |next| next.first as usize);
+            let (list, rest) = events.split_at_mut(end - open.first as usize);
+            lists.push((number, open, list));
+            events = rest;
+        }
+        let parts = &*parts;
+        let (started, unfinished) = (&bins.started, &bins.unfinished);
+        // What another task has found; a hint, on which nothing but time depends.
+        let least = AtomicU64::new(self.limit.to_bits());
+        let best = lists
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|(number, open, list)| {
+                let mut best = BestSplit::below(self.limit);
+                if open.least > f64::from_bits(least.load(Relaxed)) {
+                    return best;
+                }
+                let mut end = 0;
+                for part in parts {
+                    let events = part.of(number);
+                    list[end..end + events.len()].copy_from_slice(events);
+                    end += events.len();
+                }
+                if !self.meter.record_work(4 * end as u64) {
+                    let counts = counts(started, unfinished, open);
+                    let axis = open.axis as usize;
+                    sweep(self.costs, self.cell, axis, &mut list[..end], counts, &mut best);
+                    // Costs are not negative, so their bits compare as they do.
+                    least.fetch_min(best.cost.to_bits(), Relaxed);
+                }
+                best
+            })
+            .reduce(
+                || BestSplit::below(self.limit),
+                |mut one, other| {
+                    if let Some(split) = other.split {
+                        one.offer(split);
+                    }
+                    one
+                },
+            );
+        Ok(best.split)
+    }
+
+    /// The events of a part in open bins, bin by bin.
+    fn collect(
+        &self,
+        part: &mut BinPart,
+        references: &[Reference],
+        places: &[FaceBins],
+        numbers: &OpenNumbers,
+        open: usize,
+        ranges: &Ranges,
+    ) -> Result<(), BuildError> {
+        lengthen(self.memory, &mut part.ends, open, 0)?;
+        part.ends[..open].fill(0);
+        let all = count_events(self.set, ranges, places, numbers, &mut part.ends[..open]);
+        lengthen(self.memory, &mut part.events, all as usize, 0)?;
+        let mut first = 0;
+        for end in &mut part.ends[..open] {
+            first += core::mem::replace(end, first);
+        }
+        let BinPart { events, ends, .. } = part;
+        place_events(self.set, ranges, references, places, numbers, ends, events);
+        Ok(())
+    }
+}
+
+/// In place of the upper face of a planar reference: sorted behind all events.
+const NOTHING: Event = Event::MAX;
+
+impl BinPart {
+    /// The events of an open bin.
+    fn of(&self, number: usize) -> &[Event] {
+        let first = number.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.events[first as usize..self.ends[number] as usize]
+    }
+}
+
+/// The event of a reference's face, by word; none for the upper face of one that is planar.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn event_of(reference: &Reference, word: usize) -> Option<Event> {
+    let axis = word % 4;
+    let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
+    if word < 4 {
+        Some(event(lo, if lo == hi { Face::Planar } else { Face::Start }))
+    } else {
+        (lo != hi).then(|| event(hi, Face::End))
+    }
+}
+
+/// What starts before an open bin, and what does not end before it.
+fn counts(
+    started: &[[u32; MOST + 1]; 3],
+    unfinished: &[[u32; MOST + 1]; 3],
+    open: &Open,
+) -> [u32; 2] {
+    let (axis, bin) = (open.axis as usize, open.bin as usize);
+    [started[axis][bin], unfinished[axis][bin]]
+}
+
+/// The range of open bins on each axis.
+fn ranges(open: &[Open]) -> Ranges {
+    let mut axes = [None; 3];
+    for open in open {
+        let bin = open.bin as u8;
+        let [first, last] = axes[open.axis as usize].get_or_insert([bin; 2]);
+        (*first, *last) = ((*first).min(bin), (*last).max(bin));
+    }
+    Ranges::new(axes)
+}
+
+impl Bins {
+    /// Bytes of its lists.
+    pub fn bytes(&self) -> u64 {
+        let open = self.open.capacity() * size_of::<Open>();
+        let events = self.events.capacity() * size_of::<Event>();
+        let places = self.places.capacity() * size_of::<FaceBins>();
+        let part = |part: &BinPart| {
+            (part.events.capacity() * size_of::<Event>() + part.ends.capacity() * 4) as u64
+        };
+        let parts = (self.parts.capacity() * size_of::<BinPart>()) as u64;
+        (open + events + places) as u64 + parts + self.parts.iter().map(part).sum::<u64>()
+    }
+}
+
+for_every_set! {
+    /// Bounds the costs in every bin, and opens those that may hold the least split. Returns how many
+    /// events they may have.
+    fn bound<S>(
+        bins: &mut Bins,
+        costs: &SplitCosts,
+        cell: &Cell,
+        grid: &Grid,
+        count: u32,
+        limit: f64,
+    ) -> usize {
+        let mut most = ((limit / cell.area) as f32) * (1.0 + MARGIN);
+        let inverse = 1.0 / costs.width as f32;
+        let blocks = |n: u32| (((n + costs.width - 1) as i32 as f32 + 0.5) * inverse).floor();
+        let expected = |blocks: f32| {
+            let root = (0.25 * blocks).sqrt();
+            let power = 4.0 * (root * root.sqrt());
+            if power < blocks && !costs.leaves { power } else { blocks }
+        };
+        let (step, weight) = (costs.traversal as f32, costs.intersection as f32);
+        let empty = costs.empty as f32;
+        // Where it cannot be counted exactly, that all are somewhere is not made use of.
+        let all = if count < EXACT { blocks(count) } else { 0.0 };
+        // Expected costs of what starts before a border, and of what does not end before it.
+        let [mut near, mut far] = [[0.0f32; MOST + 1]; 2];
+        for axis in 0..3 {
+            let started = &mut bins.started[axis][..grid.bins + 1];
+            let unfinished = &mut bins.unfinished[axis][..grid.bins + 1];
+            let starts = &bins.faces[axis][..grid.bins];
+            let ends = &bins.faces[axis + 4][..grid.bins];
+            let (mut left, mut right) = (0, count);
+            for bin in 0..grid.bins {
+                (started[bin], unfinished[bin]) = (left, right);
+                left += starts[bin];
+                right -= ends[bin];
+            }
+            (started[grid.bins], unfinished[grid.bins]) = (left, right);
+            let near = &mut near[..grid.bins + 1];
+            let far = &mut far[..grid.bins + 1];
+            for bin in 0..grid.bins + 1 {
+                near[bin] = expected(blocks(started[bin]));
+                far[bin] = expected(blocks(unfinished[bin]));
+            }
+            let areas = &cell.axes[axis];
+            let growth = ((areas.hi - areas.lo) * areas.slope / cell.area) as f32;
+            let base = (areas.base / cell.area) as f32;
+            let borders = grid.borders(axis);
+            let least = &mut bins.least[axis][..grid.bins];
+            // Without branches, to be turned into vector instructions.
+            for bin in 0..grid.bins {
+                let faces = starts[bin] + ends[bin];
+                let [low, high] = borders.of(bin);
+                // At least these are left and right of any plane in the bin, and all are somewhere.
+                let (left, right) = (started[bin], unfinished[bin + 1]);
+                let few = [blocks(left), blocks(right)];
+                let rest = [all - few[1], all - few[0]];
+                let many = [
+                    expected(if rest[0] > few[0] { rest[0] } else { few[0] }),
+                    expected(if rest[1] > few[1] { rest[1] } else { few[1] }),
+                ];
+                let small = [low * growth + base, (1.0 - high) * growth + base];
+                // What is expected is concave: least where all that may be on either side is on one.
+                let all_left = many[0] * small[0] + far[bin + 1] * small[1];
+                let all_right = near[bin] * small[0] + many[1] * small[1];
+                let cost = if all_left < all_right { all_left } else { all_right };
+                let cost = (step + weight * cost) * (1.0 - MARGIN);
+                let cost = if left == 0 || right == 0 { cost * empty } else { cost };
+                least[bin] = if faces > 0 { cost } else { f32::INFINITY };
+                // The outermost bins may hold nothing but the sides of the cell.
+                let inner = faces > 0 && bin > 0 && bin + 1 < grid.bins;
+                let large = [high * growth + base, (1.0 - low) * growth + base];
+                let cost = near[bin + 1] * large[0] + far[bin] * large[1];
+                let cost = (step + weight * cost) * (1.0 + MARGIN);
+                let cost = if inner { cost } else { f32::INFINITY };
+                most = if cost < most { cost } else { most };
+            }
+        }
+        bins.open.clear();
+        let mut events = 0;
+        for axis in 0..3 {
+            for bin in 0..grid.bins {
+                let least = bins.least[axis][bin];
+                let number = &mut bins.numbers[axis][bin];
+                *number = CLOSED;
+                if least <= most && least < f32::INFINITY {
+                    *number = bins.open.len() as u32;
+                    let least = f64::from(least) * cell.area * LOWER;
+                    let (axis, bin_here) = (axis as u32, bin as u32);
+                    let first = events;
+                    bins.open.push(Open { least, axis, bin: bin_here, first, end: first });
+                    events += bins.faces[axis as usize][bin] + bins.faces[axis as usize + 4][bin];
+                }
+            }
+        }
+        events as usize
+    }
+}
+
+for_every_set! {
+    /// Collects the events in open bins, bin by bin.
+    fn gather<S>(
+        ranges: &Ranges,
+        references: &[Reference],
+        places: &[FaceBins],
+        numbers: &OpenNumbers,
+        open: &mut [Open],
+        events: &mut [Event],
+    ) -> () {
+        ranges.search::<S>(places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(open) = open.get_mut(number as usize)
+                && let Some(event) = event_of(&references[reference], word)
+            {
+                events[open.end as usize] = event;
+                open.end += 1;
+            }
+        });
+    }
+}
+
+for_every_set! {
+    /// Counts the events in each open bin. Returns how many there are in all.
+    fn count_events<S>(
+        ranges: &Ranges,
+        places: &[FaceBins],
+        numbers: &OpenNumbers,
+        counts: &mut [u32],
+    ) -> u32 {
+        let mut all = 0;
+        ranges.search::<S>(places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(count) = counts.get_mut(number as usize) {
+                *count += 1;
+                all += 1;
+            }
+        });
+        all
+    }
+}
+
+for_every_set! {
+    /// Puts the events in open bins where those of each bin end so far.
+    fn place_events<S>(
+        ranges: &Ranges,
+        references: &[Reference],
+        places: &[FaceBins],
+        numbers: &OpenNumbers,
+        ends: &mut [u32],
+        events: &mut [Event],
+    ) -> () {
+        ranges.search::<S>(places, |reference, word| {
+            let number = numbers[word % 4][usize::from(places[reference][word])];
+            if let Some(end) = ends.get_mut(number as usize) {
+                // Both faces of a planar reference are one event.
+                events[*end as usize] = event_of(&references[reference], word).unwrap_or(NOTHING);
+                *end += 1;
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,159 @@
+//! One build: what all its tasks read, and the memory that they share.
+
+use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::collections::TryReserveError;
+use std::sync::{Mutex, PoisonError};
+
+use bytemuck::Zeroable;
+use splitplane_core::backend::BuildError;
+use splitplane_core::layout::Reference;
+use splitplane_core::triangle::Triangle;
+
+use super::atomic_memory::AtomicMemory;
+use super::bins::Bins;
+use super::cost::{Cell, SplitCosts};
+use super::node::{OpenNode, SplitDecision};
+use super::thread_scratch::ThreadScratch;
+use crate::cancel::ProgressMeter;
+use crate::memory::{boxed, resize};
+use crate::simd::InstructionSet;
+
+/// Memory kept between builds: scratch of threads, and lists of references of large nodes.
+#[derive(Debug, Default)]
+pub(crate) struct SweepScratch {
+    workers: Mutex<Vec<Box<ThreadScratch>>>,
+    lists: Mutex<Vec<Vec<Reference>>>,
+}
+
+impl SweepScratch {
+    /// Makes ready for a build. Returns how many workers there are.
+    pub(super) fn begin(&mut self) -> usize {
+        // A poisoned lock means that another build panicked: what is left serves.
+        let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        for (number, worker) in workers.iter_mut().enumerate() {
+            worker.number = number;
+            worker.nodes.clear();
+            worker.references.clear();
+        }
+        workers.len()
+    }
+
+    /// All workers by number, when none is at work.
+    ///
+    /// # Errors
+    /// Less memory than a list of them takes.
+    pub(super) fn workers(&mut self) -> Result<Vec<&ThreadScratch>, TryReserveError> {
+        let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        workers.sort_unstable_by_key(|worker| worker.number);
+        let mut all = Vec::new();
+        all.try_reserve_exact(workers.len())?;
+        all.extend(workers.iter().map(|worker| &**worker));
+        Ok(all)
+    }
+
+    /// Bytes held.
+    pub(crate) fn bytes(&self) -> u64 {
+        let workers = self.workers.lock().map_or(0, |w| w.iter().map(|w| w.bytes()).sum());
+        let size = |list: &Vec<Reference>| (list.capacity() * size_of::<Reference>()) as u64;
+        workers + self.lists.lock().map_or(0, |lists| lists.iter().map(size).sum::<u64>())
+    }
+}
+
+/// One build.
+#[derive(Debug)]
+pub(super) struct BuildContext<'a> {
+    /// What planes are compared by, and leaves for children.
+    pub costs: &'a [SplitCosts; 2],
+    /// Whether references are clipped to cells.
+    pub clip: bool,
+    pub set: InstructionSet,
+    /// Snapped corners of all triangles.
+    pub triangles: &'a [Triangle],
+    pub memory: &'a AtomicMemory,
+    pub scratch: &'a SweepScratch,
+    /// How many workers there are.
+    pub workers: AtomicUsize,
+    pub meter: &'a ProgressMeter<'a>,
+}
+
+impl BuildContext<'_> {
+    /// A list of at least `references` elements, whose contents are left over from earlier nodes.
+    pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
+        // A poisoned lock means that another thread panicked; a new list serves.
+        let spare = self.scratch.lists.lock().map_or(None, |mut lists| {
+            // The shortest that is long enough, or else the longest.
+            let fit =
+                |list: &Vec<Reference>| (list.len() < references, list.len().abs_diff(references));
+            let at = (0..lists.len()).min_by_key(|&at| fit(&lists[at]))?;
+            Some(lists.swap_remove(at))
+        });
+        let mut list = spare.unwrap_or_default();
+        self.lengthen(&mut list, references)?;
+        Ok(list)
+    }
+
+    /// Makes a list at least `length` long.
+    pub fn lengthen(&self, list: &mut Vec<Reference>, references: usize) -> Result<(), BuildError> {
+        if list.len() < references {
+            self.memory.reserve(list, references - list.len())?;
+            resize(self.meter, list, references, &Reference::zeroed());
+            self.meter.check()?;
+        }
+        Ok(())
+    }
+
+    /// Whether and where a node is split.
+    pub fn decide(
+        &self,
+        node: &OpenNode,
+        cell: &Cell,
+        references: &[Reference],
+        bins: &mut Bins,
+    ) -> Result<Option<SplitDecision>, BuildError> {
+        node.decide(self.costs, self.set, cell, references, bins, self.memory, self.meter)
+    }
+
+    /// Keeps a list for later nodes. Where there is no room for it, it is dropped.
+    pub fn recycle(&self, list: Vec<Reference>) {
+        if let Ok(mut lists) = self.scratch.lists.lock()
+            && lists.try_reserve(1).is_ok()
+        {
+            lists.push(list);
+        }
+    }
+
+    /// Does something with a thread's scratch.
+    pub fn with_worker<T>(
+        &self,
+        work: impl FnOnce(&mut ThreadScratch) -> Result<T, BuildError>,
+    ) -> Result<T, BuildError> {
+        let spare = self.scratch.workers.lock().map_or(None, |mut workers| workers.pop());
+        let mut worker = match spare {
+            Some(worker) => worker,
+            None => self.worker()?,
+        };
+        let out = work(&mut worker);
+        if let Ok(mut workers) = self.scratch.workers.lock() {
+            // There is room: see `BuildContext::worker`.
+            workers.push(worker);
+        }
+        out
+    }
+
+    /// One more worker, and room for it where all workers go in the end, since subtrees are in them. Unless it is
+    /// optimised this takes room on the stack for all that a worker is, which is not to be there while the
+    /// worker works.
+    fn worker(&self) -> Result<Box<ThreadScratch>, BuildError> {
+        self.memory.take(size_of::<ThreadScratch>() as u64)?;
+        let number = self.workers.fetch_add(1, Relaxed);
+        let made = boxed(|| ThreadScratch::new(number)).and_then(|worker| {
+            // A poisoned lock means that another thread panicked, which ends the build.
+            if let Ok(mut workers) = self.scratch.workers.lock() {
+                let more = number + 1 - workers.len().min(number);
+                workers.try_reserve(more)?;
+            }
+            Ok(worker)
+        });
+        made.map_err(|_| self.memory.lacking())
+    }
+}

@@ -1,0 +1,71 @@
+//! `split_binned`: one workgroup an active node.
+//!
+//! Reads: cell and tight bounds of the node; the bins of its chunks. Writes: the decision: cuts of
+//! empty space, then a split or a transfer to the small list.
+//! Ties: least expected cost, then axis, then position.
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::bins::NodeBins;
+use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
+use splitplane_core::split::{SplitPlane, spatial_median};
+
+use super::split_large::cut_empty_space;
+use crate::cancel::ProgressMeter;
+
+/// Runs the kernel.
+pub fn run<A: Arithmetic>(
+    meter: &ProgressMeter<'_>,
+    config: &BuildConfig,
+    active: &[LargeNode],
+    node_bounds: &[Aabb],
+    chunk_bins: &[ChunkBins],
+    decisions: &mut [Decision],
+) {
+    active.par_iter().zip(node_bounds).zip(decisions).with_min_len(4).for_each(
+        |((node, tight), decision)| {
+            // A chunk's bins take about as long as a quarter of its references.
+            if !meter.record_work(u64::from(node.count / 4)) {
+                *decision = decide::<A>(config, node, tight, chunk_bins);
+            }
+        },
+    );
+}
+
+fn decide<A: Arithmetic>(
+    config: &BuildConfig,
+    node: &LargeNode,
+    tight: &Aabb,
+    chunk_bins: &[ChunkBins],
+) -> Decision {
+    let (decision, cell) = cut_empty_space::<A>(config, node, tight);
+    let Some(cell) = cell else { return decision };
+    let first = node.first_chunk as usize;
+    let chunks = &chunk_bins[first..first + node.count.div_ceil(CHUNK) as usize];
+    let bins = NodeBins::sum(chunks, config.bins);
+    split::<A>(config, node, &cell, tight, &bins, decision)
+}
+
+/// The decision about a node after its cuts of empty space, which have left this cell.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn split<A: Arithmetic>(
+    config: &BuildConfig,
+    node: &LargeNode,
+    cell: &Aabb,
+    tight: &Aabb,
+    bins: &NodeBins,
+    mut decision: Decision,
+) -> Decision {
+    let plane = bins.best_border::<A>(config, cell, tight, node.count).or_else(|| {
+        // That no border pays does not mean that none will: what is left is halved once, as the
+        // paper does. If that separates nothing, either, the node stays whole.
+        if node.inseparable == 0 { spatial_median::<A>(cell) } else { None }
+    });
+    if let Some(SplitPlane { axis, position }) = plane {
+        decision.axis = axis as u32;
+        decision.position = position;
+    }
+    decision
+}

@@ -1,0 +1,171 @@
+//! The triangles of a leaf as tests read them: blocks of at most as many as a vector has lanes, with
+//! corners that triangles share stored once.
+//!
+//! A block begins at a multiple of [`UNIT_WORDS`] words:
+//!
+//! | words | what |
+//! |---|---|
+//! | 1 | triangles in bits 0 to 6, whether they are large in bit 7, different corners in bits 8 to 15, words to the corners above |
+//! | 3 n / 4, rounded up | a byte for each corner of n triangles: first corners, second, third |
+//! | n | indices of the triangles in the mesh |
+//! | 3 v | coordinates of v corners: all x, all y, all z |
+//!
+//! Neighbours in a mesh share corners: a corner is seldom stored more than 1.1 times a triangle instead of
+//! three. So a block is half as long as one of corner copies, and what a ray must do with
+//! each corner (move it, shear it) is done once.
+
+use splitplane_core::aabb::{Aabb, max, min};
+use splitplane_core::triangle::Triangle;
+
+use crate::simd::MOST_LANES;
+
+/// Words at whose multiples blocks begin.
+pub(crate) const UNIT_WORDS: usize = 4;
+/// Words behind the last block that vector loads may read.
+pub(crate) const TAIL: usize = 3 * MOST_LANES;
+
+/// A block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PackedBlock<'a> {
+    /// The block's words and all that follow.
+    words: &'a [u32],
+}
+
+impl PackedBlock<'_> {
+    /// Set in the first word of a block of [large](super::large) triangles.
+    const LARGE: u32 = 1 << 7;
+
+    /// The first word of a block with these numbers of triangles and of different corners.
+    pub const fn header(count: usize, corners: usize, large: bool) -> u32 {
+        let before = PackedBlock::before_coordinates(count);
+        let mark = if large { PackedBlock::LARGE } else { 0 };
+        mark | count as u32 | (corners as u32) << 8 | (before as u32) << 16
+    }
+
+    /// Words before the coordinates of a block of `count` triangles.
+    pub const fn before_coordinates(count: usize) -> usize {
+        1 + (3 * count).div_ceil(4) + count
+    }
+
+    /// Words of a block with these numbers of triangles and of different corners.
+    pub const fn words(count: usize, corners: usize) -> usize {
+        (PackedBlock::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
+    }
+}
+
+impl<'a> PackedBlock<'a> {
+    /// The block that begins at a unit.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn at(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
+        PackedBlock { words: &words[unit as usize * UNIT_WORDS..] }
+    }
+
+    /// The same without a look at the bounds.
+    ///
+    /// # Safety
+    /// The unit must be that of a block.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
+        // SAFETY: the caller's contract.
+        PackedBlock { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
+    }
+
+    /// Triangles, 1 to 16.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn count(&self) -> usize {
+        (self.words[0] & 0x7f) as usize
+    }
+
+    /// Whether these are [large](super::large) triangles, in a block of their own.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn is_large(&self) -> bool {
+        self.words[0] & PackedBlock::LARGE != 0
+    }
+
+    /// Different corners, at most 32.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn corner_count(&self) -> usize {
+        (self.words[0] >> 8 & 0xff) as usize
+    }
+
+    /// Words before the coordinates.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn before(&self) -> usize {
+        (self.words[0] >> 16) as usize
+    }
+
+    /// Units to the next block.
+    #[inline]
+    pub fn units(&self) -> u32 {
+        (self.before() + 3 * self.corner_count()).div_ceil(UNIT_WORDS) as u32
+    }
+
+    /// Places of the first, second or third corners, a byte each.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn places(&self, corner: usize) -> *const u8 {
+        self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
+    }
+
+    /// The places of a triangle's corners.
+    ///
+    /// # Safety
+    /// The triangle must be one of the block's.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
+        let first = self.places(0);
+        // SAFETY: three times as many bytes as triangles follow the first word.
+        let place = unsafe {
+            let second = first.add(self.count());
+            [*first.add(index), *second.add(index), *second.add(self.count() + index)]
+        };
+        [place[0] as usize, place[1] as usize, place[2] as usize]
+    }
+
+    /// Coordinates of the different corners on an axis.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn coordinates(&self, axis: usize) -> *const f32 {
+        self.words.as_ptr().wrapping_add(self.before() + axis * self.corner_count()).cast()
+    }
+
+    /// The triangles' indices in the mesh.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn triangles(&self) -> *const u32 {
+        self.words.as_ptr().wrapping_add(self.before() - self.count())
+    }
+
+    /// The index of a triangle in the mesh.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn triangle(&self, index: usize) -> u32 {
+        self.words[self.before() - self.count() + index]
+    }
+
+    /// The corners of a triangle.
+    #[inline]
+    pub fn corners(&self, index: usize) -> Triangle {
+        let (start, count) = (self.before(), self.corner_count());
+        let mut corners = [[0.0; 3]; 3];
+        // Loops, since closures do not get the instructions of a caller's set.
+        for (corner, coordinates) in corners.iter_mut().enumerate() {
+            let byte = corner * self.count() + index;
+            let place = self.words[1 + byte / 4].to_ne_bytes()[byte % 4] as usize;
+            for (axis, x) in coordinates.iter_mut().enumerate() {
+                *x = f32::from_bits(self.words[start + axis * count + place]);
+            }
+        }
+        corners
+    }
+
+    /// Bounds of all corners.
+    pub fn bounds(&self) -> Aabb {
+        let (start, count) = (self.before(), self.corner_count());
+        let mut bounds = Aabb::EMPTY;
+        for axis in 0..3 {
+            let row = &self.words[start + axis * count..][..count];
+            for x in row.iter().map(|&word| f32::from_bits(word)) {
+                bounds.lo[axis] = min(x, bounds.lo[axis]);
+                bounds.hi[axis] = max(x, bounds.hi[axis]);
+            }
+        }
+        bounds
+    }
+}

@@ -1,0 +1,434 @@
+//! Making the layout that queries read from a tree.
+//!
+//! A layout is made in two steps. *Planning* touches nothing but scratch: each task packs the leaves of one subtree and
+//! plans its wide nodes; then the few nodes above the tasks are planned. Now the size of everything is known
+//! to the byte and compared with the limit. Then room is made for all of it, and *filling* writes
+//! to that. It cannot fail, so an old layout is replaced only by a complete one.
+
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+
+use rayon::prelude::*;
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::{BuildError, QueryLayout};
+use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::mesh::Mesh;
+use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::tree::KdTreeView;
+use splitplane_core::triangle::Triangle;
+
+use super::cells::{halves, within};
+use super::large::Large;
+use super::pack::{MOST_WORDS, Packer};
+use super::packed_block::UNIT_WORDS;
+use super::plan::{Branch, Branches, PlaceCosts, Planner, run_nodes};
+use super::walk_node::WalkNode;
+use super::wide_node::MOST_LEAVES;
+use crate::build::MOST_NODES;
+use crate::cancel::ProgressMeter;
+use crate::memory::Scatter;
+use crate::memory::{Memory, bytes_of};
+use crate::simd::InstructionSet;
+
+/// Subtrees of more nodes are divided among tasks.
+const TASK: u32 = 1 << 11;
+/// Words that a triangle takes at first guess.
+const GUESS: usize = 6;
+
+/// What a layout is made of besides a tree.
+#[derive(Clone, Copy)]
+pub(crate) struct LayoutSource<'a> {
+    pub mesh: &'a Mesh<'a>,
+    /// Its triangles' snapped corners.
+    pub triangles: &'a [Triangle],
+    pub layout: QueryLayout,
+}
+
+/// What layouts are made with, kept for the next one.
+#[derive(Debug, Default)]
+pub(crate) struct LayoutScratch {
+    /// By the number of their node. Elements of nodes that are no branch are unused.
+    pub branches: Vec<Branch>,
+    /// The nodes above all tasks, and the tasks, in preorder.
+    pub top: Vec<u32>,
+    pub tasks: Vec<PackTask>,
+    /// What the tasks have packed.
+    pub parts: Vec<PackedWords>,
+    /// The blocks of large triangles, behind all others.
+    large: PackedWords,
+}
+
+/// A subtree that one task packs and plans.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PackTask {
+    /// Its nodes.
+    pub first: u32,
+    pub end: u32,
+    cell: Aabb,
+    costs: PlaceCosts,
+    /// The first of its words in the layout.
+    pub start: usize,
+}
+
+/// The blocks of a task's leaves.
+#[derive(Debug, Default)]
+pub(crate) struct PackedWords {
+    words: Vec<u32>,
+    used: usize,
+    room: usize,
+    /// Whether a limit on memory was met: then the words are not kept, and `used` and `room` tell what there
+    /// would be.
+    lost: bool,
+}
+
+/// How large a planned layout is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LayoutSize {
+    /// Words of blocks, without what vector loads may read behind them.
+    pub words: usize,
+    /// Wide nodes.
+    pub wide: usize,
+    /// What is much larger than its leaves.
+    pub large: Large,
+    /// The root's branch, if the tree has triangles.
+    pub root: Option<u32>,
+    /// Bytes that the scratch has grown by.
+    pub scratch: u64,
+}
+
+/// Memory that tasks take at the same time.
+struct Budget {
+    /// Bytes held.
+    held: AtomicU64,
+    limit: u64,
+    /// Whether there was less memory than the limit allows.
+    failed: AtomicBool,
+}
+
+impl Budget {
+    /// Accounts for `bytes` more and returns whether they are within the limit.
+    fn take(&self, bytes: u64) -> bool {
+        self.held.fetch_add(bytes, Relaxed) + bytes <= self.limit
+    }
+}
+
+impl PackedWords {
+    /// Empties the list for another task.
+    fn begin(&mut self) {
+        (self.used, self.room, self.lost) = (0, self.words.len(), false);
+    }
+
+    /// Room for one more block. Where there is too little, room for `triangles` triangles is made. `None` where there is no
+    /// memory for it, which the budget records.
+    fn next(&mut self, triangles: usize, budget: &Budget) -> Option<&mut [u32]> {
+        if self.used + MOST_WORDS > self.room {
+            let needed = self.used + MOST_WORDS + GUESS * triangles;
+            let more = needed.max(self.room + self.room / 2) - self.room;
+            self.lost |= !budget.take((more * size_of::<u32>()) as u64);
+            self.room += more;
+            // Where there is no memory for the blocks, all go to the room of one.
+            let room = if self.lost { self.words.len().max(MOST_WORDS) } else { self.room };
+            if self.words.try_reserve_exact(room - self.words.len()).is_err() {
+                budget.failed.store(true, Relaxed);
+                return None;
+            }
+            self.words.resize(room, 0);
+        }
+        let at = if self.lost { 0 } else { self.used };
+        Some(&mut self.words[at..])
+    }
+
+    /// Its words.
+    pub fn words(&self) -> &[u32] {
+        &self.words[..self.used]
+    }
+}
+
+impl LayoutScratch {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let LayoutScratch { branches, top, tasks, parts, large } = self;
+        let words = parts.iter().chain([large]).map(|part| bytes_of(&part.words)).sum::<u64>();
+        words + bytes_of(branches) + bytes_of(top) + bytes_of(tasks) + bytes_of(parts)
+    }
+
+    /// Packs and plans. Where the limit of `memory` is met, the size is still right, but it cannot be filled:
+    /// the caller that accounts for it meets the limit too.
+    ///
+    /// # Errors
+    /// [`BuildError::Cancelled`] by the watch; [`BuildError::TooLarge`] when children could not name all
+    /// blocks; no memory for branches and lists of tasks within the limit, or less than it allows.
+    pub fn plan(
+        &mut self,
+        tree: &KdTreeView<'_>,
+        source: LayoutSource<'_>,
+        set: InstructionSet,
+        meter: &ProgressMeter<'_>,
+        memory: &mut Memory,
+    ) -> Result<LayoutSize, BuildError> {
+        let (nodes, references) = (tree.nodes.len() as u64, tree.references.len() as u64);
+        let too_large = BuildError::TooLarge { nodes, references };
+        if nodes > u64::from(MOST_NODES) {
+            return Err(too_large);
+        }
+        let LayoutScratch { branches, top, tasks, parts, large: apart } = self;
+        memory.grow_watched(branches, tree.nodes.len(), meter)?;
+        top.clear();
+        tasks.clear();
+        let end = tree.nodes.len() as u32;
+        // Of two children each, they have one task more below them.
+        let above = nodes_above(tree.nodes, 0, end);
+        memory.make_room(top, above)?;
+        memory.make_room(tasks, above + 1)?;
+        memory.make_room(parts, above + 1)?;
+        divide(tree.nodes, 0, end, &tree.bounds, top, tasks);
+        parts.resize_with(tasks.len().max(parts.len()), PackedWords::default);
+        let budget = Budget {
+            held: AtomicU64::new(memory.held),
+            limit: memory.limit.unwrap_or(u64::MAX),
+            failed: AtomicBool::new(false),
+        };
+        let planner = Planner::new(set.lanes(), &tree.bounds);
+        let mut large = Large::of(tree, source.triangles, meter);
+        let maker =
+            LayoutPlanning { tree, source, set, meter, planner, budget: &budget, large: &large };
+        let out = Scatter::new(&mut branches[..tree.nodes.len()]);
+        tasks.par_iter_mut().zip(&mut *parts).for_each(|(task, part)| {
+            let count = (task.end - task.first) as usize;
+            // SAFETY: tasks have nodes of their own.
+            let branches = unsafe { out.part(task.first as usize, count) };
+            maker.make(task, part, branches);
+        });
+        let large_blocks = maker.pack_large(apart);
+        meter.check()?;
+        if budget.failed.load(Relaxed) {
+            let needed = budget.held.load(Relaxed);
+            return Err(BuildError::OutOfMemory { needed, limit: needed });
+        }
+        let mut branches = Branches(0, branches);
+        let root = maker.join(0, &mut tasks.iter(), &mut branches);
+        let mut words = 0;
+        for (task, part) in tasks.iter_mut().zip(&*parts) {
+            task.start = words;
+            words += part.used;
+        }
+        large.blocks = [(words / UNIT_WORDS) as u32, large_blocks.unwrap_or(0)];
+        words += apart.used;
+        if words / UNIT_WORDS >= MOST_LEAVES {
+            return Err(too_large);
+        }
+        // A tree without triangles has a root without children: rays within its bounds read it.
+        let wide = match large.is_empty() {
+            _ if tree.bounds.is_empty() => 0,
+            true => root.whole().max(1) as usize,
+            // A root above the tree's nodes, if there are any, and those of the large triangles.
+            false => {
+                let (lanes, blocks) = (set.lanes() as u32, large.blocks[1]);
+                let own = if blocks < lanes { 0 } else { run_nodes(blocks, lanes) };
+                (1 + own + root.whole()) as usize
+            }
+        };
+        let scratch = budget.held.into_inner() - memory.held;
+        Ok(LayoutSize { words, wide, large, root: root.branch(), scratch })
+    }
+
+    /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the
+    /// planned size.
+    pub fn write(&self, tree: &KdTreeView<'_>, nodes: &mut [WalkNode], words: &mut [u32]) {
+        let apart = self.large.words();
+        let behind = words.len() - apart.len();
+        words[behind..].copy_from_slice(apart);
+        for &node in &self.top {
+            nodes[node as usize] = WalkNode::interior(tree.nodes[node as usize]);
+        }
+        let (nodes, words) = (Scatter::new(nodes), Scatter::new(words));
+        self.tasks.par_iter().zip(&self.parts).for_each(|(task, part)| {
+            let (first, end) = (task.first as usize, task.end as usize);
+            // SAFETY: tasks have nodes of their own, and parts follow each other.
+            let (nodes, words) =
+                unsafe { (nodes.part(first, end - first), words.part(task.start, part.used)) };
+            words.copy_from_slice(part.words());
+            let unit = (task.start / UNIT_WORDS) as u32;
+            let from = tree.nodes[first..end].iter().zip(&self.branches[first..end]);
+            for (to, (node, branch)) in nodes.iter_mut().zip(from) {
+                *to = match node.kind() {
+                    NodeKind::Interior { .. } => WalkNode::interior(*node),
+                    NodeKind::Leaf { count: 0, .. } => WalkNode::leaf(0, 0),
+                    NodeKind::Leaf { .. } => {
+                        WalkNode::leaf(unit + branch.children[0], branch.children[1])
+                    }
+                };
+            }
+        });
+    }
+}
+
+/// How many nodes [`divide`] will put above the tasks.
+fn nodes_above(nodes: &[KdNode], node: u32, end: u32) -> usize {
+    match nodes[node as usize].kind() {
+        NodeKind::Interior { right, .. } if end - node > TASK => {
+            1 + nodes_above(nodes, node + 1, right) + nodes_above(nodes, right, end)
+        }
+        _ => 0,
+    }
+}
+
+/// Divides the tree below a node, of which `end` is the first node behind, into tasks.
+fn divide(
+    nodes: &[KdNode],
+    node: u32,
+    end: u32,
+    cell: &Aabb,
+    top: &mut Vec<u32>,
+    tasks: &mut Vec<PackTask>,
+) {
+    match nodes[node as usize].kind() {
+        NodeKind::Interior { axis, split, right } if end - node > TASK => {
+            top.push(node);
+            let (left_cell, right_cell) = halves(cell, axis as usize, split);
+            divide(nodes, node + 1, right, &left_cell, top, tasks);
+            divide(nodes, right, end, &right_cell, top, tasks);
+        }
+        _ => {
+            let costs = PlaceCosts::NOTHING;
+            tasks.push(PackTask { first: node, end, cell: *cell, costs, start: 0 });
+        }
+    }
+}
+
+/// What tasks read.
+struct LayoutPlanning<'a> {
+    tree: &'a KdTreeView<'a>,
+    source: LayoutSource<'a>,
+    set: InstructionSet,
+    meter: &'a ProgressMeter<'a>,
+    planner: Planner,
+    budget: &'a Budget,
+    large: &'a Large,
+}
+
+impl LayoutPlanning<'_> {
+    /// Packs the leaves of a task's subtree and plans it. After cancellation, or where there was no memory, the result is
+    /// incomplete and must not be used.
+    fn make(&self, task: &mut PackTask, part: &mut PackedWords, branches: &mut [Branch]) {
+        let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
+        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
+        part.begin();
+        // The references of the leaves follow each other.
+        let last = match nodes.last().map(KdNode::kind) {
+            Some(NodeKind::Leaf { first, count }) => first + count,
+            _ => 0,
+        };
+        // The cells of right children that are to come.
+        let mut cells = [Aabb::EMPTY; MAX_DEPTH as usize + 1];
+        let (mut open, mut cell) = (0, task.cell);
+        for (node, branch) in nodes.iter().zip(&mut *branches) {
+            match node.kind() {
+                NodeKind::Interior { axis, split, .. } => {
+                    (cell, cells[open]) = halves(&cell, axis as usize, split);
+                    open += 1;
+                }
+                NodeKind::Leaf { first, count } => {
+                    if self.meter.record_work(2 * u64::from(count)) {
+                        return;
+                    }
+                    if count > 0 {
+                        let leaf = self.leaf([first, count, last], &cell, &mut packer, part);
+                        let Some(leaf) = leaf else { return };
+                        *branch = leaf;
+                        self.meter.advance(u64::from(count));
+                    }
+                    open = open.wrapping_sub(1);
+                    if let Some(next) = cells.get(open) {
+                        cell = *next;
+                    }
+                }
+            }
+        }
+        task.costs = self.planner.subtree(self.set, task.first, nodes, branches);
+        // The other half is that of the nodes that are made.
+        self.meter.advance(nodes.len() as u64 / 2);
+        self.meter.record_work(8 * nodes.len() as u64);
+    }
+
+    /// A leaf that is not empty: its first reference and how many, and the end of the task's. `None` where
+    /// there is no memory for its blocks.
+    fn leaf(
+        &self,
+        [first, count, last]: [u32; 3],
+        cell: &Aabb,
+        packer: &mut Packer<'_>,
+        part: &mut PackedWords,
+    ) -> Option<Branch> {
+        let references = &self.tree.references[first as usize..];
+        let to_come = last.saturating_sub(first + count) as usize;
+        let unit = (part.used / UNIT_WORDS) as u32;
+        let compact = self.source.layout == QueryLayout::Compact;
+        let (mut bounds, blocks) = match compact {
+            true => (Aabb::EMPTY, 1),
+            false => self.pack(references, [count as usize, to_come], packer, part)?,
+        };
+        if compact || !self.large.is_empty() {
+            let corners = |&triangle: &u32| (triangle, self.source.triangles[triangle as usize]);
+            let own = references[..count as usize].iter().map(corners);
+            bounds = self.large.bounds_of_others(own);
+        }
+        // No ray goes to a leaf without bounds.
+        let within = if bounds.is_empty() { bounds } else { within(cell, &bounds) };
+        Some(Branch::leaf(within, unit, blocks))
+    }
+
+    /// Packs some triangles, the first of these references, with room for more to come. Gives their bounds, and how
+    /// many blocks they take; `None` where there is no memory for them.
+    fn pack(
+        &self,
+        references: &[u32],
+        [count, to_come]: [usize; 2],
+        packer: &mut Packer<'_>,
+        part: &mut PackedWords,
+    ) -> Option<(Aabb, u32)> {
+        let (mut bounds, mut blocks, mut left) = (Aabb::EMPTY, 0, count);
+        while left > 0 {
+            let to = part.next(left + to_come, self.budget)?;
+            let packed = packer.block(&references[count - left..], left, to);
+            part.used += packed.words;
+            bounds = bounds.union(&packed.bounds);
+            left -= packed.count;
+            blocks += 1;
+        }
+        Some((bounds, blocks))
+    }
+
+    /// Packs the large triangles, and says how many blocks they take: none in the compact layout.
+    fn pack_large(&self, part: &mut PackedWords) -> Option<u32> {
+        part.begin();
+        let triangles = self.large.triangles();
+        if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
+            return Some(0);
+        }
+        let mut packer = Packer::large(self.set.lanes(), self.source.triangles);
+        let (_, blocks) = self.pack(triangles, [triangles.len(), 0], &mut packer, part)?;
+        Some(blocks)
+    }
+
+    /// Plans the nodes above the tasks.
+    fn join(
+        &self,
+        node: u32,
+        tasks: &mut std::slice::Iter<'_, PackTask>,
+        branches: &mut Branches<'_>,
+    ) -> PlaceCosts {
+        if let Some(task) = tasks.as_slice().first()
+            && task.first == node
+        {
+            tasks.next();
+            return task.costs;
+        }
+        let NodeKind::Interior { axis, right, .. } = self.tree.nodes[node as usize].kind() else {
+            return PlaceCosts::NOTHING;
+        };
+        let one = self.join(node + 1, tasks, branches);
+        let mut other = self.join(right, tasks, branches);
+        self.planner.join(node, axis as u8, &one, &mut other, branches);
+        other
+    }
+}

@@ -1,0 +1,254 @@
+//! 8 lanes: AVX2 and FMA.
+
+#![allow(clippy::undocumented_unsafe_blocks, reason = "one contract for all, that of the trait")]
+
+use core::arch::x86_64::*;
+
+use super::f32x16::ArrayF32x16;
+use super::references::ReferenceOps;
+use super::{Compiled, Direction, Simd};
+
+/// [`Simd`] by AVX2.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2;
+
+/// For each mask of eight its lanes, one after the other.
+static LANES_OF: [[u8; 8]; 256] = lanes_of();
+
+const fn lanes_of() -> [[u8; 8]; 256] {
+    let mut table = [[0; 8]; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut end) = (0, 0);
+        while lane < 8 {
+            if mask >> lane & 1 != 0 {
+                table[mask][end] = lane as u8;
+                end += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+}
+
+impl ReferenceOps for Avx2 {}
+
+// SAFETY of all blocks: the trait's contract, the set and readable or writable memory.
+impl Simd for Avx2 {
+    const N: usize = 8;
+    type F32x16 = ArrayF32x16;
+    type Floats = __m256;
+    type Places = __m256i;
+    type Mask = __m256;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn splat(x: f32) -> __m256 {
+        unsafe { _mm256_set1_ps(x) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn load(from: *const f32) -> __m256 {
+        unsafe { _mm256_loadu_ps(from) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn store(to: *mut f32, x: __m256) {
+        unsafe { _mm256_storeu_ps(to, x) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn add(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn sub(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn mul(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn div(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_div_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn mul_sub(a: __m256, b: __m256, c: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, c) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn min(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_min_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn max(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_max_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn abs(a: __m256) -> __m256 {
+        unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), a) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn le(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_cmp_ps::<_CMP_LE_OQ>(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn and(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(a, b) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn keep(mask: __m256, a: __m256) -> __m256 {
+        unsafe { _mm256_and_ps(mask, a) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn select(mask: __m256, a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_blendv_ps(b, a, mask) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn mask(bits: u32) -> __m256 {
+        unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let own = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+            _mm256_castsi256_ps(_mm256_cmpeq_epi32(own, lanes))
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn bits(mask: __m256) -> u32 {
+        unsafe { _mm256_movemask_ps(mask) as u32 }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn lane(of: __m256, lane: usize) -> f32 {
+        unsafe { _mm256_cvtss_f32(_mm256_permutevar8x32_ps(of, _mm256_set1_epi32(lane as i32))) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn least(of: u32, a: __m256) -> u32 {
+        unsafe {
+            let a = _mm256_blendv_ps(_mm256_set1_ps(f32::INFINITY), a, Self::mask(of));
+            let b = _mm256_min_ps(a, _mm256_permute2f128_ps::<1>(a, a));
+            let b = _mm256_min_ps(b, _mm256_permute_ps::<0b01_00_11_10>(b));
+            let b = _mm256_min_ps(b, _mm256_permute_ps::<0b10_11_00_01>(b));
+            _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_EQ_OQ>(a, b)) as u32
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        unsafe {
+            let all = _mm256_loadu_si256(from.cast());
+            let equal = _mm256_cmpeq_epi32(all, _mm256_set1_epi32(number as i32));
+            _mm256_movemask_ps(_mm256_castsi256_ps(equal)) as u32
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize {
+        unsafe {
+            let mut end = 0;
+            let mut i = 0;
+            while i < count {
+                // What lies behind may never have been written.
+                let there = _mm256_set1_epi32((count - i).min(8) as i32);
+                let there = _mm256_cmpgt_epi32(there, _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
+                let x = _mm256_maskload_ps(t.add(i), there);
+                let y = _mm256_maskload_epi32(children.add(i).cast(), there);
+                let kept = _mm256_cmp_ps::<_CMP_LE_OQ>(x, _mm256_set1_ps(stop));
+                let kept = _mm256_and_ps(kept, _mm256_castsi256_ps(there));
+                let kept = _mm256_movemask_ps(kept) as u32;
+                let lanes = LANES_OF[kept as usize & 0xff].as_ptr();
+                let lanes = _mm256_cvtepu8_epi32(_mm_loadl_epi64(lanes.cast()));
+                _mm256_storeu_ps(t.add(end), _mm256_permutevar8x32_ps(x, lanes));
+                let y = _mm256_permutevar8x32_epi32(y, lanes);
+                _mm256_storeu_si256(children.add(end).cast(), y);
+                end += kept.count_ones() as usize;
+                i += 8;
+            }
+            end
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn places(from: *const u8) -> __m256i {
+        unsafe { _mm256_cvtepu8_epi32(_mm_loadl_epi64(from.cast())) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn look_up([low, high]: [__m256; 2], at: __m256i) -> __m256 {
+        unsafe {
+            let low = _mm256_permutevar8x32_ps(low, at);
+            let high = _mm256_permutevar8x32_ps(high, at);
+            // Bit 3 of a place names the table; where the sign is decides.
+            let which = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(at));
+            _mm256_blendv_ps(low, high, which)
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize) {
+        unsafe {
+            let (low, high) = (fours(from, stride), fours(from.add(4 * stride), stride));
+            for k in 0..4 {
+                let column = _mm256_permute2f128_ps::<0x20>(low[k], high[k]);
+                _mm256_storeu_ps(to.add(k * to_stride), column);
+                let column = _mm256_permute2f128_ps::<0x31>(low[k], high[k]);
+                _mm256_storeu_ps(to.add((k + 4) * to_stride), column);
+            }
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push(
+        children: *const u32,
+        t: __m256,
+        mask: __m256,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> u32 {
+        unsafe {
+            let read = _mm_load_si128(direction.places.as_ptr().cast());
+            let in_direction = _mm_shuffle_epi8(_mm_loadl_epi64(order.cast()), read);
+            let places = _mm256_cvtepu8_epi32(in_direction);
+            let in_order = _mm256_movemask_ps(_mm256_permutevar8x32_ps(mask, places)) as usize;
+            let lanes = _mm_loadl_epi64(LANES_OF[in_order].as_ptr().cast());
+            let places = _mm256_cvtepu8_epi32(_mm_shuffle_epi8(in_direction, lanes));
+            _mm256_storeu_ps(to_t, _mm256_permutevar8x32_ps(t, places));
+            let all = _mm256_loadu_si256(children.cast());
+            let met = _mm256_permutevar8x32_epi32(all, places);
+            _mm256_storeu_si256(to_children.cast(), met);
+            let last = 7 - ((in_order as u8) | 1).leading_zeros() as usize % 8;
+            let last = *direction.places.get_unchecked(last) as usize;
+            *children.add(*order.add(last) as usize)
+        }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn product_error(a: __m256, b: __m256) -> __m256 {
+        unsafe { _mm256_fmsub_ps(a, b, _mm256_mul_ps(a, b)) }
+    }
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        unsafe { in_its_own_function(task) }
+    }
+}
+
+/// A function compiled for the set.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+unsafe fn in_its_own_function<T: Compiled>(task: T) -> T::Output {
+    // SAFETY: the caller's contract.
+    unsafe { task.run::<Avx2>() }
+}
+
+/// Four rows as columns of four: the k-th vector has, in each half, a column.
+///
+/// # Safety
+/// The processor must have the set, the rows must be readable.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn fours(from: *const f32, stride: usize) -> [__m256; 4] {
+    unsafe {
+        let a = _mm256_loadu_ps(from);
+        let b = _mm256_loadu_ps(from.add(stride));
+        let c = _mm256_loadu_ps(from.add(2 * stride));
+        let d = _mm256_loadu_ps(from.add(3 * stride));
+        let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+        let (cd_low, cd_high) = (_mm256_unpacklo_ps(c, d), _mm256_unpackhi_ps(c, d));
+        [
+            _mm256_shuffle_ps::<0x44>(ab_low, cd_low),
+            _mm256_shuffle_ps::<0xee>(ab_low, cd_low),
+            _mm256_shuffle_ps::<0x44>(ab_high, cd_high),
+            _mm256_shuffle_ps::<0xee>(ab_high, cd_high),
+        ]
+    }
+}

@@ -1,0 +1,162 @@
+//! Four floats: the three axes of one ray, side by side, and one number more. SSE2, which every x86-64
+//! processor has, or plain Rust. Each operation rounds by itself, as scalar code does.
+
+#![allow(
+    clippy::undocumented_unsafe_blocks,
+    reason = "SSE2 is part of x86-64, and rows have four floats"
+)]
+
+#[cfg(target_arch = "x86_64")]
+use core::arch::x86_64::*;
+
+/// Four floats.
+#[derive(Clone, Copy)]
+pub(crate) struct F32x4(
+    #[cfg(target_arch = "x86_64")] __m128,
+    #[cfg(not(target_arch = "x86_64"))] [f32; 4],
+);
+
+/// Defines operations lane by lane: for SSE2, and in plain Rust.
+macro_rules! lane_by_lane {
+    ($($(#[$doc:meta])* $name:ident, $by_sse:expr, $by_lane:expr;)*) => {$(
+        $(#[$doc])*
+        #[cfg_attr(not(unoptimised), inline(always))]
+        pub fn $name(self, other: F32x4) -> F32x4 {
+            #[cfg(target_arch = "x86_64")]
+            return F32x4(unsafe { $by_sse(self.0, other.0) });
+            #[cfg(not(target_arch = "x86_64"))]
+            {
+                let by_lane: fn(f32, f32) -> f32 = $by_lane;
+                F32x4(core::array::from_fn(|i| by_lane(self.0[i], other.0[i])))
+            }
+        }
+    )*};
+}
+
+/// Bits all set where it holds.
+#[cfg(not(target_arch = "x86_64"))]
+fn yes(holds: bool) -> f32 {
+    f32::from_bits(if holds { u32::MAX } else { 0 })
+}
+
+impl F32x4 {
+    lane_by_lane! {
+        /// Sums.
+        plus, _mm_add_ps, |a, b| a + b;
+        /// Differences.
+        minus, _mm_sub_ps, |a, b| a - b;
+        /// Products.
+        times, _mm_mul_ps, |a, b| a * b;
+        /// Quotients.
+        over, _mm_div_ps, |a, b| a / b;
+        /// The lesser ones; `other` where either is no number.
+        min, _mm_min_ps, |a, b| if a < b { a } else { b };
+        /// The greater ones; `other` where either is no number.
+        max, _mm_max_ps, |a, b| if a > b { a } else { b };
+        /// A mask: where this is at most the other.
+        le, _mm_cmple_ps, |a, b| yes(a <= b);
+        /// Bits that both have: of two masks, or of a mask and numbers, which are 0 outside of it.
+        and, _mm_and_ps, |a, b| f32::from_bits(a.to_bits() & b.to_bits());
+        /// Bits that either has.
+        or, _mm_or_ps, |a, b| f32::from_bits(a.to_bits() | b.to_bits());
+    }
+
+    /// Of a row.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn of(row: [f32; 4]) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe { _mm_loadu_ps(row.as_ptr()) });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4(row);
+    }
+
+    /// Of three, and 0.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn of_three([x, y, z]: [f32; 3]) -> F32x4 {
+        F32x4::of([x, y, z, 0.0])
+    }
+
+    /// The same number in all.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn splat(x: f32) -> F32x4 {
+        F32x4::of([x; 4])
+    }
+
+    /// As a row.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn row(self) -> [f32; 4] {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let mut row = [0.0; 4];
+            unsafe { _mm_storeu_ps(row.as_mut_ptr(), self.0) };
+            row
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        self.0
+    }
+
+    /// The first three.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn three(self) -> [f32; 3] {
+        let [x, y, z, _] = self.row();
+        [x, y, z]
+    }
+
+    /// The sign bits, the first lowest.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn signs(self) -> u32 {
+        #[cfg(target_arch = "x86_64")]
+        return unsafe { _mm_movemask_ps(self.0) } as u32;
+        #[cfg(not(target_arch = "x86_64"))]
+        return (0..4).fold(0, |bits, i| bits | (self.0[i].to_bits() >> 31) << i);
+    }
+
+    /// Magnitudes.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn abs(self) -> F32x4 {
+        self.and(F32x4::splat(f32::from_bits(!0 >> 1)))
+    }
+
+    /// Differences of the bits, as whole numbers.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn minus_bits(self, other: F32x4) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe {
+            let (a, b) = (_mm_castps_si128(self.0), _mm_castps_si128(other.0));
+            _mm_castsi128_ps(_mm_sub_epi32(a, b))
+        });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4(core::array::from_fn(|i| {
+            f32::from_bits(self.0[i].to_bits().wrapping_sub(other.0[i].to_bits()))
+        }));
+    }
+
+    /// 0 for what is less than a bound in magnitude.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn at_least(self, bound: f32) -> F32x4 {
+        self.and(F32x4::splat(bound).le(self.abs()))
+    }
+
+    /// The first three, turned: the second, third and first.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn turned(self) -> F32x4 {
+        #[cfg(target_arch = "x86_64")]
+        return F32x4(unsafe { _mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0) });
+        #[cfg(not(target_arch = "x86_64"))]
+        return F32x4([self.0[1], self.0[2], self.0[0], self.0[3]]);
+    }
+
+    /// The greatest of the first three, in the place of each of them.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn greatest_of_three(self) -> F32x4 {
+        let turned = self.turned();
+        self.max(turned).max(turned.turned())
+    }
+
+    /// The least of the first three, in the place of each of them.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn least_of_three(self) -> F32x4 {
+        let turned = self.turned();
+        self.min(turned).min(turned.turned())
+    }
+}

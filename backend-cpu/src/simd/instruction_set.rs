@@ -1,0 +1,109 @@
+//! What the processor can do.
+
+#[cfg(target_arch = "x86_64")]
+use super::avx2::Avx2;
+#[cfg(target_arch = "x86_64")]
+use super::avx512::Avx512;
+#[cfg(target_arch = "aarch64")]
+use super::neon::Neon;
+use super::portable::Portable;
+use super::{Compiled, Simd};
+
+/// What the processor can do, found at run time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InstructionSet {
+    /// Plain Rust, over 8 floats.
+    Portable,
+    /// Vectors of 4 floats in pairs; every 64-bit Arm processor.
+    Neon,
+    /// Vectors of 8 floats.
+    Avx2,
+    /// Vectors of 16 floats.
+    Avx512,
+}
+
+impl InstructionSet {
+    /// The best this processor has. `SPLITPLANE_ISA` (`portable`, `neon`, `avx2`, `avx512`) lowers it, for
+    /// tests and measurements; it never raises it.
+    pub fn detect() -> InstructionSet {
+        let wanted = match std::env::var("SPLITPLANE_ISA").as_deref() {
+            Ok("portable") => InstructionSet::Portable,
+            Ok("neon") => InstructionSet::Neon,
+            Ok("avx2") => InstructionSet::Avx2,
+            _ => InstructionSet::Avx512,
+        };
+        InstructionSet::available()
+            .into_iter()
+            .rfind(|&set| set as u32 <= wanted as u32)
+            .unwrap_or(InstructionSet::Portable)
+    }
+
+    /// All that this processor has, worst first.
+    pub fn available() -> Vec<InstructionSet> {
+        #[allow(unused_mut, reason = "no other set on other processors")]
+        let mut sets = vec![InstructionSet::Portable];
+        #[cfg(all(target_arch = "aarch64", not(miri)))]
+        sets.push(InstructionSet::Neon);
+        #[cfg(all(target_arch = "x86_64", not(miri)))]
+        {
+            let avx2 = is_x86_feature_detected!("avx2")
+                && is_x86_feature_detected!("bmi1")
+                && is_x86_feature_detected!("bmi2")
+                && is_x86_feature_detected!("lzcnt")
+                && is_x86_feature_detected!("popcnt")
+                && is_x86_feature_detected!("fma");
+            if avx2 {
+                sets.push(InstructionSet::Avx2);
+            }
+            if avx2
+                && is_x86_feature_detected!("avx512f")
+                && is_x86_feature_detected!("avx512dq")
+                && is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512vl")
+            {
+                sets.push(InstructionSet::Avx512);
+            }
+        }
+        sets
+    }
+
+    /// Floats in a vector: children of a wide node, triangles of a block.
+    pub const fn lanes(self) -> usize {
+        match self {
+            InstructionSet::Avx512 => 16,
+            _ => 8,
+        }
+    }
+
+    /// The name in reports.
+    pub const fn name(self) -> &'static str {
+        match self {
+            InstructionSet::Portable => "portable",
+            InstructionSet::Neon => "neon",
+            InstructionSet::Avx2 => "avx2",
+            InstructionSet::Avx512 => "avx512",
+        }
+    }
+}
+
+impl InstructionSet {
+    /// Does a task, as compiled for this set.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[inline]
+    pub(crate) unsafe fn run<T: Compiled>(self, task: T) -> T::Output {
+        // SAFETY: the caller's contract.
+        unsafe {
+            match self {
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx512 => Avx512::call(task),
+                #[cfg(target_arch = "x86_64")]
+                InstructionSet::Avx2 => Avx2::call(task),
+                #[cfg(target_arch = "aarch64")]
+                InstructionSet::Neon => Neon::call(task),
+                _ => Portable::call(task),
+            }
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Vector instructions: what an instruction set can do, said once, so that builders and queries are written once for
+//! all sets.
+//!
+//! [`Simd`] is an instruction set. A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and the
+//! rays of a packet's group are lanes. Sums, differences, products and quotients round each by itself, as
+//! scalar code does: only [`Simd::mul_sub`] may round differently from set to set, and nothing that
+//! decides a hit is made with it. So every set gives the same hits.
+//!
+//! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
+//! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
+//!
+//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `portable.rs`. Intrinsics are used nowhere else but
+//! for [`F32x4`], which is SSE2.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+pub(crate) mod avx512;
+pub(crate) mod columns;
+pub(crate) mod every_set;
+pub(crate) mod f32x16;
+mod f32x4;
+mod instruction_set;
+#[cfg(target_arch = "aarch64")]
+mod neon;
+pub(crate) mod portable;
+pub(crate) mod references;
+
+pub(crate) use f32x4::F32x4;
+pub use instruction_set::InstructionSet;
+
+use f32x16::F32x16;
+use references::ReferenceOps;
+
+/// Numbers that the builders' operations take at once, on any set.
+pub(crate) const WIDTH: usize = 16;
+
+/// The most lanes of any set.
+pub(crate) const MOST_LANES: usize = 16;
+
+/// Whether an order is read forwards or backwards.
+#[derive(Clone, Copy, Debug)]
+#[repr(C, align(16))]
+pub(crate) struct Direction {
+    /// Where each place of the order is.
+    pub places: [u8; MOST_LANES],
+    /// The same from the other end.
+    pub reversed: [u8; MOST_LANES],
+}
+
+impl Direction {
+    /// For orders of `lanes` places.
+    pub const fn new(lanes: usize, backwards: bool) -> Direction {
+        let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
+        let mut i = 0;
+        while i < lanes {
+            let (first, last) = (i as u8, (lanes - 1 - i) as u8);
+            (places[i], reversed[i]) = if backwards { (last, first) } else { (first, last) };
+            i += 1;
+        }
+        Direction { places, reversed }
+    }
+}
+
+/// An instruction set.
+///
+/// # Safety
+/// All methods: the processor must have the set, and pointers must be good for as many elements as
+/// the method says; none needs alignment.
+pub(crate) trait Simd: ReferenceOps + Copy {
+    /// Lanes.
+    const N: usize;
+    /// Sixteen floats, however many lanes a vector has.
+    type F32x16: F32x16;
+    /// `N` floats.
+    type Floats: Copy;
+    /// `N` places in a table of `2 N`, from `N` bytes.
+    type Places: Copy;
+    /// `N` yes or no.
+    type Mask: Copy;
+
+    /// The same number in all lanes.
+    unsafe fn splat(x: f32) -> Self::Floats;
+    /// `N` floats from memory.
+    unsafe fn load(from: *const f32) -> Self::Floats;
+    /// `N` floats to memory.
+    unsafe fn store(to: *mut f32, x: Self::Floats);
+    /// Sums.
+    unsafe fn add(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Differences.
+    unsafe fn sub(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Products.
+    unsafe fn mul(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Quotients.
+    unsafe fn div(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `a * b - c`, rounded once or twice.
+    unsafe fn mul_sub(a: Self::Floats, b: Self::Floats, c: Self::Floats) -> Self::Floats;
+    /// `a` where it is less than `b`, else `b`: so `b` where either is no number.
+    unsafe fn min(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// `a` where it is greater than `b`, else `b`.
+    unsafe fn max(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// Magnitudes.
+    unsafe fn abs(a: Self::Floats) -> Self::Floats;
+    /// Where `a <= b`; not where either is no number.
+    unsafe fn le(a: Self::Floats, b: Self::Floats) -> Self::Mask;
+    /// Both.
+    unsafe fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// `a` where the mask says so, else 0.
+    unsafe fn keep(mask: Self::Mask, a: Self::Floats) -> Self::Floats;
+    /// `a` where the mask says so, else `b`.
+    unsafe fn select(mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
+    /// A bit a lane, the first lane lowest.
+    unsafe fn bits(mask: Self::Mask) -> u32;
+    /// The mask of these bits.
+    unsafe fn mask(bits: u32) -> Self::Mask;
+    /// The number in a lane, which there must be.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn lane(of: Self::Floats, lane: usize) -> f32 {
+        let mut row = [0.0; MOST_LANES];
+        // SAFETY: the caller's contract; no set has more lanes.
+        unsafe { Self::store(row.as_mut_ptr(), of) };
+        row[lane]
+    }
+    /// The lanes of `of` (none of which is no number) with the least number of theirs, as bits; others may
+    /// be among them.
+    unsafe fn least(of: u32, a: Self::Floats) -> u32;
+    /// Which of `N` numbers in memory are a given one, as bits.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn equal(from: *const u32, number: u32) -> u32 {
+        let mut bits = 0;
+        for i in 0..Self::N {
+            // SAFETY: the caller's contract.
+            bits |= u32::from(unsafe { *from.add(i) } == number) << i;
+        }
+        bits
+    }
+    /// Keeps, of `count` entries, those with a `t` of at most `stop`, in their order; how many. Reads
+    /// no more, but may write `N` entries more.
+    unsafe fn cull(children: *mut u32, t: *mut f32, count: usize, stop: f32) -> usize;
+    /// Places from `N` bytes, each below 2 `N`, or anything where the result does not matter.
+    unsafe fn places(from: *const u8) -> Self::Places;
+    /// Elements of a table of `2 N`.
+    unsafe fn look_up(table: [Self::Floats; 2], at: Self::Places) -> Self::Floats;
+    /// Turns `N` rows of `N` floats, `stride` apart, into rows of what stood in columns, `to_stride`
+    /// apart.
+    unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
+    /// Writes the children of a mask to the end of a stack, in the order that `order` gives their
+    /// places in (read in the order of `direction`), with the `t` of each. `N` elements are written in all,
+    /// of which as many count as the mask has lanes: `t` must be less than infinity there. Gives the last one
+    /// that counts, or anything where none does: reading it back would wait for the stores.
+    unsafe fn push(
+        children: *const u32,
+        t: Self::Floats,
+        mask: Self::Mask,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> u32;
+
+    /// Does a task in a function of its own, compiled for the set.
+    #[inline(never)]
+    unsafe fn call<T: Compiled>(task: T) -> T::Output {
+        // SAFETY: the caller's contract.
+        unsafe { task.run::<Self>() }
+    }
+
+    /// [`Simd::push`] for the children whose exit is at or behind their entry. Returns the last one, as
+    /// there, and how many there are.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn push_met(
+        children: *const u32,
+        enter: Self::Floats,
+        exit: Self::Floats,
+        order: *const u8,
+        direction: &Direction,
+        to_children: *mut u32,
+        to_t: *mut f32,
+    ) -> (u32, usize) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let met = Self::le(enter, exit);
+            let last = Self::push(children, enter, met, order, direction, to_children, to_t);
+            (last, Self::bits(met).count_ones() as usize)
+        }
+    }
+
+    /// The greater of two magnitudes.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn magnitude(a: Self::Floats, b: Self::Floats) -> Self::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { Self::max(Self::abs(a), Self::abs(b)) }
+    }
+
+    /// Which of 64 bytes are in ranges, as bits: the byte less that of `first` is at most that of `span`. Only where
+    /// `there` has a bit.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn bytes_in_ranges(
+        bytes: &[[u8; 8]; 8],
+        first: &[u8; 64],
+        span: &[u8; 64],
+        there: u64,
+    ) -> u64 {
+        let mut bits = 0;
+        for bit in 0..64 {
+            let inside = bytes[bit / 8][bit % 8].wrapping_sub(first[bit]) <= span[bit];
+            bits |= u64::from(inside) << bit;
+        }
+        bits & there
+    }
+
+    /// What rounding took from products: `a * b` without error, less [`Simd::mul`] of them, rounded.
+    unsafe fn product_error(a: Self::Floats, b: Self::Floats) -> Self::Floats;
+}
+
+/// What is compiled once for each instruction set.
+pub(crate) trait Compiled {
+    /// What comes of it.
+    type Output;
+
+    /// Does it. This, and all that it calls with the set, must be inlined always, unless nothing is
+    /// optimised (`build.rs`): a function of its own is compiled for no set, and each of its operations would be a
+    /// call.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn run<S: Simd>(self) -> Self::Output;
+}
+
+/// Asks for the cache line at an address that need not be readable.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn prefetch(at: *const u8) {
+    #[cfg(target_arch = "x86_64")]
+    // SAFETY: a prefetch reads nothing and faults nowhere; SSE is part of x86-64.
+    unsafe {
+        core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(at.cast());
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    let _ = at;
+}
+
+#[cfg(test)]
+mod tests;

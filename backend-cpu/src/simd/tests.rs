@@ -1,0 +1,205 @@
+//! Each operation of each set against what its description says, lane by lane.
+
+use splitplane_core::arithmetic::{Arithmetic, Strict};
+use splitplane_test_support::random::Random;
+
+use super::instruction_set::InstructionSet;
+use super::*;
+
+/// Few different ones, so that some are equal, and those that are no numbers among them.
+fn float(random: &mut Random) -> f32 {
+    match random.below(16) {
+        0 => f32::NAN,
+        1 => f32::INFINITY,
+        2 => -0.0,
+        3 => 0.0,
+        k => k as f32 - 9.5,
+    }
+}
+
+fn row(random: &mut Random) -> [f32; MOST_LANES] {
+    [(); MOST_LANES].map(|()| float(random))
+}
+
+/// Numbers of all bits, subnormal and infinite ones among them.
+fn wide_row(random: &mut Random) -> [f32; MOST_LANES] {
+    [(); MOST_LANES].map(|()| f32::from_bits(random.bits()))
+}
+
+fn bits(row: &[f32]) -> Vec<u32> {
+    row.iter().map(|x| if x.is_nan() { u32::MAX } else { x.to_bits() }).collect()
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn check<S: Simd>() {
+    let mut random = Random::new(S::N as u64);
+    for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
+        let (x, y) = (row(&mut random), row(&mut random));
+        // SAFETY: the caller's contract; rows have as many elements as any set has lanes.
+        unsafe {
+            let (a, b) = (S::load(x.as_ptr()), S::load(y.as_ptr()));
+            let told = |floats: S::Floats| {
+                let mut row = [0.0; MOST_LANES];
+                S::store(row.as_mut_ptr(), floats);
+                bits(&row[..S::N])
+            };
+            let each = |of: fn(f32, f32) -> f32| {
+                bits(&(0..S::N).map(|i| of(x[i], y[i])).collect::<Vec<_>>())
+            };
+            assert_eq!(told(S::add(a, b)), each(|x, y| x + y));
+            assert_eq!(told(S::sub(a, b)), each(|x, y| x - y));
+            assert_eq!(told(S::mul(a, b)), each(|x, y| x * y));
+            assert_eq!(told(S::div(a, b)), each(|x, y| x / y));
+            assert_eq!(told(S::min(a, b)), each(|x, y| if x < y { x } else { y }));
+            assert_eq!(told(S::max(a, b)), each(|x, y| if x > y { x } else { y }));
+            assert_eq!(told(S::abs(a)), each(|x, _| x.abs()));
+            assert_eq!(told(S::product_error(a, b)), each(|x, y| Strict::two_product(x, y).1));
+            let (p, q) = (wide_row(&mut random), wide_row(&mut random));
+            let error = S::product_error(S::load(p.as_ptr()), S::load(q.as_ptr()));
+            let of = (0..S::N).map(|i| Strict::two_product(p[i], q[i]).1);
+            assert_eq!(told(error), bits(&of.collect::<Vec<_>>()), "{p:?} {q:?}");
+            let le = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] <= y[i]) << i);
+            let mask = S::le(a, b);
+            assert_eq!(S::bits(mask), le);
+            let some = random.bits() & ((1 << S::N) - 1);
+            assert_eq!(S::bits(S::mask(some)), some);
+            assert_eq!(S::bits(S::and(mask, S::mask(some))), le & some);
+            let chosen: Vec<f32> =
+                (0..S::N).map(|i| if le >> i & 1 != 0 { x[i] } else { y[i] }).collect();
+            assert_eq!(told(S::select(mask, a, b)), bits(&chosen));
+            let kept: Vec<f32> =
+                (0..S::N).map(|i| if le >> i & 1 != 0 { x[i] } else { 0.0 }).collect();
+            assert_eq!(told(S::keep(mask, a)), bits(&kept));
+
+            // The least of those that are numbers.
+            let of = (0..S::N).fold(0, |bits, i| bits | u32::from(!x[i].is_nan()) << i) & some;
+            let least = (0..S::N).filter(|i| of >> i & 1 != 0).map(|i| x[i]);
+            let least = least.fold(f32::INFINITY, f32::min);
+            let expected = (0..S::N).fold(0, |bits, i| bits | u32::from(x[i] == least) << i);
+            assert_eq!(S::least(of, a) & of, expected & of);
+
+            let lane = random.below(S::N);
+            assert_eq!(bits(&[S::lane(a, lane)]), bits(&[x[lane]]));
+            let names: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits() % 3);
+            let same = (0..S::N).map(|i| u32::from(names[i] == 1) << i).sum::<u32>();
+            assert_eq!(S::equal(names.as_ptr(), 1), same);
+
+            let places: [u8; MOST_LANES] = core::array::from_fn(|_| random.below(2 * S::N) as u8);
+            let table = [&x[..S::N], &y[..S::N]].concat();
+            let found: Vec<f32> = (0..S::N).map(|i| table[places[i] as usize]).collect();
+            assert_eq!(told(S::look_up([a, b], S::places(places.as_ptr()))), bits(&found));
+        }
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn check_stacks<S: Simd>() {
+    let mut random = Random::new(S::N as u64 + 99);
+    for _ in 0..if cfg!(miri) { 20 } else { 2_000 } {
+        let children: [u32; MOST_LANES] = core::array::from_fn(|_| random.bits());
+        let t = row(&mut random).map(|x| if x.is_nan() { 4.0 } else { x.min(99.0) });
+        let mut order: [u8; MOST_LANES] = core::array::from_fn(|i| i as u8);
+        random.shuffle(&mut order[..S::N]);
+        let backwards = random.below(2) == 0;
+        let direction = Direction::new(S::N, backwards);
+        // Full and empty masks too.
+        let mask = match random.below(8) {
+            0 => 0,
+            1 => (1 << S::N) - 1,
+            _ => random.bits() & ((1 << S::N) - 1),
+        };
+        let mut places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
+        if backwards {
+            places.reverse();
+        }
+        places.retain(|i| mask >> i & 1 != 0);
+        let (mut to, mut to_t) = ([7; 64], [7.0; 64]);
+        // SAFETY: the caller's contract; rows are long enough.
+        unsafe {
+            let floats = S::load(t.as_ptr());
+            let last = S::push(
+                children.as_ptr(),
+                floats,
+                S::mask(mask),
+                order.as_ptr(),
+                &direction,
+                to.as_mut_ptr().add(3),
+                to_t.as_mut_ptr().add(3),
+            );
+            assert_eq!((to[..3].to_vec(), to[3 + S::N]), (vec![7; 3], 7));
+            for (k, &place) in places.iter().enumerate() {
+                assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
+            }
+            if let Some(&place) = places.last() {
+                assert_eq!(last, children[place]);
+            }
+
+            // Entered at `t`, left at others: the same as pushing those that are met.
+            let exit = row(&mut random);
+            let met: u32 = (0..S::N).map(|i| u32::from(t[i] <= exit[i]) << i).sum();
+            let places: Vec<usize> = order[..S::N].iter().map(|&i| i as usize).collect();
+            let places: Vec<usize> =
+                if backwards { places.into_iter().rev().collect() } else { places };
+            let places: Vec<usize> = places.into_iter().filter(|i| met >> i & 1 != 0).collect();
+            let (last, some) = S::push_met(
+                children.as_ptr(),
+                floats,
+                S::load(exit.as_ptr()),
+                order.as_ptr(),
+                &direction,
+                to.as_mut_ptr().add(3),
+                to_t.as_mut_ptr().add(3),
+            );
+            assert_eq!(some, places.len());
+            for (k, &place) in places.iter().enumerate() {
+                assert_eq!((to[3 + k], to_t[3 + k]), (children[place], t[place]));
+            }
+            if let Some(&place) = places.last() {
+                assert_eq!(last, children[place]);
+            }
+
+            let count = random.below(41);
+            let mut t: [f32; 64] = core::array::from_fn(|_| float(&mut random));
+            let mut names: [u32; 64] = core::array::from_fn(|i| i as u32);
+            let stop = random.below(7) as f32 - 3.0;
+            let kept: Vec<u32> = (0..count as u32).filter(|&i| t[i as usize] <= stop).collect();
+            let end = S::cull(names.as_mut_ptr(), t.as_mut_ptr(), count, stop);
+            assert_eq!(names[..end], kept);
+            assert!(t[..end].iter().all(|&t| t <= stop));
+
+            let from: Vec<f32> = (0..S::N * 20).map(|i| i as f32).collect();
+            let mut to = vec![0.0; S::N * 18];
+            S::transpose(from.as_ptr(), 20, to.as_mut_ptr(), 18);
+            for (i, k) in (0..S::N).flat_map(|i| (0..S::N).map(move |k| (i, k))) {
+                assert_eq!(to[k * 18 + i], from[i * 20 + k]);
+            }
+        }
+    }
+}
+
+struct Operations;
+
+impl Compiled for Operations {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        // SAFETY: the caller's contract.
+        unsafe {
+            check::<S>();
+            check_stacks::<S>();
+        }
+    }
+}
+
+#[test]
+fn sets_do_what_is_said() {
+    for set in InstructionSet::available() {
+        // SAFETY: the processor has it.
+        unsafe { set.run(Operations) };
+    }
+}

@@ -1,0 +1,364 @@
+//! The wide triangle test: which triangles of a block hold a hit, and where.
+
+use super::triangle_block::{TriangleBlock, Vectors};
+use core::marker::PhantomData;
+
+use splitplane_core::arithmetic::{Strict, power_of_two, snap};
+use splitplane_core::intersect::{
+    Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
+};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::traverse::Query;
+use splitplane_core::triangle::Triangle;
+
+use super::fast;
+use super::ray_state::RayState;
+use super::refined::Pairs;
+use super::watertight::{Corner, Met, Span, View, meet};
+use crate::simd::{Compiled, Simd};
+
+/// The best hit so far and what follows from it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BestHit {
+    /// The hit, in the caller's units.
+    pub hit: Hit,
+    /// Inner `t` beyond which nothing can precede it.
+    pub stop: f32,
+}
+
+impl BestHit {
+    /// No hit yet.
+    pub const NONE: BestHit = BestHit { hit: Hit::MISS, stop: f32::INFINITY };
+
+    /// Takes a candidate if it is within the caller's limits and comes before. True when it does, and
+    /// for any hit that is the end.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
+        let Some(t) = ray.outer_t::<Strict>(found.t) else { return false };
+        let hit = Hit { t, triangle, u: found.u, v: found.v };
+        let better = hit.precedes(&self.hit);
+        if better {
+            *self = BestHit { hit, stop: ray.stop_after(found.t, t) };
+        }
+        better
+    }
+}
+
+/// Decides one triangle by the reference test.
+#[inline]
+pub(crate) fn decide(
+    ray: &PreparedRay,
+    triangle: &Triangle,
+    options: &QueryOptions<'_>,
+) -> Option<Candidate> {
+    match options.accuracy {
+        Accuracy::Fast => moeller_trumbore::<Strict>(ray, triangle, options.culling),
+        _ => watertight::<Strict>(ray, triangle, options.culling),
+    }
+}
+
+/// Tests one triangle, for rays that vectors are not made for. True when the best hit changed.
+pub(crate) fn test_one(
+    ray: &PreparedRay,
+    corners: &Triangle,
+    triangle: u32,
+    options: &QueryOptions<'_>,
+    best: &mut BestHit,
+) -> bool {
+    if options.ignore == Some(triangle) {
+        return false;
+    }
+    decide(ray, corners, options).is_some_and(|found| best.take(ray, &found, triangle))
+}
+
+/// Tests a block. True when the best hit changed, which for any hit is the end. The ray must not be wide.
+///
+/// # Safety
+/// The processor must have the set, and a block of its width must follow the triangles' words.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
+    ray_state: &RayState,
+    block: &T,
+    options: &QueryOptions<'_>,
+    query: Query,
+    best: &mut BestHit,
+) -> bool {
+    let limit = if best.stop < ray_state.t_max { best.stop } else { ray_state.t_max };
+    let any = query == Query::Any;
+    // SAFETY: the caller's contract.
+    unsafe {
+        if options.accuracy == Accuracy::Fast {
+            let mut sifted = Met::NONE;
+            sifted.unclear = sift_fast::<S, T>(ray_state, block, limit);
+            return sifted.unclear != 0
+                && test_sifted(ray_state, block, options, query, &sifted, best);
+        }
+        let seen = ShearedBlock::<S, T>::new(ray_state, block);
+        // Of what follows the last triangle nothing counts.
+        let mut there = (1u32 << block.count()) - 1;
+        if !any {
+            // A leaf behind the best hit often has its triangle too, and would give the same `t`.
+            there &= !S::equal(block.triangles(), best.hit.triangle);
+        }
+        let meeting = meet(&seen, there, &span::<S>(ray_state, limit), options.culling);
+        let Some(mut meeting) = meeting else { return false };
+        if meeting.met | meeting.unclear == 0 {
+            return false;
+        }
+        // For any hit those that are met come first.
+        if meeting.unclear & meeting.robust != 0 && !(any && meeting.met != 0) {
+            let mut met = Met::of(&meeting);
+            S::call(CloserLook { ray_state, block, limit, met: &mut met });
+            meeting = met.meeting();
+            if meeting.met | meeting.unclear == 0 {
+                return false;
+            }
+        }
+        // Of registers, and whether or not there are several: half of the blocks that are met have
+        // several, and no predictor could tell which.
+        let nearest = if any { meeting.met } else { meeting.nearest() };
+        // Nearly always there is one triangle that is nearer than all others.
+        let one =
+            if any { nearest != 0 } else { meeting.unclear == 0 && nearest.is_power_of_two() };
+        // Of moved rays different inner `t` may be one to the caller, or beyond the limits.
+        if one && options.ignore.is_none() && ray_state.offset == 0.0 {
+            let index = nearest.trailing_zeros() as usize % S::N;
+            let inner = S::lane(meeting.t, index);
+            let t = inner * power_of_two(-ray_state.exponent);
+            // What was flushed or clamped may be the same for others too.
+            if (f32::MIN_POSITIVE..f32::MAX).contains(&t.abs()) {
+                let det = S::lane(meeting.det, index);
+                let u = snap(S::lane(meeting.v, index) / det);
+                let v = snap(S::lane(meeting.w, index) / det);
+                let hit = Hit { t, triangle: block.triangle(index), u, v };
+                let better =
+                    ray_state.limits[0] <= t && t <= ray_state.limits[1] && hit.precedes(&best.hit);
+                if better {
+                    *best = BestHit { hit, stop: stop_after(inner) };
+                }
+                if better || !any {
+                    return better;
+                }
+            }
+        }
+        test_sifted(ray_state, block, options, query, &Met::of(&meeting), best)
+    }
+}
+
+/// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.
+#[inline(never)]
+fn test_sifted<T: TriangleBlock>(
+    ray_state: &RayState,
+    block: &T,
+    options: &QueryOptions<'_>,
+    query: Query,
+    sifted: &Met,
+    best: &mut BestHit,
+) -> bool {
+    let ray = ray_state.ray();
+    // Those that are met first: they may spare the others.
+    let mut bits = u64::from(sifted.met) | u64::from(sifted.unclear) << 32;
+    let mut better = false;
+    while bits != 0 {
+        let index = bits.trailing_zeros() as usize % 32;
+        bits &= bits - 1;
+        let triangle = block.triangle(index);
+        if options.ignore == Some(triangle) {
+            continue;
+        }
+        let found = if sifted.met >> index & 1 != 0 {
+            sifted.candidate(index)
+        } else {
+            let Some(found) = decide(&ray, &block.corners(index), options) else { continue };
+            found
+        };
+        if best.take(&ray, &found, triangle) {
+            better = true;
+            if query == Query::Any {
+                return true;
+            }
+        }
+    }
+    better
+}
+
+/// The triangles of a block as a ray sees them. What is done with a corner is done once for all
+/// triangles that share it.
+struct ShearedBlock<S: Simd, T> {
+    places: [S::Places; 3],
+    /// In as many vectors as [`TriangleBlock::VECTORS`].
+    corners: [Corner<S>; 3],
+    of: PhantomData<T>,
+}
+
+impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
+    /// # Safety
+    /// As for [`test()`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn new(ray_state: &RayState, block: &T) -> ShearedBlock<S, T> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let axes = ray_state.axes();
+            let (origin, shear) = (each::<S>(ray_state.origin), each::<S>(ray_state.shear));
+            // Written out: they are to stay in registers, which loops do not grant.
+            let first = Corner::new(coordinates::<S, T>(block, axes, 0), origin, shear);
+            let second = Corner::new(coordinates::<S, T>(block, axes, 1), origin, shear);
+            let third = if T::VECTORS > 2 {
+                Corner::new(coordinates::<S, T>(block, axes, 2), origin, shear)
+            } else {
+                second
+            };
+            let corners = [first, second, third];
+            ShearedBlock { places: block.places::<S>(), corners, of: PhantomData }
+        }
+    }
+
+    /// The greatest number of each triangle's corners.
+    ///
+    /// # Safety
+    /// As for [`test()`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn greatest(&self, vectors: Vectors<S>) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let [a, b, c] = T::of_corners::<S>(vectors, self.places);
+            S::max(a, S::max(b, c))
+        }
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn each<S: Simd>([x, y, z]: [f32; 3]) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe { [S::splat(x), S::splat(y), S::splat(z)] }
+}
+
+/// # Safety
+/// As for [`test()`].
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn coordinates<S: Simd, T: TriangleBlock>(
+    block: &T,
+    [x, y, z]: [usize; 3],
+    vector: usize,
+) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        [
+            block.coordinates::<S>(x, vector),
+            block.coordinates::<S>(y, vector),
+            block.coordinates::<S>(z, vector),
+        ]
+    }
+}
+
+/// The corners of all triangles, each on three axes, in this order.
+///
+/// # Safety
+/// As for [`test()`].
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn all_corners<S: Simd, T: TriangleBlock>(
+    block: &T,
+    axes: [usize; 3],
+    places: [S::Places; 3],
+) -> [[S::Floats; 3]; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let mut corners = [[S::splat(0.0); 3]; 3];
+        for (k, axis) in axes.into_iter().enumerate() {
+            let second = block.coordinates::<S>(axis, 1);
+            let third = if T::VECTORS > 2 { block.coordinates::<S>(axis, 2) } else { second };
+            let vectors = [block.coordinates::<S>(axis, 0), second, third];
+            let [a, b, c] = T::of_corners::<S>(vectors, places);
+            (corners[0][k], corners[1][k], corners[2][k]) = (a, b, c);
+        }
+        corners
+    }
+}
+
+impl<S: Simd, T: TriangleBlock> View<S> for ShearedBlock<S, T> {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn flat(&self) -> [[S::Floats; 3]; 2] {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe {
+            [
+                T::of_corners::<S>([a.flat[0], b.flat[0], c.flat[0]], self.places),
+                T::of_corners::<S>([a.flat[1], b.flat[1], c.flat[1]], self.places),
+            ]
+        }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn depths(&self) -> [S::Floats; 3] {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { T::of_corners::<S>([a.depth, b.depth, c.depth], self.places) }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn reach(&self) -> S::Floats {
+        let [a, b, c] = &self.corners;
+        // SAFETY: the caller's contract.
+        unsafe { self.greatest([a.reach(), b.reach(), c.reach()]) }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn width(&self, [low, high]: [S::Floats; 2]) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::magnitude(low, high) }
+    }
+}
+
+/// A closer look at the triangles that are unclear, seldom needed.
+struct CloserLook<'a, T> {
+    ray_state: &'a RayState,
+    block: &'a T,
+    limit: f32,
+    met: &'a mut Met,
+}
+
+impl<T: TriangleBlock> Compiled for CloserLook<'_, T> {
+    type Output = ();
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) {
+        let CloserLook { ray_state, block, limit, met } = self;
+        // SAFETY: the caller's contract, and that of [`test()`].
+        unsafe {
+            let ray = ray_state.ray();
+            let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
+            let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+            let mut meeting = met.meeting::<S>();
+            let pairs = Pairs { origin, direction, corners };
+            meeting.look_closely(pairs, &span::<S>(ray_state, limit));
+            *met = Met::of(&meeting);
+        }
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn span<S: Simd>(ray_state: &RayState, limit: f32) -> Span<S> {
+    // SAFETY: the caller's contract.
+    let [t_min, t_max, stop] = unsafe { each::<S>([ray_state.t_min, ray_state.t_max, limit]) };
+    Span { t_min, t_max, stop }
+}
+
+/// Triangles that the fast test accepts, whichever way they face.
+///
+/// # Safety
+/// As for [`test()`].
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn sift_fast<S: Simd, T: TriangleBlock>(ray_state: &RayState, block: &T, limit: f32) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let ray = ray_state.ray();
+        let (origin, direction) = (each::<S>(ray.origin), each::<S>(ray.direction));
+        let corners = all_corners::<S, T>(block, [0, 1, 2], block.places::<S>());
+        let span = [S::splat(ray.t_min), S::splat(limit)];
+        fast::may_meet::<S>(origin, direction, corners, span) & ((1u32 << block.count()) - 1)
+    }
+}

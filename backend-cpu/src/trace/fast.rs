@@ -1,0 +1,63 @@
+//! The fast test in vectors, a triangle and a ray a lane: what it lets through is for
+//! [`splitplane_core::intersect::moeller_trumbore`] to decide.
+
+use crate::simd::Simd;
+
+/// Where rays may meet triangles, whichever way those face, within inner limits. Origins, directions
+/// and corners are on the axes of the mesh.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn may_meet<S: Simd>(
+    origin: [S::Floats; 3],
+    direction: [S::Floats; 3],
+    [a, b, c]: [[S::Floats; 3]; 3],
+    [t_min, t_max]: [S::Floats; 2],
+) -> u32 {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let (ab, ac, ao) = (minus::<S>(b, a), minus::<S>(c, a), minus::<S>(origin, a));
+        let p = cross::<S>(direction, ac);
+        // A zero determinant gives infinities and NaN, which compare false, or passes and is sorted out
+        // by the reference test.
+        let inverse = S::div(S::splat(1.0), dot::<S>(ab, p));
+        let u = S::mul(dot::<S>(ao, p), inverse);
+        let q = cross::<S>(ao, ab);
+        let v = S::mul(dot::<S>(direction, q), inverse);
+        let t = S::mul(dot::<S>(ac, q), inverse);
+        let least = S::le(S::splat(0.0), S::min(u, v));
+        let inside = S::and(least, S::le(S::add(u, v), S::splat(1.0)));
+        S::bits(S::and(inside, S::and(S::le(t_min, t), S::le(t, t_max))))
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn minus<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe { [S::sub(p[0], q[0]), S::sub(p[1], q[1]), S::sub(p[2], q[2])] }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn cross<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        [
+            S::sub(S::mul(p[1], q[2]), S::mul(p[2], q[1])),
+            S::sub(S::mul(p[2], q[0]), S::mul(p[0], q[2])),
+            S::sub(S::mul(p[0], q[1]), S::mul(p[1], q[0])),
+        ]
+    }
+}
+
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+unsafe fn dot<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> S::Floats {
+    // SAFETY: the caller's contract.
+    unsafe { S::add(S::add(S::mul(p[0], q[0]), S::mul(p[1], q[1])), S::mul(p[2], q[2])) }
+}

@@ -1,0 +1,30 @@
+//! Answering rays: traversals over what [`crate::layout`] has made.
+//!
+//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
+//! (`watertight.rs`, `refined.rs`) does the operations of the reference in its order, and the fast test
+//! (`fast.rs`) only sorts out triangles and leaves the others to the reference. In accuracy `exact` what
+//! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
+//!
+//! *Traversals*: `stream.rs` has batches of rays, `single.rs` one ray a call, both by the steps of `step.rs`;
+//! `packet` has rays that go the same way. Rays that need more care go through the tree's own nodes
+//! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
+
+pub(crate) mod batch;
+pub(crate) mod block_test;
+pub(crate) mod exact;
+pub(crate) mod fast;
+pub(crate) mod leaves;
+pub(crate) mod packet;
+pub(crate) mod prepare;
+pub(crate) mod prepare_one;
+pub(crate) mod ray_state;
+pub(crate) mod reference;
+pub(crate) mod refined;
+pub(crate) mod sieve;
+pub(crate) mod single;
+pub(crate) mod step;
+pub(crate) mod stream;
+mod supply;
+pub(crate) mod triangle_block;
+pub(crate) mod walk;
+pub(crate) mod watertight;

@@ -1,0 +1,360 @@
+//! Coherent rays together: all that were made ready at once, or as many as a vector has lanes.
+//!
+//! A packet is one or more groups, each of as many rays as a vector has lanes. At a wide node the packet
+//! as a whole is tested against all children: intervals of its rays' origins and reciprocals give an
+//! entry and an exit that hold for each of them. Only the children that pass are tested ray by ray, one
+//! box against all rays of a group, when their turn comes. In a block triangles that no ray of the packet
+//! can meet are sorted out first, again by intervals; the others are tested one after the other
+//! against all rays of a group, by the operations of [`super::block_test`] in their order. So the hits are bit
+//! for bit those of single rays.
+//!
+//! Rays of a packet have one octant and one largest axis, and lie side by side.
+
+mod bounds;
+mod group;
+mod row;
+mod take;
+#[cfg(test)]
+mod tests;
+mod triangle;
+
+use std::collections::TryReserveError;
+
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::traverse::Query;
+
+use self::bounds::{Bounds, greatest};
+use self::group::Group;
+use self::row::{GroupRow, load};
+use crate::layout::packed_block::PackedBlock;
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{CacheLine, children_offset, is_leaf, leaf_number, lines_of_node};
+use crate::memory::lengthen;
+use crate::simd::{MOST_LANES, Simd};
+use crate::trace::prepare::{CHUNK, PerRay, PreparedRays};
+use crate::trace::ray_state::{EXIT_FACTOR, RayState};
+use crate::trace::step::{Octant, octants_of};
+use crate::trace::watertight::Span;
+
+/// Up to this many rays are each tested alone against a whole block.
+const FEW: u32 = 2;
+/// Blocks of fewer triangles are not looked through for those that the packet can meet.
+const WORTH_CULLING: usize = 3;
+/// Large packets are of use where of the rays of a packet that come to a block at least this many in so
+/// many meet it.
+const ENOUGH: u64 = 2;
+const ENOUGH_OF: u64 = 5;
+/// About this many of the latest rays that came to blocks are remembered.
+const LATELY: u64 = 1 << 12;
+
+/// The fewest lanes of any set, and so the most groups.
+const FEWEST_LANES: usize = 8;
+const MOST_GROUPS: usize = CHUNK / FEWEST_LANES;
+
+/// The places of a node's children.
+static PLACES: [u32; MOST_LANES] = [0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15];
+
+/// Memory of a packet, kept between packets.
+pub(crate) struct Packet {
+    bounds: Bounds,
+    axes: [usize; 3],
+    octant: usize,
+    groups: [Group; MOST_GROUPS],
+    /// The first of the groups that were taken.
+    first: usize,
+    stack: PacketStack,
+    /// Of the rays of packets that came to blocks of late, how many there were and how many met the block.
+    came: u64,
+    met: u64,
+}
+
+/// Rays of a packet as they were made ready, and which group's turn it is.
+struct PacketRays<'a> {
+    ready: &'a PreparedRays,
+    ray_states: &'a mut [RayState; CHUNK],
+    /// The groups whose ways were written, as bits.
+    written: u32,
+    /// The group's first lane.
+    first: usize,
+}
+
+impl PacketRays<'_> {
+    /// The group's part of a row.
+    ///
+    /// # Safety
+    /// The processor must have the set; `first` must leave as many lanes.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn row<S: Simd>(&self, row: &PerRay<f32>) -> S::Floats {
+        // SAFETY: the caller has the set; there are as many lanes from `first` on.
+        unsafe { S::load(row.as_ptr().add(self.first)) }
+    }
+
+    /// Inner `t` that count, where nothing beyond `beyond` does.
+    ///
+    /// # Safety
+    /// As for [`PacketRays::row`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn span<S: Simd>(&self, beyond: &GroupRow) -> Span<S> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let t_max = self.row::<S>(&self.ready.t_max);
+            let t_min = self.row::<S>(&self.ready.t_min);
+            Span { t_min, t_max, stop: S::min(load::<S>(beyond), t_max) }
+        }
+    }
+
+    /// The group's part of three rows.
+    ///
+    /// # Safety
+    /// As for [`PacketRays::row`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn rows<S: Simd>(&self, [x, y, z]: &[PerRay<f32>; 3]) -> [S::Floats; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { [self.row::<S>(x), self.row::<S>(y), self.row::<S>(z)] }
+    }
+
+    /// The state of a ray; the states of its group are written when the first is asked for.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn ray_state<S: Simd>(&mut self, lane: usize) -> &RayState {
+        let group = 1 << (self.first / S::N);
+        if self.written & group == 0 {
+            // SAFETY: the caller's contract.
+            unsafe { self.ready.some_ray_states::<S>(self.first, self.ray_states) };
+            self.written |= group;
+        }
+        &self.ray_states[self.first + lane]
+    }
+}
+
+/// What the packet comes back to: children as node and place, and where the first ray enters.
+struct PacketStack {
+    nodes: Vec<u32>,
+    places: Vec<u32>,
+    t: Vec<f32>,
+}
+
+impl Packet {
+    /// Memory for a packet.
+    pub fn new() -> Packet {
+        Packet {
+            bounds: Bounds::default(),
+            axes: [0, 1, 2],
+            octant: 0,
+            groups: [Group::NONE; MOST_GROUPS],
+            first: 0,
+            stack: PacketStack { nodes: Vec::new(), places: Vec::new(), t: Vec::new() },
+            came: 0,
+            met: 0,
+        }
+    }
+
+    /// Makes room for a stack of `room` entries.
+    ///
+    /// # Errors
+    /// Less memory than that.
+    pub fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
+        lengthen(&mut self.stack.nodes, room, 0)?;
+        lengthen(&mut self.stack.places, room, 0)?;
+        lengthen(&mut self.stack.t, room, 0.0)
+    }
+
+    /// The answers of the rays of a group.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn hits<S: Simd>(&self, group: usize, accuracy: Accuracy) -> [Hit; MOST_LANES] {
+        // SAFETY: the caller's contract.
+        unsafe { self.groups[group].hits::<S>(accuracy) }
+    }
+
+    /// Whether a ray of a group has a hit.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn is_hit(&self, group: usize, lane: usize) -> bool {
+        self.groups[group].is_hit(lane)
+    }
+
+    /// Whether rays stay together on their way, as far as could be seen: then packets may be large.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn keeps_together(&self) -> bool {
+        self.met * ENOUGH_OF >= self.came * ENOUGH
+    }
+
+    /// Traces the rays that were taken, in `G` groups.
+    ///
+    /// # Safety
+    /// The processor must have the set, for whose width the layout was made; the rays must be those
+    /// taken, in as many groups, and none of them wide; there must be room for the nodes' stack.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn trace<S: Simd, const G: usize>(
+        &mut self,
+        layout: &TreeLayout,
+        (ready, ray_states): (&PreparedRays, &mut [RayState; CHUNK]),
+        options: &QueryOptions<'_>,
+        query: Query,
+    ) {
+        let mut rays = PacketRays { ready, ray_states, written: 0, first: 0 };
+        if self.came > LATELY {
+            (self.came, self.met) = (self.came / 2, self.met / 2);
+        }
+        let (lines, words) = (layout.wide.lines().as_ptr(), &layout.words[..]);
+        let room = layout.wide.stack();
+        let PacketStack { nodes, places, t } = &self.stack;
+        debug_assert!(nodes.len().min(places.len()).min(t.len()) >= room);
+        let octant = &octants_of::<S>()[self.octant];
+        let (mut node, mut top) = (0, 0);
+        // SAFETY: the caller's contract; children name nodes or blocks; a stack has room for all
+        // children of the nodes on the way, and for 16 entries more.
+        unsafe {
+            loop {
+                top += self.step::<S>(lines, node, octant, top);
+                loop {
+                    if top == 0 {
+                        return;
+                    }
+                    top -= 1;
+                    if *self.stack.t.get_unchecked(top) > self.bounds.stop {
+                        continue;
+                    }
+                    let parent = *self.stack.nodes.get_unchecked(top);
+                    let place = *self.stack.places.get_unchecked(top) as usize;
+                    let parent = lines.add(parent as usize * lines_of_node(S::N)).cast::<u8>();
+                    let (mut active, mut some) = ([0; G], 0);
+                    for (k, met) in active.iter_mut().enumerate() {
+                        let (group, corner) = (self.first + k, parent.add(4 * place));
+                        rays.first = group * S::N;
+                        *met = self.groups.get_unchecked(group).meets::<S>(&rays, octant, corner);
+                        some |= *met;
+                    }
+                    if some == 0 {
+                        continue;
+                    }
+                    let child = *parent.add(children_offset(S::N) + 4 * place).cast::<u32>();
+                    if !is_leaf(child) {
+                        node = child;
+                        break;
+                    }
+                    let block = PackedBlock::at_unchecked(words, leaf_number(child));
+                    if self.block::<S, G>(&block, &mut rays, active, options, query) {
+                        self.bounds.stop = self.last::<S, G>();
+                        if self.bounds.stop == f32::NEG_INFINITY {
+                            return;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// Where the last ray stops.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn last<S: Simd, const G: usize>(&self) -> f32 {
+        // SAFETY: the caller's contract.
+        unsafe {
+            let mut stop = S::splat(f32::NEG_INFINITY);
+            for k in 0..G {
+                let group = self.groups.get_unchecked(self.first + k);
+                stop = S::max(stop, load::<S>(&group.stop));
+            }
+            greatest::<S>(stop)
+        }
+    }
+
+    /// Puts the children of a node that some ray may meet on the stack; how many.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn step<S: Simd>(
+        &mut self,
+        lines: *const CacheLine,
+        index: u32,
+        octant: &Octant,
+        top: usize,
+    ) -> usize {
+        let bounds = &self.bounds;
+        // SAFETY: the caller's contract.
+        unsafe {
+            let node = lines.add(index as usize * lines_of_node(S::N)).cast::<u8>();
+            let mut enter = S::splat(f32::NEG_INFINITY);
+            let mut exit = S::splat(f32::INFINITY);
+            for axis in 0..3 {
+                let [least, most] = bounds.reciprocal[axis];
+                let near = S::sub(
+                    S::load(node.add(octant.near[axis] as usize).cast()),
+                    S::splat(bounds.near[axis]),
+                );
+                let far = S::sub(
+                    S::load(node.add(octant.far[axis] as usize).cast()),
+                    S::splat(bounds.far[axis]),
+                );
+                let (least, most) = (S::splat(least), S::splat(most));
+                // What is no number bounds nothing: the first operand.
+                enter = S::max(S::min(S::mul(near, least), S::mul(near, most)), enter);
+                exit = S::min(S::max(S::mul(far, least), S::mul(far, most)), exit);
+            }
+            // Places without a child are entered at infinity.
+            let enter = S::max(enter, S::splat(bounds.enter));
+            let exit = S::min(S::mul(exit, S::splat(EXIT_FACTOR)), S::splat(bounds.stop));
+            let met = S::le(enter, exit);
+            S::push(
+                PLACES.as_ptr(),
+                enter,
+                met,
+                node.add(octant.order as usize),
+                &octant.direction,
+                self.stack.places.as_mut_ptr().add(top),
+                self.stack.t.as_mut_ptr().add(top),
+            );
+            let number = S::splat(f32::from_bits(index));
+            S::store(self.stack.nodes.as_mut_ptr().add(top).cast(), number);
+            S::bits(met).count_ones() as usize
+        }
+    }
+
+    /// Tests a block for some rays of each group. True when a best hit changed.
+    ///
+    /// # Safety
+    /// As for [`Packet::trace`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn block<S: Simd, const G: usize>(
+        &mut self,
+        block: &PackedBlock<'_>,
+        rays: &mut PacketRays<'_>,
+        active: [u32; G],
+        options: &QueryOptions<'_>,
+        query: Query,
+    ) -> bool {
+        let mut triangles = (1u32 << block.count()) - 1;
+        let mut most = 0;
+        for rays in active {
+            most = rays.count_ones().max(most);
+            self.met += u64::from(rays.count_ones());
+        }
+        self.came += (G * S::N) as u64;
+        let fast = options.accuracy == Accuracy::Fast;
+        if most > FEW && !fast && block.count() >= WORTH_CULLING {
+            // SAFETY: the caller's contract.
+            triangles &= unsafe { self.cull::<S>(block) };
+        }
+        let mut better = false;
+        for (k, active) in active.into_iter().enumerate() {
+            if active == 0 {
+                continue;
+            }
+            rays.first = (self.first + k) * S::N;
+            // SAFETY: the caller's contract.
+            better |= unsafe {
+                let group = self.groups.get_unchecked_mut(self.first + k);
+                group.block::<S>(block, rays, triangles, active, options, query)
+            };
+        }
+        better
+    }
+}

@@ -1,0 +1,330 @@
+//! Making 32 rays ready at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
+//!
+//! Loops without branches over arrays of 32, which compilers turn into vector instructions. The rare
+//! rays that need more (moved origins, extreme exponents) are left to the scalar code.
+
+use splitplane_core::arithmetic::snap;
+use splitplane_core::intersect::{
+    COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
+    STOP_SLACK, SceneScale,
+};
+use splitplane_core::ray::Ray;
+use splitplane_core::traverse::Query;
+
+use super::ray_state::{
+    AXES, EXIT_FACTOR, ORIGIN_SLACK, RAY_STATE_WORDS, RayState, behind, far_end_is_solid,
+};
+use crate::simd::{MOST_LANES, Simd};
+
+/// Rays made ready together.
+pub(crate) const CHUNK: usize = 32;
+
+/// A number of each ray.
+pub(crate) type PerRay<T> = [T; CHUNK];
+
+/// Rays made ready together; see [`PreparedRay`] and [`RayState`] for the fields.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct PreparedRays {
+    // Row by row the words of a `RayState`.
+    pub reciprocal: [PerRay<f32>; 3],
+    pub near: [PerRay<f32>; 3],
+    pub far: [PerRay<f32>; 3],
+    pub enter: PerRay<f32>,
+    pub exit: PerRay<f32>,
+    pub octant: PerRay<u32>,
+    pub sheared_origin: [PerRay<f32>; 3],
+    pub shear: [PerRay<f32>; 3],
+    pub t_min: PerRay<f32>,
+    pub t_max: PerRay<f32>,
+    pub axes: PerRay<u32>,
+    pub exponent: PerRay<i32>,
+    pub limits: [PerRay<f32>; 2],
+    pub direction: [PerRay<f32>; 3],
+    pub exit_reciprocal: [PerRay<f32>; 3],
+    index: PerRay<u32>,
+    offset: PerRay<f32>,
+    // What else there is.
+    pub origin: [PerRay<f32>; 3],
+    /// 1 for a ray that may hit something.
+    pub alive: PerRay<u32>,
+    /// 1 for a ray that the scalar code must make ready.
+    pub special: PerRay<u32>,
+    /// 1 for a ray with an origin coordinate so small that it was taken as 0.
+    pub shifted: PerRay<u32>,
+}
+
+const _: () = assert!(core::mem::offset_of!(PreparedRays, origin) == RAY_STATE_WORDS * 4 * CHUNK);
+
+/// The numbers of one lane.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
+    [rows[0][lane], rows[1][lane], rows[2][lane]]
+}
+
+impl PreparedRays {
+    /// Room for as many rays.
+    pub const NONE: PreparedRays = PreparedRays {
+        reciprocal: [[0.0; CHUNK]; 3],
+        near: [[0.0; CHUNK]; 3],
+        far: [[0.0; CHUNK]; 3],
+        enter: [0.0; CHUNK],
+        exit: [0.0; CHUNK],
+        octant: [0; CHUNK],
+        sheared_origin: [[0.0; CHUNK]; 3],
+        shear: [[0.0; CHUNK]; 3],
+        t_min: [0.0; CHUNK],
+        t_max: [0.0; CHUNK],
+        axes: [0; CHUNK],
+        exponent: [0; CHUNK],
+        limits: [[0.0; CHUNK]; 2],
+        direction: [[0.0; CHUNK]; 3],
+        exit_reciprocal: [[0.0; CHUNK]; 3],
+        index: [0; CHUNK],
+        offset: [0.0; CHUNK],
+        origin: [[0.0; CHUNK]; 3],
+        alive: [0; CHUNK],
+        special: [0; CHUNK],
+        shifted: [0; CHUNK],
+    };
+
+    /// The states of the rays.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; CHUNK]) {
+        for lane in (0..CHUNK).step_by(S::N) {
+            // SAFETY: the caller's contract.
+            unsafe { self.some_ray_states::<S>(lane, ray_states) };
+        }
+    }
+
+    /// The states of as many rays as the set has lanes, from one on.
+    ///
+    /// # Safety
+    /// The processor must have the set; there must be as many rays.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn some_ray_states<S: Simd>(&self, lane: usize, ray_states: &mut [RayState; CHUNK]) {
+        let rows = (&raw const *self).cast::<f32>();
+        let to = ray_states.as_mut_ptr().cast::<f32>();
+        for first in (0..RAY_STATE_WORDS).step_by(S::N) {
+            // SAFETY: the struct begins with a row for each word of a way; states are of that size.
+            unsafe {
+                S::transpose(
+                    rows.add(first * CHUNK + lane),
+                    CHUNK,
+                    to.add(lane * RAY_STATE_WORDS + first),
+                    RAY_STATE_WORDS,
+                );
+            }
+        }
+    }
+
+    /// Writes the numbers of the ray of one lane to other lanes.
+    pub fn repeat(&mut self, one: usize, lanes: u32) {
+        let rows: &mut [PerRay<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
+        for row in rows {
+            for lane in (0..CHUNK).filter(|lane| lanes >> lane & 1 != 0) {
+                row[lane] = row[one];
+            }
+        }
+    }
+
+    /// One of the rays, as the triangle tests take it.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn ray(&self, lane: usize) -> PreparedRay {
+        PreparedRay {
+            origin: three(&self.origin, lane),
+            direction: three(&self.direction, lane),
+            reciprocal: three(&self.reciprocal, lane),
+            slack: [0.0; 3],
+            axes: AXES[self.axes[lane] as usize % AXES.len()],
+            shear: three(&self.shear, lane),
+            t_min: self.t_min[lane],
+            t_max: self.t_max[lane],
+            limits: [self.limits[0][lane], self.limits[1][lane]],
+            offset: 0.0,
+            exponent: self.exponent[lane],
+            wide: false,
+        }
+    }
+
+    /// Makes the first [`CHUNK`] of some rays ready; lanes without a ray are not alive. `first` is the
+    /// place of the first in its batch.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn fill<S: Simd>(
+        &mut self,
+        rays: &[Ray],
+        scene: &SceneScale,
+        first: usize,
+        query: Query,
+    ) {
+        let count = rays.len().min(CHUNK);
+        // One more than counts, since whole vectors are read.
+        let mut room;
+        let rays = if rays.len() > CHUNK {
+            rays
+        } else {
+            room = [Ray::new([0.0; 3], [0.0; 3]); CHUNK + 1];
+            room[..count].copy_from_slice(&rays[..count]);
+            &room
+        };
+        let mut given = [[0.0f32; CHUNK]; MOST_LANES];
+        for lane in (0..CHUNK).step_by(S::N) {
+            let to = given.as_flattened_mut()[lane..].as_mut_ptr();
+            // SAFETY: the caller's contract; one ray more of 8 floats than there are lanes, and rows for all
+            // columns that a vector takes.
+            unsafe { S::transpose(rays.as_ptr().add(lane).cast(), 8, to, CHUNK) };
+        }
+        let [ox, oy, oz, given_t_min, dx, dy, dz, given_t_max, ..] = &given;
+        let (origins, directions) = ([ox, oy, oz], [dx, dy, dz]);
+        let mut alive = [1u32; CHUNK];
+        let mut special = [u32::from(scene.wide); CHUNK];
+        let mut largest = [0.0f32; CHUNK];
+        self.shifted = [0; CHUNK];
+        for axis in 0..3 {
+            for i in 0..CHUNK {
+                let (o, d) = (origins[axis][i], directions[axis][i]);
+                alive[i] &= u32::from(o.abs() <= f32::MAX) & u32::from(d.abs() <= f32::MAX);
+                let o = snap(o);
+                let near = (scene.near.lo[axis] <= o) & (o <= scene.near.hi[axis]);
+                special[i] |= u32::from(!near) | u32::from(o.abs() > COORDINATE_MOST);
+                let taken = if o.abs() < ORIGIN_LEAST { scene.origin_least } else { o };
+                self.origin[axis][i] = taken;
+                self.shifted[i] |= u32::from(o != taken);
+                let d = snap(d);
+                self.direction[axis][i] = d;
+                largest[i] = if d.abs() > largest[i] { d.abs() } else { largest[i] };
+            }
+        }
+        let mut to_unit = [0.0f32; CHUNK];
+        for i in 0..CHUNK {
+            let (t_min, t_max) = (given_t_min[i], given_t_max[i]);
+            (self.limits[0][i], self.limits[1][i]) = (t_min, t_max);
+            alive[i] &= u32::from(t_min <= t_max) & u32::from(largest[i] > 0.0);
+            let biased = (largest[i].to_bits() >> 23) & 0xff;
+            // Powers up to 2^126 either way serve in one step.
+            special[i] |= u32::from(biased < 1) | u32::from(biased > 253);
+            let biased = biased.clamp(1, 253);
+            self.exponent[i] = biased as i32 - 127;
+            to_unit[i] = f32::from_bits((254 - biased) << 23);
+            let back = f32::from_bits(biased << 23);
+            self.t_min[i] = snap((t_min * back).clamp(-f32::MAX, f32::MAX));
+            self.t_max[i] = snap((t_max * back).clamp(-f32::MAX, f32::MAX));
+            self.enter[i] = self.t_min[i] - self.t_min[i].abs() * STOP_SLACK;
+            self.exit[i] = self.t_max[i] + self.t_max[i].abs() * STOP_SLACK;
+        }
+        for axis in 0..3 {
+            for i in 0..CHUNK {
+                let d = snap((self.direction[axis][i] * to_unit[i]).clamp(-f32::MAX, f32::MAX));
+                self.direction[axis][i] = d;
+                let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
+                let r = 1.0 / if d.abs() < DIRECTION_LEAST { least } else { d };
+                self.reciprocal[axis][i] = r;
+                // Below 2^38 * 2^80: no scene that vectors are made for is wide.
+                let slack = scene.slack * r.abs();
+                self.exit_reciprocal[axis][i] = r * EXIT_FACTOR;
+                let o = self.origin[axis][i];
+                let (low, high) =
+                    ((scene.bounds.lo[axis] - o) * r, (scene.bounds.hi[axis] - o) * r);
+                let (near, far) = if d < 0.0 { (high, low) } else { (low, high) };
+                let near = near - (near.abs() * PLANE_SLACK + slack);
+                let far = far + (far.abs() * PLANE_SLACK + slack);
+                self.enter[i] = if near > self.enter[i] { near } else { self.enter[i] };
+                self.exit[i] = if far < self.exit[i] { far } else { self.exit[i] };
+            }
+        }
+        for axis in 0..3 {
+            for i in 0..CHUNK {
+                let reach = behind(self.enter[i], self.exit[i]);
+                let origin = self.origin[axis][i] * self.reciprocal[axis][i];
+                let slack = scene.base_slack * self.reciprocal[axis][i].abs();
+                let slack = (slack + origin.abs() * ORIGIN_SLACK) + reach;
+                self.near[axis][i] = origin + slack;
+                self.far[axis][i] = (origin - slack) * EXIT_FACTOR;
+            }
+        }
+        let (first_index, any) = (first as u32, query == Query::Any);
+        let [dx, dy, dz] = &self.direction;
+        for i in 0..CHUNK {
+            let (x, y, z) = (dx[i], dy[i], dz[i]);
+            let from_x = y.abs() <= x.abs();
+            let greater = if from_x { x.abs() } else { y.abs() };
+            let is_z = z.abs() > greater;
+            let axis = if is_z { 2 } else { u32::from(!from_x) };
+            let main = if is_z {
+                z
+            } else if from_x {
+                x
+            } else {
+                y
+            };
+            // The two others in cyclic order, exchanged for a negative main component.
+            let first = if is_z {
+                x
+            } else if from_x {
+                y
+            } else {
+                z
+            };
+            let second = if is_z {
+                y
+            } else if from_x {
+                z
+            } else {
+                x
+            };
+            let (first, second) = if main < 0.0 { (second, first) } else { (first, second) };
+            let (sx, sy) = (first / main, second / main);
+            self.shear[0][i] = if sx.abs() < SLOPE_LEAST { 0.0 } else { sx };
+            self.shear[1][i] = if sy.abs() < SLOPE_LEAST { 0.0 } else { sy };
+            self.shear[2][i] = 1.0 / main;
+            self.axes[i] = axis + if main < 0.0 { 3 } else { 0 };
+            let [ox, oy, oz] = [self.origin[0][i], self.origin[1][i], self.origin[2][i]];
+            let along = if is_z {
+                oz
+            } else if from_x {
+                ox
+            } else {
+                oy
+            };
+            let first_origin = if is_z {
+                ox
+            } else if from_x {
+                oy
+            } else {
+                oz
+            };
+            let second_origin = if is_z {
+                oy
+            } else if from_x {
+                oz
+            } else {
+                ox
+            };
+            let swapped = main < 0.0;
+            self.sheared_origin[0][i] = if swapped { second_origin } else { first_origin };
+            self.sheared_origin[1][i] = if swapped { first_origin } else { second_origin };
+            self.sheared_origin[2][i] = along;
+            self.index[i] = first_index + i as u32;
+            let solid = far_end_is_solid(self.enter[i], self.t_min[i], self.exit[i], self.t_max[i]);
+            let negative = u32::from(x < 0.0) | u32::from(y < 0.0) << 1 | u32::from(z < 0.0) << 2;
+            self.octant[i] = negative | u32::from(solid & any) << 3;
+            self.alive[i] = alive[i];
+            self.special[i] = special[i] & alive[i];
+        }
+        if scene.bounds.is_empty() {
+            self.alive = [0; CHUNK];
+        }
+        for i in count..CHUNK {
+            self.alive[i] = 0;
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests;

@@ -1,0 +1,187 @@
+//! A ray under way, as steps at nodes and tests of blocks read it.
+
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
+use splitplane_core::ray::{Accuracy, Hit, Ray};
+use splitplane_core::traverse::Query;
+
+/// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct RayState {
+    pub reciprocal: [f32; 3],
+    /// Origin times reciprocal, with the slack of planes added, and with it taken away; boxes allow for their
+    /// triangles' sizes.
+    pub near: [f32; 3],
+    pub far: [f32; 3],
+    pub enter: f32,
+    /// Where the ray leaves the bounds, or where nothing can precede its best hit any more.
+    pub stop: f32,
+    /// Bits 0 to 2: the direction is negative on x, y, z; bit 3: far children come first.
+    pub octant: u32,
+    /// The origin on the sheared axes.
+    pub origin: [f32; 3],
+    pub shear: [f32; 3],
+    pub t_min: f32,
+    pub t_max: f32,
+    /// The largest component's axis, and 3 more if it is negative.
+    pub axes: u32,
+    pub exponent: i32,
+    pub limits: [f32; 2],
+    pub direction: [f32; 3],
+    /// [`EXIT_FACTOR`] times the reciprocal, for planes behind which a ray leaves; so is `far`.
+    pub exit_reciprocal: [f32; 3],
+    /// The ray's place in its batch; [`RayState::NO_RAY`] for none.
+    pub index: u32,
+    /// See [`PreparedRay::offset`].
+    pub offset: f32,
+}
+
+/// Words of a [`RayState`].
+pub(crate) const RAY_STATE_WORDS: usize = size_of::<RayState>() / 4;
+
+/// The axes that shearing calls x, y and z, by [`RayState::axes`]. Two more than there are, so that the
+/// remainder that keeps places in bounds costs nothing.
+pub(crate) static AXES: [[usize; 3]; 8] =
+    [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
+
+/// Where among these x, y and z are.
+static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
+
+/// What becomes of a ray that vectors did not prepare.
+pub(crate) enum ScalarOutcome {
+    /// It goes through the wide nodes.
+    Traced(RayState),
+    /// It is answered.
+    Answer(Hit),
+}
+
+/// How far off the sieve of accuracy `exact` takes a ray, in inner units. Making it ready flushes what is below
+/// 2^-126 in its direction and, of its greatest coordinate, in its origin: less than 2^-65 on any axis then.
+const FARTHEST: f32 = 1.152_921_5e18; // 2^60
+/// Greatest exponent, either way, of directions that are scaled in one step.
+const MOST_EXPONENT: i32 = 126;
+
+impl RayState {
+    /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
+    #[cold]
+    pub fn prepare_by_core(
+        ray: &Ray,
+        scene: &SceneScale,
+        accuracy: Accuracy,
+        query: Query,
+    ) -> Option<ScalarOutcome> {
+        let from = ray.origin.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else {
+            return Some(ScalarOutcome::Answer(Hit::MISS));
+        };
+        let too_far = accuracy == Accuracy::Exact && from.max(ray.offset.abs()) > FARTHEST;
+        if ray.wide || ray.exponent.abs() > MOST_EXPONENT || too_far {
+            return None;
+        }
+        Some(
+            RayState::of(&ray, scene, query)
+                .map_or(ScalarOutcome::Answer(Hit::MISS), ScalarOutcome::Traced),
+        )
+    }
+
+    /// The state of a ray that the core has prepared; `None` where the ray misses the scene's bounds.
+    fn of(ray: &PreparedRay, scene: &SceneScale, query: Query) -> Option<RayState> {
+        let (enter, exit) = ray.enter::<Strict>(&scene.bounds)?;
+        let reach = behind(enter, exit);
+        let (mut near, mut far, mut octant) = ([0.0; 3], [0.0; 3], 0);
+        for axis in 0..3 {
+            let from = ray.origin[axis] * ray.reciprocal[axis];
+            let base = (scene.base_slack * ray.reciprocal[axis].abs()).min(f32::MAX);
+            let slack = (base + from.abs() * ORIGIN_SLACK) + reach;
+            (near[axis], far[axis]) = (from + slack, (from - slack) * EXIT_FACTOR);
+            octant |= u32::from(ray.direction[axis] < 0.0) << axis;
+        }
+        let solid = query == Query::Any && far_end_is_solid(enter, ray.t_min, exit, ray.t_max);
+        let main = ray.axes[2];
+        Some(RayState {
+            reciprocal: ray.reciprocal,
+            near,
+            far,
+            enter,
+            stop: exit,
+            octant: octant | u32::from(solid) << 3,
+            origin: ray.axes.map(|axis| ray.origin[axis]),
+            shear: ray.shear,
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            axes: main as u32 + 3 * (octant >> main & 1),
+            exponent: ray.exponent,
+            limits: ray.limits,
+            direction: ray.direction,
+            exit_reciprocal: ray.reciprocal.map(|r| r * EXIT_FACTOR),
+            index: RayState::NO_RAY,
+            offset: ray.offset,
+        })
+    }
+
+    /// Not a place in a batch.
+    pub const NO_RAY: u32 = u32::MAX;
+
+    /// No ray.
+    pub fn none() -> RayState {
+        RayState { index: RayState::NO_RAY, ..bytemuck::Zeroable::zeroed() }
+    }
+
+    /// The axes that shearing calls x, y and z.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn axes(&self) -> [usize; 3] {
+        AXES[self.axes as usize % AXES.len()]
+    }
+
+    /// The ray as the reference tests take it.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub fn ray(&self) -> PreparedRay {
+        let axes = self.axes();
+        // By look-ups: numbers written one by one would be waited for where they are read together.
+        let [x, y, z] = PLACES[self.axes as usize % 6];
+        let origin = [self.origin[x], self.origin[y], self.origin[z]];
+        PreparedRay {
+            origin,
+            direction: self.direction,
+            reciprocal: self.reciprocal,
+            // Of planes of the tree, which are left to boxes here.
+            slack: [0.0; 3],
+            axes,
+            shear: self.shear,
+            t_min: self.t_min,
+            t_max: self.t_max,
+            limits: self.limits,
+            offset: self.offset,
+            exponent: self.exponent,
+            wide: false,
+        }
+    }
+}
+
+/// Distances to planes are differences of products here. At most five roundings are of the origin's product,
+/// three of them only where rays leave; this is eight.
+pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
+/// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it
+/// at T (1 + e) or before and
+/// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters. It is
+/// multiplied into the reciprocals beforehand; as a multiplication in each step it took 2 % of the time.
+pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
+/// The part by which planes are widened for rays that begin before their origin, of the greatest distance at
+/// which the ray is within the bounds: distances below 0 are not made greater by a factor.
+const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
+
+/// What planes are widened by besides, for a ray that is within the bounds from here to there.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn behind(enter: f32, exit: f32) -> f32 {
+    let (from, to) = (enter.abs(), exit.abs());
+    let reach = if from > to { from } else { to } * BEHIND_SLACK;
+    if enter < 0.0 { reach } else { 0.0 }
+}
+
+/// Whether a ray probably ends at something solid: it starts within the bounds and runs out of them.
+/// Such rays, indoors, meet the walls first when they ask for any hit from the far end.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn far_end_is_solid(enter: f32, t_min: f32, exit: f32, t_max: f32) -> bool {
+    (enter <= t_min) & (exit < t_max)
+}

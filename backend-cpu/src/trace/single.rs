@@ -1,0 +1,250 @@
+//! One ray a call: the steps of [`super::stream`] without the other rays.
+
+use core::mem::MaybeUninit;
+
+use splitplane_core::intersect::SceneScale;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
+use splitplane_core::traverse::Query;
+
+use super::batch::{Answers, RayBatch};
+use super::block_test::BestHit;
+use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use super::prepare_one::Readiness;
+use super::ray_state::{RayState, ScalarOutcome};
+use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for_block, step};
+use super::stream::Stream;
+use super::{exact, reference};
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{DONE, is_leaf};
+use crate::memory::lengthen;
+use crate::simd::{Compiled, Simd};
+
+/// Entries of a stack that need not be asked for: enough for trees 29 nodes deep.
+const ENTRIES: usize = 512;
+
+/// One ray, and what it is traced through.
+#[derive(Clone, Copy)]
+pub(crate) struct Single<'a> {
+    pub layout: &'a TreeLayout,
+    pub scene: &'a SceneScale,
+    pub ray: &'a Ray,
+    pub options: &'a QueryOptions<'a>,
+    pub query: Query,
+}
+
+impl Compiled for Single<'_> {
+    type Output = Hit;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Hit {
+        if self.layout.wide.lines().is_empty() {
+            return Hit::MISS;
+        }
+        let mut ray_state = RayState::none();
+        let mut readiness = match self.options.accuracy {
+            Accuracy::Exact => Readiness::Special,
+            _ => ray_state.prepare(self.ray, self.scene, self.query),
+        };
+        if let Readiness::Special = readiness
+            && self.options.accuracy != Accuracy::Exact
+        {
+            match RayState::prepare_by_core(self.ray, self.scene, self.options.accuracy, self.query)
+            {
+                Some(ScalarOutcome::Traced(moved)) => {
+                    (ray_state, readiness) = (moved, Readiness::Ready);
+                }
+                Some(ScalarOutcome::Answer(hit)) => return hit,
+                None => {}
+            }
+        }
+        // SAFETY: the caller's contract.
+        unsafe {
+            match (readiness, IndexedLeaves::of(self.layout)) {
+                (Readiness::Misses, _) => Hit::MISS,
+                (Readiness::Special, _) => S::call(WithCare(self)),
+                (Readiness::Ready, None) => {
+                    self.through::<S, _, ENTRIES>(PackedLeaves::new(self.layout), &mut ray_state)
+                }
+                (Readiness::Ready, Some(leaves)) => {
+                    self.through::<S, IndexedLeaves<'_>, ENTRIES>(leaves, &mut ray_state)
+                }
+            }
+        }
+    }
+}
+
+/// One ray, as a batch of one.
+struct WithCare<'a>(Single<'a>);
+
+impl Compiled for WithCare<'_> {
+    type Output = Hit;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Hit {
+        let Single { layout, scene, ray, options, query } = self.0;
+        let mut hit = Hit::MISS;
+        let answers = Answers::Hits(core::slice::from_mut(&mut hit));
+        let batch = RayBatch { layout, scene, rays: core::slice::from_ref(ray), options, query };
+        // SAFETY: the caller's contract.
+        match unsafe { S::call(Stream { batch, answers }) } {
+            Ok(()) => hit,
+            Err(_) => self.0.without_memory(),
+        }
+    }
+}
+
+impl Single<'_> {
+    /// The hit where there is no memory for a stack: by the reference, which needs none.
+    #[cold]
+    fn without_memory(&self) -> Hit {
+        let Single { layout, scene, ray, options, query } = *self;
+        if options.accuracy == Accuracy::Exact {
+            return exact::trace_in_f64(layout, &scene.bounds, ray, options, query);
+        }
+        reference::trace(layout, scene, ray, options, query)
+    }
+
+    /// # Safety
+    /// As for [`Compiled::run`].
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn through<S: Simd, L: Leaves, const ENTRIES: usize>(
+        &self,
+        leaves: L,
+        ray_state: &mut RayState,
+    ) -> Hit {
+        let room = self.layout.wide.stack();
+        if room > ENTRIES {
+            let (mut children, mut t) = (Vec::new(), Vec::new());
+            if lengthen(&mut children, room, 0).and(lengthen(&mut t, room, 0.0)).is_err() {
+                return self.without_memory();
+            }
+            let stack = TraversalStack { children: children.as_mut_ptr(), t: t.as_mut_ptr() };
+            // SAFETY: the caller's contract; stacks of that length.
+            return unsafe { self.walk::<S, L>(leaves, ray_state, stack) };
+        }
+        let mut children = [MaybeUninit::<u32>::uninit(); ENTRIES];
+        let mut t = [MaybeUninit::<f32>::uninit(); ENTRIES];
+        let stack =
+            TraversalStack { children: children.as_mut_ptr().cast(), t: t.as_mut_ptr().cast() };
+        // SAFETY: the caller's contract; stacks of no less length.
+        unsafe { self.walk::<S, L>(leaves, ray_state, stack) }
+    }
+
+    /// # Safety
+    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn walk<S: Simd, L: Leaves>(
+        &self,
+        leaves: L,
+        ray_state: &mut RayState,
+        mut stack: TraversalStack,
+    ) -> Hit {
+        let Single { layout, options, query, .. } = *self;
+        let lines = layout.wide.lines().as_ptr();
+        let test = &TestContext { leaves, options, query };
+        let (mut room, mut best) = (L::room(), BestHit::NONE);
+        let (room, best) = (&mut room, &mut best);
+        let tested = &mut RayTest { test, room, ray_state, best, exact: None };
+        // SAFETY: the stack has the room.
+        unsafe { stack.begin() };
+        let (mut child, mut top) = (0, 0);
+        loop {
+            while !is_leaf(child) {
+                // SAFETY: the caller's contract; the child is a node; the stack has the room.
+                (child, top) =
+                    unsafe { step::<S>(tested.ray_state, lines, child, &mut stack, top) };
+            }
+            if child == DONE {
+                return tested.best.hit;
+            }
+            // A block's header says where its corners are: they need not wait for it.
+            ask_for_block::<S, L>(leaves, child);
+            // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
+            if unsafe { S::call(TestLeaf(child, tested)) } {
+                if query == Query::Any {
+                    return tested.best.hit;
+                }
+                let stop = tested.best.stop.min(tested.ray_state.stop);
+                tested.ray_state.stop = stop;
+                // SAFETY: the caller's contract; the stack has the room.
+                top = unsafe { stack.cull::<S>(top, stop) };
+            }
+            // SAFETY: entries that were written.
+            child = unsafe { *stack.children.add(top) };
+            top = top.wrapping_sub(1);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splitplane_core::backend::{Accelerator, BuildOptions};
+    use splitplane_core::mesh::Mesh;
+    use splitplane_test_support::random::Random;
+
+    use super::*;
+    use crate::CpuBackend;
+    use crate::simd::InstructionSet;
+
+    /// Of a stack that is too short, and one that is long enough.
+    struct Both<'a>(Single<'a>);
+
+    impl Compiled for Both<'_> {
+        type Output = [Hit; 2];
+
+        #[cfg_attr(not(unoptimised), inline(always))]
+        unsafe fn run<S: Simd>(self) -> [Hit; 2] {
+            let Single { layout, scene, ray, query, .. } = self.0;
+            let (mut ray_state, mut again) = (RayState::none(), RayState::none());
+            let Readiness::Ready = ray_state.prepare(ray, scene, query) else {
+                return [Hit::MISS; 2];
+            };
+            again.prepare(ray, scene, query);
+            let leaves = PackedLeaves::new(layout);
+            // SAFETY: the caller's contract.
+            unsafe {
+                [
+                    self.0.through::<S, _, 1>(leaves, &mut ray_state),
+                    self.0.through::<S, _, ENTRIES>(leaves, &mut again),
+                ]
+            }
+        }
+    }
+
+    /// Trees may be deeper than there is room for on the machine's stack.
+    #[test]
+    fn stacks_of_any_length_give_the_same_hits() {
+        let mut random = Random::new(3);
+        let mut point = |spread: f64| [(); 3].map(|()| random.between(-spread, spread) as f32);
+        let triangles: Vec<_> = (0..3000)
+            .map(|_| {
+                let (at, a, b) = (point(1.0), point(0.1), point(0.1));
+                [at, [0, 1, 2].map(|k| at[k] + a[k]), [0, 1, 2].map(|k| at[k] + b[k])]
+            })
+            .collect();
+        let rays: Vec<Ray> = (0..500)
+            .map(|_| {
+                let (from, to) = (point(3.0), point(1.0));
+                Ray::new(from, [0, 1, 2].map(|k| to[k] - from[k]))
+            })
+            .collect();
+        let mesh = Mesh::soup(&triangles).expect("a mesh");
+        for set in InstructionSet::available() {
+            let built = CpuBackend::with_instruction_set(set)
+                .build_accelerator(&mesh, &BuildOptions::default())
+                .expect("a tree");
+            let (layout, scene) = built.parts();
+            let options = &QueryOptions::default();
+            let mut found = 0;
+            for ray in &rays {
+                let single = Single { layout, scene, ray, options, query: Query::Closest };
+                // SAFETY: a set of this processor, and its layout.
+                let [long, short] = unsafe { set.run(Both(single)) };
+                let expected = built.closest_hit(ray, options).unwrap_or(Hit::MISS);
+                assert_eq!([long, short], [expected; 2], "{set:?} {ray:?}");
+                found += usize::from(expected.is_hit());
+            }
+            assert!(found > 100, "{found}");
+        }
+    }
+}

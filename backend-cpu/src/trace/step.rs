@@ -1,0 +1,209 @@
+//! One step of a ray: a wide node, whose boxes are tested all at once, or what a child holds that is no node.
+
+use splitplane_core::ray::QueryOptions;
+use splitplane_core::traverse::Query;
+
+use super::block_test::BestHit;
+use super::leaves::Leaves;
+use super::ray_state::RayState;
+use super::sieve::ExactLane;
+use crate::layout::wide_node::{
+    CacheLine, DONE, bounds_offset, children_offset, leaf_bit, leaf_number, lines_of_node,
+    order_offset,
+};
+use crate::simd::{Compiled, Direction, Simd, prefetch};
+use crate::trace::block_test as leaf;
+
+/// What of a node rays of an octant read, in bytes from its start.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Octant {
+    /// Rows of the planes that they meet first on x, y and z, and of those that they meet last.
+    pub near: [u32; 3],
+    pub far: [u32; 3],
+    /// The order of the children.
+    pub order: u32,
+    pub direction: Direction,
+}
+
+/// Octants by [`RayState::octant`], for nodes of `lanes` children.
+const fn octants(lanes: usize) -> [Octant; 16] {
+    let direction = Direction::new(lanes, false);
+    let mut octants = [Octant { near: [0; 3], far: [0; 3], order: 0, direction }; 16];
+    let mut i = 0;
+    while i < 16 {
+        let [x, y, z, reversed] = [i & 1, i >> 1 & 1, i >> 2 & 1, i >> 3];
+        let signs = [x, y, z];
+        let mut axis = 0;
+        while axis < 3 {
+            let (low, high) = (bounds_offset(lanes, axis, false), bounds_offset(lanes, axis, true));
+            octants[i].near[axis] = if signs[axis] == 0 { low } else { high } as u32;
+            octants[i].far[axis] = if signs[axis] == 0 { high } else { low } as u32;
+            axis += 1;
+        }
+        octants[i].order = order_offset(lanes, (x ^ z) + 2 * (y ^ z)) as u32;
+        octants[i].direction = Direction::new(lanes, z ^ reversed != 0);
+        i += 1;
+    }
+    octants
+}
+
+static OCTANTS_OF_8: [Octant; 16] = octants(8);
+static OCTANTS_OF_16: [Octant; 16] = octants(16);
+
+/// Octants for nodes of as many children as lanes.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
+    if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 }
+}
+
+/// What a ray comes back to: children and where it enters them.
+///
+/// Pointers without bounds: every step reads and writes here.
+pub(crate) struct TraversalStack {
+    pub children: *mut u32,
+    pub t: *mut f32,
+}
+
+impl TraversalStack {
+    /// Puts what ends it at the bottom.
+    ///
+    /// # Safety
+    /// There must be room for an entry.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn begin(&mut self) {
+        // SAFETY: the caller's contract.
+        unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
+    }
+
+    /// Lets go what lies beyond `stop`; the new last entry.
+    ///
+    /// # Safety
+    /// The processor must have the set; the stack must have room for 16 entries more.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
+        // SAFETY: the caller's contract; the lowest entry stays.
+        unsafe { S::cull(self.children.add(1), self.t.add(1), top, stop) }
+    }
+}
+
+/// Takes a step at a node: puts the children that the ray meets on the stack but for the nearest. Where
+/// the ray goes next, and the new last entry.
+///
+/// # Safety
+/// The processor must have the set; the node must be one of the lines; the stack must have room for
+/// 16 entries more.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn step<S: Simd>(
+    ray_state: &RayState,
+    lines: *const CacheLine,
+    node: u32,
+    stack: &mut TraversalStack,
+    top: usize,
+) -> (u32, usize) {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let octant = octants_of::<S>().get_unchecked(ray_state.octant as usize);
+        let node = lines.add(node as usize * lines_of_node(S::N)).cast::<u8>();
+        let plane = |row: u32| S::load(node.add(row as usize).cast());
+        let [x, y, z] = ray_state.reciprocal;
+        let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
+        let enter_x = S::mul_sub(plane(octant.near[0]), x, S::splat(ray_state.near[0]));
+        let enter_y = S::mul_sub(plane(octant.near[1]), y, S::splat(ray_state.near[1]));
+        let enter_z = S::mul_sub(plane(octant.near[2]), z, S::splat(ray_state.near[2]));
+        let [x, y, z] = ray_state.exit_reciprocal;
+        let (x, y, z) = (S::splat(x), S::splat(y), S::splat(z));
+        let exit_x = S::mul_sub(plane(octant.far[0]), x, S::splat(ray_state.far[0]));
+        let exit_y = S::mul_sub(plane(octant.far[1]), y, S::splat(ray_state.far[1]));
+        let exit_z = S::mul_sub(plane(octant.far[2]), z, S::splat(ray_state.far[2]));
+        // Places without a child are entered at infinity.
+        let enter = S::max(S::max(enter_x, enter_y), S::max(enter_z, S::splat(ray_state.enter)));
+        let exit = S::min(S::min(exit_x, exit_y), S::min(exit_z, S::splat(ray_state.stop)));
+        let to = top + 1;
+        let below = *stack.children.add(top);
+        let (nearest, count) = S::push_met(
+            node.add(children_offset(S::N)).cast(),
+            enter,
+            exit,
+            node.add(octant.order as usize),
+            &octant.direction,
+            stack.children.add(to),
+            stack.t.add(to),
+        );
+        let child = core::hint::select_unpredictable(count == 0, below, nearest);
+        (child, (top + count).wrapping_sub(1))
+    }
+}
+
+/// Asks for the memory of a child.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const CacheLine, leaves: L, child: u32) {
+    let node = lines.wrapping_add((child as usize).wrapping_mul(lines_of_node(S::N))) as usize;
+    let block = leaves.address(leaf_number(child)) as usize;
+    // Without a branch, since no predictor could get it right.
+    let is_block = 0usize.wrapping_sub(leaf_bit(child));
+    ask_for_lines::<S>((node ^ ((node ^ block) & is_block)) as *const u8);
+}
+
+/// Asks for the memory of a child that is no node.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) fn ask_for_block<S: Simd, L: Leaves>(leaves: L, child: u32) {
+    ask_for_lines::<S>(leaves.address(leaf_number(child)));
+}
+
+/// Asks for as many lines as a node has, and most blocks.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn ask_for_lines<S: Simd>(at: *const u8) {
+    for line in 0..lines_of_node(S::N) {
+        prefetch(at.wrapping_add(64 * line));
+    }
+}
+
+/// What traversals test triangles with.
+#[derive(Clone, Copy)]
+pub(crate) struct TestContext<'a, L> {
+    pub leaves: L,
+    pub options: &'a QueryOptions<'a>,
+    pub query: Query,
+}
+
+/// What tests of a ray's triangles read and write: the state of the ray, which must not be wide, its best hit, room for
+/// blocks, and its lane where tests are exact.
+pub(crate) struct RayTest<'a, L: Leaves> {
+    pub test: &'a TestContext<'a, L>,
+    pub room: &'a mut L::Room,
+    pub ray_state: &'a mut RayState,
+    pub best: &'a mut BestHit,
+    pub exact: Option<&'a mut ExactLane>,
+}
+
+/// The test of the triangles of a child that is no node but one that a node names. True when the best hit
+/// changed, which for any hit is the end. Of two words, so that they come in registers.
+pub(crate) struct TestLeaf<'a, 'b, L: Leaves>(pub u32, pub &'a mut RayTest<'b, L>);
+
+impl<L: Leaves> Compiled for TestLeaf<'_, '_, L> {
+    type Output = bool;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> bool {
+        let TestLeaf(child, RayTest { test, room, ray_state, best, exact }) = self;
+        let TestContext { leaves, options, query } = **test;
+        let (mut from, mut better) = (0, false);
+        loop {
+            // SAFETY: the caller's contract.
+            better |= unsafe {
+                let (block, next) = leaves.block::<S>(leaf_number(child), from, room);
+                from = next;
+                match exact {
+                    Some(exact) => {
+                        exact.test::<S, _>(ray_state, &block, options, query, &mut best.stop)
+                    }
+                    None => leaf::test::<S, _>(ray_state, &block, options, query, best),
+                }
+            };
+            if L::ONE || from == 0 || (better && query == Query::Any) {
+                return better;
+            }
+        }
+    }
+}

@@ -1,0 +1,145 @@
+//! Where the lanes of a batch get their rays: prepared by vectors, and traced in packets where they are coherent.
+
+use splitplane_core::ray::{Accuracy, Hit, Ray};
+
+use super::batch::{Answers, RayBatch};
+use super::leaves::IndexedLeaves;
+use super::packet::Packet;
+use super::prepare::{CHUNK, PreparedRays};
+use super::ray_state::{RayState, ScalarOutcome};
+use super::{exact, reference};
+use crate::simd::{Simd, prefetch};
+
+/// Where lanes get their rays: made ready 32 at a time.
+pub(super) struct Supply<'a> {
+    pub batch: RayBatch<'a>,
+    /// The first ray not yet made ready.
+    pub next: usize,
+    pub ready: &'a mut PreparedRays,
+    pub ray_states: &'a mut [RayState; CHUNK],
+    /// Rays of `ready` not yet handed out.
+    pub left: u32,
+    pub packet: &'a mut Packet,
+}
+
+impl Supply<'_> {
+    /// The next ray that needs a lane. Rays that miss the bounds, and those left to the scalar code,
+    /// are answered on the way.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&RayState> {
+        while self.left == 0 {
+            let RayBatch { scene, rays, options, query, .. } = self.batch;
+            if self.next >= rays.len() {
+                return None;
+            }
+            let start = self.next;
+            let chunk = &rays[start..(start + CHUNK).min(rays.len())];
+            for line in 0..size_of::<[Ray; CHUNK]>() / 64 {
+                // What comes after the next rays: batches are long, and read only once.
+                let rays = rays.as_ptr().wrapping_add(start + 2 * CHUNK);
+                prefetch(rays.cast::<u8>().wrapping_add(64 * line));
+            }
+            // SAFETY: the caller's contract.
+            unsafe { self.ready.fill::<S>(&rays[start..], scene, start, query) };
+            self.next += chunk.len();
+            let ready = &*self.ready;
+            let shifts = u32::from(options.accuracy == Accuracy::Exact);
+            let (mut special, mut alive) = (0, 0);
+            for lane in 0..CHUNK {
+                let within = u32::from(ready.enter[lane] <= ready.exit[lane]);
+                special |= (ready.special[lane] | (ready.shifted[lane] & shifts)) << lane;
+                alive |= (ready.alive[lane] & within) << lane;
+            }
+            let there = u32::MAX >> (CHUNK - chunk.len());
+            self.left = alive & !special;
+            let mut missing = there & !alive & !special;
+            while missing != 0 {
+                let lane = missing.trailing_zeros() as usize;
+                missing &= missing - 1;
+                answers.set(start + lane, Hit::MISS);
+            }
+            // SAFETY: the caller's contract.
+            unsafe { self.packets::<S>(start, answers) };
+            if self.left != 0 {
+                // SAFETY: the caller's contract.
+                unsafe { self.ready.ray_states::<S>(self.ray_states) };
+            }
+            special &= there;
+            while special != 0 {
+                let lane = special.trailing_zeros() as usize;
+                special &= special - 1;
+                match self.prepare_by_core(&chunk[lane]) {
+                    ScalarOutcome::Traced(ray_state) => {
+                        self.ray_states[lane] =
+                            RayState { index: (start + lane) as u32, ..ray_state };
+                        self.left |= 1 << lane;
+                    }
+                    ScalarOutcome::Answer(hit) => answers.set(start + lane, hit),
+                }
+            }
+        }
+        let lane = self.left.trailing_zeros() as usize;
+        self.left &= self.left - 1;
+        Some(&self.ray_states[lane])
+    }
+
+    /// Answers the rays made ready that go the same way: all together, or as many as a vector has lanes.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
+        let RayBatch { layout, scene, options, query, .. } = self.batch;
+        // Packets test blocks as they are stored.
+        if options.accuracy == Accuracy::Exact || IndexedLeaves::of(layout).is_some() {
+            return;
+        }
+        let sizes = if self.packet.keeps_together() { &[CHUNK, S::N][..] } else { &[S::N] };
+        for &lanes in sizes {
+            for first in (0..CHUNK).step_by(lanes) {
+                let rays = self.left & (u32::MAX >> (CHUNK - lanes)) << first;
+                let groups = first / S::N..(first + lanes) / S::N;
+                let (start, mut group) = (start + first, groups.start);
+                // SAFETY: the caller's contract; rays left to the scalar code are not in `left`.
+                unsafe {
+                    if !self.packet.take_coherent::<S>(self.ready, groups, rays, scene) {
+                        continue;
+                    }
+                    let ready = (&*self.ready, &mut *self.ray_states);
+                    match lanes / S::N {
+                        2 if S::N == 16 => self.packet.trace::<S, 2>(layout, ready, options, query),
+                        4 if S::N == 8 => self.packet.trace::<S, 4>(layout, ready, options, query),
+                        _ => self.packet.trace::<S, 1>(layout, ready, options, query),
+                    }
+                }
+                self.left &= !rays;
+                for start in (start..start + lanes).step_by(S::N) {
+                    let here = (rays >> (group * S::N)) & (u32::MAX >> (32 - S::N));
+                    // SAFETY: the caller's contract; the rays are the group's.
+                    unsafe {
+                        let group = (&*self.packet, group);
+                        answers.set_group::<S>(start, here, group, options.accuracy);
+                    }
+                    group += 1;
+                }
+            }
+        }
+    }
+
+    /// Prepares a ray that vectors did not prepare. The core moves one that starts far away, which is then traced like all
+    /// others; the few that are left are traced alone.
+    #[cold]
+    fn prepare_by_core(&self, ray: &Ray) -> ScalarOutcome {
+        let RayBatch { layout, scene, options, query, .. } = self.batch;
+        RayState::prepare_by_core(ray, scene, options.accuracy, query).unwrap_or_else(|| {
+            ScalarOutcome::Answer(if options.accuracy == Accuracy::Exact {
+                exact::trace_in_f64(layout, &scene.bounds, ray, options, query)
+            } else {
+                reference::trace(layout, scene, ray, options, query)
+            })
+        })
+    }
+}

@@ -1,0 +1,173 @@
+//! Blocks of triangles as the wide tests read them: packed ones share corners, gathered ones do not.
+
+use splitplane_core::triangle::Triangle;
+
+use crate::layout::gathered_block::GatheredBlock;
+use crate::layout::packed_block::PackedBlock;
+use crate::simd::{MOST_LANES, Simd};
+
+/// Triangles that are tested at once, as the test reads them.
+pub(crate) trait TriangleBlock {
+    /// Vectors that the corners' coordinates on an axis take: 2 or 3.
+    const VECTORS: usize;
+
+    /// How many, at most as many as there are lanes.
+    fn count(&self) -> usize;
+
+    /// Whether they are [large](crate::layout::large), in a block of their own.
+    fn is_large(&self) -> bool;
+
+    /// The index of a triangle in the mesh.
+    fn triangle(&self, index: usize) -> u32;
+
+    /// The indices of all, at the start of a vector that may be read.
+    fn triangles(&self) -> *const u32;
+
+    /// The corners of a triangle.
+    fn corners(&self, index: usize) -> Triangle;
+
+    /// A vector of coordinates on an axis.
+    ///
+    /// # Safety
+    /// The processor must have the set, and a block of its width must follow what is there.
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats;
+
+    /// What finds the corners of the triangles in such vectors.
+    ///
+    /// # Safety
+    /// As for [`TriangleBlock::coordinates`].
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3];
+
+    /// What the triangles' corners have, of a number of each corner.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, places: [S::Places; 3]) -> [S::Floats; 3];
+}
+
+/// Corners are shared: the second vector is needed by some blocks only, but by which is not foreseen.
+impl TriangleBlock for PackedBlock<'_> {
+    const VECTORS: usize = 2;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn count(&self) -> usize {
+        PackedBlock::count(self)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_large(&self) -> bool {
+        PackedBlock::is_large(self)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangle(&self, index: usize) -> u32 {
+        PackedBlock::triangle(self, index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangles(&self) -> *const u32 {
+        PackedBlock::triangles(self)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn corners(&self, index: usize) -> Triangle {
+        PackedBlock::corners(self, index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+        // SAFETY: the caller's contract.
+        unsafe { S::load(PackedBlock::coordinates(self, axis).wrapping_add(vector * S::N)) }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
+        // SAFETY: the caller's contract.
+        unsafe {
+            [
+                S::places(PackedBlock::places(self, 0)),
+                S::places(PackedBlock::places(self, 1)),
+                S::places(PackedBlock::places(self, 2)),
+            ]
+        }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn of_corners<S: Simd>(
+        [low, high, _]: Vectors<S>,
+        places: [S::Places; 3],
+    ) -> [S::Floats; 3] {
+        // SAFETY: the caller's contract.
+        unsafe { of_corners::<S>([low, high], places) }
+    }
+}
+
+/// Corners are written out: one vector for the first ones, one for the second, one for the third.
+impl TriangleBlock for GatheredBlock<'_> {
+    const VECTORS: usize = 3;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn count(&self) -> usize {
+        self.count
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn is_large(&self) -> bool {
+        self.large
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangle(&self, index: usize) -> u32 {
+        GatheredBlock::triangle(self, index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn triangles(&self) -> *const u32 {
+        self.words.as_ptr().wrapping_add(9 * self.stride).cast()
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn corners(&self, index: usize) -> Triangle {
+        GatheredBlock::corners(self, index)
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats {
+        let row = (3 * vector + axis) * self.stride;
+        // SAFETY: the caller's contract.
+        unsafe { S::load(self.words.as_ptr().wrapping_add(row)) }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn places<S: Simd>(&self) -> [S::Places; 3] {
+        // SAFETY: the caller's contract. Nothing is looked up.
+        unsafe { [S::places([0; MOST_LANES].as_ptr()); 3] }
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, _: [S::Places; 3]) -> [S::Floats; 3] {
+        vectors
+    }
+}
+
+/// A number of each corner. One vector is enough for some blocks, but which is not foreseen.
+pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
+
+/// What the triangles' corners have, of a number of each corner.
+///
+/// # Safety
+/// The processor must have the set.
+#[cfg_attr(not(unoptimised), inline(always))]
+pub(crate) unsafe fn of_corners<S: Simd>(
+    table: Table<S>,
+    places: [S::Places; 3],
+) -> [S::Floats; 3] {
+    // SAFETY: the caller's contract.
+    unsafe {
+        let [a, b, c] = places;
+        [S::look_up(table, a), S::look_up(table, b), S::look_up(table, c)]
+    }
+}
+
+/// A number of each corner, in as many vectors as [`TriangleBlock::VECTORS`].
+pub(crate) type Vectors<S> = [<S as Simd>::Floats; 3];
