@@ -40,4 +40,5 @@ pub mod traverse;
 pub mod tree;
 pub mod triangle;
 pub mod validate;
+pub mod walk;
 pub mod watch;
