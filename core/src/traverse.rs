@@ -136,10 +136,11 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
     }
     let Some(ray) = PreparedRay::new::<A>(ray, scene) else { return Hit::MISS };
     let Some(interval) = ray.enter::<A>(&scene.bounds) else { return Hit::MISS };
-    let (best, stop, walk_ray) = (Hit::MISS, f32::INFINITY, InnerRay::<A>::new(&ray));
-    let mut search = Search { tree, triangles, ray: walk_ray, options, query, observer, best, stop };
-    walk(tree.nodes, &walk_ray, interval, &mut search);
-    search.best
+    let ray = InnerRay::<A>::new(&ray);
+    let best = Best { hit: Hit::MISS, stop: f32::INFINITY };
+    let mut search = Search { tree, triangles, ray, options, query, observer, best };
+    walk(tree.nodes, &ray, interval, &mut search);
+    search.best.hit
 }
 
 /// A prepared ray among planes, in inner `t`, in an arithmetic.
@@ -187,9 +188,7 @@ struct Search<'a, A, S: ?Sized, O> {
     options: &'a QueryOptions,
     query: Query,
     observer: &'a mut O,
-    best: Hit,
-    /// Inner `t` beyond which no leaf can have a better one.
-    stop: f32,
+    best: Best,
 }
 
 impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<'_, A, S, O> {
@@ -200,27 +199,50 @@ impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<
 
     #[inline(always)]
     fn leaf(&mut self, Leaf { first, count, .. }: Leaf<f32>) -> ControlFlow<(), f32> {
-        let (ray, options) = (self.ray.ray, self.options);
-        let tested = if self.observer.leaf(count) { self.tree.leaf(first, count) } else { &[] };
+        let Search { tree, triangles, ray, options, query, observer, best } = self;
+        let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
+        best.test::<A, O>(ray.ray, *triangles, tested, options, *query, observer)
+    }
+}
+
+/// The best hit so far.
+struct Best {
+    hit: Hit,
+    /// Inner `t` beyond which no leaf can have a better one.
+    stop: f32,
+}
+
+impl Best {
+    /// Tests the triangles of a leaf. Ends the walk with the first hit where any will do.
+    #[inline(always)]
+    fn test<A: Arithmetic, O: Observer>(
+        &mut self,
+        ray: &PreparedRay,
+        triangles: &(impl Triangles + ?Sized),
+        tested: &[u32],
+        options: &QueryOptions,
+        query: Query,
+        observer: &mut O,
+    ) -> ControlFlow<(), f32> {
         for &triangle in tested {
             if options.ignore == Some(triangle) {
                 continue;
             }
-            self.observer.triangle();
-            let corners = self.triangles.corners(triangle);
+            observer.triangle();
+            let culling = options.culling;
             let candidate = match options.accuracy {
-                Accuracy::Fast => moeller_trumbore::<A>(ray, &corners, options.culling),
-                _ => watertight::<A>(ray, &corners, options.culling),
+                Accuracy::Fast => moeller_trumbore::<A>(ray, &triangles.corners(triangle), culling),
+                _ => watertight::<A>(ray, &triangles.corners(triangle), culling),
             };
             let Some(candidate) = candidate else { continue };
             let Some(t) = ray.outer_t::<A>(candidate.t) else { continue };
             let hit = Hit { t, triangle, u: candidate.u, v: candidate.v };
-            if self.query == Query::Any {
-                self.best = hit;
+            if query == Query::Any {
+                self.hit = hit;
                 return ControlFlow::Break(());
             }
-            if hit.precedes(&self.best) {
-                self.best = hit;
+            if hit.precedes(&self.hit) {
+                self.hit = hit;
                 self.stop = ray.stop_after(candidate.t, t);
             }
         }

@@ -71,7 +71,7 @@ impl<T, F: FnMut(Leaf<T>) -> ControlFlow<(), T>> Visitor<T> for F {
 /// # Panics
 /// Where nodes name children that do not exist, or are deeper than [`MAX_DEPTH`]. Nodes that name themselves or
 /// those before them may keep it going for ever.
-#[inline]
+#[inline(always)]
 pub fn walk<R: WalkRay, V: Visitor<R::T>>(
     nodes: &[KdNode],
     ray: &R,
