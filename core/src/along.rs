@@ -4,6 +4,8 @@ use core::ops::ControlFlow;
 
 use crate::exact::{ExactRay, Walker};
 use crate::ray::Ray;
+#[cfg(feature = "alloc")]
+use crate::tree::KdTree;
 use crate::tree::KdTreeView;
 use crate::walk::{Leaf, walk};
 
@@ -98,5 +100,18 @@ impl KdTreeView<'_> {
             }
             ControlFlow::Continue(end)
         });
+    }
+}
+
+#[cfg(feature = "alloc")]
+impl KdTree {
+    /// Shorthand for [`KdTreeView::visit_along`] of the view.
+    #[inline]
+    pub fn visit_along(
+        &self,
+        ray: &Ray,
+        visit: impl FnMut(&LeafAlong<'_>) -> ControlFlow<(), f64>,
+    ) {
+        self.view().visit_along(ray, visit);
     }
 }

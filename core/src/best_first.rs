@@ -6,7 +6,7 @@ use core::ops::ControlFlow;
 
 use crate::aabb::Aabb;
 use crate::node::NodeKind;
-use crate::tree::KdTreeView;
+use crate::tree::{KdTree, KdTreeView};
 
 /// A leaf, and the box that it is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,7 +18,8 @@ pub struct LeafCell<'a> {
     pub triangles: &'a [u32],
     /// The box of space.
     pub cell: &'a Aabb,
-    /// No less than the lower bound that was given for the cell.
+    /// The greatest lower bound that was given for the cell or one that holds it; minus infinity where nothing is
+    /// known.
     pub bound: f64,
 }
 
@@ -69,10 +70,10 @@ impl KdTreeView<'_> {
     /// its leaves make up the whole triangle, so `visit` may take the cost of the whole triangle wherever it meets
     /// it. A bound may be the box's in any measure: squared distances will do.
     ///
-    /// *Order.* Least bound first, among equal bounds the node of lower index. A child's bound is no less than its
-    /// parent's. A node whose bound equals the best cost is still visited, for what ties with it; so ties
-    /// can be given to the lowest index, and the answer does not depend on the tree. Leaves without
-    /// triangles are visited too.
+    /// *Order.* Leaves come in the order of (bound, node index), where the bound of a node is the greatest of those
+    /// given for it and for the nodes above it. The search ends before the first whose bound is greater
+    /// than the best cost. One that equals it is still visited, for what ties; so `visit` can give ties to the lowest
+    /// triangle index, and the answer does not depend on the tree. Leaves without triangles are visited too.
     ///
     /// *Time and memory.* No node is visited twice, so it ends, whatever the bounds are. There is no recursion. At
     /// most as many nodes wait as the tree has leaves, 40 bytes each; with useful bounds, tens of them.
@@ -168,5 +169,21 @@ impl KdTreeView<'_> {
             };
         }
         Ok(best)
+    }
+}
+
+impl KdTree {
+    /// Shorthand for [`KdTreeView::find_best`] of the view.
+    ///
+    /// # Errors
+    /// As there.
+    #[inline]
+    pub fn find_best(
+        &self,
+        within: f64,
+        lower_bound: impl FnMut(&Aabb) -> f64,
+        visit: impl FnMut(&LeafCell<'_>) -> ControlFlow<(), f64>,
+    ) -> Result<f64, TryReserveError> {
+        self.view().find_best(within, lower_bound, visit)
     }
 }
