@@ -44,7 +44,8 @@ fn cells(tree: &KdTree, node: u32, bounds: Aabb, path: &[(usize, f32, bool)], ou
                 let mut part = bounds;
                 let side = if upper { &mut part.lo } else { &mut part.hi };
                 side[axis.index()] = split;
-                let path: Vec<_> = path.iter().copied().chain([(axis.index(), split, upper)]).collect();
+                let path: Vec<_> =
+                    path.iter().copied().chain([(axis.index(), split, upper)]).collect();
                 cells(tree, child, part, &path, out);
             }
         }
@@ -178,7 +179,8 @@ fn all_leaves_on_the_way_are_visited_near_to_far() {
             // Each side of a plane before the other, as the direction has it: no two leaves stand otherwise.
             let mut order: Vec<&Cell> = leaves.iter().collect();
             order.sort_by_key(|cell| {
-                let side = |&(axis, _, upper): &(usize, f32, bool)| upper != (ray.direction[axis] < 0.0);
+                let side =
+                    |&(axis, _, upper): &(usize, f32, bool)| upper != (ray.direction[axis] < 0.0);
                 cell.path.iter().map(side).collect::<Vec<bool>>()
             });
             let mut latest = Fraction(i128::from(i64::MIN), 1);
@@ -242,7 +244,11 @@ fn a_shortened_ray_passes_what_begins_before_its_end_and_a_break_ends_it() {
                 tree.visit_along(&ray, |leaf| {
                     list.push((leaf.node, leaf.t_enter, leaf.t_exit));
                     // It stays as short as it was.
-                    ControlFlow::Continue(if list.len() == 1 { end } else { random.pick(&[FAR, f64::NAN]) })
+                    ControlFlow::Continue(if list.len() == 1 {
+                        end
+                    } else {
+                        random.pick(&[FAR, f64::NAN])
+                    })
                 });
                 let expected = all.iter().enumerate().filter(|(i, leaf)| *i == 0 || leaf.1 <= end);
                 assert_eq!(list, expected.map(|(_, leaf)| *leaf).collect::<Vec<_>>());

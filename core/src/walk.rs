@@ -19,12 +19,12 @@ pub trait WalkRay {
     /// Whether the ray comes to the upper side of a plane across this axis first.
     fn is_backwards(&self, axis: usize) -> bool;
 
-    /// The least and greatest `t` at which the ray may be at a plane. They must hold the exact one, as wide
-    /// as whoever tests triangles needs it.
+    /// The least and greatest `t` at which the ray may be at a plane. They hold the exact one, with as much room as
+    /// whoever tests triangles needs.
     ///
-    /// For a plane that the ray never reaches, both are the infinity on that side of the walk on which the
-    /// ray stays: plus infinity where it stays on the near side. For a plane that it lies in, minus and plus
-    /// infinity.
+    /// For a plane that the ray never reaches, both lie beyond the whole walk: above it where the ray stays on the
+    /// near side, below it where it stays on the far side. For a plane that the ray lies in, the interval holds the
+    /// whole walk. The near side is the lower one, unless the ray is backwards.
     fn plane_interval(&self, axis: usize, position: f32) -> (Self::T, Self::T);
 }
 
