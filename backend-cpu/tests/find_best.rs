@@ -5,6 +5,7 @@ use std::cmp::Ordering;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::best_first::LeafCell;
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTree;
@@ -214,6 +215,10 @@ fn the_extreme_triangles_are_found() {
     }
 }
 
+fn never(leaf: LeafCell<'_>) -> ControlFlow<(), f64> {
+    panic!("{leaf:?} is visited")
+}
+
 #[test]
 fn a_break_ends_the_search() {
     let tree = build(&scenes::sphere(16, [0.0; 3], 1.0), Preset::Balanced);
@@ -230,7 +235,6 @@ fn a_break_ends_the_search() {
         assert_eq!((visits, found), (stop, Ok(if stop == 1 { NONE } else { 3.0 })));
     }
     // Neither leaves that are of no interest, nor those of a tree without triangles.
-    let never = |_: &_| -> ControlFlow<(), f64> { panic!("no leaf") };
     assert_eq!(tree.find_best(NONE, |_| NONE, never), Ok(NONE));
     assert_eq!(tree.find_best(-1.0, |_| 0.0, never), Ok(-1.0));
     assert_eq!(build(&scenes::none(), Preset::Fast).find_best(2.0, |_| 0.0, never), Ok(2.0));

@@ -212,7 +212,7 @@ fn all_leaves_on_the_way_are_visited_near_to_far() {
             assert_eq!(next.next(), None, "{}: a leaf that is not there, or out of order", name());
         }
     }
-    assert!(met > 20_000 && in_planes > 2_000 && touched > 1_000, "{met} {in_planes} {touched}");
+    assert!(met > 10_000 && in_planes > 1_500 && touched > 1_500, "{met} {in_planes} {touched}");
 }
 
 /// What is handed over are the references of the leaf.
@@ -275,9 +275,9 @@ fn the_nearest_hit_is_found() {
     let mut hits = 0;
     for (scene, tree, leaves) in &trees() {
         let (mesh, oracle) = (scene.mesh(), Oracle::new(&scene.mesh()));
-        for ray in rays(tree, leaves, &mut random, 20) {
+        for ray in rays(tree, leaves, &mut random, 40) {
             let (exact, mut best) = (ExactRay::new(&ray).expect("a ray"), Best::default());
-            tree.visit_along(&ray, |leaf: &LeafAlong<'_>| {
+            tree.visit_along(&ray, |leaf: LeafAlong<'_>| {
                 let mut stop = best.stop();
                 for &triangle in leaf.triangles {
                     let corners = mesh.corners(triangle);

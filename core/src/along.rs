@@ -81,7 +81,7 @@ impl KdTreeView<'_> {
     pub fn visit_along(
         &self,
         ray: &Ray,
-        mut visit: impl FnMut(&LeafAlong<'_>) -> ControlFlow<(), f64>,
+        mut visit: impl FnMut(LeafAlong<'_>) -> ControlFlow<(), f64>,
     ) {
         let Some(ray) = ExactRay::new(ray) else { return };
         if self.bounds.is_empty() {
@@ -93,7 +93,7 @@ impl KdTreeView<'_> {
         walk(self.nodes, &walker, interval, &mut |leaf: Leaf<f64>| {
             let Leaf { node, first, count, enter, exit } = leaf;
             let triangles = self.leaf(first, count);
-            let given = visit(&LeafAlong { node, triangles, t_enter: enter, t_exit: exit })?;
+            let given = visit(LeafAlong { node, triangles, t_enter: enter, t_exit: exit })?;
             // Not for a NaN.
             if given < end {
                 end = given;
@@ -107,11 +107,7 @@ impl KdTreeView<'_> {
 impl KdTree {
     /// Shorthand for [`KdTreeView::visit_along`] of the view.
     #[inline]
-    pub fn visit_along(
-        &self,
-        ray: &Ray,
-        visit: impl FnMut(&LeafAlong<'_>) -> ControlFlow<(), f64>,
-    ) {
+    pub fn visit_along(&self, ray: &Ray, visit: impl FnMut(LeafAlong<'_>) -> ControlFlow<(), f64>) {
         self.view().visit_along(ray, visit);
     }
 }

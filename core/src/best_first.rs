@@ -17,7 +17,7 @@ pub struct LeafCell<'a> {
     /// empty space. A triangle is in all leaves that it has a part in, so it may come again.
     pub triangles: &'a [u32],
     /// The box of space.
-    pub cell: &'a Aabb,
+    pub cell: Aabb,
     /// The greatest lower bound that was given for the cell or one that holds it; minus infinity where nothing is
     /// known.
     pub bound: f64,
@@ -126,7 +126,7 @@ impl KdTreeView<'_> {
         &self,
         within: f64,
         mut lower_bound: impl FnMut(&Aabb) -> f64,
-        mut visit: impl FnMut(&LeafCell<'_>) -> ControlFlow<(), f64>,
+        mut visit: impl FnMut(LeafCell<'_>) -> ControlFlow<(), f64>,
     ) -> Result<f64, TryReserveError> {
         let mut best = within;
         if self.bounds.is_empty() {
@@ -149,7 +149,7 @@ impl KdTreeView<'_> {
             next = match self.nodes[node as usize].kind() {
                 NodeKind::Leaf { first, count } => {
                     let triangles = self.leaf(first, count);
-                    match visit(&LeafCell { node, triangles, cell: &cell, bound }) {
+                    match visit(LeafCell { node, triangles, cell, bound }) {
                         ControlFlow::Continue(cost) if cost < best => best = cost,
                         ControlFlow::Continue(_) => {}
                         ControlFlow::Break(()) => break,
@@ -182,7 +182,7 @@ impl KdTree {
         &self,
         within: f64,
         lower_bound: impl FnMut(&Aabb) -> f64,
-        visit: impl FnMut(&LeafCell<'_>) -> ControlFlow<(), f64>,
+        visit: impl FnMut(LeafCell<'_>) -> ControlFlow<(), f64>,
     ) -> Result<f64, TryReserveError> {
         self.view().find_best(within, lower_bound, visit)
     }
