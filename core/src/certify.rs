@@ -8,17 +8,18 @@
 //! Decided rays have the triangle that [`crate::exact`] finds; the others are for those who can tell. The
 //! bounds are derived in ARCHITECTURE.md.
 //!
-//! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_traverse.wgsl`.
+//! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
+
+use core::ops::ControlFlow;
 
 use crate::aabb::{max, min};
 use crate::arithmetic::{Arithmetic, DOUBLE_NOISE, Double, exponent, snap};
-use crate::config::MAX_DEPTH;
 use crate::intersect::{EDGE_LEAST, PreparedRay, SceneScale, scale};
-use crate::node::NodeKind;
 use crate::ray::{Culling, Hit, QueryOptions, Ray};
-use crate::traverse::{Query, Triangles};
+use crate::traverse::{InnerRay, Query, Triangles};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
+use crate::walk::{Leaf, walk};
 
 /// The `triangle` of a hit that is not decided. Its `t` is no greater than that of whatever is in doubt.
 pub const UNDECIDED_HIT: u32 = 0xffff_fffd;
@@ -464,67 +465,36 @@ fn trace_with<A: Arithmetic>(
     if !is_as_given(ray, &prepared) {
         return Hit { t: -f32::MAX, triangle: UNDECIDED_HIT, u: 0.0, v: 0.0 };
     }
-    let Some((mut enter, mut exit)) = prepared.enter::<A>(&scene.bounds) else { return Hit::MISS };
+    let Some(interval) = prepared.enter::<A>(&scene.bounds) else { return Hit::MISS };
+    let walk_ray = InnerRay::<A>::new(&prepared);
     let mut search = Search::START;
-    let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
-    let mut top = 0;
-    let mut node = 0u32;
-    loop {
-        match tree.nodes[node as usize].kind() {
-            NodeKind::Interior { axis, split, right } => {
-                let (least, greatest) = prepared.plane_interval::<A>(axis.index(), split);
-                let backwards = prepared.direction[axis.index()] < 0.0;
-                let (near, far) = if backwards { (right, node + 1) } else { (node + 1, right) };
-                if greatest < enter {
-                    node = far;
-                } else if least > exit {
-                    node = near;
-                } else {
-                    stack[top] = (far, max(enter, least), exit);
-                    top += 1;
-                    node = near;
-                    exit = min(exit, greatest);
-                }
+    let visit = |Leaf { first, count, .. }: Leaf<f32>| {
+        for &triangle in tree.leaf(first, count) {
+            let known = search.best.is_some_and(|(_, index)| index == triangle);
+            if known || options.ignore == Some(triangle) {
                 continue;
             }
-            NodeKind::Leaf { first, count } => {
-                for &triangle in tree.leaf(first, count) {
-                    let known = search.best.is_some_and(|(_, index)| index == triangle);
-                    if known || options.ignore == Some(triangle) {
-                        continue;
-                    }
-                    let corners = triangles.corners(triangle);
-                    let verdict = examine::<A>(&prepared, &corners, options.culling, search.stop);
-                    search.note::<A>(verdict, triangle, |other| {
-                        same(&corners, &triangles.corners(other))
-                    });
-                    if query == Query::Any && search.best.is_some() {
-                        // Whatever is in doubt, this is hit.
-                        search.doubt = f32::INFINITY;
-                        return search.hit::<A>(&prepared);
-                    }
-                    if query == Query::Closest {
-                        search.stop = search.doubt;
-                        if let Some((met, _)) = search.best {
-                            let greatest = met.greatest::<A>();
-                            let stop = prepared.stop_after(greatest, greatest);
-                            search.stop = min(search.stop, stop);
-                        }
-                    }
+            let corners = triangles.corners(triangle);
+            let verdict = examine::<A>(&prepared, &corners, options.culling, search.stop);
+            search.note::<A>(verdict, triangle, |other| same(&corners, &triangles.corners(other)));
+            if query == Query::Any && search.best.is_some() {
+                // Whatever is in doubt, this is hit.
+                search.doubt = f32::INFINITY;
+                return ControlFlow::Break(());
+            }
+            if query == Query::Closest {
+                search.stop = search.doubt;
+                if let Some((met, _)) = search.best {
+                    let greatest = met.greatest::<A>();
+                    let stop = prepared.stop_after(greatest, greatest);
+                    search.stop = min(search.stop, stop);
                 }
             }
         }
-        loop {
-            if top == 0 {
-                return search.hit::<A>(&prepared);
-            }
-            top -= 1;
-            (node, enter, exit) = stack[top];
-            if enter <= search.stop {
-                break;
-            }
-        }
-    }
+        ControlFlow::Continue(search.stop)
+    };
+    walk(tree.nodes, &walk_ray, interval, &mut { visit });
+    search.hit::<A>(&prepared)
 }
 
 #[cfg(all(test, feature = "alloc"))]

@@ -8,9 +8,12 @@ extern crate alloc;
 pub mod aabb;
 #[cfg(feature = "alloc")]
 pub mod all_hits;
+pub mod along;
 pub mod arithmetic;
 #[cfg(feature = "alloc")]
 pub mod backend;
+#[cfg(feature = "alloc")]
+pub mod best_first;
 pub mod bins;
 pub mod certify;
 pub mod config;
@@ -41,4 +44,5 @@ pub mod traverse;
 pub mod tree;
 pub mod triangle;
 pub mod validate;
+pub mod walk;
 pub mod watch;

@@ -1,14 +1,18 @@
-//! The reference traversal: closest hit and any hit in one loop, without allocation. Faster
+//! The reference traversal: closest hit and any hit by one search, without allocation. Faster
 //! traversals are held to its answers.
+
+use core::marker::PhantomData;
+use core::ops::ControlFlow;
 
 use crate::arithmetic::{Arithmetic, Strict};
 use crate::config::MAX_DEPTH;
 use crate::exact;
 use crate::intersect::{PreparedRay, SceneScale, moeller_trumbore, watertight};
-use crate::node::{KdNode, NodeKind};
+use crate::node::KdNode;
 use crate::ray::{Accuracy, Hit, QueryOptions, Ray};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
+use crate::walk::{Leaf, Visitor, WalkRay, walk};
 
 /// Where a traversal finds the triangles that references name: snapped corners by index.
 pub trait Triangles {
@@ -115,10 +119,9 @@ pub fn trace<A: Arithmetic>(
     trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
 }
 
-/// The one loop, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Front to
-/// back; both children are visited when the plane lies
-/// within its error of the interval; triangles are tested against the whole ray; it stops when the
-/// next entry lies beyond the best hit and its error.
+/// One ray, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Triangles are
+/// tested against the whole ray, not the part in their leaf; the walk stops when the next leaf begins beyond the
+/// best hit and its error.
 pub fn trace_observed<A: Arithmetic, O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -131,71 +134,119 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
     if options.accuracy == Accuracy::Exact {
         return exact::trace(tree, triangles, ray, options, query, observer);
     }
-    let mut best = Hit::MISS;
-    let Some(prepared) = PreparedRay::new::<A>(ray, scene) else { return best };
-    let Some((mut enter, mut exit)) = prepared.enter::<A>(&scene.bounds) else { return best };
-    let mut stop = f32::INFINITY;
-    let mut stack = [(0u32, 0.0f32, 0.0f32); MAX_DEPTH as usize + 1];
-    let mut top = 0;
-    let mut node = 0u32;
-    loop {
-        observer.node();
-        match tree.nodes[node as usize].kind() {
-            NodeKind::Interior { axis, split, right } => {
-                let (least, greatest) = prepared.plane_interval::<A>(axis.index(), split);
-                let backwards = prepared.direction[axis.index()] < 0.0;
-                let (near, far) = if backwards { (right, node + 1) } else { (node + 1, right) };
-                if greatest < enter {
-                    node = far;
-                } else if least > exit {
-                    node = near;
-                } else {
-                    stack[top] = (far, if least > enter { least } else { enter }, exit);
-                    top += 1;
-                    node = near;
-                    if greatest < exit {
-                        exit = greatest;
-                    }
-                }
+    let Some(ray) = PreparedRay::new::<A>(ray, scene) else { return Hit::MISS };
+    let Some(interval) = ray.enter::<A>(&scene.bounds) else { return Hit::MISS };
+    let ray = InnerRay::<A>::new(&ray);
+    let best = Best { hit: Hit::MISS, stop: f32::INFINITY };
+    let mut search = Search { tree, triangles, ray, options, query, observer, best };
+    walk(tree.nodes, &ray, interval, &mut search);
+    search.best.hit
+}
+
+/// A prepared ray among planes, in inner `t`, in an arithmetic.
+#[derive(Debug)]
+pub struct InnerRay<'a, A> {
+    ray: &'a PreparedRay,
+    arithmetic: PhantomData<A>,
+}
+
+impl<A> Clone for InnerRay<'_, A> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<A> Copy for InnerRay<'_, A> {}
+
+impl<'a, A: Arithmetic> InnerRay<'a, A> {
+    /// The ray, to be walked with.
+    #[inline]
+    pub fn new(ray: &'a PreparedRay) -> InnerRay<'a, A> {
+        InnerRay { ray, arithmetic: PhantomData }
+    }
+}
+
+impl<A: Arithmetic> WalkRay for InnerRay<'_, A> {
+    type T = f32;
+
+    #[inline(always)]
+    fn is_backwards(&self, axis: usize) -> bool {
+        self.ray.direction[axis] < 0.0
+    }
+
+    #[inline(always)]
+    fn plane_interval(&self, axis: usize, position: f32) -> (f32, f32) {
+        self.ray.plane_interval::<A>(axis, position)
+    }
+}
+
+/// The search for the hit of least `(t, triangle)`, or for any.
+struct Search<'a, A, S: ?Sized, O> {
+    tree: &'a KdTreeView<'a>,
+    triangles: &'a S,
+    ray: InnerRay<'a, A>,
+    options: &'a QueryOptions<'a>,
+    query: Query,
+    observer: &'a mut O,
+    best: Best,
+}
+
+impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<'_, A, S, O> {
+    #[inline(always)]
+    fn node(&mut self) {
+        self.observer.node();
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, Leaf { first, count, .. }: Leaf<f32>) -> ControlFlow<(), f32> {
+        let Search { tree, triangles, ray, options, query, observer, best } = self;
+        let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
+        best.test::<A, O>(ray.ray, *triangles, tested, options, *query, observer)
+    }
+}
+
+/// The best hit so far.
+struct Best {
+    hit: Hit,
+    /// Inner `t` beyond which no leaf can have a better one.
+    stop: f32,
+}
+
+impl Best {
+    /// Tests the triangles of a leaf. Ends the walk with the first hit where any will do.
+    #[inline(always)]
+    fn test<A: Arithmetic, O: Observer>(
+        &mut self,
+        ray: &PreparedRay,
+        triangles: &(impl Triangles + ?Sized),
+        tested: &[u32],
+        options: &QueryOptions<'_>,
+        query: Query,
+        observer: &mut O,
+    ) -> ControlFlow<(), f32> {
+        for &triangle in tested {
+            if options.ignore == Some(triangle) {
                 continue;
             }
-            NodeKind::Leaf { first, count } => {
-                let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
-                for &triangle in tested {
-                    if options.ignore == Some(triangle) {
-                        continue;
-                    }
-                    observer.triangle();
-                    let corners = triangles.corners(triangle);
-                    let candidate = match options.accuracy {
-                        Accuracy::Fast => {
-                            moeller_trumbore::<A>(&prepared, &corners, options.culling)
-                        }
-                        _ => watertight::<A>(&prepared, &corners, options.culling),
-                    };
-                    let Some(candidate) = candidate else { continue };
-                    let Some(t) = prepared.outer_t::<A>(candidate.t) else { continue };
-                    let hit = Hit { t, triangle, u: candidate.u, v: candidate.v };
-                    if query == Query::Any {
-                        return hit;
-                    }
-                    if hit.precedes(&best) {
-                        best = hit;
-                        stop = prepared.stop_after(candidate.t, t);
-                    }
-                }
+            observer.triangle();
+            let culling = options.culling;
+            let candidate = match options.accuracy {
+                Accuracy::Fast => moeller_trumbore::<A>(ray, &triangles.corners(triangle), culling),
+                _ => watertight::<A>(ray, &triangles.corners(triangle), culling),
+            };
+            let Some(candidate) = candidate else { continue };
+            let Some(t) = ray.outer_t::<A>(candidate.t) else { continue };
+            let hit = Hit { t, triangle, u: candidate.u, v: candidate.v };
+            if query == Query::Any {
+                self.hit = hit;
+                return ControlFlow::Break(());
+            }
+            if hit.precedes(&self.hit) {
+                self.hit = hit;
+                self.stop = ray.stop_after(candidate.t, t);
             }
         }
-        loop {
-            if top == 0 {
-                return best;
-            }
-            top -= 1;
-            (node, enter, exit) = stack[top];
-            if enter <= stop {
-                break;
-            }
-        }
+        ControlFlow::Continue(self.stop)
     }
 }
 

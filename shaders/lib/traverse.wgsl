@@ -1,5 +1,9 @@
-// Twin of core/src/traverse.rs: closest hit and any hit in one loop. Tree, triangles and scene are
-// read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
+// Twin of core/src/walk.rs: the walk of a ray down the tree, for closest and any hits. Tree, triangles and
+// scene are read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
+//
+// What is done with the triangles of leaves stands in search.wgsl or certain_search.wgsl: a struct `Search` with
+// at least `found` and `stop`, and the functions `new_search`, `is_traceable`, `may_skip`, `searched` and
+// `search_hit`.
 
 // MAX_DEPTH + 1: one entry a level, and the first, which is not used.
 const STACK_ENTRIES: u32 = 97u;
@@ -11,32 +15,29 @@ struct StackEntry {
     leave: f32,
 }
 
-// True when a hit comes before `best`: lesser `t`, at equal `t` the lower triangle index.
-fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
-    return t < best.t || (t == best.t && triangle < best.triangle);
-}
-
 // Front to back; both children are visited when the plane lies within its error of the interval;
-// triangles are tested against the whole ray; it stops when the next entry lies beyond the best hit
-// and its error. `any` ends it at the first hit.
+// triangles are tested against the whole ray; it stops when the next entry lies beyond `stop` of the search.
+// `any` ends it at the first hit.
 //
 // Some drivers end loops that run long: Mesa's llvmpipe after 65,535 rounds of all loops of an
 // invocation together. That is noticed after each loop, by conditions that hold after every complete
 // run, written so that no compiler can draw this conclusion. The hit is then `UNFINISHED`.
 fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     opaque_zero = scene.zero;
-    var best = no_hit();
     let prepared = prepare_ray(ray);
     if !prepared.some {
-        return best;
+        return no_hit();
+    }
+    if !is_traceable(ray, prepared) {
+        return Hit(-GREATEST, UNDECIDED_HIT, 0.0, 0.0);
     }
     let entered = enter_bounds(prepared);
     var enter = entered.x;
     var leave = entered.y;
     if enter > leave {
-        return best;
+        return no_hit();
     }
-    var stop = GREATEST;
+    var search = new_search();
     var stack: array<StackEntry, STACK_ENTRIES>;
     // Entry 0 is not used: at the end `top` is 0, and only then.
     var top = 1u;
@@ -71,24 +72,13 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             }
             let triangle = leaf_references[words.x + i];
             i += 1u;
-            if triangle == options.ignore {
+            if triangle == options.ignore || may_skip(search, triangle) {
                 continue;
             }
             observe_triangle();
-            let candidate = test_triangle(prepared, corners_of(triangle), options.culling);
-            if !candidate.some {
-                continue;
-            }
-            let t = outer_t(prepared, candidate.t);
-            if !within_limits(prepared, t) {
-                continue;
-            }
-            if any {
-                return Hit(t, triangle, candidate.u, candidate.v);
-            }
-            if precedes(t, triangle, best) {
-                best = Hit(t, triangle, candidate.u, candidate.v);
-                stop = stop_after(prepared, candidate.t, t);
+            search = searched(search, prepared, triangle, options.culling, any);
+            if any && search.found {
+                return search_hit(search, prepared);
             }
         }
         cut_short = cut_short || (i ^ opaque_zero) < payload;
@@ -98,7 +88,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
                 break;
             }
             let entry = stack[top];
-            if entry.enter <= stop {
+            if entry.enter <= search.stop {
                 node = entry.node;
                 enter = entry.enter;
                 leave = entry.leave;
@@ -112,15 +102,15 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     if cut_short || (top ^ opaque_zero) != 0u {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
-    return best;
+    return search_hit(search, prepared);
 }
 
-// The hit of least (t, triangle).
+// The hit of least (t, triangle); where hits are to be certain, of least exact t, or `UNDECIDED_HIT`.
 fn closest_hit(ray: Ray, options: QueryOptions) -> Hit {
     return trace_ray(ray, options, false);
 }
 
-// Whether the ray hits anything. False for an unfinished ray.
+// Whether the ray hits anything. False for a ray that is undecided or unfinished.
 fn any_hit(ray: Ray, options: QueryOptions) -> bool {
     return is_hit(trace_ray(ray, options, true));
 }

@@ -27,6 +27,12 @@ impl WalkNode {
         bytemuck::cast_slice(nodes)
     }
 
+    /// The nodes in the tree's format, for a walk that does not follow what leaves name.
+    #[inline]
+    pub fn as_tree(nodes: &[WalkNode]) -> &[KdNode] {
+        bytemuck::cast_slice(nodes)
+    }
+
     /// The node, to be decoded.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn node(&self) -> &KdNode {

@@ -4,7 +4,7 @@
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::intersect::{PreparedRay, SceneScale};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
+use splitplane_core::traverse::{InnerRay, Query};
 
 use super::block_test::{BestHit, test_one};
 use super::walk::walk;
@@ -22,7 +22,7 @@ pub(crate) fn trace(
     let mut best = BestHit::NONE;
     let Some(ray) = PreparedRay::new::<Strict>(ray, scene) else { return best.hit };
     let Some(interval) = ray.enter::<Strict>(&scene.bounds) else { return best.hit };
-    walk(blocks.walk_nodes(), &ray, interval, |leaf| {
+    walk(blocks.walk_nodes(), &InnerRay::<Strict>::new(&ray), interval, |leaf| {
         let answered = blocks.any_triangle(leaf, |triangle, corners| {
             test_one(&ray, corners, triangle, options, &mut best) && query == Query::Any
         });

@@ -1,15 +1,16 @@
 //! The reference traversal of accuracy `exact`: intervals in `f64`, whose range and precision leave
 //! nothing to scale, to move or to make slack for.
 
+use core::ops::ControlFlow;
+
 use super::ExactRay;
 use super::meeting::{Meeting, meet};
 use crate::aabb::Aabb;
-use crate::config::MAX_DEPTH;
-use crate::node::NodeKind;
 use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::traverse::{Observer, Query, Triangles};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
+use crate::walk::{Leaf, Visitor, WalkRay, walk};
 
 /// Relative widening of the distance to a plane: the difference of two floats and a quotient are one
 /// rounding of `f64` each, 2^-53, and so is the widening; this is twice that.
@@ -28,17 +29,31 @@ impl Walker {
         Walker { origin: ray.origin.map(f64::from), direction: ray.direction.map(f64::from) }
     }
 
-    /// Whether the ray comes to the upper side of a plane first.
+    /// The interval in which the ray may be inside the bounds, which must not be empty; `None` when it
+    /// is nowhere between its limits.
+    pub fn enter(&self, bounds: &Aabb, ray: &ExactRay) -> Option<(f64, f64)> {
+        let (mut enter, mut exit) = (f64::from(ray.t_min), f64::from(ray.t_max));
+        for axis in 0..3 {
+            let low = self.plane_interval(axis, bounds.lo[axis]);
+            let high = self.plane_interval(axis, bounds.hi[axis]);
+            let (near, far) = if self.is_backwards(axis) { (high, low) } else { (low, high) };
+            enter = enter.max(near.0);
+            exit = exit.min(far.1);
+        }
+        (enter <= exit).then_some((enter, exit))
+    }
+}
+
+impl WalkRay for Walker {
+    type T = f64;
+
     #[inline]
-    pub fn is_backwards(&self, axis: usize) -> bool {
+    fn is_backwards(&self, axis: usize) -> bool {
         self.direction[axis] < 0.0
     }
 
-    /// The least and greatest `t` at which the ray may be at a plane: from minus to plus infinity for
-    /// one it lies in; both of the same infinity for one that it never reaches, on the side where it
-    /// makes the ray be on the near side for ever or on the far one.
     #[inline]
-    pub fn plane_interval(&self, axis: usize, position: f32) -> (f64, f64) {
+    fn plane_interval(&self, axis: usize, position: f32) -> (f64, f64) {
         let distance = f64::from(position) - self.origin[axis];
         if self.direction[axis] == 0.0 {
             // Near is below, since the direction is not negative.
@@ -53,20 +68,6 @@ impl Walker {
         let t = distance / self.direction[axis];
         let error = t.abs() * PLANE_SLACK;
         (t - error, t + error)
-    }
-
-    /// The interval in which the ray may be inside the bounds, which must not be empty; `None` when it
-    /// is nowhere between its limits.
-    pub fn enter(&self, bounds: &Aabb, ray: &ExactRay) -> Option<(f64, f64)> {
-        let (mut enter, mut exit) = (f64::from(ray.t_min), f64::from(ray.t_max));
-        for axis in 0..3 {
-            let low = self.plane_interval(axis, bounds.lo[axis]);
-            let high = self.plane_interval(axis, bounds.hi[axis]);
-            let (near, far) = if self.is_backwards(axis) { (high, low) } else { (low, high) };
-            enter = enter.max(near.0);
-            exit = exit.min(far.1);
-        }
-        (enter <= exit).then_some((enter, exit))
     }
 }
 
@@ -161,57 +162,52 @@ pub(crate) fn visit<O: Observer>(
     ray: &Ray,
     options: &QueryOptions<'_>,
     observer: &mut O,
-    mut test: impl FnMut(&ExactRay, &Triangle, u32) -> f64,
+    test: impl FnMut(&ExactRay, &Triangle, u32) -> f64,
 ) {
     let Some(ray) = ExactRay::new(ray) else { return };
     if tree.bounds.is_empty() {
         return;
     }
     let walker = Walker::new(&ray);
-    let Some((mut enter, mut exit)) = walker.enter(&tree.bounds, &ray) else { return };
-    let mut stop = f64::INFINITY;
-    let mut stack = [(0u32, 0.0f64, 0.0f64); MAX_DEPTH as usize + 1];
-    let mut top = 0;
-    let mut node = 0u32;
-    loop {
-        observer.node();
-        match tree.nodes[node as usize].kind() {
-            NodeKind::Interior { axis, split, right } => {
-                let (least, greatest) = walker.plane_interval(axis.index(), split);
-                let backwards = walker.is_backwards(axis.index());
-                let (near, far) = if backwards { (right, node + 1) } else { (node + 1, right) };
-                if greatest < enter {
-                    node = far;
-                } else if least > exit {
-                    node = near;
-                } else {
-                    stack[top] = (far, enter.max(least), exit);
-                    top += 1;
-                    node = near;
-                    exit = exit.min(greatest);
-                }
+    let Some(interval) = walker.enter(&tree.bounds, &ray) else { return };
+    let stop = f64::INFINITY;
+    let mut visitor = Tested { tree, triangles, ray: &ray, options, observer, test, stop };
+    walk(tree.nodes, &walker, interval, &mut visitor);
+}
+
+/// Hands the triangles of leaves to a test.
+struct Tested<'a, S: ?Sized, O, F> {
+    tree: &'a KdTreeView<'a>,
+    triangles: &'a S,
+    ray: &'a ExactRay,
+    options: &'a QueryOptions<'a>,
+    observer: &'a mut O,
+    test: F,
+    /// What the test gave last.
+    stop: f64,
+}
+
+impl<S, O, F> Visitor<f64> for Tested<'_, S, O, F>
+where
+    S: Triangles + ?Sized,
+    O: Observer,
+    F: FnMut(&ExactRay, &Triangle, u32) -> f64,
+{
+    #[inline(always)]
+    fn node(&mut self) {
+        self.observer.node();
+    }
+
+    #[inline(always)]
+    fn leaf(&mut self, Leaf { first, count, .. }: Leaf<f64>) -> ControlFlow<(), f64> {
+        let tested = if self.observer.leaf(count) { self.tree.leaf(first, count) } else { &[] };
+        for &triangle in tested {
+            if self.options.ignore == Some(triangle) {
                 continue;
             }
-            NodeKind::Leaf { first, count } => {
-                let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
-                for &triangle in tested {
-                    if options.ignore == Some(triangle) {
-                        continue;
-                    }
-                    observer.triangle();
-                    stop = test(&ray, &triangles.corners(triangle), triangle);
-                }
-            }
+            self.observer.triangle();
+            self.stop = (self.test)(self.ray, &self.triangles.corners(triangle), triangle);
         }
-        loop {
-            if top == 0 {
-                return;
-            }
-            top -= 1;
-            (node, enter, exit) = stack[top];
-            if enter <= stop {
-                break;
-            }
-        }
+        ControlFlow::Continue(self.stop)
     }
 }

@@ -1,0 +1,59 @@
+// What a traversal looks for with a triangle test: the hit of least (t, triangle), or any. Twin of `Best` in
+// core/src/traverse.rs; certain_search.wgsl stands in its place where hits are to be certain.
+
+// What a traversal has found.
+struct Search {
+    found: bool,
+    best: Hit,
+    // No leaf farther than this is of interest.
+    stop: f32,
+}
+
+fn new_search() -> Search {
+    return Search(false, no_hit(), GREATEST);
+}
+
+// Whether hits can be told of the ray at all: of every one.
+fn is_traceable(ray: Ray, prepared: PreparedRay) -> bool {
+    return true;
+}
+
+// Whether a triangle need not be tested: none is left out.
+fn may_skip(search: Search, triangle: u32) -> bool {
+    return false;
+}
+
+// True when a hit comes before `best`: lesser `t`, at equal `t` the lower triangle index.
+fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
+    return t < best.t || (t == best.t && triangle < best.triangle);
+}
+
+// The search after a triangle was tested. With `any` the first hit is the answer.
+fn searched(
+    before: Search,
+    ray: PreparedRay,
+    triangle: u32,
+    culling: u32,
+    any: bool,
+) -> Search {
+    var search = before;
+    let candidate = test_triangle(ray, corners_of(triangle), culling);
+    if !candidate.some {
+        return search;
+    }
+    let t = outer_t(ray, candidate.t);
+    if !within_limits(ray, t) {
+        return search;
+    }
+    if any || precedes(t, triangle, search.best) {
+        search.found = true;
+        search.best = Hit(t, triangle, candidate.u, candidate.v);
+        search.stop = stop_after(ray, candidate.t, t);
+    }
+    return search;
+}
+
+// What was found, as a hit.
+fn search_hit(search: Search, ray: PreparedRay) -> Hit {
+    return search.best;
+}
