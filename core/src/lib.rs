@@ -31,6 +31,7 @@ pub mod mask;
 pub mod mesh;
 pub mod node;
 pub mod ray;
+pub mod reference;
 pub mod sah;
 pub mod schedule;
 mod slabs;
