@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
 use splitplane_core::backend::BuildError;
-use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
 use splitplane_core::lockstep::Inspect;
@@ -66,12 +66,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         mut buffers: Buffers,
         limit: Option<u64>,
     ) -> Result<CpuExecutor<'a, A>, BuildError> {
-        buffers.counters = Counters::default();
-        let triangles = mesh.len() as u32;
+        buffers.counters = Counters::at_start(mesh.len() as u32);
         buffers.growth = 0;
-        buffers.counters[Counter::Triangles] = triangles;
-        buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
-        buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
         if limit.is_some_and(|limit| buffers.bytes() > limit) {
             // Memory of a larger build before: a limit must not depend on what was built earlier.
             buffers = Buffers { counters: buffers.counters, ..Buffers::default() };

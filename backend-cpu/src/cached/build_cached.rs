@@ -21,6 +21,7 @@ use splitplane_core::bins::{BinAxis, NodeBins};
 use splitplane_core::config::{BuildConfig, MAX_BINS, MAX_DEPTH, Planes};
 use splitplane_core::layout::{Decision, Extent, LargeNode, Reference, SmallRoot};
 use splitplane_core::node::{Axis, KdNode};
+use splitplane_core::split::cut_empty_space;
 use splitplane_core::triangle::Triangle;
 
 use super::columns::Columns;
@@ -465,7 +466,7 @@ impl Task<'_> {
                 split_large::decide::<A>(look, config, &large, &tight, references)
             }
             Planes::Binned => {
-                let (decision, cell) = split_large::cut_empty_space::<A>(config, &large, &tight);
+                let (decision, cell) = cut_empty_space::<A>(config, &large, &tight);
                 let Some(cell) = cell else { return Ok(decision) };
                 count_bins::<A>(config.bins, columns, node, &tight, bins);
                 split_binned::split::<A>(config, &large, &cell, &tight, bins, decision)

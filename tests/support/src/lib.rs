@@ -19,3 +19,4 @@ pub mod rational;
 pub mod scenes;
 pub mod stability;
 pub mod surfaces;
+pub mod wrong_kernel;

@@ -94,8 +94,8 @@ pub fn destinations<'a>(
     let mut right = Parts::new(&mut []);
     let mut taken = Sides::default();
     chunks.iter().zip(reference_sides).map(move |(chunk, sides)| {
+        let decision = &decisions[chunk.node as usize];
         if node != Some(chunk.node) {
-            let decision = &decisions[chunk.node as usize];
             let mut child = |first: u32, count: u32| {
                 let is_small =
                     count <= config.small_node_limit || decision.axis == Decision::TRANSFER;
@@ -106,7 +106,11 @@ pub fn destinations<'a>(
             right = child(decision.first.right, decision.counts.right);
             (node, taken) = (Some(chunk.node), Sides::default());
         }
-        let counts = sides.counts();
+        let counts = match decision.axis {
+            // Whatever their sides were: a cap may have refused the split.
+            Decision::TRANSFER => Sides { left: chunk.count, right: 0 },
+            _ => sides.counts(),
+        };
         let places = [
             left.take(range(taken.left, counts.left)),
             right.take(range(taken.right, counts.right)),
