@@ -9,12 +9,14 @@ use super::Budget;
 use super::kernels::allocate_children_most;
 use crate::aabb::Aabb;
 use crate::backend::BuildError;
+use crate::config::BuildConfig;
 use crate::kernel::{Buffer, Counter, Kernel, KernelSet, TreeBuilder};
 use crate::layout::{
     Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
     Sides, SmallRoot, TopNode,
 };
 use crate::node::KdNode;
+use crate::tree::KdTree;
 use crate::triangle::Triangle;
 
 /// A vector for each [`Buffer`] that has elements of its own. Vectors only grow: how much of one is
@@ -83,8 +85,12 @@ impl Buffers {
     /// room follows from the counters.
     ///
     /// # Errors
-    /// As for [`Budget::grow`].
+    /// As for [`Budget::grow`]; and [`BuildError::TooLarge`] before [`Kernel::SubtreeSizes`], for a tree that
+    /// the format of its nodes cannot address.
     pub fn make_room(&mut self, kernel: Kernel, budget: &mut Budget<'_>) -> Result<(), BuildError> {
+        if kernel == Kernel::SubtreeSizes {
+            self.check_size()?;
+        }
         let mut result = Ok(());
         TreeBuilder::written(kernel, &mut |buffer| {
             if result.is_ok() {
@@ -93,6 +99,19 @@ impl Buffers {
             }
         });
         result
+    }
+
+    /// Sums sizes in 64 bits, before a kernel sums them in 32.
+    fn check_size(&self) -> Result<(), BuildError> {
+        let (mut nodes, mut references) = (self.count(Counter::TopNodes) as u64, 0);
+        for size in &self.small_sizes[..self.count(Counter::SmallRoots)] {
+            nodes += u64::from(size.nodes);
+            references += u64::from(size.references);
+        }
+        if nodes > u64::from(KdNode::MAX_INDEX) || references > u64::from(u32::MAX) {
+            return Err(BuildError::TooLarge { nodes, references });
+        }
+        Ok(())
     }
 
     /// How long a buffer is after a kernel that writes it, at most.
@@ -160,6 +179,15 @@ impl Buffers {
         Ok(())
     }
 
+    /// The tree that [`crate::schedule::build`] has left here. `bounds` are those of all triangles kept: the
+    /// cell of the root that [`Kernel::ScanTriangles`] makes.
+    pub fn into_tree(self, bounds: Aabb, config: BuildConfig) -> KdTree {
+        let Buffers { mut nodes, leaf_references: mut references, counters, .. } = self;
+        nodes.truncate(counters[Counter::Nodes] as usize);
+        references.truncate(counters[Counter::LeafReferences] as usize);
+        KdTree { nodes, references, bounds, triangles: counters[Counter::Triangles], config }
+    }
+
     fn list(&mut self, buffer: Buffer) -> Option<&mut dyn List> {
         Some(match buffer {
             Buffer::Input | Buffer::Subtrees | Buffer::ChunkState | Buffer::Counters => {
@@ -203,5 +231,28 @@ impl<T: Pod> List for Vec<T> {
 
     fn grow(&mut self, length: usize, budget: &mut Budget<'_>) -> Result<(), BuildError> {
         budget.grow(self, length)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn trees_that_their_format_cannot_address_are_refused() {
+        let mut buffers = Buffers::new(0);
+        let mut room_for = |nodes: [u32; 2], references: [u32; 2]| {
+            let size = |i: usize| Extent { nodes: nodes[i], references: references[i] };
+            buffers.small_sizes = [size(0), size(1), size(0)].to_vec();
+            // The third is not live.
+            buffers.counters[Counter::SmallRoots] = 2;
+            buffers.counters[Counter::TopNodes] = 3;
+            buffers.make_room(Kernel::SubtreeSizes, &mut Budget::default())
+        };
+        let half = 1 << 29;
+        assert_eq!(room_for([half, half - 4], [1 << 31, (1 << 31) - 1]), Ok(()));
+        let too_large = |nodes, references| Err(BuildError::TooLarge { nodes, references });
+        assert_eq!(room_for([half, half - 3], [1, 2]), too_large(1 << 30, 3));
+        assert_eq!(room_for([1, 1], [1 << 31, 1 << 31]), too_large(5, 1 << 32));
     }
 }

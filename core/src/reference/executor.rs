@@ -14,7 +14,6 @@ use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use crate::layout::Extent;
 use crate::lockstep::Inspect;
 use crate::mesh::Mesh;
-use crate::node::KdNode;
 use crate::schedule::Executor;
 use crate::tree::KdTree;
 use crate::watch::Stage;
@@ -65,11 +64,7 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
 
     /// The tree that [`crate::schedule::build`] has built.
     pub fn into_tree(self) -> KdTree {
-        let ReferenceExecutor { mesh, config, buffers, bounds, .. } = self;
-        let Buffers { mut nodes, mut leaf_references, counters, .. } = buffers;
-        nodes.truncate(counters[Counter::Nodes] as usize);
-        leaf_references.truncate(counters[Counter::LeafReferences] as usize);
-        KdTree { nodes, references: leaf_references, bounds, triangles: mesh.len() as u32, config }
+        self.buffers.into_tree(self.bounds, self.config)
     }
 
     /// Begins the stage whose first kernel this is.
@@ -86,20 +81,6 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
             Kernel::SubtreeSizes => self.budget.begin(Stage::Output, small_roots),
             _ => Ok(()),
         }
-    }
-
-    /// Refuses a tree that its format cannot hold. Sums are made in 64 bits, before a kernel makes them in 32.
-    fn check_size(&self) -> Result<(), BuildError> {
-        let b = &self.buffers;
-        let (mut nodes, mut references) = (b.count(Counter::TopNodes) as u64, 0);
-        for size in &b.small_sizes[..b.count(Counter::SmallRoots)] {
-            nodes += u64::from(size.nodes);
-            references += u64::from(size.references);
-        }
-        if nodes > u64::from(KdNode::MAX_INDEX) || references > u64::from(u32::MAX) {
-            return Err(BuildError::TooLarge { nodes, references });
-        }
-        Ok(())
     }
 }
 
@@ -264,7 +245,6 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                     budget.worked(small_work(config, b.small_roots[root].count))?;
                 }
                 budget.finish()?;
-                self.check_size()?;
             }
             Kernel::SubtreeSizes => k::subtree_sizes(
                 &b.top_nodes[..top],
