@@ -299,6 +299,33 @@ mod tests {
     }
 
     #[test]
+    fn cuts_come_in_the_order_of_sides_and_take_levels() {
+        use bytemuck::Zeroable;
+        let config = BuildConfig { max_depth: 10, ..BuildConfig::default() };
+        let node = |count, depth| LargeNode {
+            lo: [0.0; 3],
+            hi: [8.0; 3],
+            first: 7,
+            count,
+            depth,
+            ..LargeNode::zeroed()
+        };
+        let tight = Aabb { lo: [3.0, 0.0, 0.0], hi: [5.0, 8.0, 1.0] };
+        let cut = |count, depth| cut_empty_space::<Strict>(&config, &node(count, depth), &tight);
+        let (decision, cell) = cut(100, 0);
+        assert_eq!(cell, Some(tight), "what is left of x, 5 of 8, is cut off too");
+        assert_eq!((decision.cut_count, &decision.cuts[..3]), (3, &[3.0, 5.0, 1.0][..]));
+        assert_eq!([0, 1, 2].map(|index| decision.cut_side(index)), [0, 1, 5]);
+        assert_eq!((decision.axis, decision.source_first), (Decision::TRANSFER, 7));
+        // As many levels as cuts are left, or fewer, or none.
+        for (depth, cuts) in [(6, 3), (7, 3), (8, 2), (10, 0)] {
+            let (decision, cell) = cut(100, depth);
+            assert_eq!((decision.cut_count, cell.is_some()), (cuts, depth < 7));
+        }
+        assert_eq!(cut(64, 0).0.cut_count, 0, "small nodes are not cut");
+    }
+
+    #[test]
     fn median_takes_the_longest_axis_that_has_a_middle() {
         assert_eq!(spatial_median::<Strict>(&UNIT), Some(SplitPlane { axis: 0, position: 2.0 }));
         // Neighbouring floats on the longest axis: the next one serves.

@@ -206,3 +206,141 @@ impl Emission<'_, '_> {
         first
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    /// A level of nodes of one triangle's configuration, and lists with room for it.
+    struct Level<const N: usize> {
+        config: BuildConfig,
+        nodes: [LargeNode; N],
+        decisions: [Decision; N],
+        next: [LargeNode; 8],
+        small: [SmallRoot; 8],
+        top: [TopNode; 32],
+        counters: Counters,
+    }
+
+    impl<const N: usize> Level<N> {
+        /// Nodes of 100 references each, whose splits send so many to each side.
+        fn new(splits: [[u32; 2]; N]) -> Level<N> {
+            let cell = Aabb { lo: [0.0; 3], hi: [8.0; 3] };
+            let mut counters = Counters::default();
+            counters[Counter::ActiveNodes] = N as u32;
+            counters[Counter::ActiveReferences] = 100 * N as u32;
+            counters[Counter::TopNodes] = N as u32;
+            Level {
+                config: BuildConfig { small_node_limit: 10, ..BuildConfig::default() },
+                nodes: core::array::from_fn(|i| LargeNode {
+                    lo: cell.lo,
+                    hi: cell.hi,
+                    first: 100 * i as u32,
+                    count: 100,
+                    node: i as u32,
+                    first_chunk: i as u32,
+                    ..LargeNode::zeroed()
+                }),
+                decisions: splits.map(|[left, right]| Decision {
+                    axis: 1,
+                    position: 2.0,
+                    counts: Sides { left, right },
+                    ..Decision::zeroed()
+                }),
+                next: [LargeNode::zeroed(); 8],
+                small: [SmallRoot::zeroed(); 8],
+                top: [TopNode::zeroed(); 32],
+                counters,
+            }
+        }
+
+        fn run(&mut self) {
+            let mut lists = Lists {
+                next_nodes: &mut self.next,
+                small_roots: &mut self.small,
+                top_nodes: &mut self.top,
+                level_starts: &mut [0],
+            };
+            let (nodes, decisions) = (&self.nodes, &mut self.decisions);
+            allocate_children(&self.config, nodes, decisions, &mut lists, &mut self.counters);
+        }
+    }
+
+    /// Children by their class: more than T, up to T, none.
+    #[test]
+    fn children_go_to_the_list_of_their_class() {
+        let mut level = Level::new([[95, 5], [0, 100], [100, 100]]);
+        level.run();
+        let count = |counter| level.counters[counter];
+        assert_eq!((count(Counter::NextNodes), count(Counter::NextReferences)), (4, 395));
+        assert_eq!((count(Counter::SmallRoots), count(Counter::SmallReferences)), (1, 5));
+        assert_eq!((count(Counter::TopNodes), count(Counter::Levels)), (9, 1));
+        let firsts = level.decisions.map(|decision| (decision.first.left, decision.first.right));
+        assert_eq!(firsts, [(0, 0), (5, 95), (195, 295)]);
+        let kinds: [u32; 9] = core::array::from_fn(|i| level.top[i].kind);
+        assert_eq!(kinds, [1, 1, 1, 4, 3, 4, 4, 4, 4]);
+        let next = &level.next[..4];
+        assert!(next.iter().zip([3, 6, 7, 8]).all(|(node, top)| node.node == top));
+        assert!(next.iter().zip([0, 0, 1, 1]).all(|(node, flag)| node.inseparable == flag));
+        assert!(next.iter().zip([0, 1, 0, 1]).all(|(node, side)| node.side == side));
+        assert_eq!((level.small[0].lo, level.small[0].hi), ([0.0, 2.0, 0.0], [8.0; 3]));
+    }
+
+    /// Cuts make empty leaves, and what is left keeps the rest of the cell.
+    #[test]
+    fn cuts_come_before_the_split() {
+        let mut level = Level::new([[100, 50]]);
+        let decision = &mut level.decisions[0];
+        // Off the lower end of x, then off the upper end of z.
+        (decision.cut_count, decision.cut_sides) = (2, 0x50);
+        (decision.cuts[0], decision.cuts[1]) = (3.0, 5.0);
+        level.run();
+        let kinds: [u32; 7] = core::array::from_fn(|i| level.top[i].kind);
+        assert_eq!(kinds, [0, 4, 2, 1, 4, 4, 4], "children of the split are still empty");
+        let children = |i: usize| (level.top[i].left, level.top[i].right);
+        assert_eq!([children(0), children(2), children(3)], [(1, 2), (4, 3), (5, 6)]);
+        let left = &level.next[0];
+        assert_eq!((left.lo, left.hi, left.depth), ([3.0, 0.0, 0.0], [8.0, 2.0, 5.0], 3));
+    }
+
+    /// With a cap that the first split passes: the second one would fit alone, but the first still counts.
+    #[test]
+    fn a_split_that_was_refused_still_counts() {
+        let mut level = Level::new([[100, 60], [100, 50], [60, 40]]);
+        // No triangle: 4,096 references.
+        level.counters[Counter::SmallReferences] = 4096 - 300 - 55;
+        level.run();
+        let axes = level.decisions.map(|decision| decision.axis);
+        assert_eq!(axes, [Decision::TRANSFER; 3], "the third adds nothing, but is above the cap");
+        assert_eq!(level.counters[Counter::SmallRoots], 3);
+        let mut level = Level::new([[100, 55], [60, 40], [100, 1]]);
+        level.counters[Counter::SmallReferences] = 4096 - 300 - 55;
+        level.run();
+        let axes = level.decisions.map(|decision| decision.axis);
+        assert_eq!(axes, [1, 1, Decision::TRANSFER]);
+    }
+
+    /// A node that needs four top nodes does not fit, one after it that needs two does.
+    #[test]
+    fn the_cap_on_nodes_lets_smaller_ones_pass() {
+        let mut level = Level::new([[50, 50], [50, 50]]);
+        level.decisions[0].cut_count = 1;
+        let mut top = [TopNode::zeroed(); 4096];
+        level.counters[Counter::TopNodes] = 4094;
+        let mut lists = Lists {
+            next_nodes: &mut level.next,
+            small_roots: &mut level.small,
+            top_nodes: &mut top,
+            level_starts: &mut [0],
+        };
+        let (config, nodes) = (&level.config, &level.nodes);
+        let decisions = &mut level.decisions;
+        allocate_children(config, nodes, decisions, &mut lists, &mut level.counters);
+        let [first, second] = level.decisions;
+        assert_eq!((first.axis, first.cut_count), (Decision::TRANSFER, 0));
+        assert_eq!((second.axis, second.first_node), (1, 4094));
+        assert_eq!(level.counters[Counter::TopNodes], 4096);
+    }
+}

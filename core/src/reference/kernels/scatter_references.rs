@@ -120,3 +120,49 @@ pub fn destinations<'a>(
         places
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use bytemuck::Zeroable;
+
+    use super::*;
+
+    /// Two nodes of two chunks each, the first one split, the second one transferred by a cap.
+    #[test]
+    fn chunks_stand_side_by_side_in_each_child() {
+        let config = BuildConfig { small_node_limit: 4, ..BuildConfig::default() };
+        let chunk = |node| Chunk { node, first: 0, count: 5, padding: 0 };
+        let chunks = [chunk(0), chunk(0), chunk(1), chunk(1)];
+        let sides = |left: u32, right: u32| {
+            let mut sides = ChunkSides::default();
+            (sides.left[0], sides.right[0]) = (left, right);
+            sides
+        };
+        let sides = [sides(0b11011, 0b100), sides(0b11, 0b11100), sides(1, 30), sides(1, 30)];
+        let decisions = [
+            Decision {
+                counts: Sides { left: 6, right: 4 },
+                first: Sides { left: 0, right: 2 },
+                ..Decision::zeroed()
+            },
+            Decision {
+                axis: Decision::TRANSFER,
+                counts: Sides { left: 10, right: 0 },
+                first: Sides { left: 6, right: 0 },
+                ..Decision::zeroed()
+            },
+        ];
+        let numbered = |i: usize| Reference::new(&Aabb::EMPTY, i as u32);
+        let mut next: [Reference; 6] = core::array::from_fn(numbered);
+        let mut small: [Reference; 16] = core::array::from_fn(|i| numbered(100 + i));
+        let mut found = destinations(&config, &chunks, &decisions, &sides, &mut next, &mut small)
+            .map(|places| {
+                places.map(|part| (part.first().map(|place| place.triangle), part.len()))
+            });
+        assert_eq!(found.next(), Some([(Some(0), 4), (Some(102), 1)]));
+        assert_eq!(found.next(), Some([(Some(4), 2), (Some(103), 3)]));
+        assert_eq!(found.next(), Some([(Some(106), 5), (None, 0)]));
+        assert_eq!(found.next(), Some([(Some(111), 5), (None, 0)]));
+        assert_eq!(found.next(), None);
+    }
+}
