@@ -201,7 +201,7 @@ impl Inspect<TreeBuilder> for Threads<'_> {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let (positions, triangles) = hills(200);
+    let (positions, triangles) = hills(80);
     let mesh = Mesh::indexed(&positions, &triangles)?;
     for preset in [Preset::Fast, Preset::Balanced] {
         let config = BuildConfig::preset(preset);

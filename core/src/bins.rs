@@ -10,9 +10,9 @@
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, truncated};
 use crate::config::{BuildConfig, MAX_BINS};
-use crate::layout::{ChunkBins, LargeNode};
+use crate::layout::ChunkBins;
 use crate::sah::{Extents, LEAST_EXPONENT, expected_quarters};
-use crate::split::{SplitPlane, spatial_median, strictly_inside};
+use crate::split::{SplitPlane, strictly_inside};
 
 /// The bins of one axis of a node: equal parts of its tight bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,21 +131,6 @@ impl NodeBins {
             }
         }
         sum
-    }
-
-    /// The plane of a large node in preset `balanced`, after its cuts of empty space have left `cell`: the
-    /// best border of its bins. That no border pays does not mean that none will: the node is then halved once, as in preset
-    /// `fast`. Where that separated nothing before, the node stays whole.
-    #[inline(always)]
-    pub fn border_or_median<A: Arithmetic>(
-        &self,
-        config: &BuildConfig,
-        node: &LargeNode,
-        cell: &Aabb,
-        tight: &Aabb,
-    ) -> Option<SplitPlane> {
-        self.best_border::<A>(config, cell, tight, node.count)
-            .or_else(|| if node.inseparable == 0 { spatial_median::<A>(cell) } else { None })
     }
 
     /// The border of least expected cost among those that pay: where a split with children taken for

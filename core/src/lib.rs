@@ -14,6 +14,7 @@ pub mod backend;
 pub mod bins;
 pub mod certify;
 pub mod config;
+pub mod decide;
 pub mod digest;
 #[cfg(feature = "alloc")]
 pub mod dump;

@@ -19,9 +19,9 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::{BinAxis, NodeBins};
 use splitplane_core::config::{BuildConfig, MAX_BINS, MAX_DEPTH, Planes};
+use splitplane_core::decide::cut_empty_space;
 use splitplane_core::layout::{Decision, Extent, LargeNode, Reference, SmallRoot};
 use splitplane_core::node::{Axis, KdNode};
-use splitplane_core::split::cut_empty_space;
 use splitplane_core::triangle::Triangle;
 
 use super::columns::Columns;

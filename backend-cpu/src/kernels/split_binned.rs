@@ -9,8 +9,8 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::NodeBins;
 use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::decide::{border_or_median, cut_empty_space};
 use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
-use splitplane_core::split::cut_empty_space;
 
 use crate::lookout::Lookout;
 
@@ -57,5 +57,5 @@ pub(crate) fn split<A: Arithmetic>(
     bins: &NodeBins,
     decision: Decision,
 ) -> Decision {
-    decision.split_at(bins.border_or_median::<A>(config, node, cell, tight))
+    decision.split_at(border_or_median::<A>(config, node, cell, tight, bins))
 }

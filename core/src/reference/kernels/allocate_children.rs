@@ -298,9 +298,9 @@ mod tests {
         (decision.cuts[0], decision.cuts[1]) = (3.0, 5.0);
         level.run();
         let kinds: [u32; 7] = core::array::from_fn(|i| level.top[i].kind);
-        assert_eq!(kinds, [0, 4, 2, 1, 4, 4, 4], "children of the split are still empty");
+        assert_eq!(kinds, [0, 4, 2, 4, 1, 4, 4], "children of the split are still empty");
         let children = |i: usize| (level.top[i].left, level.top[i].right);
-        assert_eq!([children(0), children(2), children(3)], [(1, 2), (4, 3), (5, 6)]);
+        assert_eq!([children(0), children(2), children(4)], [(1, 2), (4, 3), (5, 6)]);
         let left = &level.next[0];
         assert_eq!((left.lo, left.hi, left.depth), ([3.0, 0.0, 0.0], [8.0, 2.0, 5.0], 3));
     }

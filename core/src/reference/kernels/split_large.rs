@@ -2,8 +2,8 @@ use super::range;
 use crate::aabb::Aabb;
 use crate::arithmetic::Arithmetic;
 use crate::config::BuildConfig;
+use crate::decide::{cut_empty_space, median_or_sweep_while};
 use crate::layout::{Decision, LargeNode, Reference};
-use crate::split::{cut_empty_space, median_or_sweep_while};
 
 /// Decides about an active node in preset `fast`: cuts of empty space, see [`cut_empty_space`], then a
 /// split at the spatial median of the longest axis or a transfer to the small list, see
