@@ -17,6 +17,7 @@ pub mod best_first;
 pub mod bins;
 pub mod certify;
 pub mod config;
+pub mod decide;
 pub mod digest;
 #[cfg(feature = "alloc")]
 pub mod dump;
@@ -35,6 +36,7 @@ pub mod mesh;
 pub mod node;
 pub mod random;
 pub mod ray;
+pub mod reference;
 pub mod sah;
 pub mod schedule;
 mod slabs;

@@ -1,8 +1,9 @@
 //! The build schedule, stated once: Zhou et al. 2008, Algorithm 1. Every backend runs this code over
 //! an executor of its own.
 
-use crate::config::Planes;
+use crate::config::{CHUNK, Planes};
 use crate::kernel::{Buffer, Counter, Kernel, KernelSet, TreeBuilder};
+use crate::layout::Counters;
 
 /// Runs the kernels of one set, in order. Generic over the set, so that one executor can run the
 /// tree builder and a renderer.
@@ -31,10 +32,22 @@ pub trait Executor<K: KernelSet> {
     fn pending(&mut self, counter: K::Counter, rounds: u32) -> Result<bool, Self::Error>;
 }
 
+impl Counters {
+    /// The counters before the first kernel of [`build`], for a mesh of so many triangles: chunks are those
+    /// of the input.
+    pub fn at_start(triangles: u32) -> Counters {
+        let mut counters = Counters::default();
+        counters[Counter::Triangles] = triangles;
+        counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
+        counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
+        counters
+    }
+}
+
 /// Builds a tree: Algorithm 1 of the paper.
 ///
-/// The executor must hold the input, and [`Counter::Triangles`] and [`Counter::InputChunks`] must be
-/// set, every other counter zero. Afterwards [`Buffer::Nodes`] and [`Buffer::LeafReferences`] hold
+/// The executor must hold the input, and its counters must be as [`Counters::at_start`] makes them.
+/// Afterwards [`Buffer::Nodes`] and [`Buffer::LeafReferences`] hold
 /// the tree.
 ///
 /// # Errors

@@ -71,9 +71,9 @@ pub enum BuildError {
         /// How far it had come.
         progress: Progress,
     },
-    /// A builder that this backend does not have.
+    /// A preset that the schedule's kernels do not build: backend `cpu` has a builder of its own for it.
     #[error(
-        "preset {} is built on the CPU only; take backend cpu, or another preset",
+        "preset {} is built on the CPU only, by backend cpu; take that backend, or another preset",
         preset.name()
     )]
     PresetNotOnDevice {

@@ -168,7 +168,8 @@ fn schedule_of_nothing() -> i32 {
     }
 }
 
-/// What only exists with an allocator: owned trees, their text, the file writer, the traits.
+/// What only exists with an allocator: owned trees, their text, the file writer, the traits, the reference
+/// builder.
 #[cfg(feature = "alloc")]
 fn first_wrong_with_alloc() -> i32 {
     use alloc::vec;
@@ -193,7 +194,47 @@ fn first_wrong_with_alloc() -> i32 {
     if bytes.len() < 100 {
         return 22;
     }
-    0
+    first_wrong_of_a_build()
+}
+
+/// Builds a tree over a ground of squares by both presets, and traces a ray onto every triangle.
+#[cfg(feature = "alloc")]
+fn first_wrong_of_a_build() -> i32 {
+    use splitplane_core::backend::{BuildError, BuildOptions};
+    use splitplane_core::config::Preset;
+    use splitplane_core::reference;
+
+    const SIDE: usize = 12;
+    let corner = |x: usize, y: usize| [x as f32, y as f32, ((x * x + 3 * y) % 5) as f32 / 4.0];
+    let mut ground = [[[0.0f32; 3]; 3]; 2 * SIDE * SIDE];
+    for square in 0..SIDE * SIDE {
+        let (x, y) = (square % SIDE, square / SIDE);
+        let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| corner(x + i, y + j));
+        (ground[2 * square], ground[2 * square + 1]) = ([a, b, c], [a, c, d]);
+    }
+    let Ok(mesh) = Mesh::soup(&ground) else { return 24 };
+    for preset in [Preset::Fast, Preset::Balanced] {
+        let options = BuildOptions::from(BuildConfig::preset(preset));
+        let Ok((tree, summary)) = reference::build(&mesh, &options) else { return 25 };
+        let tree = tree.view();
+        if summary.large_levels == 0 || validate_mesh(&tree, &mesh).is_err() {
+            return 26;
+        }
+        let scale = scene_scale(&tree, &mesh);
+        for (triangle, [a, b, c]) in ground.iter().enumerate() {
+            let middle = [0, 1].map(|k| (a[k] + b[k] + c[k]) / 3.0);
+            let ray = Ray::new([middle[0], middle[1], 9.0], [0.0, 0.0, -1.0]);
+            match traverse::closest_hit(&tree, &mesh, &scale, &ray, &QueryOptions::default()) {
+                Some(hit) if hit.triangle as usize == triangle => {}
+                _ => return 27,
+            }
+        }
+    }
+    let little = BuildOptions { max_memory: Some(1 << 10), ..BuildOptions::default() };
+    match reference::build(&mesh, &little) {
+        Err(BuildError::OutOfMemory { limit: 1024, .. }) => 0,
+        _ => 28,
+    }
 }
 
 /// Called by the C runtime.

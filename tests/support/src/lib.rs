@@ -22,3 +22,4 @@ pub mod sources;
 pub mod stability;
 pub mod surfaces;
 pub mod watch;
+pub mod wrong_kernel;

@@ -8,6 +8,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::{BinAxis, NodeBins};
 use splitplane_core::config::{BuildConfig, MAX_BINS, Planes};
+use splitplane_core::decide::cut_empty_space;
 use splitplane_core::layout::{Decision, Extent, LargeNode, Reference, SmallRoot};
 use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::triangle::Triangle;
@@ -282,7 +283,7 @@ impl SubtreeTask<'_> {
                 split_large::decide::<A>(meter, config, &large, &tight, references)
             }
             Planes::Binned => {
-                let (decision, cell) = split_large::cut_empty_space::<A>(config, &large, &tight);
+                let (decision, cell) = cut_empty_space::<A>(config, &large, &tight);
                 let Some(cell) = cell else { return Ok(decision) };
                 count_bins::<A>(config.bins, columns, node, &tight, bins);
                 split_binned::split::<A>(config, &large, &cell, &tight, bins, decision)

@@ -4,7 +4,7 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
 use splitplane_core::backend::BuildError;
-use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::config::BuildConfig;
 use splitplane_core::kernel::{Buffer, Counter, TreeBuilder};
 use splitplane_core::layout::Counters;
 use splitplane_core::lockstep::Inspect;
@@ -72,12 +72,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         mut buffers: Buffers,
         memory: Memory,
     ) -> CpuExecutor<'a, A> {
-        let triangles = mesh.len() as u32;
-        buffers.counters = Counters::default();
+        buffers.counters = Counters::at_start(mesh.len() as u32);
         buffers.growth = 0;
-        buffers.counters[Counter::Triangles] = triangles;
-        buffers.counters[Counter::InputChunks] = triangles.div_ceil(CHUNK);
-        buffers.counters[Counter::Chunks] = triangles.div_ceil(CHUNK);
         let (meter, arithmetic) = (&UNWATCHED, PhantomData);
         CpuExecutor { mesh, config, set, buffers, memory, meter, arithmetic }
     }

@@ -9,10 +9,9 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::bins::NodeBins;
 use splitplane_core::config::{BuildConfig, CHUNK};
+use splitplane_core::decide::{border_or_median, cut_empty_space};
 use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
-use splitplane_core::split::{SplitPlane, spatial_median};
 
-use super::split_large::cut_empty_space;
 use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
@@ -56,16 +55,7 @@ pub(crate) fn split<A: Arithmetic>(
     cell: &Aabb,
     tight: &Aabb,
     bins: &NodeBins,
-    mut decision: Decision,
+    decision: Decision,
 ) -> Decision {
-    let plane = bins.best_border::<A>(config, cell, tight, node.count).or_else(|| {
-        // That no border pays does not mean that none will: what is left is halved once, as the
-        // paper does. If that separates nothing, either, the node stays whole.
-        if node.inseparable == 0 { spatial_median::<A>(cell) } else { None }
-    });
-    if let Some(SplitPlane { axis, position }) = plane {
-        decision.axis = axis as u32;
-        decision.position = position;
-    }
-    decision
+    decision.split_at(border_or_median::<A>(config, node, cell, tight, bins))
 }

@@ -1,0 +1,79 @@
+//! The kernels, one a file, named as in [`crate::kernel::Kernel`]: what one item of each grid does.
+//!
+//! | kernel | an item of its grid |
+//! |---|---|
+//! | [`triangle_bounds`], [`gather_references`] | 256 consecutive triangles of the mesh |
+//! | [`node_bounds`], [`split_large`], [`split_binned`], [`count_children`] | an active node |
+//! | [`assign_chunks`], [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
+//! | [`build_small`], [`emit_small`] | a small root |
+//! | [`emit_top`] | a node of the top tree |
+//! | [`scan_triangles`], [`chunk_nodes`], [`allocate_children`], [`subtree_sizes`], [`preorder_addresses`] | all there is |
+//!
+//! Parameters come in this order: the configuration where it matters, the index of the item, the
+//! buffers read, what is written in place. The slices of a buffer hold its live range, all of it
+//! unless the text says otherwise. Items of one grid write to different places and read nothing that
+//! another one of them writes, so they may run in any order and at the same time.
+//!
+//! All kernels trust what earlier kernels wrote. On other contents they may panic.
+
+use core::ops::Range;
+
+use crate::config::CHUNK;
+use crate::layout::LargeNode;
+
+mod allocate_children;
+mod assign_chunks;
+mod bin_references;
+mod build_small;
+mod chunk_nodes;
+mod classify_references;
+mod count_children;
+mod emit_small;
+mod emit_top;
+mod gather_references;
+mod node_bounds;
+mod preorder_addresses;
+mod scan_triangles;
+mod scatter_references;
+mod small_subtree;
+mod split_binned;
+mod split_large;
+mod subtree_sizes;
+mod triangle_bounds;
+
+pub use allocate_children::{Lists, Most, allocate_children, allocate_children_most};
+pub use assign_chunks::assign_chunks;
+pub use bin_references::bin_references;
+pub use build_small::build_small;
+pub use chunk_nodes::chunk_nodes;
+pub use classify_references::classify_references;
+pub use count_children::count_children;
+pub use emit_small::emit_small;
+pub use emit_top::emit_top;
+pub use gather_references::{gather_references, gathered};
+pub use node_bounds::node_bounds;
+pub use preorder_addresses::preorder_addresses;
+pub use scan_triangles::scan_triangles;
+pub use scatter_references::{destinations, scatter_references};
+pub use small_subtree::{SmallNode, SmallSubtree};
+pub use split_binned::split_binned;
+pub use split_large::{split_large, split_large_while};
+pub use subtree_sizes::subtree_sizes;
+pub use triangle_bounds::triangle_bounds;
+
+/// The triangles of an input chunk, of so many in all.
+pub fn triangles_of(chunk: usize, triangles: usize) -> Range<usize> {
+    let first = chunk * CHUNK as usize;
+    first..triangles.min(first + CHUNK as usize)
+}
+
+/// The chunks of an active node.
+pub fn chunks_of(node: &LargeNode) -> Range<usize> {
+    let first = node.first_chunk as usize;
+    first..first + node.count.div_ceil(CHUNK) as usize
+}
+
+/// The references of a range that a record names by its first and their number.
+fn range(first: u32, count: u32) -> Range<usize> {
+    first as usize..first as usize + count as usize
+}
