@@ -14,8 +14,8 @@ use splitplane_core::validate::validate_mesh;
 use wgpu::BufferUsages as Usage;
 
 use crate::backend::WgpuBackend;
+use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 use crate::parity::Parity;
 use crate::query::{DeviceQueryError, DeviceTree};
 
