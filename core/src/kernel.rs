@@ -203,9 +203,9 @@ impl<C> Grid<C> {
 pub enum Access {
     /// Reads.
     Read,
-    /// Writes every live element.
+    /// Writes every live element. What it reads of them it has written itself.
     Write,
-    /// Writes some elements and keeps the others; reads none.
+    /// Writes some elements, or parts of them, and keeps the rest; reads none.
     Scatter,
     /// Reads and writes.
     ReadWrite,

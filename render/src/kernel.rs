@@ -97,7 +97,7 @@ kernel_set! {
             writes ShadowRays, writes ShadowLight;
         /// Puts out the light of shadow rays that hit something.
         ShadowHits "shadow_hits", Invocations(ShadowRays, CHUNK) =>
-            reads ShadowRays, updates ShadowLight,
+            reads ShadowRays, scatters ShadowLight,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
         /// As [`Kernel::ShadowHits`], where clear bodies only tint the light. The scene says which
         /// triangles are clear.

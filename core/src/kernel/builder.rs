@@ -114,12 +114,12 @@ kernel_set! {
             writes ReferenceSides, writes ChunkCounts;
         /// Scans the counts of each node's chunks.
         CountChildren "count_children", Each(ActiveNodes) =>
-            reads ActiveNodes, updates ChunkCounts, updates Decisions;
+            reads ActiveNodes, updates ChunkCounts, scatters Decisions;
         /// Gives children their places: next list, small list, top tree.
         AllocateChildren "allocate_children", One =>
             updates Counters,
-            reads ActiveNodes, updates Decisions, writes NextNodes, updates SmallRoots,
-            updates TopNodes, updates LevelStarts;
+            reads ActiveNodes, updates Decisions, writes NextNodes, scatters SmallRoots,
+            scatters TopNodes, scatters LevelStarts;
         /// Moves references to the children, clipped by the triangles, and bounds them by chunk.
         ScatterReferences "scatter_references", Each(Chunks) =>
             reads Chunks, reads Decisions, reads References, reads Triangles, reads ReferenceSides,

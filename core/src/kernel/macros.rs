@@ -13,8 +13,9 @@
 ///   device, if not its own.
 /// - `kernels`, in the order of the schedule: a row is a variant, the name of the file, the
 ///   [`Grid`](crate::kernel::Grid), and what the kernel does with which buffers, in the order of
-///   bindings: `reads`, `writes` (every live element), `scatters` (some elements, and reads none) or
-///   `updates` (reads and writes) a buffer, or is given a `uniform`.
+///   bindings: it `reads` a buffer, `writes` all of it, `scatters` into it (writes some of it and reads
+///   none) or `updates` it (reads and writes), or is given a `uniform`: see
+///   [`Access`](crate::kernel::Access).
 #[macro_export]
 macro_rules! kernel_set {
     (
