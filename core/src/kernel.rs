@@ -5,9 +5,11 @@
 //! names of files, what a device binds and in which order, what may change between two dispatches.
 //! Tests hold the shaders to it.
 //!
-//! [`TreeBuilder`] and [`RayQueries`] are declared here; the renderer declares a set of its own.
+//! [`TreeBuilder`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
+//! its own.
 
 mod builder;
+mod checks;
 mod macros;
 mod queries;
 
@@ -17,6 +19,7 @@ pub use builder::{
     Buffer, Counter, Kernel, Overflow, SUBTREE_NODES, SUBTREE_REFERENCES, SUBTREE_WORDS,
     TreeBuilder, Uniform,
 };
+pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
 pub use queries::{QueryBuffer, QueryCounter, QueryKernel, QueryUniform, RayQueries};
 
 /// A family of kernels that one schedule runs: the tree builder is one, a renderer another. Made by

@@ -7,7 +7,7 @@ use crate::aabb::Aabb;
 use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
 
-pub use queries::{BatchUniform, SceneUniform, TriangleCount};
+pub use queries::{BatchUniform, CheckParameters, SceneUniform, TriangleCount};
 
 /// A reference to a triangle from one node: the triangle's bounds, clipped to what lies in the
 /// node. 32 bytes, half a cache line: it is moved whole.

@@ -7,8 +7,8 @@
 //!   the CPU's kernels. Every file of `lib/` is in `LIBRARY`, every file of `queries/` in `QUERIES`.
 //! - A kernel binds what the table of its set says (`KernelSet::slots`), with its name, access and
 //!   element size; it reads what it is said to read and writes what it is said to write; where a grid
-//!   counts invocations, workgroups are as wide as it says. That holds for three sets: the tree
-//!   builder, the queries, and the ray tracer of `splitplane_render` with every choice of features.
+//!   counts invocations, workgroups are as wide as it says. That holds for four sets: the tree
+//!   builder, the queries, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
 //! - The tables themselves are in order, and ARCHITECTURE.md says the same.
 //! - Records that cross have the core's size and words (see `abi/records.rs` for what may differ).
 //! - Module-scope constants have the value of the core's constant of the same name, or stand on a
@@ -21,10 +21,12 @@
 
 use std::collections::BTreeSet;
 
-use splitplane_core::kernel::{Counter, Kernel, QueryKernel, RayQueries, TreeBuilder};
+use splitplane_core::kernel::{
+    Counter, DeviceChecks, Kernel, QueryKernel, RayQueries, TreeBuilder,
+};
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
-use splitplane_shaders::{KERNELS, LIBRARY, QUERIES, RENDER, Shader, TriangleTest, query};
+use splitplane_shaders::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, Shader, TriangleTest, query};
 
 use constants::Number;
 use sets::Shaders;
@@ -95,6 +97,11 @@ fn the_queries_agree_with_their_table() {
 }
 
 #[test]
+fn the_self_test_agrees_with_its_table() {
+    assert_agrees::<DeviceChecks>();
+}
+
+#[test]
 fn the_ray_tracer_agrees_with_its_table() {
     let variants = RayTracer::texts().len();
     assert!(variants > RENDER.len() + 20, "only {variants} variants");
@@ -156,7 +163,7 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, QUERIES, RENDER] {
+    for table in [KERNELS, QUERIES, RENDER, CHECKS] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

@@ -28,10 +28,12 @@
 
 use std::collections::BTreeSet;
 
-use splitplane_core::kernel::{Access, Binding, KernelSet, RayQueries, Slot, TreeBuilder};
+use splitplane_core::kernel::{
+    Access, Binding, DeviceChecks, KernelSet, RayQueries, Slot, TreeBuilder,
+};
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
+    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -76,7 +78,9 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
-    kernels.chain(queries).chain(render).filter(|(shader, _)| !shader.name.ends_with("_fast"))
+    let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
+    let all = kernels.chain(queries).chain(render).chain(checks);
+    all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
 }
 
 /// Only kernels that trace rays, and so read the nodes of a tree, may call free operations.

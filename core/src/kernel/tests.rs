@@ -37,6 +37,7 @@ fn stands_in_order<K: KernelSet>() {
 fn rows_stand_at_their_numbers() {
     stands_in_order::<TreeBuilder>();
     stands_in_order::<RayQueries>();
+    stands_in_order::<DeviceChecks>();
 }
 
 fn storage(buffer: Buffer, access: Access) -> Slot<TreeBuilder> {

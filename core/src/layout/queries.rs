@@ -1,4 +1,4 @@
-//! The uniforms of queries on a device.
+//! The uniforms of queries on a device, and of its self-test.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -79,4 +79,14 @@ pub struct TriangleCount {
     pub count: u32,
     /// Always 0, as in [`SceneUniform::zero`].
     pub zero: u32,
+}
+
+/// What the self-test's kernel is given: the WGSL struct of the same name.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct CheckParameters {
+    /// Always 0, as in [`SceneUniform::zero`].
+    pub zero: u32,
+    /// How many pairs of operands.
+    pub count: u32,
 }

@@ -12,8 +12,9 @@ use naga::Handle;
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    BatchUniform, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode,
-    Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode, TriangleCount,
+    BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
+    Extent, LargeNode, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
+    TriangleCount,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
@@ -96,7 +97,7 @@ fn word(name: &'static str, offset: usize) -> Member {
     Member { name, offset, kinds: u32::kinds() }
 }
 
-/// The records of queries.
+/// The records of queries and of the self-test.
 pub fn of_queries() -> Vec<Record> {
     vec![
         record!(Ray { origin t_min direction t_max }),
@@ -104,6 +105,7 @@ pub fn of_queries() -> Vec<Record> {
         record!(Scene as SceneUniform { lo slack hi wide near_lo zero near_hi origin_least }),
         record!(Batch as BatchUniform { count culling ignore padding }),
         record!(TriangleCount { count zero }),
+        record!(CheckParameters { zero count }),
         // An enum and an `Option` on the CPU.
         Record {
             name: "QueryOptions",

@@ -1,11 +1,11 @@
 //! Kernel sets with their shaders: what one test holds all of them to.
 
 use splitplane_core::kernel::{
-    Buffer, Grid, KernelSet, QueryBuffer, RayQueries, Slot, TreeBuilder,
+    Buffer, CheckBuffer, DeviceChecks, Grid, KernelSet, QueryBuffer, RayQueries, Slot, TreeBuilder,
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
-use splitplane_shaders::{KERNELS, QUERIES, RENDER, Shader};
+use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, Shader};
 
 use crate::bindings;
 use crate::constants::{self, Known, snake};
@@ -103,6 +103,17 @@ impl Shaders for RayQueries {
     const FOLDER: &'static str = "queries";
     const LAYOUT: &'static str = "ray";
     const SINGLES: &'static [QueryBuffer] = &[QueryBuffer::Limits];
+
+    fn records() -> Vec<Record> {
+        records::of_queries()
+    }
+}
+
+impl Shaders for DeviceChecks {
+    const TABLE: &'static [Shader] = CHECKS;
+    const FOLDER: &'static str = "checks";
+    const LAYOUT: &'static str = "";
+    const SINGLES: &'static [CheckBuffer] = &[];
 
     fn records() -> Vec<Record> {
         records::of_queries()
