@@ -8,32 +8,31 @@ use splitplane_core::backend::{
     Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions, go_on,
 };
 use splitplane_core::config::BuildConfig;
-use splitplane_core::kernel::{Buffer, Kernel};
+use splitplane_core::kernel::{Buffer, Kernel, TreeBuilder};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::{Progress, Stage};
 
-use crate::build::buffers::Buffers;
-use crate::build::capacities::Capacities;
-use crate::build::executor::Looking;
-use crate::build::kernels::Kernels;
-use crate::build::pending::{Pooled, first_counters};
-use crate::build::source::Source;
-use crate::build::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
+use crate::builder::buffers::Buffers;
+use crate::builder::capacities::Capacities;
+use crate::builder::pending::{Pooled, first_counters};
+use crate::builder::source::Source;
+use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
+use crate::device::Pipelines;
+use crate::device::gpu::Gpu;
+use crate::device::host;
+use crate::device::selftest;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
-use crate::host;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};
-use crate::selftest;
 
 /// What a backend, its builds and its trees share.
 #[derive(Debug)]
 pub(crate) struct Shared {
     pub gpu: Arc<Gpu>,
-    pub kernels: Kernels,
+    pub pipelines: Arc<Pipelines>,
     pub queries: Arc<Queries>,
     pool: Mutex<Vec<Pooled>>,
     /// Most workgroups of a dispatch of a build; 0 for no limit.
@@ -44,11 +43,11 @@ pub(crate) struct Shared {
 const POOLED: usize = 2;
 
 impl Shared {
-    fn new(gpu: Gpu, kernels: Kernels) -> Shared {
-        let gpu = Arc::new(gpu);
-        let queries = Arc::new(Queries::new(Arc::clone(&gpu)));
+    fn new(gpu: Gpu) -> Shared {
+        let (gpu, pipelines) = (Arc::new(gpu), Arc::new(Pipelines::default()));
+        let queries = Queries::sharing(Arc::clone(&gpu), Arc::clone(&pipelines));
         let (pool, max_workgroups) = (Mutex::new(Vec::new()), AtomicU32::new(0));
-        Shared { gpu, kernels, queries, pool, max_workgroups }
+        Shared { gpu, pipelines, queries: Arc::new(queries), pool, max_workgroups }
     }
 
     /// Most workgroups of a dispatch of a build, if there is a limit.
@@ -91,7 +90,7 @@ impl WgpuBackend {
     /// long or too much memory for the pipelines.
     pub fn new(gpu: Gpu) -> Result<WgpuBackend, GpuError> {
         gpu.check_limits()?;
-        let mut backend = WgpuBackend::untested(gpu, Kernels::default());
+        let mut backend = WgpuBackend::without_selftest(gpu);
         let parity = {
             let opening = backend.gpu().opening();
             selftest::run(&backend).map_err(|error| opening.exceeded().unwrap_or(error))?
@@ -104,18 +103,16 @@ impl WgpuBackend {
     /// A backend without the self-test, which would refuse a device that builds broken trees: for
     /// finding out what is wrong with one.
     pub fn without_selftest(gpu: Gpu) -> WgpuBackend {
-        WgpuBackend::untested(gpu, Kernels::default())
-    }
-
-    fn untested(gpu: Gpu, kernels: Kernels) -> WgpuBackend {
-        WgpuBackend { shared: Arc::new(Shared::new(gpu, kernels)), parity: None }
+        WgpuBackend { shared: Arc::new(Shared::new(gpu)), parity: None }
     }
 
     /// A backend in which one build kernel has another text, without a self-test: for tests that
     /// plant faults.
     #[doc(hidden)]
     pub fn with_replaced_kernel(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
-        WgpuBackend::untested(gpu, Kernels::with_replaced(kernel, source))
+        let backend = WgpuBackend::without_selftest(gpu);
+        backend.shared.pipelines.replace::<TreeBuilder>(kernel, Some(source));
+        backend
     }
 
     /// From now on no dispatch of a build has more workgroups than this, so that no more of the device
@@ -310,9 +307,8 @@ impl WgpuBackend {
         let counters = first_counters(triangles);
         let bytes = bytemuck::bytes_of(&counters);
         gpu.queue().write_buffer(buffers.get(Buffer::Counters), 0, bytes);
-        let kernels = &self.shared.kernels;
-        let executor = WgpuExecutor::new(gpu, kernels, &mut buffers, capacities, Looking::Always);
-        Ok(run(executor))
+        let pipelines = &self.shared.pipelines;
+        Ok(run(WgpuExecutor::inspected(gpu, pipelines, &mut buffers, capacities)))
     }
 }
 

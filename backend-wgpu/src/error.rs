@@ -3,7 +3,7 @@
 use splitplane_core::backend::{BuildError, DeviceError, QueryError};
 use thiserror::Error;
 
-use crate::bounded::DriverLimit;
+use crate::device::bounded::DriverLimit;
 
 /// Why no device was opened.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]

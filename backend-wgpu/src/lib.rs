@@ -1,30 +1,26 @@
 #![doc = include_str!("../README.md")]
 #![forbid(unsafe_code)]
 
-pub mod adapters;
 pub mod backend;
-mod bounded;
-pub mod build;
-mod compiler;
+pub mod builder;
+pub mod device;
 pub mod error;
-pub mod gpu;
-mod health;
-mod host;
-mod needs;
 pub mod options;
 pub mod parity;
 pub mod query;
-pub mod selftest;
+
+pub use builder as build;
+pub use device::{adapters, gpu, selftest};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
-pub use bounded::DriverLimit;
+pub use builder::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
+pub use device::bounded::DriverLimit;
 #[doc(hidden)]
-pub use bounded::private_memory_of;
-pub use build::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
+pub use device::bounded::private_memory_of;
+pub use device::health::panic_is_caught;
 pub use error::{GpuError, OpenError};
 pub use gpu::Gpu;
-pub use health::panic_is_caught;
 pub use options::OpenOptions;
 pub use parity::Parity;
 pub use query::{

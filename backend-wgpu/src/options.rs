@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::adapters::is_trusted;
-use crate::bounded::Bounds;
+use crate::device::adapters::is_trusted;
+use crate::device::bounded::Bounds;
 
 /// How to open a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub struct OpenOptions {
     /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and memory
     /// until it is done or the process ends. Who must be rid of it tries the adapter in a process of its own
     /// first, and ends that. Adapters of the known vendors need none of this
-    /// ([`Adapter::is_trusted`](crate::adapters::Adapter::is_trusted)).
+    /// ([`Adapter::is_trusted`](crate::device::adapters::Adapter::is_trusted)).
     pub driver_time: Option<Duration>,
     /// By how many bytes the memory that this process has for itself may grow while the driver does one
     /// of these things. When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no

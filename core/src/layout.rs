@@ -1,9 +1,13 @@
 //! The records that kernels exchange: what crosses to a device. Scalar fields only, every size a
 //! multiple of 16 bytes where a record holds vectors, so that WGSL lays them out alike.
 
+mod queries;
+
 use crate::aabb::Aabb;
 use crate::config::MAX_BINS;
 use bytemuck::{Pod, Zeroable};
+
+pub use queries::{BatchUniform, CheckParameters, SceneUniform, TriangleCount};
 
 /// A reference to a triangle from one node: the triangle's bounds, clipped to what lies in the
 /// node. 32 bytes, half a cache line: it is moved whole.

@@ -300,6 +300,8 @@ impl Plan {
             Buffer::FirstCosts => when(self.outputs.first_costs, pixels),
             Buffer::Pixels => when(self.outputs.pixels, pixels),
             Buffer::Triangles => self.triangles,
+            // The tree's own; how many there are is not the frame's to say.
+            Buffer::Nodes | Buffer::LeafReferences => 0,
             Buffer::Counters => 1,
         }
     }

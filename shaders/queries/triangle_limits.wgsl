@@ -11,7 +11,7 @@ struct TriangleCount {
 }
 
 // Snapped corners, nine numbers a triangle. As bits, since those of dropped triangles may be NaN.
-@group(0) @binding(0) var<storage, read> triangle_words: array<u32>;
+@group(0) @binding(0) var<storage, read> triangles: array<u32>;
 @group(0) @binding(1) var<uniform> triangle_count: TriangleCount;
 // Greatest and least magnitude, longest and shortest extent.
 @group(0) @binding(2) var<storage, read_write> limits: array<atomic<u32>, 4>;
@@ -19,7 +19,7 @@ struct TriangleCount {
 var<workgroup> group_limits: array<atomic<u32>, 4>;
 
 fn corner_words(first: u32) -> vec3<u32> {
-    return vec3<u32>(triangle_words[first], triangle_words[first + 1u], triangle_words[first + 2u]);
+    return vec3<u32>(triangles[first], triangles[first + 1u], triangles[first + 2u]);
 }
 
 // Adds the magnitudes of one corner.

@@ -5,10 +5,12 @@
 extern crate alloc;
 
 mod embed;
+mod query;
 mod render;
 mod table;
 
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
+pub use query::query;
 pub use render::{RenderFeatures, render_parts};
 pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER};
 

@@ -5,31 +5,35 @@
 //!   invocations a workgroup, 16,384 bytes of workgroup memory.
 //! - `KERNELS` are the kernels of the core in their order, the files of `kernels/`, and the files of
 //!   the CPU's kernels. Every file of `lib/` is in `LIBRARY`, every file of `queries/` in `QUERIES`.
-//! - A kernel binds `parameters`, `counters`, then what `Kernel::storage_bindings` says, with its
-//!   name, access and element size.
-//! - The same of `RENDER`, the kernels of the ray tracer, against `splitplane_render`, with every
-//!   choice of features; they bind `frame`, `counters`, what `Kernel::bindings` says, and the tree
-//!   where they trace rays.
+//! - A kernel binds what the table of its set says (`KernelSet::slots`), with its name, access and
+//!   element size; it reads what it is said to read and writes what it is said to write; where a grid
+//!   counts invocations, workgroups are as wide as it says. That holds for four sets: the tree
+//!   builder, the queries, the self-test, and the ray tracer of `splitplane_render` with every choice of features.
+//! - The tables themselves are in order, and ARCHITECTURE.md says the same.
 //! - Records that cross have the core's size and words (see `abi/records.rs` for what may differ).
 //! - Module-scope constants have the value of the core's constant of the same name, or stand on a
 //!   list with a reason. All have a type; naga would drop them otherwise, and this test miss them.
 //! - Each kernel and query begins with a comment that says what one invocation or workgroup does,
 //!   what is read and what is written.
 //!
-//! Not checked: bindings and records of queries, other than `Ray` and `Hit`, which are between the
-//! shaders and the backend that binds them; that the ways words are packed in `ChunkState` agree;
-//! literals inside functions; whether a header is true; whether a kernel that chooses says how it
-//! breaks ties.
+//! Not checked: that the ways words are packed in `ChunkState` agree; literals inside functions; whether
+//! a header is true; whether a kernel that chooses says how it breaks ties.
 
 use std::collections::BTreeSet;
 
-use splitplane_core::kernel::{Counter, Kernel};
+use splitplane_core::kernel::{
+    Counter, DeviceChecks, Kernel, QueryKernel, RayQueries, TreeBuilder,
+};
 use splitplane_core::layout::Counters;
-use splitplane_shaders::{KERNELS, LIBRARY, QUERIES, RENDER, Shader};
+use splitplane_render::RayTracer;
+use splitplane_shaders::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, Shader, TriangleTest, query};
 
 use constants::Number;
-use source::{Parsed, Text, texts};
+use sets::Shaders;
+use source::{Parsed, Text};
 
+#[path = "abi/architecture.rs"]
+mod architecture;
 #[path = "abi/bindings.rs"]
 mod bindings;
 #[path = "abi/constants.rs"]
@@ -38,11 +42,15 @@ mod constants;
 mod names;
 #[path = "abi/planted.rs"]
 mod planted;
+#[path = "abi/planted_sets.rs"]
+mod planted_sets;
 #[macro_use]
 #[path = "abi/records.rs"]
 mod records;
 #[path = "abi/render.rs"]
 mod render;
+#[path = "abi/sets.rs"]
+mod sets;
 #[path = "support/source.rs"]
 mod source;
 
@@ -61,14 +69,43 @@ fn assert_none(shaders: &[Shader], faults: impl Fn(&Shader) -> Vec<String>) {
     assert!(all.is_empty(), "\n{}", all.join("\n"));
 }
 
-#[test]
-fn every_shader_is_valid_within_the_limits_of_webgpu() {
-    for table in [KERNELS, QUERIES] {
-        assert_none(table, |shader| match Parsed::new(texts(shader)) {
-            Ok(parsed) => bindings::limit_faults(&parsed),
-            Err(error) => vec![error],
-        });
+/// All texts of a set, held to its table.
+fn assert_agrees<S: Shaders>() {
+    assert_eq!(sets::table_faults::<S>(), [""; 0]);
+    assert_eq!(names::own_files(S::TABLE), names::files(S::FOLDER, ".wgsl"));
+    let known = S::known();
+    let mut missing: Vec<&str> = S::KERNELS.iter().map(|row| row.name).collect();
+    let mut all = Vec::new();
+    for (kernel, parts) in S::texts() {
+        let name = S::kernel(kernel).name;
+        missing.retain(|other| *other != name);
+        let faults = sets::faults::<S>(&parts, kernel, &known);
+        all.extend(faults.into_iter().map(|fault| format!("{name}: {fault}")));
     }
+    assert!(all.is_empty(), "\n{}", all.join("\n"));
+    assert_eq!(missing, [""; 0], "without a shader");
+}
+
+#[test]
+fn the_tree_builder_agrees_with_its_table() {
+    assert_agrees::<TreeBuilder>();
+}
+
+#[test]
+fn the_queries_agree_with_their_table() {
+    assert_agrees::<RayQueries>();
+}
+
+#[test]
+fn the_self_test_agrees_with_its_table() {
+    assert_agrees::<DeviceChecks>();
+}
+
+#[test]
+fn the_ray_tracer_agrees_with_its_table() {
+    let variants = RayTracer::texts().len();
+    assert!(variants > RENDER.len() + 20, "only {variants} variants");
+    assert_agrees::<RayTracer>();
 }
 
 #[test]
@@ -86,41 +123,14 @@ fn kernels_have_the_names_of_the_core_and_of_their_files() {
 }
 
 #[test]
-fn tables_hold_every_file() {
+fn the_library_holds_every_file() {
     let library: BTreeSet<_> = LIBRARY.iter().map(|part| part.name.to_owned()).collect();
     assert_eq!(library, names::files("lib", ".wgsl"));
-    assert_eq!(names::own_files(KERNELS), names::files("kernels", ".wgsl"));
-    assert_eq!(names::own_files(QUERIES), names::files("queries", ".wgsl"));
-    assert_eq!(names::own_files(RENDER), names::files("render", ".wgsl"));
 }
 
 #[test]
-fn kernels_bind_what_the_core_says() {
-    assert_none(KERNELS, |shader| {
-        let kernel = Kernel::ALL.into_iter().find(|kernel| kernel.name() == shader.name);
-        kernel.map_or_else(
-            || vec!["no such kernel".to_owned()],
-            |kernel| bindings::binding_faults(&parse(texts(shader)), kernel),
-        )
-    });
-}
-
-#[test]
-fn records_have_the_layout_of_the_core() {
-    assert_none(KERNELS, |shader| records::faults(&parse(texts(shader)), true));
-    assert_none(QUERIES, |shader| records::faults(&parse(texts(shader)), false));
-}
-
-#[test]
-fn constants_have_the_values_of_the_core() {
-    let known = constants::of_core();
-    assert_eq!(constants::needless(&known), [""; 0]);
-    for table in [KERNELS, QUERIES] {
-        assert_none(table, |shader| {
-            let parts = texts(shader);
-            constants::faults(&parse(parts.clone()), &parts, &known)
-        });
-    }
+fn lists_of_constants_have_nothing_needless() {
+    assert_eq!(constants::needless(&constants::of_core()), [""; 0]);
 }
 
 /// What the scanner reads in the text is what the compiler reads.
@@ -153,11 +163,26 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, QUERIES, RENDER] {
+    for table in [KERNELS, QUERIES, RENDER, CHECKS] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)
         });
+    }
+}
+
+#[test]
+fn queries_have_the_names_of_their_files() {
+    assert_eq!(
+        names::own_files(QUERIES),
+        QueryKernel::ALL.map(|kernel| kernel.name().into()).into()
+    );
+    for shader in QUERIES {
+        let kernel = sets::kernel_of::<RayQueries>(shader).name();
+        assert!(shader.name.starts_with(kernel), "{} is a text of {kernel}", shader.name);
+    }
+    for kernel in QueryKernel::ALL {
+        assert!(query(kernel.name(), TriangleTest::Watertight).is_some(), "{kernel:?}");
     }
 }
 
@@ -171,57 +196,4 @@ fn kernels_of_the_ray_tracer_have_the_names_of_their_files() {
     // The CPU asks its accelerator for closest hits.
     let cpu = cpu.iter().map(String::as_str).filter(|name| *name != "mod").chain(["closest_hits"]);
     assert_eq!(names::differences("cpu", in_rust.iter().copied(), cpu), [""; 0]);
-}
-
-/// With every choice of features: what a scene does not need may be missing, and nothing else.
-#[test]
-fn kernels_of_the_ray_tracer_agree_with_it() {
-    let known = render::known();
-    let variants = render::variants();
-    assert!(variants.len() > RENDER.len() + 20, "only {} variants", variants.len());
-    let mut all = Vec::new();
-    for (kernel, parts) in variants {
-        let parsed = parse(parts.clone());
-        let mut faults = bindings::limit_faults(&parsed);
-        faults.extend(render::binding_faults(&parsed, kernel));
-        faults.extend(render::record_faults(&parsed));
-        faults.extend(constants::faults(&parsed, &parts, &known));
-        all.extend(faults.into_iter().map(|fault| format!("{kernel:?}: {fault}")));
-    }
-    assert!(all.is_empty(), "\n{}", all.join("\n"));
-}
-
-/// Each replacement in a kernel of the ray tracer brings a fault that says this.
-#[test]
-fn faults_of_the_ray_tracers_kernels_are_found() {
-    use splitplane_render::kernel::Kernel as K;
-    let known = render::known();
-    for (kernel, from, to, words) in [
-        (K::Accumulate, "read_write> radiance", "read> radiance", "radiance is Storage"),
-        (K::Accumulate, "@binding(5)", "@binding(7)", "in place of shadow_light at 5"),
-        (K::ClosestHits, "nodes: array<vec2<u32>>", "nodes: array<u32>", "nodes has another type"),
-        (K::ClosestHits, "scene: Scene", "scene: Hit", "scene has another type"),
-        (K::Shade, "hits: array<vec4<u32>>", "hits: array<vec2<u32>>", "hits has another type"),
-        (K::ScanSpawned, "read_write> counters", "read> counters", "counters is Storage"),
-        (K::Shade, "    offset: f32,\n    geometric", "    geometric", "Surface: member `offset`"),
-        (K::CameraRays, "    step_y: vec3<f32>,\n    samples", "    samples", "Frame: member"),
-        (K::NextPaths, "SURFACE_REFRACTS: u32 = 2u", "SURFACE_REFRACTS: u32 = 3u", "constant"),
-        (K::BeginWave, "COUNTER_WAVE: u32 = 3u", "COUNTER_WAVE: u32 = 2u", "constant COUNTER_WAVE"),
-        (K::Shade, "ONE_OVER_PI: f32 = 0.318", "ONE_OVER_PI: f32 = 0.319", "constant ONE_OVER_PI"),
-    ] {
-        let shader = RENDER.iter().find(|shader| shader.name == kernel.name()).expect("a kernel");
-        let mut parts = texts(shader);
-        let mut replaced = 0;
-        for part in &mut parts {
-            replaced += part.text.matches(from).count();
-            part.text = part.text.replacen(from, to, 1);
-        }
-        assert!(replaced > 0, "{from}");
-        // What no longer validates is found sooner.
-        let Ok(parsed) = Parsed::new(parts.clone()) else { continue };
-        let mut faults = render::binding_faults(&parsed, kernel);
-        faults.extend(render::record_faults(&parsed));
-        faults.extend(constants::faults(&parsed, &parts, &known));
-        assert!(faults.iter().any(|fault| fault.contains(words)), "{from}: {faults:?}");
-    }
 }

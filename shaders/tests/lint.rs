@@ -14,7 +14,8 @@
 //!   `difference` return what passed the barrier. *Written*: nothing else is written to a buffer.
 //! - *Barrier*: every entry point whose functions use `opaque_zero`, or the function through which it
 //!   reaches them, sets it first, from a member `zero` of a buffer, and nothing else writes it. *Free*: kernels
-//!   of the tree builder, and those of the ray tracer that trace no rays, call no free operation at all.
+//!   that trace no rays, as the tables of their sets say, call no free operation at all: all of the tree
+//!   builder's, some of the ray tracer's and of the queries.
 //! - *NotFinite*: no infinity or NaN that a compiler can see, as a literal or a constant's bits.
 //!
 //! Shaders of accuracy `fast` (names that end in `_fast`) may compute as they like.
@@ -27,8 +28,12 @@
 
 use std::collections::BTreeSet;
 
+use splitplane_core::kernel::{
+    Access, Binding, DeviceChecks, KernelSet, RayQueries, Slot, TreeBuilder,
+};
+use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
+    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -50,9 +55,9 @@ mod strict;
 /// Who may call free operations.
 #[derive(Clone, Copy, PartialEq)]
 enum Free {
-    /// Queries: results that are widened anyway.
+    /// Kernels that trace rays: results that are widened anyway.
     Allowed,
-    /// The tree builder.
+    /// All others.
     Forbidden,
 }
 
@@ -68,18 +73,27 @@ fn lint(parts: Vec<Text>, free: Free) -> Vec<Finding> {
     findings
 }
 
-/// The shaders the lint applies to.
+/// The shaders the lint applies to: those of every set.
 fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
-    let kernels = KERNELS.iter().map(|shader| (shader, Free::Forbidden));
-    let queries = QUERIES.iter().map(|shader| (shader, Free::Allowed));
-    let render = RENDER.iter().map(|shader| (shader, free_in_render(shader)));
-    kernels.chain(queries).chain(render).filter(|(shader, _)| !shader.name.ends_with("_fast"))
+    let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
+    let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
+    let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
+    let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
+    let all = kernels.chain(queries).chain(render).chain(checks);
+    all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
 }
 
-/// Of the ray tracer's kernels only those that trace rays may call free operations.
-fn free_in_render(shader: &Shader) -> Free {
-    let traces = shader.parts.iter().any(|part| part.name == "traverse");
-    if traces { Free::Allowed } else { Free::Forbidden }
+/// Only kernels that trace rays, and so read the nodes of a tree, may call free operations.
+fn free_in<K: KernelSet>(shader: &Shader) -> Free {
+    let own = shader.parts.last().map_or("", |part| part.name);
+    let row = K::KERNELS.iter().find(|row| row.name == own).expect("a kernel of the set");
+    let reads_tree = K::slots(row.kernel).any(|slot| match slot {
+        Slot::Storage(Binding { buffer, access: Access::Read }) => {
+            K::buffer(buffer).name == "nodes"
+        }
+        _ => false,
+    });
+    if reads_tree { Free::Allowed } else { Free::Forbidden }
 }
 
 fn arithmetic() -> &'static Part {
@@ -116,7 +130,7 @@ fn every_choice_of_features_keeps_the_rules() {
             // The others do not depend on features.
             if ["shade", "shadow_rays", "next_paths"].contains(&shader.name) {
                 let texts = parts.iter().map(Text::from).collect();
-                assert_clean(shader.name, &lint(texts, free_in_render(shader)));
+                assert_clean(shader.name, &lint(texts, free_in::<RayTracer>(shader)));
             }
         }
     }
@@ -169,7 +183,55 @@ fn an_operation_without_barrier_is_found_in_every_shader() {
     }
 }
 
-/// A kernel of the tree builder may not take a free operation for a guarded one.
+/// Who may call free operations is as it should be.
+#[test]
+fn only_those_that_trace_rays_may_be_free() {
+    let free = linted().filter(|(_, free)| *free == Free::Allowed);
+    let names: Vec<&str> = free.map(|(shader, _)| shader.name).collect();
+    assert_eq!(
+        names,
+        [
+            "closest_hit",
+            "closest_hit_exact",
+            "any_hit",
+            "any_hit_exact",
+            "first_costs",
+            "closest_hits",
+            "shadow_hits",
+            "shadow_hits_through_glass",
+        ]
+    );
+}
+
+/// A free multiply-add in place of guarded operations is found in every query.
+#[test]
+fn a_free_multiply_add_is_found_in_every_query() {
+    let (shear, limits) = (
+        ("difference(away.x, product(shear.x, away.z))", "free_mul_add(-shear.x, away.z, away.x)"),
+        (
+            "snapped_difference(snapped_product(hi, 0.5), snapped_product(lo, 0.5))",
+            "free_mul_add(hi, 0.5, snapped_product(lo, -0.5))",
+        ),
+    );
+    for shader in QUERIES.iter().filter(|shader| !shader.name.ends_with("_fast")) {
+        let free = free_in::<RayQueries>(shader);
+        let ((from, to), rule) = match free {
+            Free::Allowed => (shear, Rule::Merged),
+            Free::Forbidden => (limits, Rule::Free),
+        };
+        let mut parts = texts(shader);
+        let mut replaced = 0;
+        for part in &mut parts {
+            replaced += part.text.matches(from).count();
+            part.text = part.text.replace(from, to);
+        }
+        assert!(replaced > 0, "{}", shader.name);
+        let findings = lint(parts, free);
+        assert!(findings.iter().any(|finding| finding.rule == rule), "{}", shader.name);
+    }
+}
+
+/// A kernel that traces no rays may not take a free operation for a guarded one.
 #[test]
 fn a_free_operation_is_found_in_every_kernel() {
     for (shader, free) in linted().filter(|(_, free)| *free == Free::Forbidden) {

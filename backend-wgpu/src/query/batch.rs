@@ -7,16 +7,17 @@ use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::time::{Duration, Instant};
 
 use splitplane_core::certify::UNDECIDED_HIT;
+use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
 use super::pipelines::Queries;
-use super::record::{BatchUniform, QueryBuffers, RAY_BYTES, UNFINISHED, result_bytes};
-use super::scope::checked;
+use super::record::{QueryBuffers, RAY_BYTES, UNFINISHED, result_bytes};
 use super::staging::Staging;
 use super::tree::DeviceTree;
+use crate::device::scope::checked;
 use crate::error::GpuError;
 
 /// Most rays of a submission. At a few hundred million rays a second this takes milliseconds.

@@ -1,14 +1,15 @@
 //! The range of coordinates and sizes of triangles that lie on the device.
 
 use splitplane_core::intersect::Limits;
+use splitplane_core::kernel::{QueryBuffer, QueryKernel, QueryUniform, RayQueries, Slot};
+use splitplane_core::layout::TriangleCount;
+use splitplane_shaders::TriangleTest;
 
-use super::pipelines::{Queries, QueryKernel};
-use super::record::workgroup_grid;
-use super::scope::checked;
+use super::pipelines::Queries;
+use crate::device::once;
+use crate::device::scope::checked;
 use crate::error::GpuError;
 
-/// Invocations of a workgroup of `triangle_limits.wgsl`.
-const WORKGROUP: u32 = 256;
 /// Bytes of its result: four floats.
 pub(crate) const LIMITS_BYTES: u64 = 16;
 
@@ -51,30 +52,26 @@ impl Queries {
     ) -> Result<(), GpuError> {
         use wgpu::BufferUsages as Usage;
         let gpu = self.gpu();
-        let pipeline = self.pipeline(QueryKernel::TriangleLimits)?;
         let uniform = gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?;
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         let limits = gpu.buffer("triangle limits", LIMITS_BYTES, usage)?;
         let none = Limits::NONE;
         let start = [none.greatest, none.least, none.longest, none.shortest];
-        gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[count, 0, 0, 0]));
+        let parameters = TriangleCount { count, zero: 0 };
+        gpu.queue().write_buffer(&uniform, 0, bytemuck::bytes_of(&parameters));
         gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
-        let entries = [triangles, &uniform, &limits].map(wgpu::Buffer::as_entire_binding);
-        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("triangle_limits"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
-                binding: place as u32,
-                resource: entries[place].clone(),
-            }),
-        });
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bindings, &[]);
-            let [x, y] = workgroup_grid(gpu, count.div_ceil(WORKGROUP));
-            pass.dispatch_workgroups(x, y, 1);
-        }
+        let find = |slot: Slot<RayQueries>| match slot {
+            Slot::Uniform(QueryUniform::TriangleCount) => Some(&uniform),
+            Slot::Storage(binding) => match binding.buffer {
+                QueryBuffer::Triangles => Some(triangles),
+                QueryBuffer::Limits => Some(&limits),
+                _ => None,
+            },
+            Slot::Uniform(_) => None,
+        };
+        let find = |slot| find(slot).map(wgpu::Buffer::as_entire_buffer_binding);
+        let kernel = (QueryKernel::TriangleLimits, &TriangleTest::Watertight);
+        once::record(gpu, &self.pipelines, encoder, kernel, count, find)?;
         encoder.copy_buffer_to_buffer(&limits, 0, result, place, LIMITS_BYTES);
         Ok(())
     }

@@ -12,7 +12,6 @@ pub(crate) mod limits;
 mod pipelines;
 mod record;
 mod scene;
-mod scope;
 mod settle;
 mod staging;
 mod tree;

@@ -1,42 +1,44 @@
-//! The pipelines of the queries, each compiled when it is first used.
+//! The queries of a device: their kernels, compiled when they are first used, and what batches share.
 
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
+use splitplane_core::kernel::{QueryKernel, RayQueries};
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::traverse::Query;
+use splitplane_shaders::TriangleTest;
 
 use super::batch::FIRST_RAYS;
 use super::error::DeviceQueryError;
 use super::staging::Staging;
-use crate::error::GpuError;
-use crate::gpu::Gpu;
+use crate::device::gpu::Gpu;
+use crate::device::{DeviceSet, Pipelines, Text};
 use crate::parity::Parity;
 
-/// The kernels of the queries, in the order of `splitplane_shaders::QUERIES`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum QueryKernel {
-    ClosestHit,
-    ClosestHitFast,
-    ClosestHitExact,
-    AnyHit,
-    AnyHitFast,
-    AnyHitExact,
-    TriangleLimits,
+impl DeviceSet for RayQueries {
+    /// The triangle test of those that trace rays.
+    type Variant = TriangleTest;
+
+    fn text(kernel: QueryKernel, test: &TriangleTest) -> Text {
+        let shader = splitplane_shaders::query(kernel.name(), *test);
+        // The table has every kernel with every test; a test of the shaders holds it to that.
+        let (name, parts) = shader.map_or((kernel.name(), &[][..]), |s| (s.name, s.parts));
+        Text { name, parts: parts.into() }
+    }
 }
 
-impl QueryKernel {
-    /// The kernel that answers a query.
-    pub(super) fn of(query: Query, options: &QueryOptions<'_>) -> QueryKernel {
-        match (query, options.accuracy) {
-            (Query::Closest, Accuracy::Fast) => QueryKernel::ClosestHitFast,
-            (Query::Closest, Accuracy::Watertight) => QueryKernel::ClosestHit,
-            (Query::Closest, Accuracy::Exact) => QueryKernel::ClosestHitExact,
-            (Query::Any, Accuracy::Fast) => QueryKernel::AnyHitFast,
-            (Query::Any, Accuracy::Watertight) => QueryKernel::AnyHit,
-            (Query::Any, Accuracy::Exact) => QueryKernel::AnyHitExact,
-        }
-    }
+/// The kernel that answers a query, and the test that its accuracy asks for.
+pub(super) fn kernel_of(query: Query, options: &QueryOptions<'_>) -> (QueryKernel, TriangleTest) {
+    let kernel = match query {
+        Query::Closest => QueryKernel::ClosestHit,
+        Query::Any => QueryKernel::AnyHit,
+    };
+    let test = match options.accuracy {
+        Accuracy::Fast => TriangleTest::MoellerTrumbore,
+        Accuracy::Watertight => TriangleTest::Watertight,
+        Accuracy::Exact => TriangleTest::Certain,
+    };
+    (kernel, test)
 }
 
 /// A device with the pipelines of the queries and reusable staging memory. One serves any number
@@ -44,7 +46,7 @@ impl QueryKernel {
 #[derive(Debug)]
 pub struct Queries {
     gpu: Arc<Gpu>,
-    pipelines: [OnceLock<wgpu::ComputePipeline>; 7],
+    pub(super) pipelines: Arc<Pipelines>,
     /// Staging memory that no batch is using.
     pub(super) staging: Mutex<Vec<Staging>>,
     /// Whether bounds of error hold on the device.
@@ -58,9 +60,14 @@ impl Queries {
     /// [`Queries::set_parity`] says that the device may be trusted with it; a
     /// [`WgpuBackend`](crate::WgpuBackend) that was tested has said so.
     pub fn new(gpu: Arc<Gpu>) -> Queries {
+        Queries::sharing(gpu, Arc::default())
+    }
+
+    /// The same with the compiled kernels of a backend.
+    pub(crate) fn sharing(gpu: Arc<Gpu>, pipelines: Arc<Pipelines>) -> Queries {
         Queries {
             gpu,
-            pipelines: Default::default(),
+            pipelines,
             staging: Mutex::default(),
             certain: AtomicBool::new(false),
             slice_rays: AtomicU32::new(FIRST_RAYS),
@@ -90,18 +97,6 @@ impl Queries {
         }
         Ok(())
     }
-
-    /// The pipeline of a kernel, compiled by the first call.
-    pub(super) fn pipeline(&self, kernel: QueryKernel) -> Result<&wgpu::ComputePipeline, GpuError> {
-        let place = &self.pipelines[kernel as usize];
-        if let Some(pipeline) = place.get() {
-            return Ok(pipeline);
-        }
-        let shader = &splitplane_shaders::QUERIES[kernel as usize];
-        let compiled = self.gpu.pipeline(shader.name, &shader.source())?;
-        // Two threads may compile at once; the first to finish stays.
-        Ok(place.get_or_init(|| compiled))
-    }
 }
 
 #[cfg(test)]
@@ -109,18 +104,24 @@ mod tests {
     use super::*;
 
     #[test]
-    fn kernels_stand_as_in_the_table() {
-        for (kernel, name) in [
-            (QueryKernel::ClosestHit, "closest_hit"),
-            (QueryKernel::ClosestHitFast, "closest_hit_fast"),
-            (QueryKernel::ClosestHitExact, "closest_hit_exact"),
-            (QueryKernel::AnyHit, "any_hit"),
-            (QueryKernel::AnyHitFast, "any_hit_fast"),
-            (QueryKernel::AnyHitExact, "any_hit_exact"),
-            (QueryKernel::TriangleLimits, "triangle_limits"),
+    fn every_kernel_has_its_text() {
+        for (query, accuracy, name) in [
+            (Query::Closest, Accuracy::Watertight, "closest_hit"),
+            (Query::Closest, Accuracy::Fast, "closest_hit_fast"),
+            (Query::Closest, Accuracy::Exact, "closest_hit_exact"),
+            (Query::Any, Accuracy::Watertight, "any_hit"),
+            (Query::Any, Accuracy::Fast, "any_hit_fast"),
+            (Query::Any, Accuracy::Exact, "any_hit_exact"),
         ] {
-            assert_eq!(splitplane_shaders::QUERIES[kernel as usize].name, name);
+            let options = QueryOptions { accuracy, ..QueryOptions::default() };
+            let (kernel, test) = kernel_of(query, &options);
+            let text = RayQueries::text(kernel, &test);
+            assert_eq!(text.name, name);
+            assert!(!text.parts.is_empty());
         }
+        let text = RayQueries::text(QueryKernel::TriangleLimits, &TriangleTest::default());
+        assert_eq!(text.name, "triangle_limits");
+        assert!(!text.parts.is_empty());
         assert_eq!(splitplane_shaders::QUERIES.len(), 7);
     }
 }

@@ -1,19 +1,17 @@
 //! Queries over rays that are on the device, recorded into a host's commands.
 
-use bytemuck::{Pod, Zeroable};
 #[cfg(doc)]
 use splitplane_core::certify::UNDECIDED_HIT;
-use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::kernel::{QueryBuffer, QueryUniform, RayQueries, Slot};
+use splitplane_core::layout::BatchUniform;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::Query;
 
 use super::error::DeviceQueryError;
-use super::pipelines::{Queries, QueryKernel};
+use super::pipelines::{Queries, kernel_of};
 use super::tree::DeviceTree;
+use crate::device::once;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
-
-/// Invocations of a workgroup of the query kernels.
-const WORKGROUP: u32 = 64;
 
 /// The `triangle` of a hit on the device whose traversal the driver ended early; any hit then says 2.
 /// Seen with Mesa's llvmpipe, which ends a shader's loops after 65,535 rounds.
@@ -28,40 +26,6 @@ pub(super) const fn result_bytes(query: Query) -> u64 {
         Query::Closest => size_of::<Hit>() as u64,
         Query::Any => size_of::<u32>() as u64,
     }
-}
-
-/// The uniform `batch` of the query kernels; twin of `Batch` in `query.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-pub(super) struct BatchUniform {
-    count: u32,
-    culling: u32,
-    ignore: u32,
-    padding: u32,
-}
-
-impl BatchUniform {
-    pub(super) fn new(count: u32, options: &QueryOptions<'_>) -> BatchUniform {
-        let culling = match options.culling {
-            Culling::None => 0,
-            Culling::Back => 1,
-            Culling::Front => 2,
-        };
-        // No triangle has the index u32::MAX.
-        let ignore = options.ignore.unwrap_or(u32::MAX);
-        BatchUniform { count, culling, ignore, padding: 0 }
-    }
-}
-
-/// Workgroups in rows: one dimension may be too short for all. The last row may reach beyond the
-/// end; kernels compare their index with the count.
-pub(super) fn workgroup_grid(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
-    let most = gpu.device().limits().max_compute_workgroups_per_dimension.max(1);
-    if workgroups <= most {
-        return [workgroups, 1];
-    }
-    let rows = workgroups.div_ceil(most);
-    [workgroups.div_ceil(rows), rows]
 }
 
 /// The buffers of one dispatch of a query.
@@ -174,40 +138,28 @@ impl Queries {
         options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), GpuError> {
-        let kernel = QueryKernel::of(query, options);
-        let pipeline = self.pipeline(kernel)?;
-        let part = |buffer, bytes: u64| {
-            wgpu::BindingResource::Buffer(wgpu::BufferBinding {
-                buffer,
-                offset: 0,
-                size: wgpu::BufferSize::new(u64::from(count) * bytes),
-            })
+        let (kernel, test) = kernel_of(query, options);
+        let part = |buffer, bytes: u64| wgpu::BufferBinding {
+            buffer,
+            offset: 0,
+            size: wgpu::BufferSize::new(u64::from(count) * bytes),
         };
-        let [nodes, references, triangles, scene] = tree.bind_group_entries(0);
-        let bindings = self.gpu().device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some("query"),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &[
-                nodes,
-                references,
-                triangles,
-                scene,
-                wgpu::BindGroupEntry { binding: 4, resource: part(buffers.rays, RAY_BYTES) },
-                wgpu::BindGroupEntry {
-                    binding: 5,
-                    resource: part(buffers.results, result_bytes(query)),
-                },
-                wgpu::BindGroupEntry { binding: 6, resource: buffers.batch.as_entire_binding() },
-            ],
-        });
-        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-            label: Some("query"),
-            timestamp_writes: None,
-        });
-        pass.set_pipeline(pipeline);
-        pass.set_bind_group(0, &bindings, &[]);
-        let [x, y] = workgroup_grid(self.gpu(), count.div_ceil(WORKGROUP));
-        pass.dispatch_workgroups(x, y, 1);
-        Ok(())
+        let whole = wgpu::Buffer::as_entire_buffer_binding;
+        let find = |slot: Slot<RayQueries>| match slot {
+            Slot::Uniform(QueryUniform::Scene) => Some(whole(tree.scene())),
+            Slot::Uniform(QueryUniform::Batch) => Some(whole(buffers.batch)),
+            Slot::Uniform(QueryUniform::TriangleCount) => None,
+            Slot::Storage(binding) => match binding.buffer {
+                QueryBuffer::Nodes => Some(whole(tree.nodes())),
+                QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
+                QueryBuffer::Triangles => Some(whole(tree.triangles())),
+                QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
+                QueryBuffer::Hits | QueryBuffer::Occluded => {
+                    Some(part(buffers.results, result_bytes(query)))
+                }
+                QueryBuffer::Limits => None,
+            },
+        };
+        once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)
     }
 }

@@ -1,45 +1,6 @@
 //! What every traversal reads of the scene as a whole, as it lies on the device.
 
-use bytemuck::{Pod, Zeroable};
-use splitplane_core::intersect::SceneScale;
-
-/// The uniform `scene` of a traversal: [`SceneScale`] in the layout of the WGSL struct `Scene` of
-/// `intersect.wgsl`. 64 bytes, no padding.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct SceneUniform {
-    /// Lower corner of the tree's bounds.
-    pub lo: [f32; 3],
-    /// Absolute slack of plane positions.
-    pub slack: f32,
-    /// Upper corner of the tree's bounds.
-    pub hi: [f32; 3],
-    /// 1 when exponents leave the range of the plain triangle test.
-    pub wide: u32,
-    /// Lower corner of the box in which an origin is not far.
-    pub near_lo: [f32; 3],
-    /// Always 0. Shaders take their opaque zero from here, which no compiler can see through.
-    pub zero: u32,
-    /// Upper corner of the box in which an origin is not far.
-    pub near_hi: [f32; 3],
-    /// What origin coordinates next to 0 are taken for.
-    pub origin_least: f32,
-}
-
-impl From<&SceneScale> for SceneUniform {
-    fn from(scale: &SceneScale) -> SceneUniform {
-        SceneUniform {
-            lo: scale.bounds.lo,
-            slack: scale.slack,
-            hi: scale.bounds.hi,
-            wide: u32::from(scale.wide),
-            near_lo: scale.near.lo,
-            zero: 0,
-            near_hi: scale.near.hi,
-            origin_least: scale.origin_least,
-        }
-    }
-}
+pub use splitplane_core::layout::SceneUniform;
 
 #[cfg(test)]
 mod tests {

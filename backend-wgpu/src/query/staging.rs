@@ -1,8 +1,9 @@
 //! Device memory for batches that come from the host, kept for the next batch.
 
 use super::pipelines::Queries;
-use super::record::{BatchUniform, RAY_BYTES};
+use super::record::RAY_BYTES;
 use crate::error::GpuError;
+use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
 /// Most sets that are kept while nobody uses them.

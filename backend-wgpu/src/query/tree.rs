@@ -8,10 +8,10 @@ use splitplane_core::triangle::Triangle;
 
 use super::pipelines::Queries;
 use super::scene::SceneUniform;
-use super::scope::checked;
+use crate::device::gpu::Gpu;
+use crate::device::host;
+use crate::device::scope::checked;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
-use crate::host;
 
 /// The parts of a finished tree that are already on the device.
 #[derive(Clone, Debug)]

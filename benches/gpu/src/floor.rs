@@ -97,7 +97,10 @@ impl Counting<'_> {
                     let before = self.written.insert(buffer, length).unwrap_or(0);
                     size * length.saturating_sub(before)
                 }
-                _ if binding.access == Access::ReadWrite => 2 * size * live(buffer),
+                // A part of each element is written, or it is read first.
+                _ if matches!(binding.access, Access::ReadWrite | Access::Scatter) => {
+                    2 * size * live(buffer)
+                }
                 _ => size * live(buffer),
             };
         }

@@ -240,7 +240,9 @@ impl Inspect<RayTracer> for CpuExecutor<'_> {
             Buffer::FirstCosts => bytes(&b.first_costs),
             Buffer::Pixels => bytes(&b.pixels),
             Buffer::Counters => bytemuck::bytes_of(&b.counters).to_vec(),
-            Buffer::Triangles | Buffer::Scene => Vec::new(),
+            Buffer::Nodes | Buffer::LeafReferences | Buffer::Triangles | Buffer::Scene => {
+                Vec::new()
+            }
         })
     }
 }

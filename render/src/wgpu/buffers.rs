@@ -1,30 +1,34 @@
 //! The buffers of a frame on the device, kept between frames.
 
-use super::pipelines::Pipelines;
-use crate::kernel::{Buffer, Kernel};
+use crate::kernel::{Buffer, Kernel, RayTracer, Uniform};
 use crate::layout::{Counters, FirstCost, FirstHit, Frame};
 use crate::plan::Plan;
 use crate::scene_data::SceneData;
+use splitplane_core::kernel::KernelSet;
+use splitplane_wgpu::device::BindGroups;
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
-use wgpu::{BindGroup, BindGroupEntry, BufferUsages as Usage};
-
-const BUFFERS: usize = Buffer::Counters as usize + 1;
-const KERNELS: usize = Kernel::ALL.len();
+use wgpu::BufferUsages as Usage;
 
 /// The buffers that kernels exchange, and what binds them. Buffers only grow.
 #[derive(Debug)]
-pub(super) struct Buffers {
-    buffers: [Option<wgpu::Buffer>; BUFFERS],
+pub struct Buffers {
+    buffers: [Option<wgpu::Buffer>; RayTracer::BUFFERS.len()],
     uniform: wgpu::Buffer,
-    /// Nodes, leaf references, triangles, scene.
-    tree: Option<[wgpu::Buffer; 4]>,
+    tree: Option<Tree>,
     /// Where the picture goes when it is the caller's buffer.
     target: Option<wgpu::Buffer>,
-    /// What each kernel binds while the queues of this wave and the next stand in their places, and
-    /// when they have changed them.
-    groups: [[Option<BindGroup>; 2]; KERNELS],
+    groups: BindGroups<RayTracer>,
     /// Which words of which scene are there: [`SceneData::revision`] and that of its normals.
     scene: (u64, u64),
+}
+
+/// What is bound of a tree.
+#[derive(Clone, Debug, PartialEq)]
+struct Tree {
+    nodes: wgpu::Buffer,
+    leaf_references: wgpu::Buffer,
+    triangles: wgpu::Buffer,
+    scene: wgpu::Buffer,
 }
 
 impl Buffers {
@@ -43,19 +47,36 @@ impl Buffers {
 
     /// A buffer; `None` before a frame needed it.
     pub(super) fn get(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+        let tree = self.tree.as_ref();
         match (buffer, &self.target) {
             (Buffer::Pixels, Some(target)) => Some(target),
-            (Buffer::Triangles, _) => self.tree.as_ref().map(|tree| &tree[2]),
+            (Buffer::Nodes, _) => tree.map(|tree| &tree.nodes),
+            (Buffer::LeafReferences, _) => tree.map(|tree| &tree.leaf_references),
+            (Buffer::Triangles, _) => tree.map(|tree| &tree.triangles),
             _ => self.buffers[buffer as usize].as_ref(),
         }
+    }
+
+    /// A uniform; `None` before a tree was given.
+    pub(super) fn uniform(&self, uniform: Uniform) -> Option<&wgpu::Buffer> {
+        match uniform {
+            Uniform::Frame => Some(&self.uniform),
+            Uniform::Scene => self.tree.as_ref().map(|tree| &tree.scene),
+        }
+    }
+
+    /// The bind groups of these buffers.
+    pub(super) fn groups(&mut self) -> &mut BindGroups<RayTracer> {
+        &mut self.groups
     }
 
     /// Makes room for all that the kernels of a plan bind. Contents of buffers that grow are lost.
     pub(super) fn reserve(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
         self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
         for kernel in plan.kernels() {
-            for &(buffer, _) in kernel.bindings() {
-                let own = buffer != Buffer::Triangles
+            for buffer in kernel.bindings().map(|binding| binding.buffer) {
+                // The tree has its own buffers, and the caller may have one for the picture.
+                let own = Buffer::ALLOCATED.contains(&buffer)
                     && (buffer != Buffer::Pixels || self.target.is_none());
                 if own {
                     // One element at least: a binding cannot be empty.
@@ -72,7 +93,7 @@ impl Buffers {
         if slot.as_ref().is_none_or(|held| held.size() < bytes) {
             // The old one goes first: both may not fit.
             *slot = None;
-            self.groups = Default::default();
+            self.groups.clear();
             if buffer == Buffer::Scene {
                 self.scene = (0, 0);
             }
@@ -84,11 +105,15 @@ impl Buffers {
 
     /// Takes note of the tree to trace.
     pub(super) fn set_tree(&mut self, tree: &DeviceTree) {
-        let held = [tree.nodes(), tree.leaf_references(), tree.triangles(), tree.scene()]
-            .map(Clone::clone);
+        let held = Tree {
+            nodes: tree.nodes().clone(),
+            leaf_references: tree.leaf_references().clone(),
+            triangles: tree.triangles().clone(),
+            scene: tree.scene().clone(),
+        };
         if self.tree.as_ref() != Some(&held) {
             self.tree = Some(held);
-            self.groups = Default::default();
+            self.groups.clear();
         }
     }
 
@@ -96,7 +121,7 @@ impl Buffers {
     pub(super) fn set_target(&mut self, target: Option<&wgpu::Buffer>) {
         if self.target.as_ref() != target {
             self.target = target.cloned();
-            self.groups[Kernel::Resolve as usize] = Default::default();
+            self.groups.forget(Kernel::Resolve);
         }
     }
 
@@ -137,60 +162,9 @@ impl Buffers {
         self.scene = now;
     }
 
-    /// What a kernel binds.
-    ///
-    /// # Panics
-    /// Before [`Buffers::reserve`] and [`Buffers::set_tree`].
-    pub(super) fn group(
-        &mut self,
-        gpu: &Gpu,
-        pipelines: &mut Pipelines,
-        kernel: Kernel,
-        swapped: bool,
-    ) -> BindGroup {
-        if let Some(group) = &self.groups[kernel as usize][usize::from(swapped)] {
-            return group.clone();
-        }
-        let mut bound = vec![&self.uniform];
-        let named = core::iter::once(Buffer::Counters)
-            .chain(kernel.bindings().iter().map(|&(buffer, _)| buffer));
-        for buffer in named {
-            let buffer = if swapped { exchanged(buffer) } else { buffer };
-            bound.push(self.get(buffer).expect("reserved before use"));
-        }
-        if kernel.traces() {
-            bound.extend(self.tree.as_ref().expect("a tree is given before use"));
-        }
-        let entries: Vec<BindGroupEntry<'_>> = (0..)
-            .zip(bound)
-            .map(|(binding, buffer)| BindGroupEntry {
-                binding,
-                resource: buffer.as_entire_binding(),
-            })
-            .collect();
-        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(kernel.name()),
-            layout: pipelines.layout(gpu, kernel),
-            entries: &entries,
-        });
-        self.groups[kernel as usize][usize::from(swapped)] = Some(group.clone());
-        group
-    }
-
     /// Bytes on the device that are held between frames, the tree's not counted.
     pub(super) fn bytes(&self) -> u64 {
         let held = self.buffers.iter().flatten().map(wgpu::Buffer::size);
         held.sum::<u64>() + self.uniform.size()
-    }
-}
-
-/// The buffer that a name stands for when the queues of this wave and the next have changed places.
-pub(super) fn exchanged(buffer: Buffer) -> Buffer {
-    match buffer {
-        Buffer::Rays => Buffer::NextRays,
-        Buffer::NextRays => Buffer::Rays,
-        Buffer::Paths => Buffer::NextPaths,
-        Buffer::NextPaths => Buffer::Paths,
-        other => other,
     }
 }

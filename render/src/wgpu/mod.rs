@@ -8,12 +8,10 @@
 
 mod buffers;
 mod executor;
-mod pipelines;
-mod readback;
 mod renderer;
 mod room;
 
-pub use executor::WgpuExecutor;
+pub use executor::{FrameJob, WgpuExecutor};
 pub use renderer::WgpuRenderer;
 
 /// What limits the queues of a frame on a device, for plans that are made before a renderer is.

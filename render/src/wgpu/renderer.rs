@@ -1,18 +1,18 @@
 //! Frames, one after the other, in the same memory of a device.
 
 use super::buffers::Buffers;
-use super::executor::{Looking, WgpuExecutor};
-use super::pipelines::{Pipelines, features};
-use super::readback::{READBACK, read};
+use super::executor::{WgpuExecutor, executor, features};
 use super::room;
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
-use crate::kernel::{Buffer, Counter, Kernel, first_counters};
+use crate::kernel::{Buffer, Counter, Kernel, RayTracer, first_counters};
 use crate::layout::{Counters, FirstCost, FirstHit, Frame};
 use crate::plan::{Plan, Room};
 use crate::schedule;
 use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
+use splitplane_wgpu::device::readback::{READBACK, read};
+use splitplane_wgpu::device::{Looking, Pipelines};
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -65,7 +65,7 @@ impl WgpuRenderer {
     /// Gives one kernel another text, or its own again: for tests that plant faults.
     #[doc(hidden)]
     pub fn replace_kernel(&mut self, kernel: Kernel, source: Option<String>) {
-        self.pipelines.replace(kernel, source);
+        self.pipelines.replace::<RayTracer>(kernel, source);
     }
 
     /// Lets no wave hold more than so many paths, for less memory; results do not depend on it. More
@@ -200,12 +200,11 @@ impl WgpuRenderer {
     ) -> Result<(), RenderError> {
         let readback = self.gpu.buffer("counters, read back", 64, READBACK)?;
         let gpu = Arc::clone(&self.gpu);
-        let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
+        let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let submissions = gpu.guard(|| -> Result<u32, RenderError> {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
             let counters = buffers.get(Buffer::Counters).cloned();
-            let mut executor =
-                WgpuExecutor::new(&gpu, pipelines, buffers, plan, features, Looking::Never);
+            let mut executor = executor(&gpu, pipelines, buffers, plan, features, Looking::Never);
             schedule::frame(&mut executor, &plan)?;
             if let Some(counters) = counters {
                 executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, 64);
@@ -311,12 +310,11 @@ impl WgpuRenderer {
         let frame = self.prepare(tree, input, plan)?;
         let features = features(plan, input.query.accuracy);
         let gpu = Arc::clone(&self.gpu);
-        let (buffers, pipelines) = (&mut self.buffers, &mut self.pipelines);
+        let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let out = gpu.guard(|| {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
             buffers.fill(&gpu, plan);
-            let looking = Looking::Always;
-            run(WgpuExecutor::new(&gpu, pipelines, buffers, *plan, features, looking))
+            run(executor(&gpu, pipelines, buffers, *plan, features, Looking::Always))
         })?;
         Ok(out)
     }
@@ -371,7 +369,7 @@ impl WgpuRenderer {
         let bytes = self.finished.map_or(0, |plan| plan.bytes(buffer));
         match self.buffers.get(buffer) {
             Some(held) if bytes > 0 => {
-                let bytes = read(&self.gpu, held, bytes)?;
+                let bytes = read(&self.gpu, held, 0, bytes)?;
                 Ok(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
             }
             _ => Err(RenderError::NoOutput { what }),

@@ -10,11 +10,6 @@ const MOST_GROUPS: u32 = 65_535;
 /// Workgroups of a grid whose chunks all take about as long: enough to fill a large GPU.
 const EVEN_GROUPS: u32 = 2048;
 
-/// Whether the device is a CPU.
-fn is_software(gpu: &Gpu) -> bool {
-    gpu.info().device_type == wgpu::DeviceType::Cpu
-}
-
 /// What limits the queues of a frame on a device. No queue has more chunks than a grid has workgroups.
 pub(super) fn of(gpu: &Gpu) -> Room {
     let limits = gpu.limits();
@@ -23,10 +18,10 @@ pub(super) fn of(gpu: &Gpu) -> Room {
     Room { buffer_bytes: bytes.min(queue), ..Room::GPU }
 }
 
-/// Workgroups of a grid over so many things. Rays take long or short, and so does all on a device that is
+/// Workgroups of a grid that so many are wanted for. Rays take long or short, and so does all on a device that is
 /// a CPU: each chunk has a workgroup of its own, since Mesa's llvmpipe ends the loops of an invocation
 /// after 65,535 rounds, in silence, and nothing may come behind a ray that took them all.
-pub(super) fn groups(gpu: &Gpu, kernel: Kernel, things: u32) -> u32 {
-    let most = if kernel.traces() || is_software(gpu) { MOST_GROUPS } else { EVEN_GROUPS };
-    things.div_ceil(CHUNK).clamp(1, most)
+pub(super) fn groups(gpu: &Gpu, kernel: Kernel, wanted: u32) -> u32 {
+    let most = if kernel.traces() || gpu.is_software() { MOST_GROUPS } else { EVEN_GROUPS };
+    wanted.clamp(1, most)
 }

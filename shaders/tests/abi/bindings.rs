@@ -2,15 +2,16 @@
 
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, ShaderStage, StorageAccess, TypeInner};
 use naga::proc::Layouter;
+use naga::valid::GlobalUse;
 use naga::{GlobalVariable, Handle};
-use splitplane_core::kernel::{Access, Buffer, Kernel};
+use splitplane_core::kernel::{Access, Binding, Grid, KernelSet, Slot};
 use splitplane_shaders::ENTRY_POINT;
 
-use crate::constants::snake;
+use crate::sets::Shaders;
 use crate::source::Parsed;
 
 /// Storage buffers of a stage.
-const MAX_STORAGE_BUFFERS: usize = 8;
+pub const MAX_STORAGE_BUFFERS: usize = 8;
 /// Invocations of a workgroup.
 const MAX_INVOCATIONS: u32 = 256;
 /// Invocations along the last axis.
@@ -57,96 +58,141 @@ pub fn limit_faults(parsed: &Parsed) -> Vec<String> {
     faults
 }
 
-/// Faults of the bindings of a kernel of the tree builder.
-pub fn binding_faults(parsed: &Parsed, kernel: Kernel) -> Vec<String> {
-    let module = &parsed.module;
-    let mut bound: Vec<(u32, &GlobalVariable)> = module
-        .global_variables
-        .iter()
-        .filter_map(|(_, global)| Some((global.binding?.binding, global)))
-        .collect();
+/// Whether the bindings of a kernel are what its set's table says.
+pub fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
+    let globals = parsed.module.global_variables.iter();
+    let mut bound: Vec<(u32, &GlobalVariable)> =
+        globals.filter_map(|(_, global)| Some((global.binding?.binding, global))).collect();
     bound.sort_by_key(|(binding, _)| *binding);
+    let wanted: Vec<Slot<S>> = S::slots(kernel).collect();
     let mut faults = Vec::new();
-    for (index, (binding, global)) in bound.iter().enumerate() {
-        if *binding as usize != index {
-            faults.push(format!("binding {binding} of {} at place {index}", name_of(global)));
+    for (place, slot) in wanted.iter().enumerate() {
+        let name = name_of_slot(slot);
+        let Some(&(binding, global)) = bound.get(place) else {
+            faults.push(format!("{name} is not bound"));
+            continue;
+        };
+        let found = name_of(global);
+        if binding as usize != place || found != name {
+            faults.push(format!("{found} at {binding} in place of {name} at {place}"));
+            continue;
+        }
+        // The layout of a binding says whether it is written, and the shader must say the same.
+        let (space, suits) = match slot {
+            Slot::Uniform(uniform) => {
+                let record = parsed.module.types[global.ty].name.as_deref();
+                (AddressSpace::Uniform, record == Some(&format!("{uniform:?}")))
+            }
+            Slot::Storage(storage) => {
+                let written = storage.access != Access::Read;
+                (self::storage(written), is_of::<S>(parsed, global, storage.buffer))
+            }
+        };
+        if global.space != space {
+            faults.push(format!("{name} is {:?} in place of {space:?}", global.space));
+        } else if !suits {
+            faults.push(format!("{name} has another type"));
         }
     }
-    let mut bound = bound.into_iter().map(|(_, global)| global);
+    let besides = bound.iter().skip(wanted.len());
+    faults.extend(besides.map(|(_, global)| format!("{} is bound besides", name_of(global))));
+    faults
+}
 
-    let is_parameters = |global: &GlobalVariable| {
-        name_of(global) == "parameters"
-            && global.space == AddressSpace::Uniform
-            && module.types[global.ty].name.as_deref() == Some("Parameters")
-    };
-    if !bound.next().is_some_and(is_parameters) {
-        faults.push("binding 0 is not `var<uniform> parameters: Parameters`".to_owned());
+/// Whether a kernel does with its buffers what its set's table says: reads what it is said to read, and
+/// writes what it is said to write. A text that is not `whole` may leave some of that out.
+pub fn use_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel, whole: bool) -> Vec<String> {
+    let mut faults = Vec::new();
+    if parsed.module.entry_points.is_empty() {
+        return faults;
     }
-    // The binding's layout says whether it is written, and the shader must say the same.
-    let writes = kernel.writes_counters();
-    let is_counters = |global: &GlobalVariable| {
-        name_of(global) == "counters"
-            && global.space == storage(writes)
-            && is_counters(parsed, global)
-    };
-    if !bound.next().is_some_and(is_counters) {
-        let access = if writes { "read_write" } else { "read" };
-        faults.push(format!("binding 1 is not `var<storage, {access}> counters: array<u32, 16>`"));
-    }
-    let mut wanted = kernel.storage_bindings();
-    loop {
-        let (want, have) = (wanted.next(), bound.next());
-        let Some(want) = want else {
-            faults.extend(have.map(|global| format!("{} is bound besides", name_of(global))));
-            break;
-        };
-        let name = snake(&format!("{:?}", want.buffer));
-        let Some(global) = have else {
-            faults.push(format!("{name} is not bound"));
-            break;
-        };
-        if name_of(global) != name {
-            faults.push(format!("{} is bound in place of {name}", name_of(global)));
-        } else if global.space != storage(want.access != Access::Read) {
-            faults.push(format!("{name} is {:?} in place of {:?}", global.space, want.access));
-        } else if !is_list_of(parsed, global, want.buffer) {
-            faults.push(format!("{name} has elements of another size"));
+    for slot in S::slots(kernel) {
+        let Slot::Storage(Binding { buffer, access }) = slot else { continue };
+        // What every kernel is given it need not look at.
+        if S::is_bound_by_all(buffer) && access == Access::Read {
+            continue;
+        }
+        let name = S::buffer(buffer).name;
+        let globals = parsed.module.global_variables.iter();
+        let found = globals.filter(|(_, global)| name_of(global) == name);
+        let uses = found.fold(GlobalUse::empty(), |uses, (handle, _)| {
+            uses | parsed.info.get_entry_point(0)[handle]
+        });
+        let (reads, writes) = (uses.contains(GlobalUse::READ), uses.contains(GlobalUse::WRITE));
+        // Of what it writes whole, a kernel may read what it has written itself.
+        let may_read = access != Access::Scatter;
+        let must_read = whole && matches!(access, Access::Read | Access::ReadWrite);
+        let (may_write, must_write) = (access != Access::Read, whole && access != Access::Read);
+        for (fault, what) in [
+            (reads && !may_read, "read"),
+            (writes && !may_write, "written"),
+            (must_read && !reads, "not read"),
+            (must_write && !writes, "not written"),
+        ] {
+            if fault {
+                faults.push(format!("{name} is {what}, though declared {access:?}"));
+            }
         }
     }
     faults
 }
 
+/// Whether workgroups are as wide as the grid says.
+pub fn grid_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
+    let entry = parsed.module.entry_points.first();
+    let size = entry.map_or([0; 3], |entry| entry.workgroup_size);
+    match S::kernel(kernel).grid {
+        Grid::Invocations(_, width) if size != [width, 1, 1] => {
+            vec![format!("workgroups of {size:?} in a grid of {width} a workgroup")]
+        }
+        _ => Vec::new(),
+    }
+}
+
+/// The name of a variable in shaders.
+fn name_of_slot<K: KernelSet>(slot: &Slot<K>) -> &'static str {
+    match slot {
+        Slot::Uniform(uniform) => K::uniform_name(*uniform),
+        Slot::Storage(storage) => K::buffer(storage.buffer).name,
+    }
+}
+
 /// A variable's name.
-pub fn name_of(global: &GlobalVariable) -> &str {
+fn name_of(global: &GlobalVariable) -> &str {
     global.name.as_deref().unwrap_or("?")
 }
 
 /// The space of a storage buffer.
-pub fn storage(written: bool) -> AddressSpace {
+fn storage(written: bool) -> AddressSpace {
     let write = if written { StorageAccess::STORE } else { StorageAccess::empty() };
     AddressSpace::Storage { access: StorageAccess::LOAD | write }
 }
 
-/// Whether a variable has the type of the counters.
-pub fn is_counters(parsed: &Parsed, global: &GlobalVariable) -> bool {
+/// Whether a variable has the type of a buffer: a list of its elements or of plain words, or the words of
+/// the one record that it holds. What shares one storage has elements of no one size: words.
+fn is_of<S: Shaders>(parsed: &Parsed, global: &GlobalVariable, buffer: S::Buffer) -> bool {
     let types = &parsed.module.types;
-    let TypeInner::Array { base, size: ArraySize::Constant(count), .. } = types[global.ty].inner
-    else {
-        return false;
-    };
-    count.get() == 16
-        && matches!(types[base].inner, TypeInner::Scalar(scalar) if scalar.kind == ScalarKind::Uint)
-}
-
-/// Whether a variable is an array of the buffer's elements, or of plain words. What shares one
-/// storage has elements of no one size: words.
-fn is_list_of(parsed: &Parsed, global: &GlobalVariable, buffer: Buffer) -> bool {
-    let TypeInner::Array { size: ArraySize::Dynamic, stride, .. } =
-        parsed.module.types[global.ty].inner
-    else {
-        return false;
-    };
-    stride == 4 || (stride as usize == buffer.element_size() && buffer != Buffer::ChunkState)
+    let TypeInner::Array { base, size, stride } = types[global.ty].inner else { return false };
+    let stride = stride as usize;
+    let element = S::element_size(buffer);
+    match size {
+        ArraySize::Constant(count) => {
+            let word = matches!(
+                types[base].inner,
+                TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar)
+                    if scalar.kind == ScalarKind::Uint
+            );
+            S::SINGLES.contains(&buffer) && word && count.get() as usize * stride == element
+        }
+        ArraySize::Dynamic if S::SINGLES.contains(&buffer) => false,
+        ArraySize::Dynamic => {
+            let shared = S::BUFFERS.iter().any(|row| row.storage == buffer && row.buffer != buffer);
+            stride == 4
+                || (stride == element && !shared)
+                || (S::BY_FOUR_WORDS && stride == 16 && element.is_multiple_of(16))
+        }
+        ArraySize::Pending(_) => false,
+    }
 }
 
 fn is_used(parsed: &Parsed, handle: Handle<GlobalVariable>) -> bool {

@@ -12,8 +12,9 @@ use naga::Handle;
 use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Parameters,
-    Reference, Sides, SmallRoot, TopNode,
+    BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
+    Extent, LargeNode, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
+    TriangleCount,
 };
 use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
@@ -76,11 +77,12 @@ pub fn kinds_of<R, T: Words>(_: fn(&R) -> &T) -> Vec<ScalarKind> {
 }
 
 macro_rules! record {
-    ($name:ident { $($member:ident)* }) => {{
+    ($name:ident { $($member:ident)* }) => { record!($name as $name { $($member)* }) };
+    ($wgsl:ident as $name:ident { $($member:ident)* }) => {{
         // Does not compile when a member is missing.
         let _ = |$name { $($member: _),* }: $name| {};
         Record {
-            name: stringify!($name),
+            name: stringify!($wgsl),
             size: size_of::<$name>(),
             members: vec![$(Member {
                 name: stringify!($member),
@@ -91,9 +93,30 @@ macro_rules! record {
     }};
 }
 
-/// All records that may cross.
-pub fn records() -> Vec<Record> {
-    let word = |name, offset| Member { name, offset, kinds: u32::kinds() };
+fn word(name: &'static str, offset: usize) -> Member {
+    Member { name, offset, kinds: u32::kinds() }
+}
+
+/// The records of queries and of the self-test.
+pub fn of_queries() -> Vec<Record> {
+    vec![
+        record!(Ray { origin t_min direction t_max }),
+        record!(Hit { t triangle u v }),
+        record!(Scene as SceneUniform { lo slack hi wide near_lo zero near_hi origin_least }),
+        record!(Batch as BatchUniform { count culling ignore padding }),
+        record!(TriangleCount { count zero }),
+        record!(CheckParameters { zero count }),
+        // An enum and an `Option` on the CPU.
+        Record {
+            name: "QueryOptions",
+            size: 8,
+            members: vec![word("culling", 0), word("ignore", 4)],
+        },
+    ]
+}
+
+/// The records of the tree builder.
+pub fn of_core() -> Vec<Record> {
     vec![
         record!(Reference { lo triangle hi padding }),
         record!(LargeNode {
@@ -118,8 +141,6 @@ pub fn records() -> Vec<Record> {
             tree_node_room leaf_reference_room subtree_room bins clip padding
         }),
         record!(Aabb { lo hi }),
-        record!(Ray { origin t_min direction t_max }),
-        record!(Hit { t triangle u v }),
         // Its members are private.
         Record {
             name: "KdNode",
@@ -129,20 +150,9 @@ pub fn records() -> Vec<Record> {
     ]
 }
 
-/// Faults of the structs that a uniform or storage buffer holds, and of those in `layout.wgsl`.
-/// Others never cross, and may share a name with a record. Where `all_known`, what crosses must be
-/// a record of the core.
-pub fn faults(parsed: &Parsed, all_known: bool) -> Vec<String> {
-    faults_among(parsed, &records(), "layout", all_known)
-}
-
-/// The same against other records, whose twins stand in the file `layout`.
-pub fn faults_among(
-    parsed: &Parsed,
-    records: &[Record],
-    layout: &str,
-    all_known: bool,
-) -> Vec<String> {
+/// Faults of the structs that a uniform or storage buffer holds, and of those in the file `layout`:
+/// each must be one of these records. Others never cross, and may share a name with a record.
+pub fn faults(parsed: &Parsed, records: &[Record], layout: &str) -> Vec<String> {
     let module = &parsed.module;
     let mut crossing = Vec::new();
     for (_, global) in module.global_variables.iter() {
@@ -164,8 +174,7 @@ pub fn faults_among(
                 let found = compare(parsed, handle, record);
                 faults.extend(found.into_iter().map(|what| format!("{name}: {what}, {place}")));
             }
-            None if all_known => faults.push(format!("{name}: no record of the core, {place}")),
-            None => {}
+            None => faults.push(format!("{name}: no record of the core, {place}")),
         }
     }
     faults

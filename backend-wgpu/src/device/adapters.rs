@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use crate::bounded::{self, DriverLimit, Unfinished};
+use crate::device::bounded::{self, DriverLimit, Unfinished};
+use crate::device::gpu::Gpu;
+use crate::device::needs;
 use crate::error::{GpuError, OpenError};
-use crate::gpu::Gpu;
-use crate::needs;
 use crate::options::{OpenOptions, default_driver_time};
 use crate::parity::Parity;
 

@@ -1,11 +1,11 @@
 //! Errors that wgpu reports beside the call, caught.
 
+use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 
 /// Runs `work`; a validation error or a lack of memory that wgpu reports meanwhile becomes an error.
 /// Without this a refused submission would pass in silence, and results of an earlier one be read.
-pub(super) fn checked<T>(
+pub(crate) fn checked<T>(
     gpu: &Gpu,
     what: &str,
     work: impl FnOnce() -> Result<T, GpuError>,

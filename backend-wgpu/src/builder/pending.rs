@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary, go_on};
 use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::intersect::Limits;
-use splitplane_core::kernel::{Buffer, Counter, Overflow};
+use splitplane_core::kernel::{Buffer, Counter, Overflow, TreeBuilder};
 use splitplane_core::layout::{Counters, LargeNode};
 use splitplane_core::node::KdNode;
 use splitplane_core::schedule;
@@ -16,13 +16,14 @@ use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::buffers::{Buffers, readback};
 use super::capacities::Capacities;
-use super::executor::{Looking, WgpuExecutor, counters_from};
-use super::profile::{KernelTime, Profile};
+use super::executor::{Build, WgpuExecutor, counters_from};
 use super::source::Source;
 use crate::backend::Shared;
+use crate::device::gpu::Gpu;
+use crate::device::host;
+use crate::device::profile::{KernelTime, Profile};
+use crate::device::{Looking, Pipelines};
 use crate::error::GpuError;
-use crate::gpu::Gpu;
-use crate::host;
 use crate::query::limits::limits_from;
 use crate::query::{DeviceTree, TreeParts};
 
@@ -73,7 +74,7 @@ pub struct PendingBuild {
     mesh_copy: Option<wgpu::CommandBuffer>,
     swapped: bool,
     mapped: Arc<AtomicU8>,
-    profile: Option<Profile>,
+    profile: Option<Profile<TreeBuilder>>,
     effort: Effort,
 }
 
@@ -208,10 +209,10 @@ impl PendingBuild {
     /// Records the schedule, all of it or the rest, and asks for what must be read back.
     fn record(&mut self, levels: u32, from_start: bool) -> Result<(), BuildError> {
         let shared = Arc::clone(&self.shared);
-        let (gpu, kernels) = (&shared.gpu, &shared.kernels);
+        let (gpu, pipelines): (&Gpu, &Pipelines) = (&shared.gpu, &shared.pipelines);
         let buffers = self.buffers.as_mut().expect("until finished");
-        let looking = Looking::Never(levels);
-        let mut executor = WgpuExecutor::new(gpu, kernels, buffers, self.capacities, looking)
+        let build = Build::new(gpu, buffers, self.capacities, levels, from_start);
+        let mut executor = WgpuExecutor::new(gpu, pipelines, build, Looking::Never)
             .limited(shared.max_workgroups());
         if let Some(profile) = &mut self.profile {
             executor = executor.profiled(profile);

@@ -3,12 +3,10 @@
 pub(crate) mod buffers;
 pub(crate) mod capacities;
 pub mod executor;
-pub(crate) mod kernels;
 pub mod pending;
-pub mod profile;
 pub mod source;
 
-pub use executor::WgpuExecutor;
+pub use crate::device::profile::{self, KernelTime};
+pub use executor::{Build, WgpuExecutor};
 pub use pending::{DeviceBuild, Effort, PendingBuild};
-pub use profile::KernelTime;
 pub use source::DeviceMesh;

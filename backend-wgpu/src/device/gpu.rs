@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
-use crate::adapters::Adapters;
-use crate::bounded::Bounds;
-use crate::compiler::{Compiler, Opening};
+use crate::device::adapters::Adapters;
+use crate::device::bounded::Bounds;
+use crate::device::compiler::{Compiler, Opening};
+use crate::device::health::Health;
+use crate::device::host;
+use crate::device::needs;
 use crate::error::{GpuError, OpenError};
-use crate::health::Health;
-use crate::host;
-use crate::needs;
 use crate::options::{OpenOptions, default_timeout};
 
 /// Between two looks at a device that must be polled.

@@ -1,16 +1,16 @@
 //! Times of kernels, by timestamps that the device writes around each dispatch.
 
-use splitplane_core::kernel::Kernel;
+use splitplane_core::kernel::{Kernel, KernelSet};
 use wgpu::BufferUsages as Usage;
 
+use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 
-/// Time a kernel took in a build, all its dispatches together.
+/// Time a kernel took in a build, or in other work, all its dispatches together.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KernelTime {
+pub struct KernelTime<K = Kernel> {
     /// The kernel.
-    pub kernel: Kernel,
+    pub kernel: K,
     /// How often it was dispatched.
     pub dispatches: u32,
     /// Nanoseconds on the device.
@@ -20,16 +20,16 @@ pub struct KernelTime {
 /// Most dispatches that are timed: two timestamps each, and query sets are limited to 4,096.
 const MOST: u32 = 2048;
 
-/// Collects timestamps of one build.
+/// Collects timestamps of a set's kernels.
 #[derive(Debug)]
-pub(crate) struct Profile {
+pub struct Profile<K: KernelSet> {
     set: wgpu::QuerySet,
-    kernels: Vec<Kernel>,
+    kernels: Vec<K::Kernel>,
 }
 
-impl Profile {
+impl<K: KernelSet> Profile<K> {
     /// `None` on a device without timestamps.
-    pub fn new(gpu: &Gpu) -> Option<Profile> {
+    pub fn new(gpu: &Gpu) -> Option<Profile<K>> {
         let device = gpu.device();
         device.features().contains(wgpu::Features::TIMESTAMP_QUERY).then(|| Profile {
             set: device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -42,7 +42,10 @@ impl Profile {
     }
 
     /// The timestamps of the next dispatch.
-    pub fn next(&mut self, kernel: Kernel) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+    pub(super) fn next(
+        &mut self,
+        kernel: K::Kernel,
+    ) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let index = self.kernels.len() as u32;
         if index == MOST {
             return None;
@@ -55,8 +58,11 @@ impl Profile {
         })
     }
 
-    /// Reads the times, after the build was submitted.
-    pub fn read(&self, gpu: &Gpu) -> Result<Vec<KernelTime>, GpuError> {
+    /// Reads the times, after the work was submitted. Waits for the device.
+    ///
+    /// # Errors
+    /// The device's.
+    pub fn read(&self, gpu: &Gpu) -> Result<Vec<KernelTime<K::Kernel>>, GpuError> {
         let count = 2 * self.kernels.len() as u32;
         let bytes = 8 * u64::from(count);
         let resolved = gpu.buffer("times", bytes, Usage::QUERY_RESOLVE | Usage::COPY_SRC)?;
@@ -71,11 +77,11 @@ impl Profile {
             .map(|tick| u64::from_le_bytes(tick.try_into().expect("eight bytes")))
             .collect();
         let period = f64::from(gpu.queue().get_timestamp_period());
-        let mut times: Vec<KernelTime> = Kernel::ALL
-            .map(|kernel| KernelTime { kernel, dispatches: 0, nanoseconds: 0.0 })
-            .to_vec();
+        let none = |kernel| KernelTime { kernel, dispatches: 0, nanoseconds: 0.0 };
+        let mut times: Vec<KernelTime<K::Kernel>> =
+            K::KERNELS.iter().map(|row| none(row.kernel)).collect();
         for (kernel, pair) in self.kernels.iter().zip(ticks.chunks_exact(2)) {
-            let time = &mut times[*kernel as usize];
+            let time = &mut times[K::kernel_index(*kernel)];
             time.dispatches += 1;
             time.nanoseconds += pair[1].saturating_sub(pair[0]) as f64 * period;
         }

@@ -5,6 +5,8 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
 use splitplane_core::backend::{BuildError, BuildOptions, DeviceError};
 use splitplane_core::digest::Digest;
+use splitplane_core::kernel::{CheckBuffer, CheckKernel, CheckUniform, DeviceChecks, Slot};
+use splitplane_core::layout::CheckParameters;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::traverse::{Query, trace};
@@ -14,8 +16,9 @@ use splitplane_core::validate::validate_mesh;
 use wgpu::BufferUsages as Usage;
 
 use crate::backend::WgpuBackend;
+use crate::device::gpu::Gpu;
+use crate::device::{DeviceSet, Pipelines, Text, once};
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 use crate::parity::Parity;
 use crate::query::{DeviceQueryError, DeviceTree};
 
@@ -64,6 +67,16 @@ impl Sequence {
     }
 }
 
+impl DeviceSet for DeviceChecks {
+    /// A check has one text.
+    type Variant = ();
+
+    fn text(kernel: CheckKernel, (): &()) -> Text {
+        let shader = &splitplane_shaders::CHECKS[kernel as usize];
+        Text { name: shader.name, parts: shader.parts.into() }
+    }
+}
+
 /// The guarded operations of one pair, in the order of the kernel.
 const OPERATIONS: [&str; 8] = [
     "product",
@@ -105,35 +118,33 @@ fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
             [sequence.float(reach), sequence.float(reach)]
         })
         .collect();
-    let shader = &splitplane_shaders::CHECKS[0];
-    let pipeline = gpu.pipeline(shader.name, &shader.source())?;
     let bytes = u64::from(PAIRS) * 32;
     let uniform = gpu.buffer("self-test", 16, Usage::UNIFORM | Usage::COPY_DST)?;
     let operands = gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
     let results = gpu.buffer("self-test results", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
     let readback = gpu.buffer("self-test readback", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
     let commands = gpu.guard(|| {
-        gpu.queue().write_buffer(&uniform, 0, bytemuck::cast_slice(&[0, PAIRS, 0, 0]));
+        let parameters = CheckParameters { zero: 0, count: PAIRS };
+        gpu.queue().write_buffer(&uniform, 0, bytemuck::bytes_of(&parameters));
         gpu.queue().write_buffer(&operands, 0, bytemuck::cast_slice(&pairs));
-        let buffers = [&uniform, &operands, &results];
-        let group = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: Some(shader.name),
-            layout: &pipeline.get_bind_group_layout(0),
-            entries: &std::array::from_fn::<_, 3, _>(|place| wgpu::BindGroupEntry {
-                binding: place as u32,
-                resource: buffers[place].as_entire_binding(),
-            }),
-        });
+        let find = |slot: Slot<DeviceChecks>| {
+            let buffer = match slot {
+                Slot::Uniform(CheckUniform::CheckParameters) => &uniform,
+                Slot::Storage(binding) => match binding.buffer {
+                    CheckBuffer::Operands => &operands,
+                    CheckBuffer::Results => &results,
+                },
+            };
+            Some(buffer.as_entire_buffer_binding())
+        };
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
-        {
-            let mut pass = encoder.begin_compute_pass(&Default::default());
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.dispatch_workgroups(PAIRS.div_ceil(64), 1, 1);
-        }
+        // Nobody needs it again.
+        let pipelines = Pipelines::default();
+        let kernel = (CheckKernel::ArithmeticCheck, &());
+        once::record(gpu, &pipelines, &mut encoder, kernel, PAIRS, find)?;
         encoder.copy_buffer_to_buffer(&results, 0, &readback, 0, bytes);
-        encoder.finish()
-    })?;
+        Ok(encoder.finish())
+    })??;
     gpu.submit([commands])?;
     let found: Vec<u32> = bytemuck::pod_collect_to_vec(&gpu.read_mapped(&readback, bytes)?);
     for ([x, y], found) in pairs.iter().zip(found.chunks_exact(8)) {

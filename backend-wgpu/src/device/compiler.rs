@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
-use crate::bounded::{self, Bounds, Unfinished};
+use crate::device::bounded::{self, Bounds, Unfinished};
+use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 
 /// What the driver of a device may take for pipelines, and which of them it took too much for.
 #[derive(Default)]

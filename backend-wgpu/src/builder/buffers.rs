@@ -1,13 +1,13 @@
 //! The buffers of one build on the device, kept between builds.
 
-use splitplane_core::kernel::Buffer;
+use splitplane_core::kernel::{Buffer, KernelSet, TreeBuilder};
 use splitplane_core::layout::Parameters;
 use wgpu::BufferUsages as Usage;
 
 use super::capacities::Capacities;
 use super::source::Source;
+use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-use crate::gpu::Gpu;
 
 /// Small roots of one dispatch: what a device builds well below any watchdog's patience.
 pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
@@ -23,15 +23,16 @@ pub(crate) mod readback {
     pub const TREE: u64 = 256;
 }
 
-/// What kernels share, by [`Buffer`]. Buffers only grow.
+/// What kernels share, by [`Buffer`]. Buffers only grow. Where lists have changed places, the names are
+/// the executor's to exchange.
 #[derive(Debug)]
-pub(crate) struct Buffers {
+pub struct Buffers {
     buffers: Vec<Option<wgpu::Buffer>>,
-    pub parameters: wgpu::Buffer,
+    pub(crate) parameters: wgpu::Buffer,
     /// Bytes between two blocks of parameters.
-    pub stride: u64,
+    pub(crate) stride: u64,
     /// What is mapped after the build.
-    pub readback: wgpu::Buffer,
+    pub(crate) readback: wgpu::Buffer,
     blocks: u32,
 }
 
@@ -49,11 +50,11 @@ const READBACK: Usage = Usage::COPY_DST.union(Usage::MAP_READ);
 
 impl Buffers {
     /// No buffers yet but the small ones.
-    pub fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
+    pub(crate) fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
         let alignment = u64::from(gpu.device().limits().min_uniform_buffer_offset_alignment);
         let stride = (size_of::<Parameters>() as u64).next_multiple_of(alignment.max(16));
         Ok(Buffers {
-            buffers: vec![None; Buffer::Counters as usize + 1],
+            buffers: vec![None; TreeBuilder::BUFFERS.len()],
             parameters: gpu.buffer("parameters", 2 * stride, Usage::UNIFORM | Usage::COPY_DST)?,
             stride,
             readback: gpu.buffer("readback", readback::TREE, READBACK)?,
@@ -65,12 +66,12 @@ impl Buffers {
     ///
     /// # Panics
     /// Before [`Buffers::reserve`].
-    pub fn get(&self, buffer: Buffer) -> &wgpu::Buffer {
+    pub(crate) fn get(&self, buffer: Buffer) -> &wgpu::Buffer {
         self.find(buffer).expect("reserved before use")
     }
 
     /// A buffer of the schedule, if there is one.
-    pub fn find(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+    pub(crate) fn find(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
         self.buffers[buffer.storage() as usize].as_ref()
     }
 
@@ -78,23 +79,18 @@ impl Buffers {
     ///
     /// # Panics
     /// Before [`Buffers::reserve`].
-    pub fn take(&mut self, buffer: Buffer) -> wgpu::Buffer {
+    pub(crate) fn take(&mut self, buffer: Buffer) -> wgpu::Buffer {
         self.buffers[buffer.storage() as usize].take().expect("reserved before use")
     }
 
     /// Puts a buffer in, to be used again.
-    pub fn put(&mut self, buffer: Buffer, held: wgpu::Buffer) {
+    pub(crate) fn put(&mut self, buffer: Buffer, held: wgpu::Buffer) {
         self.buffers[buffer.storage() as usize] = Some(held);
-    }
-
-    /// Exchanges two buffers.
-    pub fn swap(&mut self, a: Buffer, b: Buffer) {
-        self.buffers.swap(a.storage() as usize, b.storage() as usize);
     }
 
     /// Makes room; for the tree in what is mapped too when the host wants it. Contents of buffers
     /// that grow are lost.
-    pub fn reserve(
+    pub(crate) fn reserve(
         &mut self,
         gpu: &Gpu,
         capacities: &Capacities,
@@ -134,7 +130,12 @@ impl Buffers {
     }
 
     /// Bytes held once there is room for so much, and for an input of so many bytes.
-    pub fn bytes_with(&self, capacities: &Capacities, tree_to_host: bool, input: u64) -> u64 {
+    pub(crate) fn bytes_with(
+        &self,
+        capacities: &Capacities,
+        tree_to_host: bool,
+        input: u64,
+    ) -> u64 {
         let held = |buffer: Buffer, wanted: u64| {
             let held =
                 self.buffers[buffer.storage() as usize].as_ref().map_or(0, wgpu::Buffer::size);
@@ -149,7 +150,7 @@ impl Buffers {
     }
 
     /// Makes room for a mesh and sends it, if it is in host memory.
-    pub fn upload(&mut self, gpu: &Gpu, source: &Source<'_>) -> Result<(), GpuError> {
+    pub(crate) fn upload(&mut self, gpu: &Gpu, source: &Source<'_>) -> Result<(), GpuError> {
         let [positions, indices] = source.bytes();
         self.grow(gpu, Buffer::Input, positions + indices)?;
         if let Source::Host(mesh) = source {
@@ -166,7 +167,7 @@ impl Buffers {
     }
 
     /// Records the copy of a mesh that is on the device.
-    pub fn copy_mesh(&self, encoder: &mut wgpu::CommandEncoder, source: &Source<'_>) {
+    pub(crate) fn copy_mesh(&self, encoder: &mut wgpu::CommandEncoder, source: &Source<'_>) {
         if let Source::Device(mesh) = source {
             let [positions, indices] = source.bytes();
             let input = self.get(Buffer::Input);
@@ -178,7 +179,7 @@ impl Buffers {
     }
 
     /// Writes parameters for whole grids and for every slice.
-    pub fn write_parameters(&self, gpu: &Gpu, parameters: &Parameters) {
+    pub(crate) fn write_parameters(&self, gpu: &Gpu, parameters: &Parameters) {
         let mut bytes = vec![0; (u64::from(self.blocks) * self.stride) as usize];
         for block in 0..self.blocks {
             let slice = block.checked_sub(WHOLE_BLOCKS);
@@ -195,12 +196,12 @@ impl Buffers {
     }
 
     /// Where the parameters of a whole grid begin.
-    pub fn whole(&self, swapped: bool) -> u32 {
+    pub(crate) fn whole(&self, swapped: bool) -> u32 {
         (u64::from(swapped) * self.stride) as u32
     }
 
     /// Where the parameters of a slice of a grid begin.
-    pub fn slice(&self, slice: u32) -> u32 {
+    pub(crate) fn slice(&self, slice: u32) -> u32 {
         (u64::from(WHOLE_BLOCKS + slice) * self.stride) as u32
     }
 }

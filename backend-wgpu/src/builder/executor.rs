@@ -1,0 +1,247 @@
+//! A build on a device: what its grids stand for, how long its levels go on, where its buffers lie.
+
+use splitplane_core::config::CHUNK;
+use splitplane_core::kernel::{Buffer, Counter, Grid, Kernel, TreeBuilder, Uniform};
+use splitplane_core::layout::{Counters, LargeNode, Parameters};
+use wgpu::BufferBinding;
+
+use super::buffers::{Buffers, ROOTS_A_SLICE, readback};
+use super::capacities::{Capacities, binding_limit};
+use crate::device::executor::CopyOut;
+use crate::device::gpu::Gpu;
+use crate::device::{
+    BindGroups, DeviceExecutor, DeviceSet, Job, Looking, Piece, Pipelines, Round, Text,
+};
+use crate::error::GpuError;
+use crate::query::Queries;
+
+impl DeviceSet for TreeBuilder {
+    /// A kernel has one text.
+    type Variant = ();
+
+    fn text(kernel: Kernel, (): &()) -> Text {
+        let shader = &splitplane_shaders::KERNELS[kernel as usize];
+        Text { name: shader.name, parts: shader.parts.into() }
+    }
+
+    fn is_list_of_blocks(uniform: Uniform) -> bool {
+        uniform == Uniform::Parameters
+    }
+}
+
+/// The GPU executor: one build over a mesh that is already in its buffers. Dispatches are recorded;
+/// submitting them is up to whoever made it.
+pub type WgpuExecutor<'a> = DeviceExecutor<'a, Build<'a>>;
+
+/// One build, as a device executor sees it.
+#[derive(Debug)]
+pub struct Build<'a> {
+    buffers: &'a mut Buffers,
+    capacities: Capacities,
+    groups: BindGroups<TreeBuilder>,
+    /// Levels that are run without a look at the counters.
+    levels: u32,
+    /// Rounds run: a level has at most twice the nodes of the one before. None when it began
+    /// elsewhere.
+    level: Option<u32>,
+    software: bool,
+    /// The greatest size of a storage buffer, and the limit that says so.
+    room: (u64, &'static str),
+}
+
+impl<'a> Build<'a> {
+    /// A build of so many levels at the most, from its start or from a level that is not known.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        buffers: &'a mut Buffers,
+        capacities: Capacities,
+        levels: u32,
+        from_start: bool,
+    ) -> Build<'a> {
+        Build {
+            buffers,
+            capacities,
+            groups: BindGroups::default(),
+            levels,
+            level: from_start.then_some(0),
+            software: gpu.is_software(),
+            room: binding_limit(gpu.limits()),
+        }
+    }
+
+    /// The most things a grid may stand for now.
+    fn most(&self, counter: Counter) -> u32 {
+        let c = &self.capacities;
+        match counter {
+            Counter::InputChunks => c.triangles.div_ceil(CHUNK),
+            Counter::ActiveNodes => {
+                let nodes = self.level.map_or(u32::MAX, |level| 1 << level.min(31));
+                c.nodes.min(nodes)
+            }
+            Counter::Chunks => c.chunks,
+            Counter::SmallRoots => c.small_roots,
+            _ => c.top_nodes,
+        }
+    }
+}
+
+/// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU, few
+/// enough to cost little where the list is short. Software does one after the other: few for short
+/// lists. For long ones no fewer than one for 16 things, since Mesa's llvmpipe ends an invocation,
+/// in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
+fn most_groups(software: bool, things: u32) -> u32 {
+    if software { (things / 16).clamp(64, 65_535) } else { 2048 }
+}
+
+impl Job for Build<'_> {
+    type Set = TreeBuilder;
+    type Counters = Counters;
+    type Error = GpuError;
+
+    fn variant(&self) -> &() {
+        &()
+    }
+
+    fn buffer(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+        self.buffers.find(buffer)
+    }
+
+    fn uniform(&self, uniform: Uniform) -> Option<BufferBinding<'_>> {
+        match uniform {
+            // One block; which, says the offset of the dispatch.
+            Uniform::Parameters => Some(BufferBinding {
+                buffer: &self.buffers.parameters,
+                offset: 0,
+                size: wgpu::BufferSize::new(size_of::<Parameters>() as u64),
+            }),
+        }
+    }
+
+    fn groups(&mut self) -> &mut BindGroups<TreeBuilder> {
+        &mut self.groups
+    }
+
+    fn pieces(&self, kernel: Kernel, swapped: bool, pieces: &mut Vec<Piece>) {
+        let piece = |block, workgroups| Piece { block: Some(block), workgroups };
+        let whole = self.buffers.whole(swapped);
+        let grid = kernel.grid();
+        match grid {
+            Grid::One => pieces.push(piece(whole, 1)),
+            Grid::Each(Counter::SmallRoots) => {
+                let firsts = (0..self.capacities.small_roots).step_by(ROOTS_A_SLICE as usize);
+                pieces.extend(firsts.map(|first| {
+                    let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
+                    let workgroups = roots.min(most_groups(self.software, roots));
+                    piece(self.buffers.slice(first / ROOTS_A_SLICE), workgroups)
+                }));
+            }
+            Grid::Each(counter) | Grid::Invocations(counter, _) => {
+                let wanted = grid.workgroups(self.most(counter));
+                let most = most_groups(self.software, wanted);
+                pieces.push(piece(whole, wanted.clamp(1, most)));
+            }
+        }
+    }
+
+    fn round(&mut self, _counter: Counter, rounds: u32) -> Round {
+        if rounds > 0 {
+            self.level = self.level.map(|level| level + 1);
+        }
+        Round { goes_on: rounds < self.levels, submit: false }
+    }
+
+    fn named(&self, counters: Counters, swapped: bool) -> Counters {
+        named(counters, swapped)
+    }
+
+    fn is_void(&self, counters: &Counters) -> bool {
+        counters[Counter::Overflow] != 0
+    }
+
+    fn may_look(&self, counters: &Counters) -> Result<(), GpuError> {
+        if self.is_void(counters) {
+            // The rooms were made as large as the device allows: counts now go beyond them.
+            let (allowed, limit) = self.room;
+            let what = "a list of this scene".into();
+            return Err(GpuError::Limit { what, limit, needed: allowed + 1, allowed });
+        }
+        Ok(())
+    }
+
+    /// What a chunk is known by stands in one buffer, one array behind the other.
+    fn offset(&self, buffer: Buffer) -> u64 {
+        let before = match buffer {
+            Buffer::ReferenceSides => Buffer::ChunkCounts.element_size(),
+            Buffer::ChunkBounds => {
+                Buffer::ChunkCounts.element_size() + Buffer::ReferenceSides.element_size()
+            }
+            _ => 0,
+        };
+        u64::from(self.capacities.chunks) * before as u64
+    }
+
+    /// The root's cell is the tree's bounds; its node will be overwritten.
+    fn copy_behind(&self, kernel: Kernel) -> Option<CopyOut> {
+        (kernel == Kernel::ScanTriangles).then(|| CopyOut {
+            from: self.buffers.get(Buffer::ActiveNodes).clone(),
+            to: self.buffers.readback.clone(),
+            at: readback::ROOT,
+            bytes: size_of::<LargeNode>() as u64,
+        })
+    }
+}
+
+impl<'a> WgpuExecutor<'a> {
+    /// A build that can be looked at between its steps.
+    pub(crate) fn inspected(
+        gpu: &'a Gpu,
+        pipelines: &'a Pipelines,
+        buffers: &'a mut Buffers,
+        capacities: Capacities,
+    ) -> WgpuExecutor<'a> {
+        let build = Build::new(gpu, buffers, capacities, 0, true);
+        DeviceExecutor::new(gpu, pipelines, build, Looking::Always)
+    }
+
+    /// Records the kernel that finds the range of the triangles' coordinates, for queries.
+    pub(crate) fn record_limits(&mut self, queries: &Queries, count: u32) -> Result<(), GpuError> {
+        let triangles = self.job().buffers.get(Buffer::Triangles).clone();
+        let readback = self.job().buffers.readback.clone();
+        let encoder = self.encoder();
+        queries.record_triangle_limits(encoder, &triangles, count, &readback, readback::LIMITS)?;
+        self.count_dispatch();
+        Ok(())
+    }
+
+    /// Copies what the host reads after the build.
+    pub(crate) fn read_back(&mut self, tree_to_host: bool) {
+        let Build { buffers, capacities, .. } = self.job();
+        let readback = buffers.readback.clone();
+        let counters = buffers.get(Buffer::Counters).clone();
+        // All there is room for, since how much it is stays on the device.
+        let held = |buffer| (buffers.get(buffer).clone(), capacities.bytes_of(buffer));
+        let tree = tree_to_host.then(|| [Buffer::Nodes, Buffer::LeafReferences].map(held));
+        let encoder = self.encoder();
+        encoder.copy_buffer_to_buffer(&counters, 0, &readback, 0, size_of::<Counters>() as u64);
+        let mut at = readback::TREE;
+        for (buffer, bytes) in tree.into_iter().flatten() {
+            encoder.copy_buffer_to_buffer(&buffer, 0, &readback, at, bytes);
+            at += bytes;
+        }
+    }
+}
+
+/// Counters from their bytes.
+pub(crate) fn counters_from(bytes: &[u8], swapped: bool) -> Counters {
+    named(bytemuck::pod_read_unaligned(&bytes[..size_of::<Counters>()]), swapped)
+}
+
+/// Kernels count lists that have changed places under the names that these had: see
+/// [`Parameters::swapped`].
+fn named(mut counters: Counters, swapped: bool) -> Counters {
+    if swapped {
+        counters.words.swap(Counter::ActiveNodes as usize, Counter::NextNodes as usize);
+        counters.words.swap(Counter::ActiveReferences as usize, Counter::NextReferences as usize);
+    }
+    counters
+}

@@ -1,0 +1,22 @@
+//! A device: found, opened, tested and held within limits; and whatever kernel set runs on it, compiled,
+//! bound and recorded from the set's table.
+
+pub mod adapters;
+pub mod bindings;
+pub(crate) mod bounded;
+pub(crate) mod compiler;
+pub mod executor;
+pub mod gpu;
+pub(crate) mod health;
+pub(crate) mod host;
+pub(crate) mod needs;
+pub(crate) mod once;
+pub mod pipelines;
+pub mod profile;
+pub mod readback;
+pub(crate) mod scope;
+pub mod selftest;
+
+pub use bindings::BindGroups;
+pub use executor::{DeviceExecutor, Job, Looking, Piece, Round};
+pub use pipelines::{Compiled, DeviceSet, Pipelines, Text};

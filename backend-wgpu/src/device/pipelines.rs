@@ -1,0 +1,140 @@
+//! The compiled kernels of any set: each when it is first used.
+
+use std::borrow::Cow;
+use std::fmt::Debug;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use splitplane_core::kernel::KernelSet;
+use splitplane_shaders::Part;
+
+use super::bindings::layout;
+use crate::device::gpu::Gpu;
+use crate::error::GpuError;
+
+/// A kernel set whose kernels have shaders.
+pub trait DeviceSet: KernelSet {
+    /// What the text of a kernel depends on besides the kernel.
+    type Variant: Copy + Debug;
+
+    /// The shader of a kernel.
+    fn text(kernel: Self::Kernel, variant: &Self::Variant) -> Text;
+
+    /// Whether a uniform is a list of blocks, of which each dispatch takes one by a dynamic offset.
+    fn is_list_of_blocks(_uniform: Self::Uniform) -> bool {
+        false
+    }
+}
+
+/// A shader: its name, and the parts that it is joined from.
+#[derive(Clone, Debug)]
+pub struct Text {
+    /// For messages.
+    pub name: &'static str,
+    /// The parts; they tell one variant of a kernel from another.
+    pub parts: Cow<'static, [Part]>,
+}
+
+/// A kernel ready for dispatch.
+#[derive(Clone, Debug)]
+pub struct Compiled {
+    /// The pipeline.
+    pub pipeline: wgpu::ComputePipeline,
+    /// The layout of its bind group.
+    pub layout: wgpu::BindGroupLayout,
+}
+
+/// A kernel in one variant.
+#[derive(Debug)]
+struct Held {
+    set: &'static str,
+    kernel: &'static str,
+    parts: Cow<'static, [Part]>,
+    compiled: Compiled,
+}
+
+impl Held {
+    fn is_of<K: KernelSet>(&self, kernel: K::Kernel) -> bool {
+        (self.set, self.kernel) == (K::NAME, K::kernel(kernel).name)
+    }
+
+    fn is_made_of(&self, parts: &[Part]) -> bool {
+        self.parts.iter().map(|part| part.name).eq(parts.iter().map(|part| part.name))
+    }
+}
+
+/// Another text in place of a kernel's own.
+#[derive(Debug)]
+struct Replaced {
+    set: &'static str,
+    kernel: &'static str,
+    source: String,
+}
+
+/// Compiled kernels of any number of sets, told apart by set, kernel and the parts of the text.
+#[derive(Debug, Default)]
+pub struct Pipelines {
+    held: Mutex<Vec<Held>>,
+    /// Tests plant faults by it.
+    replaced: Mutex<Option<Replaced>>,
+}
+
+/// What another thread that panicked left is in order: lists only grow by whole entries.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Pipelines {
+    /// Gives one kernel another text from now on, or its own again: for tests that plant faults.
+    #[doc(hidden)]
+    pub fn replace<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
+        lock(&self.held).retain(|held| !held.is_of::<K>(kernel));
+        let (set, kernel) = (K::NAME, K::kernel(kernel).name);
+        *lock(&self.replaced) = source.map(|source| Replaced { set, kernel, source });
+    }
+
+    /// A kernel, compiled if it was not yet.
+    ///
+    /// # Errors
+    /// The device refuses it; its driver takes too much.
+    pub fn get<K: DeviceSet>(
+        &self,
+        gpu: &Gpu,
+        kernel: K::Kernel,
+        variant: &K::Variant,
+    ) -> Result<Compiled, GpuError> {
+        let Text { name, parts } = K::text(kernel, variant);
+        let same = |held: &&Held| held.is_of::<K>(kernel) && held.is_made_of(&parts);
+        // Variants of a kernel bind the same.
+        let mut known = None;
+        for held in lock(&self.held).iter().filter(|held| held.is_of::<K>(kernel)) {
+            if held.is_made_of(&parts) {
+                return Ok(held.compiled.clone());
+            }
+            known = Some(held.compiled.layout.clone());
+        }
+        let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel));
+        let source = match &*lock(&self.replaced) {
+            Some(replaced)
+                if (replaced.set, replaced.kernel) == (K::NAME, K::kernel(kernel).name) =>
+            {
+                replaced.source.clone()
+            }
+            _ => splitplane_shaders::join(&parts),
+        };
+        let pipeline = gpu.pipeline_with_layout(name, &source, &layout)?;
+        let mut held = lock(&self.held);
+        // Another thread may have been faster: then its result stays.
+        if let Some(held) = held.iter().find(same) {
+            return Ok(held.compiled.clone());
+        }
+        let compiled = Compiled { pipeline, layout };
+        let (set, kernel) = (K::NAME, K::kernel(kernel).name);
+        held.push(Held { set, kernel, parts, compiled: compiled.clone() });
+        Ok(compiled)
+    }
+
+    /// Kernels of all sets and variants that were compiled so far.
+    pub fn count(&self) -> usize {
+        lock(&self.held).len()
+    }
+}

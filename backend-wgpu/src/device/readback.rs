@@ -1,0 +1,30 @@
+//! Buffers of the device, copied to host memory.
+
+use wgpu::BufferUsages as Usage;
+
+use crate::device::gpu::Gpu;
+use crate::error::GpuError;
+
+/// The usages of a buffer that is read back.
+pub const READBACK: Usage = Usage::COPY_DST.union(Usage::MAP_READ);
+
+/// A part of a buffer with the usage `COPY_SRC`, after all that was submitted. Waits for the device.
+///
+/// # Errors
+/// The device's.
+pub fn read(
+    gpu: &Gpu,
+    buffer: &wgpu::Buffer,
+    offset: u64,
+    bytes: u64,
+) -> Result<Vec<u8>, GpuError> {
+    if bytes == 0 {
+        return Ok(Vec::new());
+    }
+    let staging = gpu.buffer("readback", bytes, READBACK)?;
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, offset, &staging, 0, bytes);
+    let recorded = gpu.guard(|| encoder.finish())?;
+    gpu.submit([recorded])?;
+    gpu.read_mapped(&staging, bytes)
+}

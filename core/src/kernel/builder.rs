@@ -1,0 +1,269 @@
+//! The kernel set of the tree builder: the ABI between its schedule and whoever runs it.
+
+use crate::kernel_set;
+use crate::layout::{
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
+    Sides, SmallRoot, TopNode,
+};
+use crate::node::KdNode;
+
+kernel_set! {
+    /// The tree builder (Zhou et al. 2008).
+    set TreeBuilder "tree builder", counted by Counter;
+    every kernel: uniform Parameters, reads Counters;
+    exchanged: ActiveNodes with NextNodes, References with NextReferences;
+
+    /// What kernels are given and do not change.
+    uniforms Uniform {
+        /// Configuration and rooms: [`crate::layout::Parameters`].
+        Parameters "parameters";
+    }
+
+    /// The buffers that kernels exchange. Between dispatches every backend holds the same bytes in the
+    /// live range of each.
+    buffers Buffer {
+        /// Positions and indices as the caller has them.
+        Input "input", 4;
+        /// Snapped corners by triangle index: 9 `f32`.
+        Triangles "triangles", 36, live Triangles;
+        /// References of the active nodes: [`Reference`].
+        References "references", size_of::<Reference>(), live ActiveReferences;
+        /// References of the next level.
+        NextReferences "next_references", size_of::<Reference>(), live NextReferences;
+        /// References of the small roots.
+        SmallReferences "small_references", size_of::<Reference>(), live SmallReferences;
+        /// The active list: [`LargeNode`].
+        ActiveNodes "active_nodes", size_of::<LargeNode>(), live ActiveNodes;
+        /// The next list.
+        NextNodes "next_nodes", size_of::<LargeNode>(), live NextNodes;
+        /// Tight bounds of the active nodes: [`crate::aabb::Aabb`].
+        NodeBounds "node_bounds", 24, live ActiveNodes;
+        /// [`Chunk`].
+        Chunks "chunks", size_of::<Chunk>(), live Chunks;
+        /// [`Sides`]: counts, then offsets within the node.
+        ChunkCounts "chunk_counts", size_of::<Sides>(), live Chunks, in ChunkState;
+        /// [`ChunkBounds`].
+        ChunkBounds "chunk_bounds", size_of::<ChunkBounds>(), live Chunks, in ChunkState;
+        /// What a chunk is known by, under one binding: chunk counts, reference sides and chunk
+        /// bounds.
+        ChunkState "chunk_state",
+            size_of::<Sides>() + size_of::<ChunkSides>() + size_of::<ChunkBounds>(), live Chunks;
+        /// [`ChunkSides`] of each chunk.
+        ReferenceSides "reference_sides", size_of::<ChunkSides>(), live Chunks, in ChunkState;
+        /// [`ChunkBins`] of each chunk.
+        ChunkBins "chunk_bins", size_of::<ChunkBins>(), live Chunks;
+        /// [`Decision`] of each active node.
+        Decisions "decisions", size_of::<Decision>(), live ActiveNodes;
+        /// The top tree: [`TopNode`].
+        TopNodes "top_nodes", size_of::<TopNode>(), live TopNodes;
+        /// First top node emitted by each level.
+        LevelStarts "level_starts", 4, live Levels;
+        /// The small list: [`SmallRoot`].
+        SmallRoots "small_roots", size_of::<SmallRoot>(), live SmallRoots;
+        /// [`Extent`] of each small root's subtree.
+        SmallSizes "small_sizes", size_of::<Extent>(), live SmallRoots;
+        /// Subtrees that `build_small` keeps for `emit_small`, as far as a backend likes and in a form
+        /// of its own: not compared.
+        Subtrees "subtrees", 4 * SUBTREE_WORDS as usize;
+        /// [`Extent`] of each top node's subtree.
+        TopSizes "top_sizes", size_of::<Extent>(), live TopNodes;
+        /// [`Extent`]: where each top node's subtree starts.
+        TopAddresses "top_addresses", size_of::<Extent>(), live TopNodes;
+        /// The tree's nodes: [`KdNode`].
+        Nodes "nodes", size_of::<KdNode>(), live Nodes;
+        /// The tree's references.
+        LeafReferences "leaf_references", 4, live LeafReferences;
+        /// [`Counters`].
+        Counters "counters", size_of::<Counters>();
+    }
+
+    /// The kernels of the tree builder. Each is a file of the same name in every backend.
+    kernels Kernel {
+        /// Snaps triangles, decides which are kept, bounds each 256 of them.
+        TriangleBounds "triangle_bounds", Each(InputChunks) =>
+            reads Input, writes Triangles, writes ChunkCounts, writes ChunkBounds;
+        /// Scans the numbers kept, bounds the scene, makes the root.
+        ScanTriangles "scan_triangles", One =>
+            updates Counters,
+            updates ChunkCounts, reads ChunkBounds, writes ActiveNodes, writes TopNodes;
+        /// Writes the references of the root.
+        GatherReferences "gather_references", Each(InputChunks) =>
+            reads Triangles, reads ChunkCounts, writes References;
+        /// Bounds every active node: segmented reduction over chunks.
+        NodeBounds "node_bounds", Each(ActiveNodes) =>
+            reads ActiveNodes, reads ChunkBounds, writes NodeBounds;
+        /// Scans the numbers of chunks of the active nodes.
+        ChunkNodes "chunk_nodes", One =>
+            updates Counters,
+            updates ActiveNodes;
+        /// Names node and range of every chunk.
+        AssignChunks "assign_chunks", Invocations(Chunks, 256) =>
+            reads ActiveNodes, writes Chunks;
+        /// Cuts empty space and splits every active node at its spatial median.
+        SplitLarge "split_large", Each(ActiveNodes) =>
+            reads ActiveNodes, reads NodeBounds, reads References, writes Decisions;
+        /// Counts by bins where the references of every chunk start and end.
+        BinReferences "bin_references", Each(Chunks) =>
+            reads Chunks, reads NodeBounds, reads References, writes ChunkBins;
+        /// Cuts empty space and splits every active node by binned SAH.
+        SplitBinned "split_binned", Each(ActiveNodes) =>
+            reads ActiveNodes, reads NodeBounds, reads ChunkBins, writes Decisions;
+        /// Finds the sides each reference goes to and counts them by chunk.
+        ClassifyReferences "classify_references", Each(Chunks) =>
+            reads Chunks, reads Decisions, reads References, reads Triangles,
+            writes ReferenceSides, writes ChunkCounts;
+        /// Scans the counts of each node's chunks.
+        CountChildren "count_children", Each(ActiveNodes) =>
+            reads ActiveNodes, updates ChunkCounts, scatters Decisions;
+        /// Gives children their places: next list, small list, top tree.
+        AllocateChildren "allocate_children", One =>
+            updates Counters,
+            reads ActiveNodes, updates Decisions, writes NextNodes, scatters SmallRoots,
+            scatters TopNodes, scatters LevelStarts;
+        /// Moves references to the children, clipped by the triangles, and bounds them by chunk.
+        ScatterReferences "scatter_references", Each(Chunks) =>
+            reads Chunks, reads Decisions, reads References, reads Triangles, reads ReferenceSides,
+            reads ChunkCounts, writes NextReferences, scatters SmallReferences, writes ChunkBounds;
+        /// Builds the subtree of every small root and measures it.
+        BuildSmall "build_small", Each(SmallRoots) =>
+            reads SmallRoots, reads SmallReferences, writes SmallSizes, writes Subtrees;
+        /// Sizes of the subtrees of the top tree, bottom up.
+        SubtreeSizes "subtree_sizes", One =>
+            updates Counters,
+            reads TopNodes, reads LevelStarts, reads SmallSizes, writes TopSizes;
+        /// Preorder addresses of the top tree, top down.
+        PreorderAddresses "preorder_addresses", One =>
+            reads TopNodes, reads LevelStarts, reads TopSizes, writes TopAddresses;
+        /// Writes the nodes of the top tree.
+        EmitTop "emit_top", Invocations(TopNodes, 256) =>
+            reads TopNodes, reads TopAddresses, scatters Nodes;
+        /// Writes the subtrees of the small roots.
+        EmitSmall "emit_small", Each(SmallRoots) =>
+            reads SmallRoots, reads SmallReferences, reads SmallSizes, reads Subtrees,
+            reads TopAddresses, scatters Nodes, writes LeafReferences;
+    }
+}
+
+/// Nodes of a subtree that devices keep for `emit_small`; larger ones are built again.
+pub const SUBTREE_NODES: u32 = 24;
+/// References of such a subtree.
+pub const SUBTREE_REFERENCES: u32 = 80;
+/// Words of a subtree that is kept: two a node, then one a reference.
+pub const SUBTREE_WORDS: u32 = 128;
+
+const _: () = assert!(SUBTREE_WORDS == 2 * SUBTREE_NODES + SUBTREE_REFERENCES);
+
+/// What kernels count, and where in [`Counters::words`].
+#[repr(u32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Counter {
+    /// Triangles of the mesh.
+    Triangles = 0,
+    /// Chunks of 256 triangles of the mesh.
+    InputChunks,
+    /// Triangles dropped.
+    Dropped,
+    /// Triangles with a snapped coordinate.
+    Snapped,
+    /// Nodes of the active list.
+    ActiveNodes,
+    /// Nodes of the next list.
+    NextNodes,
+    /// References of the active nodes.
+    ActiveReferences,
+    /// References of the next nodes.
+    NextReferences,
+    /// Chunks of the active nodes; of the input before the first level.
+    Chunks,
+    /// Small roots so far.
+    SmallRoots,
+    /// References of the small roots.
+    SmallReferences,
+    /// Nodes of the top tree so far.
+    TopNodes,
+    /// Levels of the large-node stage so far.
+    Levels,
+    /// Nodes of the finished tree.
+    Nodes,
+    /// References of the finished tree.
+    LeafReferences,
+    /// Bits that say which capacity did not suffice: see [`Overflow`].
+    Overflow,
+}
+
+/// The bits of [`Counter::Overflow`]: lists that outgrew their room on a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Overflow {
+    /// Nodes of the next list.
+    Nodes = 1,
+    /// References of the next nodes.
+    References = 2,
+    /// Small roots.
+    SmallRoots = 4,
+    /// References of the small roots.
+    SmallReferences = 8,
+    /// Nodes of the top tree.
+    TopNodes = 16,
+    /// Levels.
+    Levels = 32,
+    /// Nodes of the tree.
+    TreeNodes = 64,
+    /// References of the tree.
+    LeafReferences = 128,
+    /// Chunks.
+    Chunks = 256,
+    /// Not a list: the device's driver ended a loop before its end, so that the build is void.
+    Unfinished = 512,
+}
+
+impl Overflow {
+    /// All bits.
+    pub const ALL: [Overflow; 10] = [
+        Overflow::Nodes,
+        Overflow::References,
+        Overflow::SmallRoots,
+        Overflow::SmallReferences,
+        Overflow::TopNodes,
+        Overflow::Levels,
+        Overflow::TreeNodes,
+        Overflow::LeafReferences,
+        Overflow::Chunks,
+        Overflow::Unfinished,
+    ];
+}
+
+impl Counter {
+    /// All counters, by their word.
+    pub const ALL: [Counter; 16] = [
+        Counter::Triangles,
+        Counter::InputChunks,
+        Counter::Dropped,
+        Counter::Snapped,
+        Counter::ActiveNodes,
+        Counter::NextNodes,
+        Counter::ActiveReferences,
+        Counter::NextReferences,
+        Counter::Chunks,
+        Counter::SmallRoots,
+        Counter::SmallReferences,
+        Counter::TopNodes,
+        Counter::Levels,
+        Counter::Nodes,
+        Counter::LeafReferences,
+        Counter::Overflow,
+    ];
+}
+
+impl core::ops::Index<Counter> for Counters {
+    type Output = u32;
+    fn index(&self, counter: Counter) -> &u32 {
+        &self.words[counter as usize]
+    }
+}
+
+impl core::ops::IndexMut<Counter> for Counters {
+    fn index_mut(&mut self, counter: Counter) -> &mut u32 {
+        &mut self.words[counter as usize]
+    }
+}

@@ -1,0 +1,67 @@
+//! The kernel set of the queries that run on a device, and of what it must know of triangles first.
+//! There is no schedule: each is one dispatch over what the host counts.
+
+use crate::kernel_set;
+use crate::node::KdNode;
+use crate::ray::{Hit, Ray};
+
+kernel_set! {
+    /// Rays through a finished tree on a device.
+    set RayQueries "ray queries", counted by QueryCounter;
+    every kernel: ;
+    exchanged: ;
+
+    /// What query kernels are given.
+    uniforms QueryUniform {
+        /// The scene as a whole: [`crate::layout::SceneUniform`].
+        Scene "scene";
+        /// How many rays, and the options: [`crate::layout::BatchUniform`].
+        Batch "batch";
+        /// How many triangles: [`crate::layout::TriangleCount`].
+        TriangleCount "triangle_count";
+    }
+
+    /// The buffers of queries.
+    buffers QueryBuffer {
+        /// The tree's nodes: [`KdNode`].
+        Nodes "nodes", size_of::<KdNode>();
+        /// The tree's references.
+        LeafReferences "leaf_references", 4;
+        /// Snapped corners by triangle index: 9 `f32`.
+        Triangles "triangles", 36, live Triangles;
+        /// The rays of a batch: [`Ray`].
+        Rays "rays", size_of::<Ray>(), live Rays;
+        /// What each of them hits first: [`Hit`].
+        Hits "hits", size_of::<Hit>(), live Rays;
+        /// Whether each of them hits anything: a word.
+        Occluded "occluded", 4, live Rays;
+        /// The range of coordinates and sizes of all triangles: four `f32`, see
+        /// [`crate::intersect::Limits`].
+        Limits "limits", 16;
+    }
+
+    /// The kernels of queries. Each is a file of the same name, joined with one triangle test or
+    /// another.
+    kernels QueryKernel {
+        /// The closest hit of every ray.
+        ClosestHit "closest_hit", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Hits, uniform Batch;
+        /// Whether every ray hits anything.
+        AnyHit "any_hit", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Occluded, uniform Batch;
+        /// The range of coordinates and sizes of the triangles.
+        TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
+            reads Triangles, uniform TriangleCount, updates Limits;
+    }
+}
+
+/// What the host counts for queries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum QueryCounter {
+    /// Rays of a batch.
+    Rays,
+    /// Triangles of a mesh.
+    Triangles,
+}

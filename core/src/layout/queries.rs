@@ -1,0 +1,92 @@
+//! The uniforms of queries on a device, and of its self-test.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::intersect::SceneScale;
+use crate::ray::{Culling, QueryOptions};
+
+/// What every traversal reads of the scene as a whole: [`SceneScale`] in the layout of the WGSL struct
+/// `Scene` of `intersect.wgsl`. 64 bytes, no padding.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct SceneUniform {
+    /// Lower corner of the tree's bounds.
+    pub lo: [f32; 3],
+    /// Absolute slack of plane positions.
+    pub slack: f32,
+    /// Upper corner of the tree's bounds.
+    pub hi: [f32; 3],
+    /// 1 when exponents leave the range of the plain triangle test.
+    pub wide: u32,
+    /// Lower corner of the box in which an origin is not far.
+    pub near_lo: [f32; 3],
+    /// Always 0. Shaders take their opaque zero from here, which no compiler can see through.
+    pub zero: u32,
+    /// Upper corner of the box in which an origin is not far.
+    pub near_hi: [f32; 3],
+    /// What origin coordinates next to 0 are taken for.
+    pub origin_least: f32,
+}
+
+impl From<&SceneScale> for SceneUniform {
+    fn from(scale: &SceneScale) -> SceneUniform {
+        SceneUniform {
+            lo: scale.bounds.lo,
+            slack: scale.slack,
+            hi: scale.bounds.hi,
+            wide: u32::from(scale.wide),
+            near_lo: scale.near.lo,
+            zero: 0,
+            near_hi: scale.near.hi,
+            origin_least: scale.origin_least,
+        }
+    }
+}
+
+/// A batch of rays: the WGSL struct `Batch` of `query.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct BatchUniform {
+    /// How many rays.
+    pub count: u32,
+    /// The side of triangles to ignore: 0 for none, 1 for the back, 2 for the front.
+    pub culling: u32,
+    /// The index of a triangle to ignore; `u32::MAX`, which no triangle has, for none.
+    pub ignore: u32,
+    /// Zero.
+    pub padding: u32,
+}
+
+impl BatchUniform {
+    /// So many rays under these options.
+    pub fn new(count: u32, options: &QueryOptions<'_>) -> BatchUniform {
+        let culling = match options.culling {
+            Culling::None => 0,
+            Culling::Back => 1,
+            Culling::Front => 2,
+        };
+        let ignore = options.ignore.unwrap_or(u32::MAX);
+        BatchUniform { count, culling, ignore, padding: 0 }
+    }
+}
+
+/// What the kernel that finds the range of the triangles is given: the WGSL struct `TriangleCount` of
+/// `triangle_limits.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct TriangleCount {
+    /// How many triangles.
+    pub count: u32,
+    /// Always 0, as in [`SceneUniform::zero`].
+    pub zero: u32,
+}
+
+/// What the self-test's kernel is given: the WGSL struct of the same name.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct CheckParameters {
+    /// Always 0, as in [`SceneUniform::zero`].
+    pub zero: u32,
+    /// How many pairs of operands.
+    pub count: u32,
+}

@@ -1,0 +1,186 @@
+//! Kernel sets with their shaders: what one test holds all of them to.
+
+use splitplane_core::kernel::{
+    Buffer, CheckBuffer, DeviceChecks, Grid, KernelSet, QueryBuffer, RayQueries, Slot, TreeBuilder,
+};
+use splitplane_render::RayTracer;
+use splitplane_render::kernel as render_kernel;
+use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, Shader};
+
+use crate::bindings;
+use crate::constants::{self, Known, snake};
+use crate::records::{self, Record};
+use crate::render;
+use crate::source::{Parsed, Text, texts};
+
+/// A kernel set whose kernels have shaders.
+pub trait Shaders: KernelSet {
+    /// The shaders, by kernel and in the order of kernels, each with all that it may have.
+    const TABLE: &'static [Shader];
+    /// The folder of the kernels' own files.
+    const FOLDER: &'static str;
+    /// The file of `lib/` with the twins of records.
+    const LAYOUT: &'static str;
+    /// Buffers that hold one record, not a list.
+    const SINGLES: &'static [Self::Buffer];
+    /// Whether lists of whole vectors may be bound four words at a time.
+    const BY_FOUR_WORDS: bool = true;
+
+    /// Every text that a kernel may have.
+    fn texts() -> Vec<(Self::Kernel, Vec<Text>)> {
+        let text = |shader: &Shader| (kernel_of::<Self>(shader), texts(shader));
+        Self::TABLE.iter().map(text).collect()
+    }
+
+    /// Whether a text has all that its kernel may have.
+    fn is_whole(_kernel: Self::Kernel, _parts: &[Text]) -> bool {
+        true
+    }
+
+    /// The records that may cross, uniforms among them.
+    fn records() -> Vec<Record>;
+
+    /// The constants of Rust.
+    fn known() -> Known {
+        constants::of_core()
+    }
+}
+
+/// The kernel that a shader is of.
+pub fn kernel_of<S: Shaders>(shader: &Shader) -> S::Kernel {
+    let own = shader.parts.last().map_or("", |part| part.name);
+    let row = S::KERNELS.iter().find(|row| row.name == own);
+    row.unwrap_or_else(|| panic!("{}: no such kernel", shader.name)).kernel
+}
+
+/// The text of a kernel with all that it may have.
+pub fn text_of<S: Shaders>(kernel: S::Kernel) -> Vec<Text> {
+    let shader = S::TABLE.iter().find(|shader| kernel_of::<S>(shader) == kernel);
+    texts(shader.expect("a shader of the table"))
+}
+
+impl Shaders for TreeBuilder {
+    const TABLE: &'static [Shader] = KERNELS;
+    const FOLDER: &'static str = "kernels";
+    const LAYOUT: &'static str = "layout";
+    const SINGLES: &'static [Buffer] = &[Buffer::Counters];
+    const BY_FOUR_WORDS: bool = false;
+
+    fn records() -> Vec<Record> {
+        records::of_core()
+    }
+}
+
+impl Shaders for RayTracer {
+    const TABLE: &'static [Shader] = RENDER;
+    const FOLDER: &'static str = "render";
+    const LAYOUT: &'static str = "render_layout";
+    const SINGLES: &'static [render_kernel::Buffer] = &[render_kernel::Buffer::Counters];
+
+    /// With every choice of features: what a scene does not need may be missing, and nothing else.
+    fn texts() -> Vec<(render_kernel::Kernel, Vec<Text>)> {
+        render::variants()
+    }
+
+    fn is_whole(kernel: render_kernel::Kernel, parts: &[Text]) -> bool {
+        let whole = text_of::<RayTracer>(kernel);
+        whole.iter().map(|part| &part.name).eq(parts.iter().map(|part| &part.name))
+    }
+
+    fn records() -> Vec<Record> {
+        let mut all = render::records();
+        all.extend(records::of_queries());
+        all
+    }
+
+    fn known() -> Known {
+        render::known()
+    }
+}
+
+impl Shaders for RayQueries {
+    const TABLE: &'static [Shader] = QUERIES;
+    const FOLDER: &'static str = "queries";
+    const LAYOUT: &'static str = "ray";
+    const SINGLES: &'static [QueryBuffer] = &[QueryBuffer::Limits];
+
+    fn records() -> Vec<Record> {
+        records::of_queries()
+    }
+}
+
+impl Shaders for DeviceChecks {
+    const TABLE: &'static [Shader] = CHECKS;
+    const FOLDER: &'static str = "checks";
+    const LAYOUT: &'static str = "";
+    const SINGLES: &'static [CheckBuffer] = &[];
+
+    fn records() -> Vec<Record> {
+        records::of_queries()
+    }
+}
+
+/// All faults of a kernel's text.
+pub fn faults<S: Shaders>(parts: &[Text], kernel: S::Kernel, known: &Known) -> Vec<String> {
+    let parsed = match Parsed::new(parts.to_vec()) {
+        Ok(parsed) => parsed,
+        Err(error) => return vec![error],
+    };
+    let mut faults = bindings::limit_faults(&parsed);
+    faults.extend(bindings::binding_faults::<S>(&parsed, kernel));
+    faults.extend(bindings::use_faults::<S>(&parsed, kernel, S::is_whole(kernel, parts)));
+    faults.extend(bindings::grid_faults::<S>(&parsed, kernel));
+    faults.extend(records::faults(&parsed, &S::records(), S::LAYOUT));
+    faults.extend(constants::faults(&parsed, parts, known));
+    faults
+}
+
+/// Faults of a table itself.
+pub fn table_faults<K: KernelSet>() -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut names: Vec<&str> = K::KERNELS.iter().map(|row| row.name).collect();
+    names.extend(K::BUFFERS.iter().map(|row| row.name));
+    for (place, name) in names.iter().enumerate() {
+        // A kernel may have the name of what it makes.
+        let kernels = K::KERNELS.len();
+        let others = if place < kernels { &names[..place] } else { &names[kernels..place] };
+        if others.contains(name) {
+            faults.push(format!("{name} twice"));
+        }
+    }
+    for row in K::KERNELS {
+        let name = row.name;
+        if snake(&format!("{:?}", row.kernel)) != name {
+            faults.push(format!("{:?} is called {name}", row.kernel));
+        }
+        let named = |slots: &[Slot<K>], slot: &Slot<K>| {
+            slots.iter().any(|other| match (other, slot) {
+                (Slot::Storage(a), Slot::Storage(b)) => a.buffer == b.buffer,
+                _ => other == slot,
+            })
+        };
+        for (place, slot) in row.slots.iter().enumerate() {
+            if named(&row.slots[..place], slot) {
+                faults.push(format!("{name} names {slot:?} twice"));
+            }
+        }
+        let slots: Vec<Slot<K>> = K::slots(row.kernel).collect();
+        let storages = slots.iter().filter(|slot| matches!(slot, Slot::Storage(_))).count();
+        if storages > bindings::MAX_STORAGE_BUFFERS {
+            faults.push(format!("{name} binds {storages} storage buffers"));
+        }
+        // Where many workgroups write counters, their order may show.
+        let mut counts = false;
+        K::written(row.kernel, &mut |buffer| counts |= K::is_bound_by_all(buffer));
+        if counts && row.grid != Grid::One {
+            faults.push(format!("{name} writes counters from many workgroups"));
+        }
+    }
+    for row in K::BUFFERS {
+        let other = K::buffer(K::exchanged(row.buffer));
+        if other.element_size != row.element_size {
+            faults.push(format!("{} cannot stand for {}", other.name, row.name));
+        }
+    }
+    faults
+}
