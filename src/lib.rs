@@ -51,8 +51,6 @@
 #![forbid(unsafe_code)]
 
 pub mod backend;
-#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
-pub mod tracer;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
@@ -76,6 +74,8 @@ pub use splitplane_cpu::CpuBackend;
 pub use splitplane_render as render;
 #[cfg(feature = "picture")]
 pub use splitplane_render::picture;
+#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
+pub use splitplane_render::tracer;
 #[cfg(feature = "scene")]
 pub use splitplane_scene as scene;
 #[cfg(feature = "verify")]

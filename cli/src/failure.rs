@@ -46,6 +46,11 @@ impl Failure {
         Failure { message: message.into(), code: CANCELLED }
     }
 
+    /// What cannot be, whatever the user does.
+    pub(super) fn bug(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: BUG }
+    }
+
     /// Whoever reads our output went away: nothing is wrong, and there is nobody to tell.
     pub(super) fn nobody_listens() -> Failure {
         Failure { message: String::new(), code: 0 }
@@ -176,7 +181,6 @@ impl From<AnimationError> for Failure {
 impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
         match error {
-            TracerError::Mesh(error) => error.into(),
             TracerError::Build(error) => error.into(),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
@@ -215,6 +219,7 @@ impl From<ReportError> for Failure {
         match error {
             ReportError::Scene(error) => error.into(),
             ReportError::Open(error) => error.into(),
+            ReportError::Mesh(error) => error.into(),
             ReportError::Tracer(error) => error.into(),
             ReportError::Query(error) => error.into(),
             ReportError::Picture(error) => error.into(),

@@ -42,7 +42,7 @@ fn built_in_scenes() {
         let snapped = |i| splitplane_core::triangle::prepare(&mesh.triangle(i)).corners;
         let corners: Vec<_> = (0..mesh.len()).map(snapped).collect();
         let tree = DeviceTree::upload(&queries, &tree.view(), &corners).expect("a device");
-        let data = SceneData::new(&mesh, &scene.appearance()).expect("looks");
+        let data = SceneData::new(&mesh, &scene.appearance()).expect("not too many words");
         let size = Size::new(96, 64).expect("a size");
         let settings = RenderSettings { depth: 4, ..RenderSettings::default() };
         let input = FrameInput {
