@@ -2,6 +2,7 @@
 
 use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
+use splitplane::scene::obj::{ObjError, ObjProblem};
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
@@ -80,12 +81,22 @@ impl Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
         match &error {
-            SceneError::Builtin(_) | SceneError::UnknownFormat(_) => {
-                Failure::usage(error.to_string())
+            SceneError::Builtin(_) => Failure::usage(error.to_string()),
+            SceneError::UnknownFormat(_) => {
+                Failure::usage(format!("{error}; `splitplane --help` lists the verbs"))
             }
-            SceneError::Obj(obj) if obj.problem.is_limit() => Failure::limit(error.to_string()),
+            SceneError::Obj(obj) => from_obj(obj, error.to_string()),
             _ => Failure::file(error.to_string()),
         }
+    }
+}
+
+/// A run that an OBJ file ends, with the option that may help.
+fn from_obj(error: &ObjError, message: String) -> Failure {
+    match error.problem {
+        ObjProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
+        ref problem if problem.is_limit() => Failure::limit(message),
+        _ => Failure::file(message),
     }
 }
 
@@ -112,7 +123,11 @@ impl From<OpenError> for Failure {
             OpenError::DeviceFailed { .. } => DEVICE,
             _ => USAGE,
         };
-        Failure { message: error.to_string(), code }
+        let hint = match error {
+            OpenError::Structural { .. } => "; --allow-structural allows it",
+            _ => "",
+        };
+        Failure { message: format!("{error}{hint}"), code }
     }
 }
 
@@ -170,9 +185,7 @@ impl From<AnimationError> for Failure {
             AnimationError::NoFrames(_) | AnimationError::NotFrames(_) => {
                 Failure::usage(error.to_string())
             }
-            AnimationError::Frame { error: ref obj, .. } if obj.problem.is_limit() => {
-                Failure::limit(error.to_string())
-            }
+            AnimationError::Frame { error: ref obj, .. } => from_obj(obj, error.to_string()),
             error => Failure::file(error.to_string()),
         }
     }
@@ -274,7 +287,11 @@ impl From<splitplane_viewer::ViewerError> for Failure {
             ViewerError::Screenshot(_) => FILE,
             _ => BUG,
         };
-        Failure { message: error.to_string(), code }
+        let hint = match error {
+            ViewerError::NoDisplay(_) => "; `splitplane render` needs none",
+            _ => "",
+        };
+        Failure { message: format!("{error}{hint}"), code }
     }
 }
 
@@ -342,7 +359,25 @@ mod tests {
         let failed = OpenError::DeviceFailed { adapter: text(), reason: text() };
         assert_eq!(Failure::from(failed).code, DEVICE);
         let structural = OpenError::Structural { adapter: text(), difference: text() };
-        assert_eq!(Failure::from(structural).code, NO_GPU);
+        let refused = Failure::from(structural);
+        assert_eq!(refused.code, NO_GPU);
+        assert!(refused.message.ends_with("; --allow-structural allows it"), "{}", refused.message);
         assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
+    }
+
+    /// Libraries say what is wrong; which option helps is said here.
+    #[test]
+    fn errors_of_libraries_name_no_option_and_failures_do() {
+        let problem = ObjProblem::TooLong { limit: 7 };
+        let obj = ObjError { file: "a.obj".into(), line: None, problem };
+        let unknown = SceneError::UnknownFormat("a.stl".into());
+        for (error, hint) in [
+            (SceneError::Obj(obj), "; --max-file allows more"),
+            (unknown, "; `splitplane --help` lists the verbs"),
+        ] {
+            let said = error.to_string();
+            assert!(!said.contains("--"), "{said}");
+            assert_eq!(Failure::from(error).message, said + hint);
+        }
     }
 }
