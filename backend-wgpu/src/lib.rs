@@ -13,14 +13,13 @@ mod host;
 mod needs;
 pub mod options;
 pub mod parity;
+pub mod probe;
 pub mod query;
 pub mod selftest;
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
 pub use bounded::DriverLimit;
-#[doc(hidden)]
-pub use bounded::private_memory_of;
 pub use build::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
 pub use error::{GpuError, OpenError};
 pub use gpu::Gpu;
