@@ -147,8 +147,5 @@ fn a_scene_that_does_not_fit_leaves_the_old_one() {
     assert!(before.iter().any(|pixel| *pixel != before[0]), "a picture of nothing");
     // A mesh with other triangles than the tree's is no mesh of this scene.
     let error = tracer.frame(&other.mesh().unwrap(), &request).unwrap_err();
-    assert!(matches!(
-        error,
-        TracerError::Render(splitplane::render::RenderError::WrongMesh { .. })
-    ));
+    assert!(matches!(error, TracerError::Render(RenderError::WrongMesh { .. })));
 }

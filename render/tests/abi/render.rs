@@ -135,7 +135,7 @@ pub fn record_faults(parsed: &Parsed) -> Vec<String> {
 /// The constants of the core and of the ray tracer; where both have one of a name, the latter's.
 pub fn known() -> Known {
     let mut known = constants::of_core();
-    known.extend(constants::of("../render/src"));
+    known.extend(constants::of("src"));
     known
 }
 
