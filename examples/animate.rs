@@ -15,28 +15,31 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     // With `Some(path)` in place of `None`: a folder of .obj files, or raw frames.
     let options = SceneOptions::default();
     let (mut scene, mut animation) = Animation::open("builtin:carousel", None, &options)?;
-    let (mut tracer, _) = Tracer::open(BackendKind::Auto, &OpenOptions::default())?;
+    let backend = BackendKind::Auto.open_engine(&OpenOptions::default())?.engine;
     let build = BuildOptions::default();
-    tracer.build(&scene, &build)?;
+    let mut tracer = Tracer::load(backend, &scene.mesh()?, &scene.appearance(), &build)?;
 
     let size = Size::new(320, 180)?;
-    let placement = Placement::of(&scene, tracer.accelerator()?, size.aspect())?;
+    let tree = tracer.accelerator().ok_or("the tree is on the GPU alone")?;
+    let placement = Placement::of(&scene, tree, size.aspect())?;
     scene.lights = placement.lights;
-    tracer.describe_looks(&scene)?;
+    tracer.update_appearance(&scene.mesh()?, &scene.appearance())?;
 
     let path = std::env::temp_dir().join("animate.png");
     let frames = NonZeroU32::new(animation.frames() as u32).ok_or("no frames")?;
     let file = BufWriter::new(File::create(&path)?);
     let mut movie = Movie::new(file, MovieFormat::Apng, (320, 180), frames, 42)?;
     let settings = RenderSettings { depth: 4, ..RenderSettings::default() };
-    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
+    let request =
+        FrameRequest { settings, ..FrameRequest::new(placement.camera.pinhole(size), size) };
     let start = Instant::now();
     for frame in 0..animation.frames() {
         animation.set(frame, &mut scene)?;
-        tracer.update_normals(&scene)?;
-        tracer.rebuild(&scene, &build)?;
-        tracer.frame(&scene, &request)?;
-        movie.push(&picture::screen(size, &tracer.pixels()?)?)?;
+        let mesh = scene.mesh()?;
+        tracer.update_normals(&mesh, &scene.appearance());
+        tracer.rebuild(&mesh, &build)?;
+        let made = tracer.frame(&mesh, &request)?;
+        movie.push(&picture::screen(size, &made.pixels()?)?)?;
     }
     movie.finish()?;
     println!("{} frames in {:?}: {}", frames, start.elapsed(), path.display());

@@ -8,24 +8,28 @@ use splitplane::{BackendKind, BuildOptions, OpenOptions};
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A path of an .obj file does as well, with the feature `obj`.
     let mut scene = Scene::open("builtin:spheres")?;
-    let (mut tracer, why) = Tracer::open(BackendKind::Auto, &OpenOptions::default())?;
-    println!("{}: {why}", tracer.backend().name);
-    tracer.build(&scene, &BuildOptions::default())?;
+    let opened = BackendKind::Auto.open_engine(&OpenOptions::default())?;
+    let (mesh, options) = (scene.mesh()?, BuildOptions::default());
+    let mut tracer = Tracer::load(opened.engine, &mesh, &scene.appearance(), &options)?;
+    println!("{}: {}", tracer.backend().name, opened.reason);
 
     // Scenes without a camera or lights get some that suit them.
     let size = Size::new(640, 360)?;
-    let placement = Placement::of(&scene, tracer.accelerator()?, size.aspect())?;
+    let tree = tracer.accelerator().ok_or("the tree is on the GPU alone")?;
+    let placement = Placement::of(&scene, tree, size.aspect())?;
     scene.lights = placement.lights;
-    tracer.describe_looks(&scene)?;
+    let mesh = scene.mesh()?;
+    tracer.update_appearance(&mesh, &scene.appearance())?;
 
     let settings = RenderSettings { samples: 4, ..RenderSettings::default() };
-    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
-    let stats = tracer.frame(&scene, &request)?;
-    let bytes: Vec<u8> = tracer.pixels()?.iter().flat_map(|pixel| pixel.to_le_bytes()).collect();
+    let request =
+        FrameRequest { settings, ..FrameRequest::new(placement.camera.pinhole(size), size) };
+    let frame = tracer.frame(&mesh, &request)?;
+    let bytes: Vec<u8> = frame.pixels()?.iter().flat_map(|pixel| pixel.to_le_bytes()).collect();
 
     let path = std::env::temp_dir().join("render_scene.png");
     let picture = image::RgbaImage::from_raw(size.width(), size.height(), bytes);
     picture.ok_or("a picture of another size")?.save(&path)?;
-    println!("{} rays: {}", stats.rays(), path.display());
+    println!("{} rays: {}", frame.stats().rays(), path.display());
     Ok(())
 }

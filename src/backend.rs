@@ -5,14 +5,11 @@ mod connect;
 mod engine;
 #[cfg(feature = "wgpu")]
 mod gpu;
-#[cfg(feature = "wgpu")]
-mod probe;
 
 use splitplane_core::backend::Backend;
 use splitplane_core::config::Preset;
 use std::ffi::OsString;
 use std::fmt;
-use std::path::PathBuf;
 use std::str::FromStr;
 use std::time::Duration;
 use thiserror::Error;
@@ -24,7 +21,7 @@ pub use gpu::failed;
 #[cfg(feature = "wgpu")]
 pub use gpu::{adapters, adapters_with, open_gpu};
 #[cfg(feature = "wgpu")]
-pub use probe::answer_probe;
+pub use splitplane_wgpu::probe::{Probe, answer_probe};
 
 /// A backend by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -73,40 +70,8 @@ pub struct OpenOptions {
     pub driver_memory: Option<u64>,
     /// Tries adapters whose drivers nobody knows in a process of their own before they are opened in this
     /// one. Hardware of the large vendors and Mesa's llvmpipe are opened at once. When `None`, all are.
+    #[cfg(feature = "wgpu")]
     pub probe: Option<Probe>,
-}
-
-/// A command that opens a GPU adapter in a process of its own, says what came of it, and ends:
-/// usually the program itself, with arguments by which it knows that it is to call
-/// `answer_probe` and no more.
-///
-/// ```no_run
-/// # #[cfg(feature = "wgpu")]
-/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
-/// use splitplane::backend::{Probe, answer_probe};
-/// use splitplane::{BackendKind, OpenOptions};
-///
-/// let arguments: Vec<_> = std::env::args_os().skip(1).collect();
-/// if arguments.first().is_some_and(|first| first == "try-adapter") {
-///     return Ok(answer_probe(&arguments[1..], &mut std::io::stdout())?);
-/// }
-/// let probe = Probe {
-///     program: std::env::current_exe()?,
-///     arguments: vec!["try-adapter".into()],
-/// };
-/// let options = OpenOptions { probe: Some(probe), ..OpenOptions::default() };
-/// let opened = BackendKind::Auto.open_with(&options)?;
-/// # Ok(())
-/// # }
-/// # #[cfg(not(feature = "wgpu"))]
-/// # fn main() {}
-/// ```
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Probe {
-    /// The program.
-    pub program: PathBuf,
-    /// Its first arguments. Behind them come those that name the adapter and the limits.
-    pub arguments: Vec<OsString>,
 }
 
 /// A backend, ready for work.
@@ -166,8 +131,8 @@ pub enum OpenError {
     },
     /// The GPU adapter's answers are not those of the CPU bit for bit, and that was not allowed.
     #[error(
-        "the GPU adapter `{adapter}` differs from the CPU in some bits ({difference}); allow \
-         structural parity (--allow-structural) to use it all the same"
+        "the GPU adapter `{adapter}` differs from the CPU in some bits ({difference}), which was not \
+         allowed"
     )]
     Structural {
         /// The adapter's name.

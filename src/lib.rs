@@ -36,23 +36,20 @@
 //!   Engines with a device of their own use the types in `gpu`.
 //! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
 //!   [`Digest`]: equal input gives an equal digest on any machine.
-//! - **Pictures** come from `tracer::Tracer` (feature `render`): trees and frames of scenes that may
-//!   move, equal on every backend; `render` has the kernels, `picture` the files.
+//! - **Pictures** come from `tracer::Tracer` (feature `render`): it is loaded with a mesh and its
+//!   appearance, and makes frames that are equal on every backend, of scenes that may move; `render` has the
+//!   kernels, `picture` the files.
 //!
 //! # Features
 //!
-//! `cpu` (default) is the rayon backend, `wgpu` (default) the GPU backend. `scene`, `obj`,
-//! `textures`, `animation`, `render` and `verify` are what the program is made of: scenes and
-//! cameras, Wavefront files, the pictures on their surfaces, scenes that move, pictures of them, and
-//! checks against a reference. `cli` (default) is the program and needs all of them; an embedder
-//! writes `default-features = false` and `features = ["cpu"]`, `["wgpu"]` or both, and compiles none
-//! of it. `viewer` adds the program's verb `view`, an interactive window; it needs Rust 1.95.
+//! `cpu` (default) is the rayon backend, `wgpu` the GPU backend. `scene` has scenes, cameras and the built-in
+//! scenes; `obj`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
+//! the files that it gives. `verify` holds answers against a reference, `parity` CPU and GPU against one
+//! another. Nothing of what is not asked for is compiled.
 
 #![forbid(unsafe_code)]
 
 pub mod backend;
-#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
-pub mod tracer;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
@@ -76,6 +73,8 @@ pub use splitplane_cpu::CpuBackend;
 pub use splitplane_render as render;
 #[cfg(feature = "picture")]
 pub use splitplane_render::picture;
+#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
+pub use splitplane_render::tracer;
 #[cfg(feature = "scene")]
 pub use splitplane_scene as scene;
 #[cfg(feature = "verify")]

@@ -4,7 +4,7 @@
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, SceneOptions};
 use splitplane::tracer::{FrameRequest, Tracer};
-use splitplane::{BackendKind, BuildOptions, CpuBackend, OpenOptions};
+use splitplane::{BuildOptions, CpuBackend};
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -49,14 +49,15 @@ fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_bui
     let (mut scene, mut animation) =
         Animation::open("builtin:carousel:4000", None, &options).unwrap();
     let build = BuildOptions::default();
-    let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
-    tracer.build(&scene, &build).unwrap();
+    let (mesh, appearance) = (scene.mesh().unwrap(), scene.appearance());
+    let mut tracer = Tracer::load(CpuBackend::new(), &mesh, &appearance, &build).unwrap();
     let size = Size::new(40, 24).unwrap();
     let placement = Placement::of(&scene, tracer.accelerator().unwrap(), size.aspect()).unwrap();
     scene.lights = placement.lights;
-    tracer.describe_looks(&scene).unwrap();
+    tracer.update_appearance(&scene.mesh().unwrap(), &scene.appearance()).unwrap();
     let settings = RenderSettings { depth: 3, ..RenderSettings::default() };
-    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
+    let request =
+        FrameRequest { settings, ..FrameRequest::new(placement.camera.pinhole(size), size) };
 
     let frames = animation.frames();
     let mut held = Vec::new();
@@ -65,15 +66,16 @@ fn a_thousand_frames_hold_no_more_than_the_first_and_have_the_trees_of_fresh_bui
     for number in 0..1000 {
         let change = animation.set(number % frames, &mut scene).unwrap();
         assert_ne!(change, Change::Everything, "the carousel's topology is constant");
-        tracer.update_normals(&scene).unwrap();
-        tracer.rebuild(&scene, &build).unwrap();
-        tracer.frame(&scene, &request).unwrap();
+        let mesh = scene.mesh().unwrap();
+        tracer.update_normals(&mesh, &scene.appearance());
+        tracer.rebuild(&mesh, &build).unwrap();
         let digest = tracer.digest().unwrap();
-        let picture: u64 = tracer.pixels().unwrap().iter().fold(0, |sum: u64, &pixel| {
+        let made = tracer.frame(&mesh, &request).unwrap();
+        let picture: u64 = made.pixels().unwrap().iter().fold(0, |sum: u64, &pixel| {
             sum.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(u64::from(pixel))
         });
         if number < frames {
-            let fresh = CpuBackend::new().build_tree(&scene.mesh().unwrap(), &build).unwrap().0;
+            let fresh = CpuBackend::new().build_tree(&mesh, &build).unwrap().0;
             assert_eq!(digest, fresh.digest(), "frame {number}");
             digests.push(digest);
             pictures.push(picture);

@@ -12,7 +12,7 @@ use splitplane::picture;
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Placement, Scene};
 use splitplane::tracer::{FrameRequest, Tracer};
-use splitplane::{BackendKind, BuildOptions, OpenOptions};
+use splitplane::{BuildOptions, CpuBackend};
 use std::path::PathBuf;
 
 const SIZE: [u32; 2] = [96, 64];
@@ -40,15 +40,18 @@ fn reference(name: &str) -> PathBuf {
 
 fn render(name: &str, settings: RenderSettings) -> RgbImage {
     let mut scene = Scene::open(format!("builtin:{name}")).unwrap();
-    let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default()).unwrap();
-    tracer.build(&scene, &BuildOptions::default()).unwrap();
+    let (mesh, appearance) = (scene.mesh().unwrap(), scene.appearance());
+    let options = BuildOptions::default();
+    let mut tracer = Tracer::load(CpuBackend::new(), &mesh, &appearance, &options).unwrap();
     let size = Size::new(SIZE[0], SIZE[1]).unwrap();
     let placement = Placement::of(&scene, tracer.accelerator().unwrap(), size.aspect()).unwrap();
     scene.lights = placement.lights;
-    tracer.describe_looks(&scene).unwrap();
-    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
-    tracer.frame(&scene, &request).unwrap();
-    picture::screen(size, &tracer.pixels().unwrap()).unwrap()
+    let mesh = scene.mesh().unwrap();
+    tracer.update_appearance(&mesh, &scene.appearance()).unwrap();
+    let request =
+        FrameRequest { settings, ..FrameRequest::new(placement.camera.pinhole(size), size) };
+    let frame = tracer.frame(&mesh, &request).unwrap();
+    picture::screen(size, &frame.pixels().unwrap()).unwrap()
 }
 
 fn check(name: &str, settings: RenderSettings) {

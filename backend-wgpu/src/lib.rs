@@ -10,7 +10,7 @@ pub mod parity;
 pub mod query;
 
 pub use builder as build;
-pub use device::{adapters, gpu, selftest};
+pub use device::{adapters, gpu, probe, selftest};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;

@@ -6,13 +6,15 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-use splitplane::{
-    Accelerator, Accuracy, Backend, BuildConfig, BuildError, BuildOptions, CpuBackend, Hit, Preset,
-    Progress, QueryError, QueryOptions, Stage, Watch,
-};
 use splitplane_core::all_hits::AllHitsOptions;
-use splitplane_core::backend::LoadOptions;
+use splitplane_core::backend::{
+    Accelerator, Backend, BuildError, BuildOptions, LoadOptions, QueryError,
+};
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::inside::LocateOptions;
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
+use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes;
 use splitplane_wgpu::WgpuBackend;

@@ -6,7 +6,7 @@ use super::options::Common;
 use super::output::ends_in;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, in_pool, print_json};
-use super::stage::{Stage, open_tracer};
+use super::stage::{Stage, open_backend};
 use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
@@ -131,7 +131,7 @@ fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
 impl Arguments {
     fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let opened = open_tracer(common)?;
+        let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let options = look.scene_options(common);
         let (mut scene, mut animation) =
@@ -200,37 +200,40 @@ impl Arguments {
         frame: usize,
     ) -> Result<(Vec<u32>, FrameTimes), Failure> {
         let start = Instant::now();
-        match animation.set(frame, &mut stage.scene)? {
+        let Stage { scene, tracer, placed, options, .. } = stage;
+        let change = animation.set(frame, scene)?;
+        if change == Change::Everything {
+            scene.lights.clone_from(&placed.lights);
+        }
+        let mesh = scene.mesh()?;
+        match change {
             Change::Nothing => {}
-            Change::Positions => stage.tracer.update_normals(&stage.scene)?,
-            Change::Everything => {
-                stage.scene.lights.clone_from(&stage.placed.lights);
-                stage.tracer.describe_looks(&stage.scene)?;
-            }
+            Change::Positions => tracer.update_normals(&mesh, &scene.appearance()),
+            Change::Everything => tracer.update_appearance(&mesh, &scene.appearance())?,
         }
         let updated = Instant::now();
-        stage.tracer.rebuild(&stage.scene, &stage.options)?;
+        tracer.rebuild(&mesh, options)?;
         let built = Instant::now();
         let camera: Camera = match animation.camera(frame) {
             Some(camera) => self.look.camera(camera)?,
-            None => stage.placed.camera,
+            None => placed.camera,
         };
         let request = FrameRequest {
-            camera: &camera,
+            camera: camera.pinhole(self.look.size),
             size: self.look.size,
-            settings: self.look.settings(SAMPLES, &stage.placed)?,
+            settings: self.look.settings(SAMPLES, placed)?,
             outputs: Outputs::PIXELS,
             query: self.common.query_options(),
         };
-        let stats = stage.tracer.frame(&stage.scene, &request)?;
-        let pixels = stage.tracer.pixels()?.into_owned();
+        let made = tracer.frame(&mesh, &request)?;
+        let (pixels, rays) = (made.pixels()?.into_owned(), made.stats().rays());
         let done = Instant::now();
         let ms = |from: Instant, to: Instant| to.duration_since(from).as_secs_f64() * 1e3;
         let times = FrameTimes {
             frame,
             time_s: animation.time(frame),
-            triangles: stage.scene.indices.len() as u32,
-            rays: stats.rays(),
+            triangles: scene.indices.len() as u32,
+            rays,
             update_ms: ms(start, updated),
             build_ms: ms(updated, built),
             trace_ms: ms(built, done),

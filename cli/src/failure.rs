@@ -2,6 +2,7 @@
 
 use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
+use splitplane::scene::obj::{ObjError, ObjProblem};
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
 use splitplane::{BuildError, DeviceError, MeshError, OpenError, QueryError};
@@ -46,6 +47,11 @@ impl Failure {
         Failure { message: message.into(), code: CANCELLED }
     }
 
+    /// What cannot be, whatever the user does.
+    pub(super) fn bug(message: impl Into<String>) -> Failure {
+        Failure { message: message.into(), code: BUG }
+    }
+
     /// Whoever reads our output went away: nothing is wrong, and there is nobody to tell.
     pub(super) fn nobody_listens() -> Failure {
         Failure { message: String::new(), code: 0 }
@@ -75,12 +81,22 @@ impl Failure {
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
         match &error {
-            SceneError::Builtin(_) | SceneError::UnknownFormat(_) => {
-                Failure::usage(error.to_string())
+            SceneError::Builtin(_) => Failure::usage(error.to_string()),
+            SceneError::UnknownFormat(_) => {
+                Failure::usage(format!("{error}; `splitplane --help` lists the verbs"))
             }
-            SceneError::Obj(obj) if obj.problem.is_limit() => Failure::limit(error.to_string()),
+            SceneError::Obj(obj) => from_obj(obj, error.to_string()),
             _ => Failure::file(error.to_string()),
         }
+    }
+}
+
+/// A run that an OBJ file ends, with the option that may help.
+fn from_obj(error: &ObjError, message: String) -> Failure {
+    match error.problem {
+        ObjProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
+        ref problem if problem.is_limit() => Failure::limit(message),
+        _ => Failure::file(message),
     }
 }
 
@@ -107,7 +123,11 @@ impl From<OpenError> for Failure {
             OpenError::DeviceFailed { .. } => DEVICE,
             _ => USAGE,
         };
-        Failure { message: error.to_string(), code }
+        let hint = match error {
+            OpenError::Structural { .. } => "; --allow-structural allows it",
+            _ => "",
+        };
+        Failure { message: format!("{error}{hint}"), code }
     }
 }
 
@@ -166,9 +186,7 @@ impl From<AnimationError> for Failure {
             AnimationError::NoFrames(_) | AnimationError::NotFrames(_) => {
                 Failure::usage(error.to_string())
             }
-            AnimationError::Frame { error: ref obj, .. } if obj.problem.is_limit() => {
-                Failure::limit(error.to_string())
-            }
+            AnimationError::Frame { error: ref obj, .. } => from_obj(obj, error.to_string()),
             error => Failure::file(error.to_string()),
         }
     }
@@ -177,7 +195,6 @@ impl From<AnimationError> for Failure {
 impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
         match error {
-            TracerError::Mesh(error) => error.into(),
             TracerError::Build(error) => error.into(),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
@@ -216,6 +233,7 @@ impl From<ReportError> for Failure {
         match error {
             ReportError::Scene(error) => error.into(),
             ReportError::Open(error) => error.into(),
+            ReportError::Mesh(error) => error.into(),
             ReportError::Tracer(error) => error.into(),
             ReportError::Query(error) => error.into(),
             ReportError::Picture(error) => error.into(),
@@ -270,7 +288,11 @@ impl From<splitplane_viewer::ViewerError> for Failure {
             ViewerError::Screenshot(_) => FILE,
             _ => BUG,
         };
-        Failure { message: error.to_string(), code }
+        let hint = match error {
+            ViewerError::NoDisplay(_) => "; `splitplane render` needs none",
+            _ => "",
+        };
+        Failure { message: format!("{error}{hint}"), code }
     }
 }
 
@@ -335,7 +357,25 @@ mod tests {
         let failed = OpenError::DeviceFailed { adapter: text(), reason: text() };
         assert_eq!(Failure::from(failed).code, DEVICE);
         let structural = OpenError::Structural { adapter: text(), difference: text() };
-        assert_eq!(Failure::from(structural).code, NO_GPU);
+        let refused = Failure::from(structural);
+        assert_eq!(refused.code, NO_GPU);
+        assert!(refused.message.ends_with("; --allow-structural allows it"), "{}", refused.message);
         assert_eq!(Failure::from(QueryError::LengthMismatch { rays: 1, results: 2 }).code, BUG);
+    }
+
+    /// Libraries say what is wrong; which option helps is said here.
+    #[test]
+    fn errors_of_libraries_name_no_option_and_failures_do() {
+        let problem = ObjProblem::TooLong { limit: 7 };
+        let obj = ObjError { file: "a.obj".into(), line: None, problem };
+        let unknown = SceneError::UnknownFormat("a.stl".into());
+        for (error, hint) in [
+            (SceneError::Obj(obj), "; --max-file allows more"),
+            (unknown, "; `splitplane --help` lists the verbs"),
+        ] {
+            let said = error.to_string();
+            assert!(!said.contains("--"), "{said}");
+            assert_eq!(Failure::from(error).message, said + hint);
+        }
     }
 }

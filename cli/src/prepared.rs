@@ -187,6 +187,9 @@ pub(super) fn note_scene(common: &Common, scene: &Scene) {
         for sentence in scene.notes.sentences() {
             output::note(&format!("note: {}: {sentence}", quoted(&scene.name)));
         }
+        if scene.notes.textures_over_limit > 0 {
+            output::note("note: --max-texture allows larger textures");
+        }
     }
 }
 

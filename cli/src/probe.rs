@@ -3,7 +3,6 @@
 use super::failure::Failure;
 use clap::Args;
 use splitplane::OpenOptions;
-use splitplane::backend::Probe;
 use std::env;
 use std::ffi::OsString;
 use std::time::Duration;
@@ -34,9 +33,14 @@ pub(super) fn run(_: &Arguments) -> Result<(), Failure> {
 
 /// The same options with this program's limits on drivers.
 pub(super) fn limited(options: OpenOptions) -> OpenOptions {
-    let probe = env::current_exe().ok();
-    let probe = probe.map(|program| Probe { program, arguments: vec![VERB.into()] });
-    OpenOptions { driver_time: seconds().ok().flatten(), probe, ..options }
+    OpenOptions {
+        driver_time: seconds().ok().flatten(),
+        #[cfg(feature = "wgpu")]
+        probe: env::current_exe()
+            .ok()
+            .map(|program| splitplane::backend::Probe { program, arguments: vec![VERB.into()] }),
+        ..options
+    }
 }
 
 /// Says whether the environment makes sense, before any work.

@@ -5,14 +5,14 @@ use super::look::Look;
 use super::options::Common;
 use super::output::ends_in;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
-use super::stage::{Stage, open_tracer};
+use super::stage::{Stage, open_backend};
 use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::picture::{self, Aov, HeatMap, Quantity};
 use splitplane::render::{FrameStats, Outputs};
 use splitplane::scene::{Scene, SceneOptions};
-use splitplane::tracer::FrameRequest;
+use splitplane::tracer::{Frame, FrameRequest};
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -97,16 +97,15 @@ impl Arguments {
 
     fn render(&self) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let opened = open_tracer(common)?;
+        let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let scene = Scene::open_with(&self.scene, &self.scene_options())?;
         spinner.finish_and_clear();
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
-        let camera = stage.placed.camera;
-        let shines = stage.tracer.looks().needs().emitters > 0;
+        let shines = stage.tracer.appearance().needs().emitters > 0;
         let request = FrameRequest {
-            camera: &camera,
+            camera: stage.placed.camera.pinhole(look.size),
             size: look.size,
             settings: look.settings(SAMPLES[usize::from(shines)], &stage.placed)?,
             outputs: self.outputs(&path),
@@ -118,10 +117,11 @@ impl Arguments {
         }
         let spinner = progress::spinner(common.quiet, "rendering");
         let start = Instant::now();
-        let stats = stage.tracer.frame(&stage.scene, &request)?;
+        let frame = stage.tracer.frame(&stage.scene.mesh()?, &request)?;
         let render_ms = milliseconds(start);
         spinner.finish_and_clear();
-        let written = self.write(&stage, &path)?;
+        let written = self.write(&frame, &path)?;
+        let stats = *frame.stats();
         self.report(&stage, &stats, render_ms, &written)
     }
 
@@ -149,16 +149,15 @@ impl Arguments {
     }
 
     /// Writes what was asked for and gives the files.
-    fn write(&self, stage: &Stage, path: &Path) -> Result<Written, Failure> {
+    fn write(&self, frame: &Frame<'_>, path: &Path) -> Result<Written, Failure> {
         let size = self.look.size;
-        let tracer = &stage.tracer;
         let mut written = Written { files: vec![path.to_owned()], heat: None };
         if let Some(quantity) = self.heatmap {
             let quantity = match quantity {
                 QuantityName::Nodes => Quantity::Nodes,
                 QuantityName::Triangles => Quantity::Tests,
             };
-            let map = HeatMap::new(size, &tracer.first_costs()?, quantity, self.heatmap_top)?;
+            let map = HeatMap::new(size, &frame.first_costs()?, quantity, self.heatmap_top)?;
             output::file(path, &picture::encode_png(&map.image)?)?;
             let of = &map.statistics;
             written.heat = Some(format!(
@@ -172,8 +171,8 @@ impl Arguments {
             return Ok(written);
         }
         let outputs = self.outputs(path);
-        let hits = if outputs.first_hits { tracer.first_hits()? } else { Cow::default() };
-        let costs = if outputs.first_costs { tracer.first_costs()? } else { Cow::default() };
+        let hits = if outputs.first_hits { frame.first_hits()? } else { Cow::default() };
+        let costs = if outputs.first_costs { frame.first_costs()? } else { Cow::default() };
         let aovs: Vec<Aov<'_>> = [
             (AovName::Depth, Aov::Depth(&hits)),
             (AovName::Normal, Aov::Normal(&hits)),
@@ -185,10 +184,10 @@ impl Arguments {
         .filter_map(|(name, aov)| self.wants(name).then_some(aov))
         .collect();
         if outputs.radiance {
-            output::file(path, &picture::encode_exr(size, &tracer.radiance()?, &aovs)?)?;
+            output::file(path, &picture::encode_exr(size, &frame.radiance()?, &aovs)?)?;
             return Ok(written);
         }
-        let screen = picture::screen(size, &tracer.pixels()?)?;
+        let screen = picture::screen(size, &frame.pixels()?)?;
         output::file(path, &picture::encode_png(&screen)?)?;
         for aov in aovs {
             let beside = path.with_extension(format!("{}.png", aov.name()));
@@ -218,7 +217,7 @@ impl Arguments {
                 samples: stats.plan.settings().samples,
                 lights: stage.placed.lights.len(),
                 lights_asked: stage.placed.asked(),
-                emitters: stage.tracer.looks().needs().emitters,
+                emitters: stage.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
                 trace_ms,

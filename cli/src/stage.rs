@@ -5,9 +5,11 @@ use super::look::{Look, Placed};
 use super::options::Common;
 use super::prepared::{Built, milliseconds, note_dropped, note_scene};
 use super::{output, progress};
+use splitplane::backend::OpenedEngine;
+use splitplane::render::Appearance;
 use splitplane::scene::Scene;
 use splitplane::tracer::Tracer;
-use splitplane::{Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
+use splitplane::{Accelerator, Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
 use splitplane_scene::from_file::quoted;
 use std::time::Instant;
 
@@ -24,7 +26,7 @@ pub(super) struct Stage {
 
 /// Opens the backend. To be called before a large file is read: what is asked for and cannot be had is
 /// said first.
-pub(super) fn open_tracer(common: &Common) -> Result<(Tracer, String), Failure> {
+pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
     common.build_options()?;
     let exact_frames = common.query_options().accuracy == Accuracy::Exact;
     if exact_frames && common.backend == BackendKind::Wgpu {
@@ -34,31 +36,34 @@ pub(super) fn open_tracer(common: &Common) -> Result<(Tracer, String), Failure> 
         ));
     }
     let options = OpenOptions { exact_frames, ..common.open_options() };
-    Ok(Tracer::open(common.backend, &options)?)
+    Ok(common.backend.open_engine(&options)?)
 }
 
 impl Stage {
     /// Builds the tree of a scene, places camera and lights, and describes what it looks like.
     pub(super) fn set(
         mut scene: Scene,
-        (mut tracer, reason): (Tracer, String),
+        OpenedEngine { engine, reason }: OpenedEngine,
         look: &Look,
         common: &Common,
     ) -> Result<Stage, Failure> {
         note_scene(common, &scene);
-        let info = tracer.backend();
+        let info = engine.as_backend().describe();
         if !common.quiet {
             output::note(&format!("backend: {} ({reason})", info.name));
         }
         let options = common.build_options()?;
         let watch = progress::watch(common.quiet);
         let start = Instant::now();
-        tracer.build(&scene, &BuildOptions { watch: Some(&watch), ..options })?;
+        // Camera and lights are placed by rays; what the scene looks like is taken over when it has both.
+        let appearance = Appearance::default();
+        let watched = BuildOptions { watch: Some(&watch), ..options };
+        let mut tracer = Tracer::load(engine, &scene.mesh()?, &appearance, &watched)?;
         let build_ms = milliseconds(start);
         drop(watch);
-        note_dropped(common, &scene, tracer.summary()?.dropped);
+        note_dropped(common, &scene, tracer.summary().dropped);
         let spinner = progress::spinner(common.quiet, "placing camera and lights");
-        let placed = look.place(&mut scene, tracer.accelerator()?)?;
+        let placed = look.place(&mut scene, host_tree(&tracer)?)?;
         spinner.finish_and_clear();
         if let Some(asked) = placed.asked()
             && placed.lights.len() < asked
@@ -72,7 +77,7 @@ impl Stage {
             ));
         }
         scene.lights.clone_from(&placed.lights);
-        tracer.describe_looks(&scene)?;
+        tracer.update_appearance(&scene.mesh()?, &scene.appearance())?;
         Ok(Stage { scene, tracer, placed, options, info, build_ms, reason })
     }
 
@@ -81,7 +86,7 @@ impl Stage {
         Ok(Built {
             scene: &self.scene,
             info: &self.info,
-            accelerator: self.tracer.accelerator()?,
+            accelerator: host_tree(&self.tracer)?,
             build_ms: self.build_ms,
             preset: self.options.config.preset.name(),
             reason: &self.reason,
@@ -92,7 +97,7 @@ impl Stage {
     pub(super) fn describe_placed(&self) -> String {
         let [x, y, z] = self.placed.camera.eye();
         let view = self.placed.view.map_or("as given", |view| view.name());
-        let lights = match (self.placed.lights.len(), self.tracer.looks().needs().emitters) {
+        let lights = match (self.placed.lights.len(), self.tracer.appearance().needs().emitters) {
             (0, 0) => "none but the environment".to_owned(),
             (0, shining) => format!("{shining} triangles that shine"),
             (count, 0) => format!("{count}{}", if self.placed.by_rule { ", placed" } else { "" }),
@@ -100,4 +105,9 @@ impl Stage {
         };
         format!("camera   at {x},{y},{z}, {view}\nlights   {lights}\n")
     }
+}
+
+/// The tree that the last load brought to host memory.
+fn host_tree(tracer: &Tracer) -> Result<&dyn Accelerator, Failure> {
+    tracer.accelerator().ok_or_else(|| Failure::bug("the tree is on the GPU alone"))
 }

@@ -325,6 +325,7 @@ fn textures_past_the_limit_of_the_program_are_left_out() {
         let notes = text(&output.stderr);
         assert_eq!(output.status.code(), Some(0), "{notes}");
         assert_eq!(!notes.contains("4095 are the most"), fits, "{notes}");
+        assert_eq!(!notes.contains("--max-texture allows larger"), fits, "{notes}");
     }
 }
 

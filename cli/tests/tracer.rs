@@ -1,13 +1,13 @@
 //! Scenes that move, on the GPU: trees, pictures and memory against the CPU's.
 
-use splitplane::render::{RenderError, RenderSettings, Size};
+use splitplane::render::{Outputs, RenderError, RenderSettings, Size};
 use splitplane::scene::{Animation, Placement, SceneOptions};
-use splitplane::tracer::{FrameRequest, Tracer, TracerError};
+use splitplane::tracer::{FrameRequest, Output, Tracer, TracerError};
 use splitplane::{Accuracy, BackendKind, BuildOptions, OpenOptions, QueryOptions};
 
-fn open(kind: BackendKind) -> Tracer {
+fn open(kind: BackendKind) -> splitplane::backend::Engine {
     let options = OpenOptions { default_limits: true, ..OpenOptions::default() };
-    Tracer::open(kind, &options).expect("the tests on a GPU need one, or a software Vulkan").0
+    kind.open_engine(&options).expect("the tests on a GPU need one, or a software Vulkan").engine
 }
 
 #[test]
@@ -17,56 +17,135 @@ fn frames_that_are_rebuilt_on_the_gpu_are_those_of_the_cpu() {
     let (mut scene, mut animation) =
         Animation::open("builtin:carousel:4000", None, &options).unwrap();
     let build = BuildOptions::default();
-    let (mut cpu, mut gpu) = (open(BackendKind::Cpu), open(BackendKind::Wgpu));
-    for tracer in [&mut cpu, &mut gpu] {
-        tracer.build(&scene, &build).unwrap();
-    }
+    let load = |kind| {
+        let mesh = scene.mesh().unwrap();
+        Tracer::load(open(kind), &mesh, &scene.appearance(), &build).unwrap()
+    };
+    let (mut cpu, mut gpu) = (load(BackendKind::Cpu), load(BackendKind::Wgpu));
     let size = Size::new(32, 20).unwrap();
     let placement = Placement::of(&scene, cpu.accelerator().unwrap(), size.aspect()).unwrap();
     scene.lights = placement.lights;
     for tracer in [&mut cpu, &mut gpu] {
-        tracer.describe_looks(&scene).unwrap();
+        tracer.update_appearance(&scene.mesh().unwrap(), &scene.appearance()).unwrap();
     }
     let settings = RenderSettings { depth: 2, ..RenderSettings::default() };
-    let request = FrameRequest { settings, ..FrameRequest::new(&placement.camera, size) };
+    let camera = placement.camera.pinhole(size);
+    let request = FrameRequest { settings, ..FrameRequest::new(camera, size) };
     let mut digests = Vec::new();
     for frame in [0, 17, 40, 63, 99] {
         animation.set(frame, &mut scene).unwrap();
+        let mesh = scene.mesh().unwrap();
         for tracer in [&mut cpu, &mut gpu] {
-            tracer.update_normals(&scene).unwrap();
-            tracer.rebuild(&scene, &build).unwrap();
-            tracer.frame(&scene, &request).unwrap();
+            tracer.update_normals(&mesh, &scene.appearance());
+            tracer.rebuild(&mesh, &build).unwrap();
         }
         let digest = gpu.digest().unwrap();
         assert_eq!(digest, cpu.digest().unwrap(), "frame {frame}");
-        assert_eq!(gpu.pixels().unwrap(), cpu.pixels().unwrap(), "frame {frame}");
-        assert_eq!(gpu.summary().unwrap().triangles, cpu.summary().unwrap().triangles);
+        let [on_cpu, on_gpu] =
+            [&mut cpu, &mut gpu].map(|tracer| tracer.frame(&mesh, &request).unwrap());
+        assert_eq!(on_gpu.pixels().unwrap(), on_cpu.pixels().unwrap(), "frame {frame}");
+        assert_eq!(gpu.summary().triangles, cpu.summary().triangles);
         digests.push(digest.to_string());
     }
     digests.sort();
     digests.dedup();
     assert_eq!(digests.len(), 5);
     // Exact answers would have to come back from the device; the CPU gives them.
+    let mesh = scene.mesh().unwrap();
     let query = QueryOptions { accuracy: Accuracy::Exact, ..QueryOptions::default() };
     let exact = FrameRequest { query, ..request };
-    let refused = Err(TracerError::Render(RenderError::ExactOnDevice));
-    assert_eq!(gpu.frame(&scene, &exact), refused);
-    assert!(cpu.frame(&scene, &exact).is_ok() && gpu.frame(&scene, &request).is_ok());
-    // A tree for frames alone answers no host.
-    assert_eq!(gpu.accelerator().err(), Some(TracerError::NothingBuilt));
+    let refused = TracerError::Render(RenderError::ExactOnDevice);
+    assert_eq!(gpu.frame(&mesh, &exact).unwrap_err(), refused);
+    assert!(cpu.frame(&mesh, &exact).is_ok() && gpu.frame(&mesh, &request).is_ok());
+    // A tree for frames alone answers no host, until it is brought there.
+    assert!(gpu.accelerator().is_none() && cpu.accelerator().is_some());
+    let digest = gpu.digest().unwrap();
+    gpu.rebuild_for_queries(&mesh, &build).unwrap();
+    assert_eq!(gpu.accelerator().unwrap().tree().digest(), digest);
+    // Another scene takes the place of this one.
+    let other = splitplane::scene::Scene::open("builtin:cornell").unwrap();
+    let mesh = other.mesh().unwrap();
+    let camera = other.camera.unwrap().pinhole(size);
+    let request = FrameRequest { settings, ..FrameRequest::new(camera, size) };
+    for tracer in [&mut cpu, &mut gpu] {
+        tracer.replace(&mesh, &other.appearance(), &build).unwrap();
+        assert_eq!(tracer.summary().triangles as usize, mesh.len());
+    }
+    assert_eq!(
+        gpu.accelerator().unwrap().tree().digest(),
+        cpu.accelerator().unwrap().tree().digest()
+    );
+    let [on_cpu, on_gpu] =
+        [&mut cpu, &mut gpu].map(|tracer| tracer.frame(&mesh, &request).unwrap());
+    assert_eq!(on_gpu.pixels().unwrap(), on_cpu.pixels().unwrap());
+}
+
+/// Each output alone: it is there, and the others are refused by name.
+fn refuses_what_was_not_requested(kind: BackendKind) {
+    let scene = splitplane::scene::Scene::open("builtin:cornell").unwrap();
+    let (mesh, build) = (scene.mesh().unwrap(), BuildOptions::default());
+    let mut tracer = Tracer::load(open(kind), &mesh, &scene.appearance(), &build).unwrap();
+    let size = Size::new(4, 4).unwrap();
+    let camera = scene.camera.unwrap().pinhole(size);
+    let all = [Output::Pixels, Output::Radiance, Output::FirstHits, Output::FirstCosts];
+    for requested in all {
+        let outputs = Outputs {
+            pixels: requested == Output::Pixels,
+            radiance: requested == Output::Radiance,
+            first_hits: requested == Output::FirstHits,
+            first_costs: requested == Output::FirstCosts,
+        };
+        let request = FrameRequest { outputs, ..FrameRequest::new(camera, size) };
+        let frame = tracer.frame(&mesh, &request).unwrap();
+        for output in all {
+            let length = match output {
+                Output::Pixels => frame.pixels().map(|pixels| pixels.len()),
+                Output::Radiance => frame.radiance().map(|radiance| radiance.len()),
+                Output::FirstHits => frame.first_hits().map(|hits| hits.len()),
+                Output::FirstCosts => frame.first_costs().map(|costs| costs.len()),
+            };
+            let expected = match output == requested {
+                true => Ok(16),
+                false => Err(TracerError::NotRequested { output }),
+            };
+            assert_eq!(length, expected, "{output} of a frame with {requested}");
+        }
+    }
+    let error = TracerError::NotRequested { output: Output::FirstHits };
+    assert_eq!(error.to_string(), "the frame was not asked for first hits");
 }
 
 #[test]
-fn what_was_not_made_is_not_there() {
-    let mut tracer = open(BackendKind::Cpu);
-    let (scene, _) =
-        Animation::open("builtin:carousel:4000", None, &SceneOptions::default()).unwrap();
-    let camera = scene.camera.unwrap();
-    let request = FrameRequest::new(&camera, Size::new(4, 4).unwrap());
-    assert_eq!(tracer.accelerator().err(), Some(TracerError::NothingBuilt));
-    assert_eq!(tracer.frame(&scene, &request), Err(TracerError::NothingDescribed));
-    tracer.describe_looks(&scene).unwrap();
-    assert_eq!(tracer.frame(&scene, &request), Err(TracerError::NothingBuilt));
-    tracer.build(&scene, &BuildOptions::default()).unwrap();
-    assert!(tracer.frame(&scene, &request).is_ok());
+fn what_was_not_requested_is_refused_on_the_cpu() {
+    refuses_what_was_not_requested(BackendKind::Cpu);
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn what_was_not_requested_is_refused_on_the_gpu() {
+    refuses_what_was_not_requested(BackendKind::Wgpu);
+}
+
+/// A scene that cannot be built leaves the one that is there.
+#[test]
+fn a_scene_that_does_not_fit_leaves_the_old_one() {
+    let scene = splitplane::scene::Scene::open("builtin:cornell").unwrap();
+    let (mesh, build) = (scene.mesh().unwrap(), BuildOptions::default());
+    let mut tracer =
+        Tracer::load(open(BackendKind::Cpu), &mesh, &scene.appearance(), &build).unwrap();
+    let size = Size::new(8, 6).unwrap();
+    let request = FrameRequest::new(scene.camera.unwrap().pinhole(size), size);
+    let digest = tracer.digest().unwrap();
+    let before = tracer.frame(&mesh, &request).unwrap().pixels().unwrap().into_owned();
+    let other = splitplane::scene::Scene::open("builtin:city:10000").unwrap();
+    let tight = BuildOptions { max_memory: Some(1), ..BuildOptions::default() };
+    let refused = tracer.replace(&other.mesh().unwrap(), &other.appearance(), &tight).unwrap_err();
+    assert!(matches!(refused, TracerError::Build(_)), "{refused}");
+    assert_eq!(tracer.digest().unwrap(), digest);
+    let after = tracer.frame(&mesh, &request).unwrap().pixels().unwrap().into_owned();
+    assert_eq!(after, before);
+    assert!(before.iter().any(|pixel| *pixel != before[0]), "a picture of nothing");
+    // A mesh with other triangles than the tree's is no mesh of this scene.
+    let error = tracer.frame(&other.mesh().unwrap(), &request).unwrap_err();
+    assert!(matches!(error, TracerError::Render(RenderError::WrongMesh { .. })));
 }

@@ -12,7 +12,7 @@ pub enum RenderError {
     /// The frame cannot be planned.
     #[error(transparent)]
     Plan(#[from] PlanError),
-    /// The scene's looks cannot be described.
+    /// The scene's appearance cannot be described.
     #[error(transparent)]
     Appearance(#[from] AppearanceError),
     /// The device failed.
@@ -44,8 +44,8 @@ pub enum RenderError {
     /// Rays could not be traced.
     #[error(transparent)]
     Query(#[from] QueryError),
-    /// The scene's looks are those of another mesh.
-    #[error("the looks describe {described} triangles, but the mesh has {triangles}")]
+    /// The scene's appearance is that of another mesh.
+    #[error("the appearance describes {described} triangles, but the mesh has {triangles}")]
     WrongMesh {
         /// Triangles described.
         described: u32,

@@ -3,6 +3,9 @@
 //! It is a kernel set of its own ([`RayTracer`]) with a schedule of its own ([`schedule::frame`]), which
 //! run on the same [`Executor`](splitplane_core::schedule::Executor) trait as the tree builder's. What
 //! runs is decided by a [`Plan`]: a scene pays for what it uses.
+//!
+//! `tracer::Tracer` holds a backend, a tree and an appearance, and makes frames of them; it is the place to
+//! start. The renderers below it, in `cpu` and `wgpu`, are for programs that own their trees.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
@@ -30,6 +33,8 @@ mod settings;
 mod surface;
 mod texture;
 mod tone;
+#[cfg(any(feature = "cpu", feature = "wgpu"))]
+pub mod tracer;
 mod vector;
 #[cfg(feature = "wgpu")]
 pub mod wgpu;

@@ -1,4 +1,4 @@
-//! A scene's looks as words, the form that every executor reads: materials, lights, triangles that
+//! A scene's appearance as words, the form that every executor reads: materials, lights, triangles that
 //! shine, textures, and what is known of every triangle. Sections that a scene does not need are
 //! empty.
 //!
@@ -68,7 +68,7 @@ pub struct Appearance<'a> {
     pub texcoord_indices: &'a [[u32; 3]],
 }
 
-/// Why a scene's looks cannot be described.
+/// Why a scene's appearance cannot be described.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum AppearanceError {
     /// More words than 32 bits can address.
@@ -95,7 +95,7 @@ struct Sections {
     texels: u32,
 }
 
-/// A scene's looks, ready for executors.
+/// A scene's appearance, ready for executors.
 #[derive(Clone, Debug, Default)]
 pub struct SceneData {
     words: Vec<u32>,
@@ -113,61 +113,92 @@ fn next_revision() -> u64 {
     LAST.fetch_add(1, Ordering::Relaxed) + 1
 }
 
+/// Whether the surface of a material takes its colour from a texture that is there.
+fn is_textured(material: &Material, appearance: &Appearance<'_>) -> bool {
+    let exists = |texture| (texture as usize) < appearance.textures.len();
+    material.dielectric.is_none() && material.texture.is_some_and(exists)
+}
+
+/// Which lists by corner an appearance has a use for.
+struct Corners {
+    textures: bool,
+    smooth: bool,
+}
+
+impl Corners {
+    fn of(appearance: &Appearance<'_>) -> Corners {
+        let textured = appearance.materials.iter().any(|m| is_textured(m, appearance));
+        Corners {
+            textures: textured && !appearance.texcoord_indices.is_empty(),
+            smooth: !appearance.normal_indices.is_empty() && !appearance.normals.is_empty(),
+        }
+    }
+}
+
 impl SceneData {
-    /// Describes the looks of the triangles of `mesh`.
+    /// Describes the appearance of the triangles of `mesh`.
     ///
     /// # Errors
     /// More than can be addressed.
-    pub fn new(mesh: &Mesh<'_>, looks: &Appearance<'_>) -> Result<SceneData, AppearanceError> {
+    pub fn new(mesh: &Mesh<'_>, appearance: &Appearance<'_>) -> Result<SceneData, AppearanceError> {
         let mut data = SceneData::default();
-        data.describe_again(mesh, looks)?;
+        data.describe_again(mesh, appearance)?;
         Ok(data)
     }
 
-    /// As [`SceneData::new`], into the memory of what was described before.
+    /// Whether the appearance can be addressed, which is all that can go wrong with it.
     ///
     /// # Errors
     /// As for [`SceneData::new`].
-    pub fn describe_again(
-        &mut self,
+    pub(crate) fn check(
         mesh: &Mesh<'_>,
-        looks: &Appearance<'_>,
+        appearance: &Appearance<'_>,
     ) -> Result<(), AppearanceError> {
-        let clay = [Material::clay()];
-        let materials: &[Material] =
-            if looks.materials.is_empty() { &clay } else { looks.materials };
-        let textured = |m: &Material| {
-            m.dielectric.is_none() && m.texture.is_some_and(|t| (t as usize) < looks.textures.len())
-        };
-        let textures = materials.iter().any(textured) && !looks.texcoord_indices.is_empty();
-        let smooth = !looks.normal_indices.is_empty() && !looks.normals.is_empty();
-        let texels: u64 = looks.textures.iter().map(|t| t.texels().len() as u64).sum();
+        let Corners { textures, smooth } = Corners::of(appearance);
+        let texels: u64 = appearance.textures.iter().map(|t| t.texels().len() as u64).sum();
         let per_triangle = 1 + if smooth { 9 } else { 0 } + if textures { 6 } else { 0 };
         let words = per_triangle * mesh.len() as u64
-            + 20 * materials.len() as u64
+            + 20 * appearance.materials.len().max(1) as u64
             + if textures { texels } else { 0 };
         // Emitters and lights are far fewer than what is left.
         if words > u64::from(u32::MAX) / 2 {
             return Err(AppearanceError::TooLarge { words });
         }
+        Ok(())
+    }
+
+    /// As [`SceneData::new`], into the memory of what was described before.
+    ///
+    /// # Errors
+    /// As for [`SceneData::new`]; what was described before is kept.
+    pub fn describe_again(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+    ) -> Result<(), AppearanceError> {
+        SceneData::check(mesh, appearance)?;
+        let Corners { textures, smooth } = Corners::of(appearance);
+        let clay = [Material::clay()];
+        let materials: &[Material] =
+            if appearance.materials.is_empty() { &clay } else { appearance.materials };
         self.words.clear();
         self.revision = next_revision();
         self.triangles = mesh.len() as u32;
         self.materials = materials.len() as u32;
         for material in materials {
-            self.material(material, textures && textured(material));
+            self.material(material, textures && is_textured(material, appearance));
         }
         self.sections.lights = self.here();
-        for light in looks.lights {
+        for light in appearance.lights {
             self.light(light);
         }
         self.sections.emitters = self.here();
-        self.emitters(mesh, materials, looks.material_of);
+        self.emitters(mesh, materials, appearance.material_of);
         let emitters = (self.here() - self.sections.emitters) / EMITTER_WORDS;
         self.sections.textures = self.here();
         if textures {
             let mut first = 0;
-            for texture in looks.textures {
+            for texture in appearance.textures {
                 self.words.extend([first, texture.width(), texture.height(), 0]);
                 first += texture.texels().len() as u32;
             }
@@ -177,17 +208,18 @@ impl SceneData {
         self.words.extend((0..256).map(|byte| least_shown(byte).to_bits()));
         self.sections.material_of = self.here();
         let last = self.materials - 1;
-        let material_of = |t: usize| looks.material_of.get(t).copied().unwrap_or(0).min(last);
+        let material_of = |t: usize| appearance.material_of.get(t).copied().unwrap_or(0).min(last);
         self.words.extend((0..mesh.len()).map(material_of));
         self.sections.normals = self.here();
         if smooth {
-            self.words.extend(normal_words(mesh, looks));
+            self.words.extend(normal_words(mesh, appearance));
         }
         self.sections.texcoords = self.here();
         if textures {
-            let coordinate = |i: u32| looks.texcoords.get(i as usize).copied().unwrap_or_default();
+            let coordinate =
+                |i: u32| appearance.texcoords.get(i as usize).copied().unwrap_or_default();
             self.words.extend((0..mesh.len()).flat_map(|t| {
-                let corners = looks.texcoord_indices.get(t).copied().unwrap_or([NONE; 3]);
+                let corners = appearance.texcoord_indices.get(t).copied().unwrap_or([NONE; 3]);
                 corners
                     .into_iter()
                     .flat_map(coordinate)
@@ -196,7 +228,7 @@ impl SceneData {
         }
         self.sections.texels = self.here();
         if textures {
-            let texels = looks.textures.iter().flat_map(|texture| texture.texels());
+            let texels = appearance.textures.iter().flat_map(|texture| texture.texels());
             self.words.extend(texels.map(|texel| u32::from_le_bytes(*texel)));
         }
         let used = |test: fn(&Material) -> bool| materials.iter().any(test);
@@ -206,7 +238,7 @@ impl SceneData {
             dielectrics: used(|m| m.dielectric.is_some()),
             textures,
             smooth_normals: smooth,
-            lights: looks.lights.len() as u32,
+            lights: appearance.lights.len() as u32,
             emitters,
         };
         Ok(())
@@ -214,12 +246,14 @@ impl SceneData {
 
     /// Takes over new normals for a mesh whose triangles have moved. Nothing happens when the scene
     /// was described without any.
-    pub fn update_normals(&mut self, mesh: &Mesh<'_>, looks: &Appearance<'_>) {
+    pub fn update_normals(&mut self, mesh: &Mesh<'_>, appearance: &Appearance<'_>) {
         if self.needs.smooth_normals && mesh.len() as u32 == self.triangles {
             let first = self.sections.normals as usize;
             let last = first + 9 * mesh.len();
             self.normals_revision = next_revision();
-            for (word, new) in self.words[first..last].iter_mut().zip(normal_words(mesh, looks)) {
+            for (word, new) in
+                self.words[first..last].iter_mut().zip(normal_words(mesh, appearance))
+            {
                 *word = new;
             }
         }
@@ -353,14 +387,14 @@ impl SceneData {
 /// The words of the normals at the corners of all triangles.
 fn normal_words<'a>(
     mesh: &Mesh<'_>,
-    looks: &'a Appearance<'_>,
+    appearance: &'a Appearance<'_>,
 ) -> impl Iterator<Item = u32> + use<'a> {
     let normal = |i: u32| {
-        let normal = looks.normals.get(i as usize).copied().unwrap_or_default();
+        let normal = appearance.normals.get(i as usize).copied().unwrap_or_default();
         if normal.iter().all(|part| part.is_finite()) { normalized(normal) } else { [0.0; 3] }
     };
     (0..mesh.len()).flat_map(move |triangle| {
-        let corners = looks.normal_indices.get(triangle).copied().unwrap_or([NONE; 3]);
+        let corners = appearance.normal_indices.get(triangle).copied().unwrap_or([NONE; 3]);
         corners.into_iter().flat_map(normal).map(f32::to_bits)
     })
 }

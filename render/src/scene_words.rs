@@ -1,4 +1,4 @@
-//! Reads a scene's looks from its words. Twin of `scene_words.wgsl`.
+//! Reads a scene's appearance from its words. Twin of `scene_words.wgsl`.
 
 use crate::layout::Frame;
 use crate::scene_data::{EMITTER_WORDS, LIGHT_WORDS, MATERIAL_WORDS, NONE, TEXTURE_WORDS};

@@ -164,7 +164,7 @@ fn hits_alone_need_no_light() {
 
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
-fn looks_of_another_mesh_are_refused() {
+fn an_appearance_of_another_mesh_are_refused() {
     let small = both(scenes::empty());
     let large = both(scenes::diffuse());
     let data = large.scene.data();

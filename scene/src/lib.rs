@@ -77,6 +77,9 @@ pub struct Notes {
     pub unusable_normals: u64,
     /// Texture coordinates that are not finite; corners that name one have none.
     pub unusable_texcoords: u64,
+    /// Textures left out because decoding them takes more than [`SceneOptions::decode_limit`]; a warning
+    /// names each.
+    pub textures_over_limit: u64,
     /// Whatever else a reader should know, a sentence each.
     pub warnings: Vec<String>,
 }
@@ -112,7 +115,7 @@ pub enum SceneError {
     Builtin(#[from] builtin::BuiltinError),
     /// A file that is not of a known format.
     #[error(
-        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}; `splitplane --help` lists the verbs",
+        "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
         names = builtin::names()
     )]
     UnknownFormat(String),

@@ -36,6 +36,18 @@ impl Engine {
     }
 }
 
+#[cfg(all(feature = "render", any(feature = "cpu", feature = "wgpu")))]
+impl From<Engine> for splitplane_render::tracer::RenderBackend {
+    fn from(engine: Engine) -> splitplane_render::tracer::RenderBackend {
+        match engine {
+            #[cfg(feature = "cpu")]
+            Engine::Cpu(backend) => backend.into(),
+            #[cfg(feature = "wgpu")]
+            Engine::Wgpu(backend) => backend.into(),
+        }
+    }
+}
+
 /// A backend by its own type, ready for work.
 #[derive(Debug)]
 pub struct OpenedEngine {

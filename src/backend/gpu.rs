@@ -1,9 +1,9 @@
 //! Opening a GPU: the one that was asked for, or one good enough for `auto`.
 
 use super::connect::connect;
-use super::probe::{self, Bounds, Tried};
 use super::{Engine, OpenError, OpenOptions, OpenedEngine, in_environment};
 use splitplane_wgpu::adapters::{Adapter, AdapterReport};
+use splitplane_wgpu::probe::Tried;
 use splitplane_wgpu::{Adapters, DriverLimit, Gpu, GpuError, Parity};
 
 /// A backend over a device, and what its self-test found.
@@ -24,15 +24,15 @@ fn report(adapter: &Adapter, options: &OpenOptions) -> AdapterReport {
     if let Some(reason) = adapter.unusable() {
         return adapter.report_as(Err(reason.to_owned()));
     }
-    let bounds = Bounds::of(adapter, options);
-    let tried = options.probe.as_ref().map_or(Tried::NotStarted, |probe| {
-        probe::run(probe, adapter.index(), adapter.name(), bounds)
-    });
+    let tried = options
+        .probe
+        .as_ref()
+        .map_or(Tried::NotStarted, |probe| probe.run(adapter, &device_options(options)));
     adapter.report_as(match tried {
         Tried::Parity(parity) => Ok(parity),
         Tried::Failed(reason) | Tried::Died(reason) => Err(reason),
         Tried::Exceeded { doing, limit } => Err(passed_over(&doing, limit)),
-        Tried::NotStarted => test_here(adapter, options),
+        _ => test_here(adapter, options),
     })
 }
 
@@ -62,7 +62,7 @@ fn passed_over(doing: &str, limit: DriverLimit) -> String {
 pub fn open_gpu(options: &OpenOptions) -> Result<Gpu, OpenError> {
     let adapters = Adapters::find();
     let adapter = adapters.select(options.adapter.as_deref())?;
-    probe::try_unknown(adapter, options)?;
+    try_unknown(adapter, options)?;
     Ok(adapter.open(&device_options(options))?)
 }
 
@@ -164,9 +164,26 @@ fn first_bitwise(
 }
 
 fn open_adapter(adapter: &Adapter, options: &OpenOptions) -> Result<Connected, OpenError> {
-    probe::try_unknown(adapter, options)?;
+    try_unknown(adapter, options)?;
     let gpu = adapter.open(&device_options(options))?;
     connect(gpu).map_err(|error| failed(adapter.name(), &adapter.info().driver, &error))
+}
+
+/// Tries an adapter whose driver nobody knows in a process of its own, if there is a command for that.
+///
+/// # Errors
+/// Its driver took more than it may, or ended the process.
+fn try_unknown(adapter: &Adapter, options: &OpenOptions) -> Result<(), OpenError> {
+    let Some(probe) = &options.probe else { return Ok(()) };
+    match probe.run_unknown(adapter, &device_options(options)) {
+        Some(Tried::Exceeded { doing, limit }) => Err(adapter.exceeds(doing, limit).into()),
+        Some(Tried::Died(reason)) => {
+            Err(OpenError::DeviceFailed { adapter: adapter.name().to_owned(), reason })
+        }
+        // What else is wrong with it is found again when it is opened here, in its own words; and where
+        // nothing could be started, the limits hold in this process too.
+        _ => Ok(()),
+    }
 }
 
 /// What is asked of a device once its adapter is chosen.
@@ -284,8 +301,7 @@ mod tests {
         let error = allowed("odd", structural(), false).unwrap_err();
         assert_eq!(
             error.to_string(),
-            "the GPU adapter `odd` differs from the CPU in some bits (quotients); allow structural \
-             parity (--allow-structural) to use it all the same"
+            "the GPU adapter `odd` differs from the CPU in some bits (quotients), which was not allowed"
         );
         let opened = allowed("odd", structural(), true).unwrap();
         assert!(opened.reason.contains("structural, allowed: quotients"), "{}", opened.reason);

@@ -9,7 +9,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum ViewerError {
     /// There is nothing to open a window on.
-    #[error("there is no display to open a window on ({0}); `splitplane render` needs none")]
+    #[error("there is no display to open a window on ({0})")]
     NoDisplay(String),
     /// The display refuses a window.
     #[error("the display refuses a window: {0}")]

@@ -15,6 +15,7 @@ mod projection;
 mod resolution;
 mod rig;
 mod screen;
+mod slot;
 mod source;
 mod state;
 mod traced;

@@ -273,6 +273,9 @@ pub enum FrameError {
     /// The scene cannot be brought to where it is at this time.
     #[error("{0}")]
     Animation(String),
+    /// A frame was asked for before a scene was loaded.
+    #[error("no scene is loaded")]
+    NoScene,
     /// A debug view cannot be painted.
     #[error("the view cannot be painted: {0}")]
     View(String),
@@ -281,7 +284,6 @@ pub enum FrameError {
 impl From<TracerError> for FrameError {
     fn from(error: TracerError) -> FrameError {
         match error {
-            TracerError::Mesh(error) => FrameError::Mesh(error),
             TracerError::Build(error) => FrameError::Build(error),
             TracerError::Render(RenderError::Query(error)) => FrameError::Query(error),
             TracerError::Render(RenderError::Gpu(GpuError::Lost { reason })) => {

@@ -1,17 +1,18 @@
 //! Frames by the ray tracer, on the backend that is asked for: the CPU's pictures are sent to the
 //! window's device, those of the window's own GPU never leave it.
 
+use super::slot::Slot;
 use super::source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
     FrameSource, FrameTarget, Opening, TreeReport,
 };
 use image::RgbImage;
-use splitplane::backend::{BackendKind, Engine, OpenError, OpenOptions, failed};
+use splitplane::backend::{BackendKind, OpenError, OpenOptions, failed};
 use splitplane::picture::{Aov, HeatMap, Quantity};
 use splitplane::render::{MAX_DEPTH, Outputs, RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, Scene, View};
-use splitplane::tracer::{self, Tracer};
-use splitplane_core::backend::BuildOptions;
+use splitplane::tracer::{self, Frame, Tracer};
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_core::stats::TreeStats;
@@ -25,7 +26,7 @@ const FRAMES_A_SECOND: f64 = 24.0;
 /// Samples a pixel to choose from.
 const MAX_SAMPLES: u32 = 16;
 
-/// A scene, its frames if it moves, and a tracer for each backend.
+/// A scene, its frames if it moves, and a place for each backend.
 pub struct TracedSource {
     scene: Scene,
     animation: Option<Animation>,
@@ -34,8 +35,8 @@ pub struct TracedSource {
     lights: usize,
     settings: RenderSettings,
     pool: rayon::ThreadPool,
-    cpu: Tracer,
-    gpu: Option<Tracer>,
+    cpu: Slot,
+    gpu: Slot,
     /// What the tree that is there was built for.
     built: Option<Built>,
     placement: Option<Placement>,
@@ -80,16 +81,16 @@ impl TracedSource {
             lights,
             settings,
             pool,
-            cpu: Tracer::new(Engine::Cpu(CpuBackend::new())),
-            gpu: None,
+            cpu: Slot::Opened(CpuBackend::new().into()),
+            gpu: Slot::Empty,
             built: None,
             placement: None,
         }
     }
 
-    /// A tracer on the window's own device, opened and tested when first asked for. Gives its parity.
+    /// Opens and tests a backend on the window's own device when it is first asked for. Gives its parity.
     fn connect(&mut self, target: &FrameDevice) -> Result<Option<Parity>, FrameError> {
-        if self.gpu.is_some() {
+        if self.gpu.is_open() {
             return Ok(None);
         }
         let gpu = Gpu::borrow(target.device.clone(), target.queue.clone());
@@ -101,7 +102,7 @@ impl TracedSource {
                 let difference = difference.clone();
                 return Err(OpenError::Structural { adapter, difference }.into());
             }
-            _ => self.gpu = Some(Tracer::new(Engine::Wgpu(backend))),
+            _ => self.gpu = Slot::Opened(backend.into()),
         }
         Ok(parity)
     }
@@ -168,8 +169,10 @@ impl TracedSource {
         if self.built.as_ref().is_some_and(same) {
             return Ok(Prepared::default());
         }
-        if backend == BackendKind::Wgpu {
-            self.connect(target)?;
+        match backend {
+            BackendKind::Wgpu => drop(self.connect(target)?),
+            _ if !self.cpu.is_open() => self.cpu = Slot::Opened(CpuBackend::new().into()),
+            _ => {}
         }
         let start = Instant::now();
         let moved = match &mut self.animation {
@@ -185,21 +188,30 @@ impl TracedSource {
             // The knobs that were given are those of the preset that was given.
             options.config = preset.into();
         }
-        let (scene, pool) = (&self.scene, &self.pool);
-        let tracer = match (&mut self.gpu, backend) {
-            (Some(gpu), BackendKind::Wgpu) => gpu,
-            _ => &mut self.cpu,
+        let (mesh, appearance) = (self.scene.mesh()?, self.scene.appearance());
+        let (slot, pool) = match backend {
+            BackendKind::Wgpu => (&mut self.gpu, &self.pool),
+            _ => (&mut self.cpu, &self.pool),
         };
-        match moved {
-            Change::Positions if !switched => pool.install(|| tracer.update_normals(scene))?,
-            Change::Nothing if !switched => {}
-            _ => pool.install(|| tracer.describe_looks(scene))?,
+        if let Some(tracer) = slot.tracer_mut() {
+            pool.install(|| match moved {
+                Change::Positions if !switched => {
+                    tracer.update_normals(&mesh, &appearance);
+                    Ok(())
+                }
+                Change::Nothing if !switched => Ok(()),
+                _ => tracer.update_appearance(&mesh, &appearance),
+            })?;
         }
         let update_ms = milliseconds(start);
         let start = Instant::now();
-        pool.install(|| tracer.build(scene, &options))?;
+        pool.install(|| match slot.tracer_mut() {
+            Some(tracer) => tracer.rebuild_for_queries(&mesh, &options),
+            None => slot.load(&mesh, &appearance, &options),
+        })?;
         let build_ms = Some(milliseconds(start));
-        let accelerator = tracer.accelerator()?;
+        let tracer = slot.tracer().ok_or(FrameError::NoScene)?;
+        let accelerator = tracer.accelerator().ok_or(FrameError::NoScene)?;
         let stats = TreeStats::of(&accelerator.tree().view());
         let tree = TreeReport {
             nodes: stats.nodes,
@@ -222,11 +234,16 @@ impl TracedSource {
     }
 
     /// The tracer whose tree is there.
-    fn tracer(&self) -> &Tracer {
-        match (&self.gpu, &self.built) {
-            (Some(gpu), Some(Built { backend: BackendKind::Wgpu, .. })) => gpu,
-            _ => &self.cpu,
+    fn tracer(&self) -> Option<&Tracer> {
+        match self.built.as_ref()?.backend {
+            BackendKind::Wgpu => self.gpu.tracer(),
+            _ => self.cpu.tracer(),
         }
+    }
+
+    /// The tree that is there.
+    fn accelerator(&self) -> Option<&dyn Accelerator> {
+        self.tracer()?.accelerator()
     }
 
     /// Makes the frame and puts it into the window's buffer. Gives rays and legend.
@@ -242,28 +259,28 @@ impl TracedSource {
         let outputs = outputs(request.view);
         let settings =
             if outputs.pixels { settings } else { RenderSettings { samples: 1, ..settings } };
-        let frame =
-            tracer::FrameRequest { camera: &request.camera, size, settings, outputs, query };
-        let (scene, pool) = (&self.scene, &self.pool);
+        let camera = request.camera.pinhole(size);
+        let frame = tracer::FrameRequest { camera, size, settings, outputs, query };
+        let (mesh, pool) = (self.scene.mesh()?, &self.pool);
         let on_gpu = request.backend == BackendKind::Wgpu;
-        let tracer = match (&mut self.gpu, on_gpu) {
-            (Some(gpu), true) => gpu,
-            _ => &mut self.cpu,
-        };
+        let slot = if on_gpu { &mut self.gpu } else { &mut self.cpu };
+        let tracer = slot.tracer_mut().ok_or(FrameError::NoScene)?;
         if on_gpu && outputs.pixels {
-            return Ok((tracer.frame_into(scene, &frame, target.pixels)?.rays(), None));
+            let made = tracer.frame_into(&mesh, &frame, target.pixels)?;
+            return Ok((made.stats().rays(), None));
         }
-        let stats = pool.install(|| tracer.frame(scene, &frame))?;
+        let made = pool.install(|| tracer.frame(&mesh, &frame))?;
+        let rays = made.stats().rays();
         let send = |words: &[u32]| {
             target.queue.write_buffer(target.pixels, 0, bytemuck::cast_slice(words));
         };
         if outputs.pixels {
-            send(&tracer.pixels()?);
-            return Ok((stats.rays(), None));
+            send(&made.pixels()?);
+            return Ok((rays, None));
         }
-        let (image, legend) = pool.install(|| debug_picture(tracer, request.view, size))?;
+        let (image, legend) = pool.install(|| debug_picture(&made, request.view, size))?;
         send(&words(&image));
-        Ok((stats.rays(), legend))
+        Ok((rays, legend))
     }
 }
 
@@ -281,7 +298,7 @@ fn outputs(view: DebugView) -> Outputs {
 
 /// The picture of a view of what first rays met or cost, and what its colours mean.
 fn debug_picture(
-    tracer: &Tracer,
+    frame: &Frame<'_>,
     view: DebugView,
     size: Size,
 ) -> Result<(RgbImage, Option<String>), FrameError> {
@@ -289,7 +306,7 @@ fn debug_picture(
         DebugView::Nodes => Quantity::Nodes,
         DebugView::Triangles => Quantity::Tests,
         _ => {
-            let hits = tracer.first_hits()?;
+            let hits = frame.first_hits()?;
             let aov = match view {
                 DebugView::Depth => Aov::Depth(&hits),
                 DebugView::Normals => Aov::Normal(&hits),
@@ -306,7 +323,7 @@ fn debug_picture(
             return Ok((aov.picture(size)?, legend));
         }
     };
-    let costs = tracer.first_costs()?;
+    let costs = frame.first_costs()?;
     let map = HeatMap::new(size, &costs, quantity, None)?;
     let legend = format!(
         "dark 0 to bright {}; mean {:.1}, greatest {}",
@@ -333,7 +350,7 @@ impl FrameSource for TracedSource {
         self.scene.camera = self.scene.camera.or(own);
         self.prepare(backend, first.preset, frame, target)?;
         let placement = {
-            let accelerator = self.tracer().accelerator()?;
+            let accelerator = self.accelerator().ok_or(FrameError::NoScene)?;
             let (scene, lights) = (&self.scene, self.lights);
             self.pool.install(|| Placement::of_with(scene, accelerator, first.aspect, lights))?
         };
@@ -345,13 +362,11 @@ impl FrameSource for TracedSource {
         if placement.inside {
             self.settings.ambient = RenderSettings::INSIDE_AMBIENT;
         }
-        let (scene, pool) = (&self.scene, &self.pool);
-        let tracer = match (&mut self.gpu, backend) {
-            (Some(gpu), BackendKind::Wgpu) => gpu,
-            _ => &mut self.cpu,
-        };
-        pool.install(|| tracer.describe_looks(scene))?;
-        let accelerator = tracer.accelerator()?;
+        let (mesh, appearance) = (self.scene.mesh()?, self.scene.appearance());
+        let slot = if backend == BackendKind::Wgpu { &mut self.gpu } else { &mut self.cpu };
+        let tracer = slot.tracer_mut().ok_or(FrameError::NoScene)?;
+        self.pool.install(|| tracer.update_appearance(&mesh, &appearance))?;
+        let accelerator = tracer.accelerator().ok_or(FrameError::NoScene)?;
         let camera = placement.camera;
         // A scene's own camera looks at what it turns about, and so does one from outside; one from
         // inside only looks somewhere.
@@ -397,7 +412,7 @@ impl FrameSource for TracedSource {
             Err(_) => (0, None),
         };
         let trace_ms = milliseconds(traced);
-        let triangles = self.tracer().summary()?.triangles;
+        let triangles = self.tracer().map_or(0, |tracer| tracer.summary().triangles);
         let (tree, backend) =
             self.built.as_ref().map(|b| (b.tree, b.name.clone())).unwrap_or_default();
         Ok(FrameReport {
@@ -414,7 +429,7 @@ impl FrameSource for TracedSource {
     }
 
     fn tree(&self) -> Option<&KdTree> {
-        Some(self.tracer().accelerator().ok()?.tree())
+        Some(self.accelerator()?.tree())
     }
 }
 

@@ -12,6 +12,7 @@ pub(crate) mod host;
 pub(crate) mod needs;
 pub(crate) mod once;
 pub mod pipelines;
+pub mod probe;
 pub mod profile;
 pub mod readback;
 pub(crate) mod scope;

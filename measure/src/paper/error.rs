@@ -25,6 +25,9 @@ pub enum ReportError {
     /// A tree or a frame that cannot be made.
     #[error(transparent)]
     Tracer(#[from] TracerError),
+    /// A scene whose arrays are no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     /// Rays that cannot be traced.
     #[error(transparent)]
     Query(#[from] QueryError),
@@ -46,12 +49,6 @@ pub enum ReportError {
 
 impl From<BuildError> for ReportError {
     fn from(error: BuildError) -> ReportError {
-        ReportError::Tracer(error.into())
-    }
-}
-
-impl From<MeshError> for ReportError {
-    fn from(error: MeshError) -> ReportError {
         ReportError::Tracer(error.into())
     }
 }

@@ -9,7 +9,6 @@ use super::scene::{Placed, Settings};
 use super::timing::pool;
 use super::{ReportError, areas, cells, crown, cut, slice};
 use serde::Serialize;
-use splitplane::backend::{BackendKind, OpenOptions};
 use splitplane::picture::{encode_png, screen};
 use splitplane::tracer::{FrameRequest, Tracer};
 use splitplane_core::config::Preset;
@@ -198,20 +197,20 @@ impl Figures {
         samples: u32,
         settings: &Settings,
     ) -> Result<(), ReportError> {
-        let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default())?;
         let scene = &placed.scene;
+        let mesh = scene.mesh()?;
         let image = pool(settings.threads)?.install(|| {
-            tracer.build(scene, &settings.build(Preset::Fast))?;
-            tracer.describe_looks(scene)?;
+            let options = settings.build(Preset::Fast);
+            let mut tracer = Tracer::load(CpuBackend::new(), &mesh, &scene.appearance(), &options)?;
             let request = FrameRequest {
-                camera: &placed.camera,
+                camera: placed.camera.pinhole(settings.size),
                 size: settings.size,
                 settings: placed.settings(samples, RenderSettings::default().depth),
                 outputs: Outputs::PIXELS,
                 query: QueryOptions::default(),
             };
-            tracer.frame(scene, &request)?;
-            Ok::<_, ReportError>(screen(settings.size, &tracer.pixels()?)?)
+            let frame = tracer.frame(&mesh, &request)?;
+            Ok::<_, ReportError>(screen(settings.size, &frame.pixels()?)?)
         })?;
         let name = format!("figure-11-{letter}.png");
         self.files.push(File { name: name.clone(), bytes: encode_png(&image)? });

@@ -299,15 +299,17 @@ fn ours(scene: &Scene, settings: &Settings) -> Result<Vec<Ours>, ReportError> {
     for builder in settings.builders.iter().filter(|builder| !builder.equal && !builder.offline) {
         let kind = if builder.gpu { BackendKind::Wgpu } else { BackendKind::Cpu };
         let open = if builder.gpu { settings.open.clone() } else { OpenOptions::default() };
-        let (mut tracer, _) = Tracer::open(kind, &open)?;
+        let engine = kind.open_engine(&open)?.engine;
         let options = settings.build_with(builder.config());
-        match pool(settings.threads)?.install(|| tracer.build(scene, &options)) {
+        let (mesh, appearance) = (scene.mesh()?, scene.appearance());
+        let loaded =
+            pool(settings.threads)?.install(|| Tracer::load(engine, &mesh, &appearance, &options));
+        let tracer = match loaded {
             Err(TracerError::Build(BuildError::PresetNotOnDevice { .. })) if builder.gpu => {
                 continue;
             }
             other => other?,
-        }
-        tracer.describe_looks(scene)?;
+        };
         let source = match builder.preset {
             Preset::Fast => "Zhou et al. 2008",
             Preset::Balanced => "Shevtsov et al. 2007",
@@ -337,8 +339,9 @@ impl Ours {
     ) -> Result<(Took, (FrameRays, Vec<Hit>)), ReportError> {
         let Ours { tracer, options, .. } = self;
         let scene = &placed.scene;
+        let mesh = scene.mesh()?;
         let request = FrameRequest {
-            camera: &placed.camera,
+            camera: placed.camera.pinhole(settings.size),
             size: settings.size,
             // Neither reflections nor refractions: the rays that the survey counts.
             settings: placed.settings(1, 0),
@@ -346,22 +349,23 @@ impl Ours {
             query: QueryOptions::default(),
         };
         tracing.install(|| {
-            tracer.update_normals(scene)?;
+            tracer.update_normals(&mesh, &scene.appearance());
             let (mut update, mut draw) = (Vec::new(), Vec::new());
             for round in 0..=settings.repeat {
-                let (built, ms) = timed(|| tracer.rebuild(scene, options));
+                let (built, ms) = timed(|| tracer.rebuild(&mesh, options));
                 built?;
-                let (drawn, draw_ms) = timed(|| {
-                    tracer.frame(scene, &request)?;
-                    tracer.pixels().map(|_| ())
-                });
+                let (drawn, draw_ms) =
+                    timed(|| tracer.frame(&mesh, &request)?.pixels().map(|_| ()));
                 drawn?;
                 if round > 0 {
                     update.push(ms);
                     draw.push(draw_ms);
                 }
             }
-            let accelerator = tracer.accelerator()?;
+            if tracer.accelerator().is_none() {
+                tracer.rebuild_for_queries(&mesh, options)?;
+            }
+            let accelerator = tracer.accelerator().expect("a tree for queries was built");
             let rays = match rays {
                 Some(rays) => rays,
                 None => {

@@ -15,6 +15,7 @@ use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::sah::equation_5_printed;
 use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
+use splitplane_cpu::CpuBackend;
 use splitplane_render::{Outputs, RenderSettings, Size};
 use std::ffi::OsStr;
 
@@ -95,10 +96,9 @@ impl Placed {
         if lights.is_some_and(|lights| lights != scene.lights.len()) {
             scene.lights.clear();
         }
-        let (mut tracer, _) = Tracer::open(BackendKind::Cpu, &OpenOptions::default())?;
         let placement = pool(settings.threads)?.install(|| {
-            tracer.build(&scene, &settings.build(Preset::Fast))?;
-            let accelerator = tracer.accelerator()?;
+            let options = settings.build(Preset::Fast);
+            let accelerator = &CpuBackend::new().build_accelerator(&scene.mesh()?, &options)?;
             if accelerator.tree().bounds.is_empty() {
                 return Err(ReportError::Empty(scene.name.clone()));
             }
@@ -250,7 +250,7 @@ pub fn measure(
     }
     let rays = rays.unwrap_or(FrameRays { camera: Vec::new(), shadow: Vec::new() });
     let request = FrameRequest {
-        camera: &placed.camera,
+        camera: placed.camera.pinhole(settings.size),
         size: settings.size,
         // Neither reflections nor refractions: the rays that the survey counts.
         settings: placed.settings(1, 0),
@@ -266,9 +266,7 @@ pub fn measure(
         step(&format!("{}: trees and frames", scene.name));
     }
     let triangles = scene.indices.len();
-    let dropped = contenders
-        .first()
-        .map_or(Ok(0), |first| first.tracer.summary().map(|summary| summary.dropped))?;
+    let dropped = contenders.first().map_or(0, |first| first.tracer.summary().dropped);
     Ok(SceneReport {
         letter,
         name: scene.name.clone(),
@@ -301,14 +299,14 @@ impl Contender {
     ) -> Result<Contender, ReportError> {
         let kind = if builder.gpu { BackendKind::Wgpu } else { BackendKind::Cpu };
         let open = if builder.gpu { settings.open.clone() } else { OpenOptions::default() };
-        let (mut tracer, _) = Tracer::open(kind, &open)?;
+        let engine = kind.open_engine(&open)?.engine;
         let threads = if builder.offline { 1 } else { settings.threads };
         let building = pool(threads)?;
         let options = settings.build_with(builder.config());
         let scene = &placed.scene;
-        building.install(|| tracer.build(scene, &options))?;
-        tracer.describe_looks(scene)?;
-        let accelerator = tracer.accelerator()?;
+        let (mesh, appearance) = (scene.mesh()?, scene.appearance());
+        let tracer = building.install(|| Tracer::load(engine, &mesh, &appearance, &options))?;
+        let accelerator = tracer.accelerator().expect("a tracer that has just loaded has it");
         let rays = match rays {
             Some(rays) => rays,
             None => rays
@@ -356,19 +354,20 @@ impl Contender {
     fn round(
         &mut self,
         scene: &Scene,
-        request: &FrameRequest<'_>,
+        request: &FrameRequest,
         tracing: &rayon::ThreadPool,
         counts: bool,
     ) -> Result<u64, ReportError> {
         let Contender { tracer, options, building, .. } = self;
-        let (built, tree_ms) = building.install(|| timed(|| tracer.rebuild(scene, options)));
+        let mesh = scene.mesh()?;
+        let (built, tree_ms) = building.install(|| timed(|| tracer.rebuild(&mesh, options)));
         built?;
         let (traced, trace_ms) = tracing.install(|| {
             timed(|| {
-                let stats = tracer.frame(scene, request)?;
+                let frame = tracer.frame(&mesh, request)?;
                 // On a GPU the frame is done when its pixels are here.
-                tracer.pixels()?;
-                Ok::<u64, ReportError>(stats.rays())
+                frame.pixels()?;
+                Ok::<u64, ReportError>(frame.stats().rays())
             })
         });
         if counts {

@@ -99,7 +99,7 @@ impl Old {
         let damaged = |error: serde_json::Error| {
             // What it says may quote the file.
             let why = quoted_reason(&error.to_string());
-            failed(format!("is no report of `splitplane trade`, or a damaged one: {why}"))
+            failed(format!("is no such report, or a damaged one: {why}"))
         };
         let head: Head = serde_json::from_slice(&text).map_err(damaged)?;
         if head.format != FORMAT {

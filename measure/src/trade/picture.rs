@@ -9,11 +9,11 @@ use crate::paper::scene::Placed;
 use crate::paper::table::{Cell, Table};
 use crate::paper::timing::timed;
 use serde::{Deserialize, Serialize};
-use splitplane::backend::{BackendKind, OpenOptions};
 use splitplane::tracer::{FrameRequest, Tracer};
 use splitplane_core::backend::{BuildOptions, QueryError};
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::watch::{Progress, Stage, Watch};
+use splitplane_cpu::CpuBackend;
 use splitplane_render::{MAX_DEPTH, MAX_SAMPLES, Outputs, RenderSettings, Size};
 
 /// Samples a pixel that are tried.
@@ -101,11 +101,10 @@ impl PictureTrade {
         max_memory: Option<u64>,
         watch: &dyn Watch,
     ) -> Result<PictureTrade, TradeError> {
-        let (mut tracer, _) =
-            Tracer::open(BackendKind::Cpu, &OpenOptions::default()).map_err(ReportError::from)?;
         let options = BuildOptions { max_memory, ..BuildOptions::default() };
-        tracer.build(&placed.scene, &options).map_err(ReportError::from)?;
-        tracer.describe_looks(&placed.scene).map_err(ReportError::from)?;
+        let (mesh, appearance) = (placed.scene.mesh()?, placed.scene.appearance());
+        let mut tracer = Tracer::load(CpuBackend::new(), &mesh, &appearance, &options)
+            .map_err(ReportError::from)?;
         let total = (SAMPLES.len() + DEPTHS.len() + WEIGHTS.len() + 2) as u64;
         let mut done = 0;
         let mut frame = |samples, depth, minimum_weight| {
@@ -203,21 +202,20 @@ fn draw(
     settings: RenderSettings,
 ) -> Result<Frame, TradeError> {
     let request = FrameRequest {
-        camera: &placed.camera,
+        camera: placed.camera.pinhole(size),
         size,
         settings,
         outputs: Outputs::PIXELS,
         query: QueryOptions::default(),
     };
-    let mut one = || -> Result<(u64, f64), ReportError> {
-        let (stats, ms) = timed(|| tracer.frame(&placed.scene, &request));
-        Ok((stats?.rays(), ms))
-    };
-    let (_, first) = one()?;
-    let (rays, second) = one()?;
-    let pixels = tracer.pixels().map_err(ReportError::from)?;
+    let mesh = placed.scene.mesh()?;
+    let (warm, first) = timed(|| tracer.frame(&mesh, &request).map(|_| ()));
+    warm.map_err(ReportError::from)?;
+    let (made, second) = timed(|| tracer.frame(&mesh, &request));
+    let made = made.map_err(ReportError::from)?;
+    let pixels = made.pixels().map_err(ReportError::from)?;
     let pixels = pixels.iter().map(|pixel| pixel.to_le_bytes()).collect();
-    Ok(Frame { pixels, rays, ms: first.min(second) })
+    Ok(Frame { pixels, rays: made.stats().rays(), ms: first.min(second) })
 }
 
 #[cfg(test)]

@@ -38,7 +38,7 @@ impl CpuRenderer {
     /// Makes a frame. `accelerator` must be built over the mesh of `input`.
     ///
     /// # Errors
-    /// Settings out of range, looks of another mesh, a backend that fails.
+    /// Settings out of range, an appearance of another mesh, a backend that fails.
     pub fn render(
         &mut self,
         accelerator: &dyn Accelerator,

@@ -91,7 +91,7 @@ impl WgpuRenderer {
     /// Makes a frame and waits for it. `tree` must be built over the mesh of `input`.
     ///
     /// # Errors
-    /// Settings out of range, looks or a tree of another mesh, a device that fails.
+    /// Settings out of range, an appearance or a tree of another mesh, a device that fails.
     pub fn render(
         &mut self,
         tree: &DeviceTree,

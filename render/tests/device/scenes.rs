@@ -55,24 +55,26 @@ impl Scene {
         Mesh::soup(&self.triangles).expect("not too many triangles")
     }
 
-    /// The looks, with a normal and a texture coordinate for every corner where there are any.
+    /// The appearance, with a normal and a texture coordinate for every corner where there are any.
     pub fn data(&self) -> SceneData {
-        self.with_looks(|looks| SceneData::new(&self.mesh(), looks).expect("not too many words"))
+        self.with_appearance(|appearance| {
+            SceneData::new(&self.mesh(), appearance).expect("not too many words")
+        })
     }
 
-    /// Gives looks that were described before the normals that the scene has now.
+    /// Gives an appearance that was described before the normals that the scene has now.
     pub fn update_normals(&self, data: &mut SceneData) {
-        self.with_looks(|looks| data.update_normals(&self.mesh(), looks));
+        self.with_appearance(|appearance| data.update_normals(&self.mesh(), appearance));
     }
 
-    fn with_looks<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
+    fn with_appearance<T>(&self, run: impl FnOnce(&Appearance<'_>) -> T) -> T {
         let corners = |any: bool| -> Vec<[u32; 3]> {
             let count = if any { self.triangles.len() as u32 } else { 0 };
             (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect()
         };
         let normal_indices = corners(!self.normals.is_empty());
         let texcoord_indices = corners(!self.texcoords.is_empty());
-        let looks = Appearance {
+        let appearance = Appearance {
             materials: &self.materials,
             material_of: &self.material_of,
             lights: &self.lights,
@@ -82,10 +84,10 @@ impl Scene {
             texcoords: &self.texcoords,
             texcoord_indices: &texcoord_indices,
         };
-        run(&looks)
+        run(&appearance)
     }
 
-    /// The frame of looks that were described before.
+    /// The frame of an appearance that was described before.
     pub fn input<'a>(&'a self, data: &'a SceneData) -> FrameInput<'a> {
         let size = Size::new(self.size[0], self.size[1]).expect("a size");
         FrameInput {

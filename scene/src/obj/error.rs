@@ -44,7 +44,7 @@ pub enum ObjProblem {
     #[error("the system says: {0}")]
     Unreadable(String),
     /// More bytes than are read.
-    #[error("it has more than {limit} bytes, the most that are read; --max-file allows more")]
+    #[error("it has more than {limit} bytes, the most that are read")]
     TooLong {
         /// The most that are read.
         limit: u64,

@@ -120,6 +120,7 @@ fn textures(scene: &mut Scene, entries: &Entries, options: &SceneOptions) -> Vec
         album.add(&entry.name, folder, name)
     };
     let indices = scene.materials.iter().map(&mut of).collect();
+    scene.notes.textures_over_limit = album.over_limit();
     let (textures, warnings) = album.finish();
     scene.textures = textures;
     scene.notes.warnings.extend(warnings);

@@ -9,6 +9,7 @@ use std::borrow::Cow;
 use std::collections::HashMap;
 use std::io::{BufRead, BufReader, Cursor, Seek, SeekFrom};
 use std::path::Path;
+use thiserror::Error;
 
 /// Greatest side of a picture that is decoded, in texels: some rows of it in colour are held beside it.
 const MAX_SIDE: u32 = 65_536;
@@ -23,6 +24,8 @@ pub(super) struct Album {
     /// What every file became, `None` for one that cannot be read.
     by_file: HashMap<Identity, Option<u32>>,
     halved: Vec<bool>,
+    /// Files left out because decoding one takes too much.
+    over_limit: u64,
     said: Said,
 }
 
@@ -37,6 +40,7 @@ impl Album {
             textures: Vec::new(),
             by_file: HashMap::new(),
             halved: Vec::new(),
+            over_limit: 0,
             said: Said::default(),
         }
     }
@@ -59,12 +63,18 @@ impl Album {
         let texture = match self.read(&path, name) {
             Ok(texture) => Some(texture),
             Err(why) => {
-                self.warn(material, name, &why);
+                self.over_limit += u64::from(matches!(why, Refusal::OverLimit { .. }));
+                self.warn(material, name, &why.to_string());
                 None
             }
         };
         self.by_file.insert(file, texture);
         texture
+    }
+
+    /// How many files were left out because decoding them takes more than [`SceneOptions::decode_limit`].
+    pub(super) fn over_limit(&self) -> u64 {
+        self.over_limit
     }
 
     /// The textures, and what is to be said of them.
@@ -88,14 +98,14 @@ impl Album {
     }
 
     /// Decodes a file at the size that there is room for, and halves those before it where they must be.
-    fn read(&mut self, path: &Path, name: &str) -> Result<u32, String> {
+    fn read(&mut self, path: &Path, name: &str) -> Result<u32, Refusal> {
         let picture = Picture::open(path, self.decode_limit)?;
         let decoded = picture.decoder.total_bytes();
         if decoded > self.left {
-            return Err(format!(
+            return Err(Refusal::Other(format!(
                 "with it, more than {} MiB would be decoded for all textures together",
                 self.decode_limit.saturating_mul(SceneOptions::DECODES) >> 20
-            ));
+            )));
         }
         let (width, height) = picture.decoder.dimensions();
         let sizes = self.textures.iter().map(|texture| [texture.width(), texture.height()]);
@@ -108,7 +118,7 @@ impl Album {
         self.halved.push(level > 0);
         for (i, level) in levels.into_iter().enumerate().take(place) {
             for _ in 0..level {
-                self.textures[i] = halve(&self.textures[i]).ok_or("it is empty")?;
+                self.textures[i] = halve(&self.textures[i]).ok_or("it is empty".to_owned())?;
                 self.halved[i] = true;
             }
         }
@@ -134,6 +144,23 @@ fn fit(mut sizes: Vec<[u32; 2]>, limit: u64) -> Vec<u32> {
     levels
 }
 
+/// Why a texture is left out.
+#[derive(Debug, Error)]
+enum Refusal {
+    /// Decoding it takes more bytes than one texture may take.
+    #[error("decoding it takes {needed} bytes, but {limit} are the most that one texture may take")]
+    OverLimit { needed: u64, limit: u64 },
+    /// Anything else, in words.
+    #[error("{0}")]
+    Other(String),
+}
+
+impl From<String> for Refusal {
+    fn from(why: String) -> Refusal {
+        Refusal::Other(why)
+    }
+}
+
 /// What pictures are decoded from.
 trait Source: BufRead + Seek {}
 
@@ -147,7 +174,7 @@ struct Picture {
 }
 
 impl Picture {
-    fn open(path: &Path, limit: u64) -> Result<Picture, String> {
+    fn open(path: &Path, limit: u64) -> Result<Picture, Refusal> {
         let (mut file, length) =
             from_file::open_regular(path).map_err(|error| error.to_string())?;
         let mut limits = Limits::default();
@@ -164,7 +191,7 @@ impl Picture {
         let source: Box<dyn Source> = if format == Some(ImageFormat::Jpeg) {
             let mut bytes = Vec::new();
             from_file::fill(file, length, limit / 2, &mut bytes)
-                .map_err(|_| too_large(length.saturating_mul(2), limit))?;
+                .map_err(|_| Refusal::OverLimit { needed: length.saturating_mul(2), limit })?;
             // Its decoder holds them a second time, and may hold all coefficients.
             held = 2 * bytes.len() as u64;
             times = if is_progressive(&bytes) { 4 } else { 1 };
@@ -180,7 +207,7 @@ impl Picture {
         let decoder = reader.into_decoder().map_err(|error| error.to_string())?;
         let needed = decoder.total_bytes().saturating_mul(times).saturating_add(held);
         if needed > limit {
-            return Err(too_large(needed, limit));
+            return Err(Refusal::OverLimit { needed, limit });
         }
         Ok(Picture { decoder: Box::new(decoder), needed })
     }
@@ -225,13 +252,6 @@ impl Picture {
         }
         Texture::new(name, half_width, half_height, texels).ok_or_else(|| "it is empty".to_owned())
     }
-}
-
-fn too_large(needed: u64, limit: u64) -> String {
-    format!(
-        "decoding it takes {needed} bytes, but {limit} are the most that one texture may take; \
-         --max-texture allows more"
-    )
 }
 
 /// Whether a JPEG gives its picture in passes. Decoders hold the coefficients of all of it then.

@@ -7,7 +7,7 @@ use splitplane_shaders::Shader;
 
 /// Names of the files with an ending in a folder, relative to this package; none when it is missing.
 pub fn files(folder: &str, ending: &str) -> BTreeSet<String> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders")).join(folder);
     let Ok(entries) = std::fs::read_dir(folder) else { return BTreeSet::new() };
     entries
         .filter_map(|entry| {

@@ -4,18 +4,23 @@
 //! the program starts itself once more: the child opens the adapter within the limits and says in one line what
 //! came of it. The parent watches its time and memory and ends it, at the latest a little beyond the limits.
 
-use super::connect::connect;
-use super::{OpenError, OpenOptions, Probe};
-use splitplane_wgpu::adapters::Adapter;
-use splitplane_wgpu::{Adapters, DriverLimit, GpuError, Parity, private_memory_of};
 use std::ffi::OsString;
 use std::fmt::Display;
 use std::io::{self, BufRead, BufReader, Read, Write};
+use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use crate::adapters::{Adapter, Adapters};
+use crate::backend::WgpuBackend;
+use crate::device::bounded::{Bounds, DriverLimit, private_memory_of};
+use crate::error::{GpuError, OpenError};
+use crate::gpu::Gpu;
+use crate::options::OpenOptions;
+use crate::parity::Parity;
 
 /// What a driver may take that is tried because nobody knows it.
 const TIME: Duration = Duration::from_secs(20);
@@ -32,70 +37,97 @@ const MARK: &str = "splitplane probe: ";
 
 /// What came of trying an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Tried {
+#[non_exhaustive]
+pub enum Tried {
     /// It was opened and tested.
     Parity(Parity),
     /// It would not open, or failed its test; in words.
     Failed(String),
     /// Its driver exceeded a limit.
-    Exceeded { doing: String, limit: DriverLimit },
+    Exceeded {
+        /// What it was doing.
+        doing: String,
+        /// The limit.
+        limit: DriverLimit,
+    },
     /// The child ended without a word; in words, how.
     Died(String),
     /// There is no such process: nothing was tried.
     NotStarted,
 }
 
-/// What the driver may take in the child.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Bounds {
-    pub time: Duration,
-    pub memory: u64,
-}
-
-impl Bounds {
-    pub(super) fn of(adapter: &Adapter, options: &OpenOptions) -> Bounds {
-        let time = if adapter.is_trusted() { adapter.default_driver_time() } else { TIME };
-        Bounds {
-            time: options.driver_time.unwrap_or(time),
-            memory: options.driver_memory.unwrap_or(MEMORY),
-        }
-    }
-}
-
-/// Tries an adapter that nobody knows, once a process. What came of it matters only where opening it here
-/// would not end, or would end the program.
+/// A command that opens a GPU adapter in a process of its own, says what came of it, and ends:
+/// usually the program itself, with arguments by which it knows that it is to call
+/// [`answer_probe`] and no more.
 ///
-/// # Errors
-/// Its driver took more than it may, or ended the process.
-pub(super) fn try_unknown(adapter: &Adapter, options: &OpenOptions) -> Result<(), OpenError> {
-    static FINE: Mutex<Vec<String>> = Mutex::new(Vec::new());
-    let Some(probe) = &options.probe else { return Ok(()) };
-    if adapter.is_trusted() {
-        return Ok(());
+/// ```no_run
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// use splitplane_wgpu::probe::{Probe, answer_probe};
+/// use splitplane_wgpu::{Adapters, OpenOptions};
+///
+/// let arguments: Vec<_> = std::env::args_os().skip(1).collect();
+/// if arguments.first().is_some_and(|first| first == "try-adapter") {
+///     return Ok(answer_probe(&arguments[1..], &mut std::io::stdout())?);
+/// }
+/// let probe = Probe {
+///     program: std::env::current_exe()?,
+///     arguments: vec!["try-adapter".into()],
+/// };
+/// for adapter in Adapters::find().list() {
+///     println!("{}: {:?}", adapter.name(), probe.run(adapter, &OpenOptions::default()));
+/// }
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Probe {
+    /// The program.
+    pub program: PathBuf,
+    /// Its first arguments. Behind them come those that name the adapter and the limits.
+    pub arguments: Vec<OsString>,
+}
+
+impl Probe {
+    /// Opens and tests an adapter in a process of its own. Of the options the limits of the driver hold;
+    /// when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB.
+    pub fn run(&self, adapter: &Adapter, options: &OpenOptions) -> Tried {
+        run(self, adapter.index(), adapter.name(), bounds(adapter, options))
     }
-    let info = adapter.info();
-    let identity = format!("{:?} {} {} {}", info.backend, info.name, info.driver, info.driver_info);
-    let fine = || FINE.lock().unwrap_or_else(PoisonError::into_inner);
-    if fine().contains(&identity) {
-        return Ok(());
-    }
-    match run(probe, adapter.index(), adapter.name(), Bounds::of(adapter, options)) {
-        Tried::Exceeded { doing, limit } => Err(adapter.exceeds(doing, limit).into()),
-        Tried::Died(reason) => {
-            Err(OpenError::DeviceFailed { adapter: adapter.name().to_owned(), reason })
+
+    /// As [`Probe::run`] for an adapter whose driver nobody knows
+    /// ([`Adapter::is_trusted`]), once in the life of this process unless it exceeded a limit or died;
+    /// `None` for the others, which need no trial.
+    pub fn run_unknown(&self, adapter: &Adapter, options: &OpenOptions) -> Option<Tried> {
+        static FINE: Mutex<Vec<String>> = Mutex::new(Vec::new());
+        if adapter.is_trusted() {
+            return None;
         }
-        // What is wrong with it is found again when it is opened here, in its own words.
-        Tried::Parity(_) | Tried::Failed(_) => {
+        let info = adapter.info();
+        let identity =
+            format!("{:?} {} {} {}", info.backend, info.name, info.driver, info.driver_info);
+        let fine = || FINE.lock().unwrap_or_else(PoisonError::into_inner);
+        if fine().contains(&identity) {
+            return None;
+        }
+        let tried = self.run(adapter, options);
+        if matches!(tried, Tried::Parity(_) | Tried::Failed(_)) {
             fine().push(identity);
-            Ok(())
         }
-        // The limits hold in this process too.
-        Tried::NotStarted => Ok(()),
+        Some(tried)
+    }
+}
+
+/// What the driver may take in the child.
+fn bounds(adapter: &Adapter, options: &OpenOptions) -> Bounds {
+    let time = if adapter.is_trusted() { adapter.default_driver_time() } else { TIME };
+    Bounds {
+        time: options.driver_time.unwrap_or(time),
+        memory: options.driver_memory.unwrap_or(MEMORY),
     }
 }
 
 /// Starts the child and watches it.
-pub(super) fn run(probe: &Probe, index: usize, name: &str, bounds: Bounds) -> Tried {
+fn run(probe: &Probe, index: usize, name: &str, bounds: Bounds) -> Tried {
     let Bounds { time, memory } = bounds;
     let started = Command::new(&probe.program)
         .args(&probe.arguments)
@@ -243,21 +275,25 @@ impl Asked {
         let Some(adapter) = adapter else {
             return say("failed", format_args!("no GPU adapter is called `{}`", self.name));
         };
-        let options = splitplane_wgpu::OpenOptions {
+        let options = OpenOptions {
             timeout: Some(self.time),
             driver_time: Some(self.time),
             driver_memory: Some(self.memory),
-            ..splitplane_wgpu::OpenOptions::default()
+            ..OpenOptions::default()
         };
         match adapter.open(&options) {
-            Ok(gpu) => told(connect(gpu).map(|(_, parity)| parity)),
-            Err(splitplane_wgpu::OpenError::DriverLimit { doing, limit, .. }) => {
-                over(&doing, limit)
-            }
-            Err(splitplane_wgpu::OpenError::Unusable { reason, .. }) => say("failed", reason),
+            Ok(gpu) => told(tested(gpu)),
+            Err(OpenError::DriverLimit { doing, limit, .. }) => over(&doing, limit),
+            Err(OpenError::Unusable { reason, .. }) => say("failed", reason),
             Err(error) => say("failed", error),
         }
     }
+}
+
+/// What the self-test finds.
+fn tested(gpu: Gpu) -> Result<Parity, GpuError> {
+    let backend = WgpuBackend::new(gpu)?;
+    Ok(backend.parity().cloned().expect("`new` has tested it"))
 }
 
 fn told(tested: Result<Parity, GpuError>) -> String {

@@ -85,7 +85,10 @@ pub fn of_core() -> Known {
 /// The constants of the files of a folder, relative to this package, and of the folders in it.
 pub fn of(folder: &str) -> Known {
     let mut known = Known::new();
-    scan_folder(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder), &mut known);
+    scan_folder(
+        &Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders")).join(folder),
+        &mut known,
+    );
     known
 }
 

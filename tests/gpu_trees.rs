@@ -1,6 +1,6 @@
 //! Trees that the device builds are the CPU's, byte for byte, in one submission and one readback.
 
-mod common;
+mod device;
 
 use std::path::Path;
 use std::time::Duration;
@@ -17,13 +17,13 @@ use splitplane_wgpu::{DeviceBuild, Effort, Gpu, WgpuBackend};
 /// A backend with patience: a device in software takes a minute for the largest scenes when the
 /// machine is busy.
 fn backend() -> WgpuBackend {
-    let gpu = Gpu::clone(&common::gpu()).with_timeout(Duration::from_secs(900));
+    let gpu = Gpu::clone(&device::gpu()).with_timeout(Duration::from_secs(900));
     WgpuBackend::new(gpu).expect("a backend")
 }
 
-fn open(name: &str) -> (String, splitplane::scene::Scene) {
+fn open(name: &str) -> (String, splitplane_scene::Scene) {
     let spec = format!("builtin:{name}");
-    let scene = splitplane::scene::Scene::open(&spec).expect("a built-in scene");
+    let scene = splitplane_scene::Scene::open(&spec).expect("a built-in scene");
     (spec, scene)
 }
 
@@ -157,7 +157,7 @@ fn real_scenes() {
 fn a_million_triangles() {
     let limits = wgpu::Limits::default();
     assert!(
-        common::gpu().limits().max_storage_buffer_binding_size
+        device::gpu().limits().max_storage_buffer_binding_size
             <= limits.max_storage_buffer_binding_size
     );
     let (name, scene) = open("city:1000000");
@@ -194,7 +194,7 @@ fn pinned(name: &str, preset: Preset) -> Option<String> {
         Preset::Balanced => (preset.name(), format!("{name} digest ")),
         _ => (&*name, "digest ".to_owned()),
     };
-    let path = format!("../tests/snapshots/trees__{file}.snap");
+    let path = format!("tests/snapshots/trees__{file}.snap");
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
     let text = std::fs::read_to_string(path).ok()?;
     let rest = text.lines().find_map(|line| line.strip_prefix(&*start));
@@ -250,7 +250,7 @@ fn a_planted_fault_is_seen() {
     let place = "2u * SUBTREE_NODES + i]";
     let planted = source.replace(place, "2u * SUBTREE_NODES + (i ^ 1u)]");
     assert!(planted != source, "the text to change is gone");
-    let gpu = Gpu::clone(&common::gpu());
+    let gpu = Gpu::clone(&device::gpu());
     let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
     let options = BuildOptions::default();
     let expected = CpuBackend::new().build_tree(&scene.mesh(), &options).expect("a tree");

@@ -2,53 +2,38 @@
 
 mod device;
 
-use splitplane::scene::{Camera, Scene, builtin};
+use splitplane::scene::{Scene, builtin};
+use splitplane_core::backend::BuildOptions;
 use splitplane_core::ray::QueryOptions;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::cpu::CpuRenderer;
-use splitplane_render::{FrameInput, Outputs, Pinhole, RenderSettings, SceneData, Size};
+use splitplane_render::wgpu::WgpuRenderer;
+use splitplane_render::{FrameInput, Outputs, RenderSettings, SceneData, Size};
 use splitplane_wgpu::{DeviceTree, Queries};
-
-/// The camera over a picture of this size.
-fn pinhole(camera: &Camera, size: Size) -> Pinhole {
-    let (eye, look_at) = (camera.eye(), camera.look_at());
-    let [right, up] = camera.picture_axes();
-    let towards: [f32; 3] = std::array::from_fn(|i| look_at[i] - eye[i]);
-    let length = towards.iter().map(|part| part * part).sum::<f32>().sqrt();
-    let tan = (0.5 * camera.fov_degrees().to_radians()).tan();
-    let step = 2.0 * tan / size.height() as f32;
-    let across = tan * size.width() as f32 / size.height() as f32;
-    Pinhole {
-        eye,
-        corner: std::array::from_fn(|i| towards[i] / length - right[i] * across + up[i] * tan),
-        step_x: right.map(|part| part * step),
-        step_y: up.map(|part| part * -step),
-    }
-}
 
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn built_in_scenes() {
-    let mut renderer = device::renderer();
+    let mut renderer = WgpuRenderer::new(device::gpu()).expect("a renderer");
     let queries = Queries::new(device::gpu());
     for (name, _) in builtin::ALL {
         // The others come in one size.
         let size = if name == "city" { ":1000" } else { "" };
         let scene = Scene::open(format!("builtin:{name}{size}")).expect("a built-in scene");
         let mesh = scene.mesh().expect("a mesh");
-        let options = device::options();
+        let options = BuildOptions::default();
         let cpu_tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
         let (tree, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
         let snapped = |i| splitplane_core::triangle::prepare(&mesh.triangle(i)).corners;
         let corners: Vec<_> = (0..mesh.len()).map(snapped).collect();
         let tree = DeviceTree::upload(&queries, &tree.view(), &corners).expect("a device");
-        let data = SceneData::new(&mesh, &scene.appearance()).expect("looks");
+        let data = SceneData::new(&mesh, &scene.appearance()).expect("not too many words");
         let size = Size::new(96, 64).expect("a size");
         let settings = RenderSettings { depth: 4, ..RenderSettings::default() };
         let input = FrameInput {
             mesh,
             scene: &data,
-            camera: pinhole(scene.camera.as_ref().expect("a view of its own"), size),
+            camera: scene.camera.expect("a view of its own").pinhole(size),
             size,
             settings: &settings,
             outputs: Outputs { radiance: true, ..Outputs::PIXELS },

@@ -156,13 +156,13 @@ fn too_many_lights_and_bad_settings_are_refused() {
 
 /// Indices that name nothing do no harm.
 #[test]
-fn odd_looks_are_read_as_nothing() {
+fn odd_appearances_are_read_as_nothing() {
     let soup = [[[-1.0, -1.0, -1.0], [1.0, -1.0, -1.0], [0.0, 1.0, -1.0]]];
     let mesh = Mesh::soup(&soup).unwrap();
     let mut material = Material::new("odd", [0.5; 3]);
     material.texture = Some(7);
     let texture = Texture::new("one", 1, 1, vec![[255; 4]]).unwrap();
-    let looks = Appearance {
+    let appearance = Appearance {
         materials: &[material],
         material_of: &[9],
         lights: &[],
@@ -172,7 +172,7 @@ fn odd_looks_are_read_as_nothing() {
         texcoords: &[[f32::INFINITY, 0.0]],
         texcoord_indices: &[[0, 5, u32::MAX]],
     };
-    let data = SceneData::new(&mesh, &looks).unwrap();
+    let data = SceneData::new(&mesh, &appearance).unwrap();
     assert!(!data.needs().textures && data.needs().smooth_normals);
     assert_eq!(data.triangles(), 1);
     let world = World { triangles: soup.to_vec(), ..World::default() };

@@ -1,11 +1,12 @@
 //! The comparison of CPU and GPU that the program offers: what it finds equal, what it names, and what it
 //! does not count.
 
-mod common;
+mod device;
 
 use splitplane::parity::{self, Comparison};
 use splitplane::verify;
 use splitplane_core::backend::BuildOptions;
+use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::ray::QueryOptions;
 use splitplane_test_support::scenes::{self, Scene};
@@ -21,7 +22,7 @@ fn compare(backend: &WgpuBackend, scene: &Scene, rays: u64) -> Comparison {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_sound_device_is_equal() {
-    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&device::gpu()));
     let found = compare(&backend, &scenes::soup(3000, 0.4, 9), 1000);
     assert!(found.is_bitwise(), "{found:?}");
     assert_eq!((found.rays, found.unequal, found.unfinished), (3000, 0, 0));
@@ -39,7 +40,7 @@ fn a_planted_fault_is_named() {
     let place = "put_reference(first + rank_in(mask, lane)";
     let planted = source.replace(place, "put_reference(first + count - 1u - rank_in(mask, lane)");
     assert!(planted != source, "the text to change is gone");
-    let gpu = Gpu::clone(&common::gpu());
+    let gpu = Gpu::clone(&device::gpu());
     let backend = WgpuBackend::with_replaced_kernel(gpu, kernel, planted);
     let found = compare(&backend, &scenes::soup(3000, 0.4, 9), 100);
     assert!(!found.is_bitwise());
@@ -57,12 +58,25 @@ fn a_planted_fault_is_named() {
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn unfinished_rays_are_counted_and_not_compared() {
-    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&device::gpu()));
     let found = compare(&backend, &scenes::identical(70_000), 4);
     assert!(found.is_bitwise(), "{found:?}");
-    if common::is_llvmpipe() {
+    if device::is_llvmpipe() {
         assert!(found.unfinished > 0, "{found:?}");
     } else {
         assert_eq!(found.unfinished, 0);
     }
+}
+
+/// The preset `best` is built on the CPU alone: there is nothing to compare.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_preset_of_the_cpu_is_refused() {
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&device::gpu()));
+    let scene = scenes::soup(300, 0.1, 18);
+    let options = BuildOptions::from(BuildConfig::preset(Preset::Best));
+    let query = QueryOptions::default();
+    let compared = parity::compare(&backend, &scene.mesh(), &options, &[], &query, &|_| ());
+    let error = compared.expect_err("nothing to compare").to_string();
+    assert!(error.contains("best") && error.contains("CPU"), "{error}");
 }

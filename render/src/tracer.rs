@@ -1,0 +1,274 @@
+//! Triangles to pixels on one backend: trees built and rebuilt, frames made, in the same memory.
+
+mod error;
+mod frame;
+#[cfg(feature = "cpu")]
+mod on_cpu;
+#[cfg(feature = "wgpu")]
+mod on_gpu;
+mod output;
+
+pub use error::TracerError;
+pub use frame::{Frame, FrameRequest};
+pub use output::Output;
+
+use crate::frame::FrameInput;
+use crate::plan::Plan;
+use crate::scene_data::{Appearance, SceneData};
+use splitplane_core::backend::{Accelerator, BackendInfo, BuildOptions, BuildSummary};
+use splitplane_core::digest::Digest;
+use splitplane_core::mesh::Mesh;
+
+/// A backend that a [`Tracer`] can work on, by its own type.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum RenderBackend {
+    /// The cores of this machine.
+    #[cfg(feature = "cpu")]
+    Cpu(splitplane_cpu::CpuBackend),
+    /// A GPU.
+    #[cfg(feature = "wgpu")]
+    Wgpu(splitplane_wgpu::WgpuBackend),
+}
+
+#[cfg(feature = "cpu")]
+impl From<splitplane_cpu::CpuBackend> for RenderBackend {
+    fn from(backend: splitplane_cpu::CpuBackend) -> RenderBackend {
+        RenderBackend::Cpu(backend)
+    }
+}
+
+#[cfg(feature = "wgpu")]
+impl From<splitplane_wgpu::WgpuBackend> for RenderBackend {
+    fn from(backend: splitplane_wgpu::WgpuBackend) -> RenderBackend {
+        RenderBackend::Wgpu(backend)
+    }
+}
+
+/// Makes frames of a scene on one backend. It always has a tree and an appearance; what it allocates is
+/// kept and used again.
+///
+#[cfg_attr(feature = "cpu", doc = "```")]
+#[cfg_attr(not(feature = "cpu"), doc = "```ignore")]
+/// use splitplane_core::backend::BuildOptions;
+/// use splitplane_core::mesh::Mesh;
+/// use splitplane_cpu::CpuBackend;
+/// use splitplane_render::tracer::{FrameRequest, Tracer};
+/// use splitplane_render::{Appearance, Pinhole, Size};
+///
+/// let positions = [[0.0, 0.0, -2.0], [1.0, 0.0, -2.0], [0.0, 1.0, -2.0]];
+/// let mesh = Mesh::indexed(&positions, &[[0, 1, 2]])?;
+/// let options = BuildOptions::default();
+/// let mut tracer = Tracer::load(CpuBackend::new(), &mesh, &Appearance::default(), &options)?;
+///
+/// // From the origin along -z, 4 by 4 pixels, each half as wide as it is away.
+/// let camera = Pinhole {
+///     eye: [0.0; 3],
+///     corner: [-1.0, 1.0, -1.0],
+///     step_x: [0.5, 0.0, 0.0],
+///     step_y: [0.0, -0.5, 0.0],
+/// };
+/// let frame = tracer.frame(&mesh, &FrameRequest::new(camera, Size::new(4, 4)?))?;
+/// assert_eq!(frame.stats().paths, 16);
+/// assert_eq!(frame.pixels()?.len(), 16);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Tracer {
+    on: On,
+    appearance: SceneData,
+}
+
+/// A backend with its tree, and what it keeps between frames.
+#[derive(Debug)]
+enum On {
+    #[cfg(feature = "cpu")]
+    Cpu(Box<on_cpu::OnCpu>),
+    #[cfg(feature = "wgpu")]
+    Gpu(Box<on_gpu::OnGpu>),
+}
+
+/// Calls the same on whichever backend it is.
+macro_rules! on {
+    ($on:expr, $backend:ident => $call:expr) => {
+        match $on {
+            #[cfg(feature = "cpu")]
+            On::Cpu($backend) => $call,
+            #[cfg(feature = "wgpu")]
+            On::Gpu($backend) => $call,
+        }
+    };
+}
+use on;
+
+impl Tracer {
+    /// Builds the tree of a scene, for frames and for queries from the host, and takes over its appearance.
+    ///
+    /// # Errors
+    /// As for [`splitplane_core::backend::Backend::build`]; an appearance that cannot be addressed.
+    pub fn load(
+        backend: impl Into<RenderBackend>,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Tracer, TracerError> {
+        SceneData::check(mesh, appearance)?;
+        let on = match backend.into() {
+            #[cfg(feature = "cpu")]
+            RenderBackend::Cpu(backend) => {
+                On::Cpu(Box::new(on_cpu::OnCpu::load(backend, mesh, options)?))
+            }
+            #[cfg(feature = "wgpu")]
+            RenderBackend::Wgpu(backend) => {
+                On::Gpu(Box::new(on_gpu::OnGpu::load(backend, mesh, options)?))
+            }
+        };
+        Ok(Tracer { on, appearance: SceneData::new(mesh, appearance)? })
+    }
+
+    /// Takes another scene, in the memory of the one before: its tree, for frames and for queries from the
+    /// host, and its appearance.
+    ///
+    /// # Errors
+    /// As for [`Tracer::load`]; the scene that was there is kept.
+    pub fn replace(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        SceneData::check(mesh, appearance)?;
+        self.rebuild_for_queries(mesh, options)?;
+        Ok(self.appearance.describe_again(mesh, appearance)?)
+    }
+
+    /// Builds the tree anew after vertices have moved. On a GPU the tree stays there: nothing but some
+    /// counters comes back, and [`Tracer::accelerator`] has nothing until [`Tracer::replace`] or
+    /// [`Tracer::rebuild_for_queries`].
+    ///
+    /// # Errors
+    /// As for [`splitplane_core::backend::Backend::build`]; the tree that was there is kept.
+    pub fn rebuild(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        on!(&mut self.on, on => on.rebuild(mesh, options))
+    }
+
+    /// As [`Tracer::rebuild`], with the tree in host memory too: [`Tracer::accelerator`] has it.
+    ///
+    /// # Errors
+    /// As for [`Tracer::rebuild`].
+    pub fn rebuild_for_queries(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        on!(&mut self.on, on => on.rebuild_for_queries(mesh, options))
+    }
+
+    /// Takes over another appearance: materials, lights, normals, textures. `mesh` is the one that the next
+    /// frame is made of.
+    ///
+    /// # Errors
+    /// More than can be addressed; the appearance that was there is kept.
+    pub fn update_appearance(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+    ) -> Result<(), TracerError> {
+        Ok(self.appearance.describe_again(mesh, appearance)?)
+    }
+
+    /// Takes over the normals of a scene whose vertices have moved; the rest of its appearance stays. Does
+    /// nothing for a scene without normals.
+    pub fn update_normals(&mut self, mesh: &Mesh<'_>, appearance: &Appearance<'_>) {
+        self.appearance.update_normals(mesh, appearance);
+    }
+
+    /// The appearance of the scene, as frames take it.
+    pub fn appearance(&self) -> &SceneData {
+        &self.appearance
+    }
+
+    /// What runs the work.
+    pub fn backend(&self) -> BackendInfo {
+        on!(&self.on, on => on.describe())
+    }
+
+    /// The tree for queries from the host. `None` only on a GPU, when [`Tracer::rebuild`] has left the last
+    /// tree there.
+    pub fn accelerator(&self) -> Option<&dyn Accelerator> {
+        on!(&self.on, on => on.accelerator())
+    }
+
+    /// What the last build did with its input.
+    pub fn summary(&self) -> BuildSummary {
+        on!(&self.on, on => on.summary())
+    }
+
+    /// The name of the last tree; one that is on a GPU alone is read back for it.
+    ///
+    /// # Errors
+    /// A device that fails.
+    pub fn digest(&self) -> Result<Digest, TracerError> {
+        on!(&self.on, on => on.digest())
+    }
+
+    /// How a frame would be made: steps, queues and bytes.
+    ///
+    /// # Errors
+    /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
+    pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
+        let FrameRequest { size, settings, outputs, .. } = request;
+        let room = on!(&self.on, on => on.room());
+        Ok(Plan::new(&self.appearance, *size, settings, *outputs, room)?)
+    }
+
+    /// Makes a frame. `mesh` is the one that the tree was last built over.
+    ///
+    /// # Errors
+    /// Settings out of range, a mesh with other triangles than the tree or the appearance, or a backend that fails.
+    pub fn frame(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+    ) -> Result<Frame<'_>, TracerError> {
+        let input = input(mesh, &self.appearance, request);
+        let stats = on!(&mut self.on, on => on.frame(&input))?;
+        Ok(Frame { on: &self.on, stats })
+    }
+
+    /// As [`Tracer::frame`] on a GPU, with the picture in a buffer of its device: one word a pixel, row by
+    /// row from the top left, red in the lowest byte, then green, blue and 255. The buffer needs the usage
+    /// `STORAGE`, and `COPY_SRC` for [`Frame::pixels`]; nothing of the picture crosses to the host before that.
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame`]; a buffer that does not suit, or a tracer that is not on a GPU.
+    #[cfg(feature = "wgpu")]
+    pub fn frame_into(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<Frame<'_>, TracerError> {
+        let input = input(mesh, &self.appearance, request);
+        let stats = match &mut self.on {
+            On::Gpu(on) => on.frame_into(&input, target)?,
+            #[cfg(feature = "cpu")]
+            On::Cpu(_) => return Err(TracerError::NotOnGpu),
+        };
+        Ok(Frame { on: &self.on, stats })
+    }
+}
+
+fn input<'a>(
+    mesh: &Mesh<'a>,
+    scene: &'a SceneData,
+    request: &'a FrameRequest<'a>,
+) -> FrameInput<'a> {
+    let FrameRequest { camera, size, settings, outputs, query } = request;
+    let (camera, size, outputs, query) = (*camera, *size, *outputs, *query);
+    FrameInput { mesh: *mesh, scene, camera, size, settings, outputs, query }
+}

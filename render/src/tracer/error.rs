@@ -1,0 +1,56 @@
+//! Why a tracer has no frame, or no tree to make it from.
+
+use super::Output;
+use crate::error::RenderError;
+use crate::plan::PlanError;
+use crate::scene_data::AppearanceError;
+use splitplane_core::backend::{BuildError, QueryError};
+use thiserror::Error;
+
+/// Why there is no frame, or no tree to make it from.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum TracerError {
+    /// The tree cannot be built.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+    /// The frame cannot be made.
+    #[error(transparent)]
+    Render(#[from] RenderError),
+    /// The frame has no such output.
+    #[error("the frame was not asked for {output}")]
+    NotRequested {
+        /// What was asked for.
+        output: Output,
+    },
+    /// A picture was to go to a buffer of a GPU, but it is made on the CPU.
+    #[error("the frame is made on the CPU and cannot go to a buffer of a GPU")]
+    NotOnGpu,
+    /// A device's driver did not follow some rays to their end.
+    #[error(
+        "the device's driver ended the work on {pixels} pixels before it was done; use the backend \
+         `cpu`, or another device"
+    )]
+    Unfinished {
+        /// Pixels whose light is not complete.
+        pixels: usize,
+    },
+}
+
+impl From<PlanError> for TracerError {
+    fn from(error: PlanError) -> TracerError {
+        TracerError::Render(error.into())
+    }
+}
+
+impl From<AppearanceError> for TracerError {
+    fn from(error: AppearanceError) -> TracerError {
+        TracerError::Render(error.into())
+    }
+}
+
+impl From<QueryError> for TracerError {
+    fn from(error: QueryError) -> TracerError {
+        TracerError::Render(error.into())
+    }
+}

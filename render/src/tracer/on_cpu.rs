@@ -1,0 +1,86 @@
+//! Frames on the cores of this machine.
+
+use super::TracerError;
+use crate::cpu::CpuRenderer;
+use crate::frame::{FrameInput, FrameStats};
+use crate::layout::{FirstCost, FirstHit};
+use crate::plan::Room;
+use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
+use splitplane_core::digest::Digest;
+use splitplane_core::mesh::Mesh;
+use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use std::borrow::Cow;
+
+#[derive(Debug)]
+pub(super) struct OnCpu {
+    backend: CpuBackend,
+    accelerator: CpuAccelerator,
+    renderer: CpuRenderer,
+}
+
+impl OnCpu {
+    pub(super) fn load(
+        backend: CpuBackend,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<OnCpu, TracerError> {
+        let accelerator = backend.build_accelerator(mesh, options)?;
+        Ok(OnCpu { backend, accelerator, renderer: CpuRenderer::new() })
+    }
+
+    pub(super) fn describe(&self) -> BackendInfo {
+        self.backend.describe()
+    }
+
+    pub(super) fn room(&self) -> Room {
+        Room::CPU
+    }
+
+    pub(super) fn rebuild(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        Ok(self.backend.rebuild_accelerator(&mut self.accelerator, mesh, options)?)
+    }
+
+    pub(super) fn rebuild_for_queries(
+        &mut self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        self.rebuild(mesh, options)
+    }
+
+    pub(super) fn accelerator(&self) -> Option<&dyn Accelerator> {
+        Some(&self.accelerator)
+    }
+
+    pub(super) fn summary(&self) -> BuildSummary {
+        *self.accelerator.summary()
+    }
+
+    pub(super) fn digest(&self) -> Result<Digest, TracerError> {
+        Ok(self.accelerator.tree().digest())
+    }
+
+    pub(super) fn frame(&mut self, input: &FrameInput<'_>) -> Result<FrameStats, TracerError> {
+        Ok(self.renderer.render(&self.accelerator, input)?)
+    }
+
+    pub(super) fn pixels(&self) -> Result<Cow<'_, [u32]>, TracerError> {
+        Ok(Cow::Borrowed(self.renderer.pixels()))
+    }
+
+    pub(super) fn radiance(&self) -> Result<Cow<'_, [[f32; 4]]>, TracerError> {
+        Ok(Cow::Borrowed(self.renderer.radiance()))
+    }
+
+    pub(super) fn first_hits(&self) -> Result<Cow<'_, [FirstHit]>, TracerError> {
+        Ok(Cow::Borrowed(self.renderer.first_hits()))
+    }
+
+    pub(super) fn first_costs(&self) -> Result<Cow<'_, [FirstCost]>, TracerError> {
+        Ok(Cow::Borrowed(self.renderer.first_costs()))
+    }
+}
