@@ -28,7 +28,7 @@ pub struct CpuBackend {
     set: InstructionSet,
 }
 
-/// A tree that was built, in memory that is kept, and what a layout for queries is made with.
+/// A tree in the memory that the backend keeps, and what its query layout is made with.
 struct BuiltTree<'a> {
     tree: KdTreeView<'a>,
     summary: BuildSummary,

@@ -1,8 +1,9 @@
 //! Planning: which levels of the tree go together into one wide node ([`super::wide`]).
 //!
-//! As for wide bounding volume hierarchies (Ylitie, Karras and Laine 2017, section 3.1): bottom up, for
-//! every number of places that a subtree may take in a node above it, the least sum of the surface areas
-//! of the nodes that are made of it. With one place it is a node of its own; with more, its children share them.
+//! As for wide bounding volume hierarchies (Ylitie, Karras and Laine 2017, section 3.1). A subtree may take one or more
+//! places in a wide node above it. Bottom up, the planner finds for every number of places the least sum of the surface
+//! areas of the wide nodes made of the subtree. With one place it becomes a node of its own; with more, its children
+//! share the places.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::MAX_DEPTH;
@@ -26,8 +27,8 @@ macro_rules! every {
 pub(crate) struct Branch {
     /// The part of its cell that its triangles reach into.
     pub bounds: Aabb,
-    /// The branches that its children are, or the first branches below them; of a leaf, the unit of its
-    /// first block and how many there are.
+    /// The branches of its children, or the first branches below them. For a leaf: the unit of its first block and the
+    /// number of its blocks.
     pub children: [u32; 2],
     /// Wide nodes made of it where it is a node of its own.
     pub nodes: u32,

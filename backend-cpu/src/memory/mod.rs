@@ -80,8 +80,7 @@ impl Memory {
         self.reserve(vector, length)
     }
 
-    /// As [`Memory::make_room`], for lists that become longer from step to step: where there is not enough
-    /// room, at least twice what there was.
+    /// As [`Memory::make_room`], for lists that grow step by step: room that is too small is at least doubled.
     ///
     /// # Errors
     /// As for [`Memory::make_room`].
@@ -96,7 +95,7 @@ impl Memory {
         self.make_room(vector, length.max(2 * vector.capacity()))
     }
 
-    /// Makes room for `length` elements in all, and no more where it is made, which has been accounted for.
+    /// Makes room for exactly `length` elements in all, which has been accounted for.
     ///
     /// # Errors
     /// More memory than there is; the vector is then what it was.
@@ -105,16 +104,16 @@ impl Memory {
         vector.try_reserve_exact(more).map_err(|_| self.lacking())
     }
 
-    /// The error where there is less memory than what is held and is to be.
+    /// The error where the system has less memory than what is accounted for.
     pub(crate) fn lacking(&self) -> BuildError {
         BuildError::OutOfMemory { needed: self.held, limit: self.held }
     }
 }
 
-/// As [`Box::new`], of what is not made where there is no memory for it.
+/// As [`Box::new`], with an error in place of an abort where there is no memory.
 ///
 /// # Errors
-/// Less memory than that.
+/// Not enough memory.
 pub(crate) fn boxed<T>(make: impl FnOnce() -> T) -> Result<Box<T>, TryReserveError> {
     let mut one = Vec::new();
     one.try_reserve_exact(1)?;
@@ -148,8 +147,8 @@ pub(crate) fn lengthen<T: Copy>(
 /// Elements that are cleared between two calls of the watch.
 const PIECE: usize = 1 << 15;
 
-/// [`Vec::resize`] for vectors that have the room: by all threads, since most of the time goes into the system's
-/// making of pages; under a watch in pieces, one after the other. Ends early when the work is cancelled.
+/// [`Vec::resize`] for vectors that have the room, by all threads, since the system takes most of the time to make
+/// pages. Under a watch piece by piece. Ends early when the work is cancelled.
 pub(crate) fn resize<T: Clone + Send + Sync>(
     meter: &ProgressMeter<'_>,
     vector: &mut Vec<T>,

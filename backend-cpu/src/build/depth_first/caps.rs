@@ -4,9 +4,9 @@ use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
 use splitplane_core::config::BuildConfig;
 
-/// Tasks for each thread: enough that the last ones to end keep no other waiting long.
+/// Tasks for each thread: enough that threads do not wait long for the last tasks.
 const TASKS: usize = 8;
-/// Fewest references of a task: levels cost little beside what they save from here on.
+/// Fewest references of a task. With fewer, more levels run on the twin, and the tasks save less than that costs.
 const LEAST: usize = 1024;
 /// Most references of a task: columns of this length fit the last level of cache of most machines.
 const MOST: usize = 1 << 17;
@@ -16,8 +16,8 @@ pub(super) fn hand_over_limit(references: usize, threads: usize) -> u32 {
     (references / (TASKS * threads)).clamp(LEAST, MOST) as u32
 }
 
-/// Whether a cap on references or nodes might have bound. A cap compares what would be alive in the order of
-/// levels; that is at most what there is in the end when nothing that vanished is taken off.
+/// Whether a cap on references or nodes might have bound. A cap of the schedule compares what is alive level by level;
+/// that is never more than all references and nodes ever made, which is what is counted here.
 #[derive(Debug, Default)]
 pub(super) struct Caps {
     /// References of the root, and those that splits added.
@@ -29,7 +29,7 @@ pub(super) struct Caps {
 }
 
 impl Caps {
-    /// With what the levels have made so far.
+    /// The caps of a configuration, with what the levels have made so far.
     pub fn new(config: &BuildConfig, triangles: u32, references: u64, nodes: u64) -> Caps {
         let caps = Caps {
             references: AtomicU64::new(0),

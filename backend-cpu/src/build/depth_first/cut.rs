@@ -10,10 +10,10 @@ use crate::simd::WIDTH;
 use crate::simd::columns::Columns;
 use crate::simd::references::{CutParts, ReferenceOps, TILE_ROOM, TilePlaces};
 
-/// The references of a tile that a plane crosses, and what is left of them on either side.
+/// The references of a tile that a plane crosses, and their parts on either side.
 #[derive(Debug)]
 pub(crate) struct Cut {
-    /// What is left.
+    /// The parts.
     pub parts: CutParts,
     /// Which references: indices of the columns.
     crossing: TilePlaces,
@@ -79,7 +79,7 @@ impl PartBounds {
 }
 
 /// Where an edge from p to q, on another axis, crosses the plane at this part of its length from the lower end:
-/// least and greatest, its error included. What widens no bounds where it does not cross.
+/// least and greatest, its error included. Where the edge does not cross, an interval that widens no bounds.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn crossing<A: Arithmetic>(rising: bool, crosses: bool, ratio: f32, p: f32, q: f32) -> [f32; 2] {
     let (low, high) = if rising { (p, q) } else { (q, p) };
@@ -98,8 +98,8 @@ impl Cut {
         Cut { parts: CutParts::NONE, crossing: [0; TILE_ROOM] }
     }
 
-    /// Cuts what the plane crosses among `count` references from `first`, at most [`crate::simd::references::TILE`]. Without
-    /// triangles bounds are cut alone.
+    /// Cuts the references that the plane crosses, among `count` references from `first` (at most
+    /// [`crate::simd::references::TILE`]). Without triangles only their bounds are cut.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn tile<A: Arithmetic, S: ReferenceOps>(
         &mut self,

@@ -1,4 +1,4 @@
-//! The executor: the twin down to the nodes that tasks take over.
+//! The executor: it wraps the twin, which runs the levels until tasks take over.
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
 use splitplane_core::backend::BuildError;

@@ -1,13 +1,13 @@
 //! Depth first: the trees of the schedule, with the lower levels built in cache.
 //!
-//! No kernel of the schedule, but the same tree. The schedule goes level by level, since devices have no
-//! other way: every level reads and writes all references in memory, and all wait for the last. Here
+//! The schedule goes level by level, as devices must: every level reads and writes all references in memory, and all
+//! threads wait for the last one. Here
 //! the levels run on the twin until nodes have few references ([`caps::hand_over_limit`]); a task then takes one such node,
 //! keeps its references as a structure of arrays, and builds its subtree depth first, left before right, writing
 //! nodes in preorder. What becomes of a node depends on its references, its cell, its depth and whether it
 //! was inseparable, never on its neighbours, so the subtree is the one that the levels give. The one exception
-//! are the caps on references and nodes, which bind in the order of levels: where they might, the
-//! build is void ([`caps::Caps`]) and the twin runs the schedule as it stands.
+//! is the caps on references and nodes, which bind in the order of levels. Where they might bind, the build is void
+//! ([`caps::Caps`]), and the twin alone runs the schedule.
 
 mod caps;
 mod cut;

@@ -44,10 +44,10 @@ pub(super) struct SubtreeInputs<'a> {
     pub caps: &'a Caps,
 }
 
-/// Builds the subtree of every root. `subtrees` and `totals` hold an element for each.
+/// Builds the subtree of every root. `subtrees` and `totals` have an element for each.
 ///
 /// # Errors
-/// Less memory than that takes.
+/// Not enough memory.
 pub(super) fn run<A: Arithmetic>(
     inputs: &SubtreeInputs<'_>,
     workers: &ScratchPool,
@@ -81,7 +81,7 @@ pub(super) fn run<A: Arithmetic>(
     })
 }
 
-/// [`one_root`], for the lanes of each set.
+/// [`one_root`], compiled for each set.
 struct OneRoot<'a, A> {
     inputs: &'a SubtreeInputs<'a>,
     root: &'a SmallRoot,
@@ -302,7 +302,7 @@ impl SubtreeTask<'_> {
         Ok(self.out.nodes.len() - 1)
     }
 
-    /// The node that is appended next is this one's right child.
+    /// Names the node that is appended next as the right child of `parent`.
     fn right_child(&mut self, parent: usize) {
         let right = self.out.nodes.len() as u32;
         let parent = &mut self.out.nodes[parent];

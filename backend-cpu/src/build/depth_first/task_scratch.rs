@@ -1,4 +1,4 @@
-//! What tasks need on the way, kept between builds.
+//! Scratch memory of tasks, kept between builds.
 
 use std::collections::TryReserveError;
 use std::sync::Mutex;
@@ -13,7 +13,7 @@ use crate::build::twin::small_root::SmallRootBuilder;
 use crate::memory::boxed;
 use crate::simd::columns::Columns;
 
-/// What tasks need on the way, kept between builds.
+/// Scratch memory of all tasks, kept between builds.
 #[derive(Debug, Default)]
 pub(super) struct ScratchPool {
     spare: Mutex<Vec<Box<TaskScratch>>>,
@@ -25,7 +25,7 @@ impl ScratchPool {
         self.spare.lock().map_or(0, |spare| spare.iter().map(|worker| worker.bytes()).sum())
     }
 
-    /// Makes as many as there are threads, each with as much room as any of them needed before, so that the
+    /// Makes scratch for each thread, with as much room as any thread has needed so far. So the
     /// next build of the kind allocates nothing, whichever thread takes which.
     ///
     /// # Errors
@@ -62,7 +62,7 @@ impl ScratchPool {
     }
 }
 
-/// What one task needs.
+/// Scratch memory of one task.
 #[derive(Debug)]
 pub(super) struct TaskScratch {
     pub columns: Columns,
@@ -75,7 +75,7 @@ pub(super) struct TaskScratch {
 }
 
 impl TaskScratch {
-    /// One more, of which nothing is large that its box does not hold.
+    /// Scratch without references; its fixed parts are allocated with it.
     fn new() -> Result<Box<TaskScratch>, TryReserveError> {
         let mut stack = Vec::new();
         // A cut or a split each for every level.
@@ -102,7 +102,7 @@ impl TaskScratch {
 pub(super) struct ColumnNode {
     pub first: usize,
     pub count: usize,
-    /// From this row on, and [`crate::simd::WIDTH`] rows behind its own, there is nothing that is needed.
+    /// From this row on, and [`crate::simd::WIDTH`] rows behind its own, the rows are free.
     pub free: usize,
     pub cell: Aabb,
     pub depth: u32,

@@ -75,7 +75,7 @@ impl AtomicMemory {
         Ok(list)
     }
 
-    /// The error where there is less memory than what is held and is to be.
+    /// The error where the system has less memory than what is accounted for.
     pub fn lacking(&self) -> BuildError {
         let held = self.held.load(Relaxed);
         BuildError::OutOfMemory { needed: held, limit: held }

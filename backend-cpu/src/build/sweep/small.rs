@@ -59,7 +59,7 @@ pub(super) fn best_split(
     unsafe { set.run(SmallSearch { costs, cell, references, limit, small }) }
 }
 
-/// [`best`], for the lanes of each set.
+/// [`best`], compiled for each set.
 struct SmallSearch<'a> {
     costs: &'a SplitCosts,
     cell: &'a Cell,

@@ -78,7 +78,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         CpuExecutor { mesh, config, set, buffers, memory, meter, arithmetic }
     }
 
-    /// The executor with a meter, which may cancel the build.
+    /// The executor with a meter that may cancel the build.
     pub(crate) fn watched(self, meter: &'a ProgressMeter<'a>) -> CpuExecutor<'a, A> {
         CpuExecutor { meter, ..self }
     }

@@ -245,7 +245,7 @@ impl SmallRootBuilder {
     }
 }
 
-/// The least candidates so far, one for each lane: lanes are compared in the end.
+/// The least candidates so far, one for each lane; [`BestByLane::plane`] compares the lanes.
 #[derive(Debug)]
 struct BestByLane {
     cost: [u32; WIDTH],
@@ -292,7 +292,7 @@ impl BestByLane {
     }
 }
 
-/// What of the configuration costs depend on, with the division by W made a multiplication.
+/// The parts of the configuration that costs depend on. The division by W is a multiplication here.
 #[derive(Debug)]
 pub(crate) struct SmallRootCosts {
     traversal: u32,

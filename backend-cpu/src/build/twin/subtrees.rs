@@ -19,7 +19,7 @@ impl Subtrees {
         (self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4) as u64
     }
 
-    /// No subtrees any more, in the same memory.
+    /// Removes all subtrees and keeps the memory.
     pub fn clear(&mut self) {
         self.nodes.clear();
         self.references.clear();

@@ -52,7 +52,7 @@ pub fn run<A: Arithmetic>(
     )
 }
 
-/// [`batch`], for the lanes of each set.
+/// [`batch`], compiled for each set.
 struct RootBatch<'a, A> {
     config: &'a BuildConfig,
     roots: &'a [SmallRoot],
