@@ -92,9 +92,9 @@ impl Executor<TreeBuilder> for Threads<'_> {
                     k::assign_chunks(chunk, &b.active_nodes[..active])
                 });
             }
-            Kernel::SplitLarge => fill(&mut b.decisions[..active], |node| {
+            Kernel::SplitMedian => fill(&mut b.decisions[..active], |node| {
                 let (nodes, bounds) = (&b.active_nodes, &b.node_bounds);
-                k::split_large::<Strict>(config, node, nodes, bounds, &b.references)
+                k::split_median::<Strict>(config, node, nodes, bounds, &b.references)
             }),
             Kernel::BinReferences => fill(&mut b.chunk_bins[..chunks], |chunk| {
                 let (chunks, bounds) = (&b.chunks, &b.node_bounds);

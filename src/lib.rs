@@ -83,3 +83,20 @@ pub use splitplane_verify as verify;
 pub use splitplane_verify::parity;
 #[cfg(feature = "wgpu")]
 pub use splitplane_wgpu as gpu;
+
+/// The pages of the guide, whose code is tested.
+#[cfg(all(doctest, feature = "cpu"))]
+mod guide {
+    macro_rules! pages {
+        ($($page:ident),*) => {
+            $(
+                #[doc = include_str!(concat!("../docs/guide/src/", stringify!($page), ".md"))]
+                mod $page {}
+            )*
+        };
+    }
+    pages!(accuracy, backend, cancel, executor, keep, no_std, query, rebuild, start);
+
+    #[cfg(feature = "wgpu")]
+    pages!(shader);
+}

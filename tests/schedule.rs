@@ -30,7 +30,7 @@ fn the_schedule_of_a_small_scene() {
 #[test]
 fn without_triangles_no_level_runs() {
     let lines = trace(0, Preset::Fast);
-    assert!(!lines.contains("SplitLarge"), "{lines}");
+    assert!(!lines.contains("SplitMedian"), "{lines}");
     assert!(lines.contains("EmitTop"));
 }
 
@@ -46,7 +46,7 @@ fn levels_are_alike() {
         let mut kernels = 0;
         for &kernel in &Kernel::ALL[3..13] {
             let binned = matches!(kernel, Kernel::BinReferences | Kernel::SplitBinned);
-            let runs = if kernel == Kernel::SplitLarge { preset == Preset::Fast } else { true }
+            let runs = if kernel == Kernel::SplitMedian { preset == Preset::Fast } else { true }
                 && (!binned || preset == Preset::Balanced);
             assert_eq!(count(kernel), if runs { levels } else { 0 }, "{kernel:?}");
             kernels += u32::from(runs);

@@ -228,7 +228,7 @@ fn planted_faults_are_named() {
                 // Planes are found by one kernel or the other.
                 Ok(_) => assert!(matches!(
                     kernel,
-                    Kernel::SplitLarge | Kernel::BinReferences | Kernel::SplitBinned
+                    Kernel::SplitMedian | Kernel::BinReferences | Kernel::SplitBinned
                 )),
             }
         }

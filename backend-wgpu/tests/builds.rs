@@ -646,7 +646,7 @@ fn check_times(config: BuildConfig) {
     };
     assert!(backend.gpu().has_timestamps());
     let not_run: &[Kernel] = match config.preset {
-        Preset::Balanced => &[Kernel::SplitLarge],
+        Preset::Balanced => &[Kernel::SplitMedian],
         _ => &[Kernel::BinReferences, Kernel::SplitBinned],
     };
     let run: Vec<_> = Kernel::ALL.into_iter().filter(|kernel| !not_run.contains(kernel)).collect();

@@ -144,7 +144,7 @@ fn planted_faults_are_named() {
         (K::ScanTriangles, "select(0u, 1u, kept > 0u)", "2u"),
         (K::GatherReferences, "Reference(bounds.lo, triangle", "Reference(bounds.lo, chunk"),
         (K::NodeBounds, "node.source + chunk, node.side", "node.source + chunk, 0u"),
-        (K::SplitLarge, "position, gap > limit)", "position, false)"),
+        (K::SplitMedian, "position, gap > limit)", "position, false)"),
         (K::ChunkNodes, "count = chunks_of(active_nodes[index].count)", "count = 1u"),
         (K::AssignChunks, "min(CHUNK, rest)", "rest"),
         (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),

@@ -1,5 +1,5 @@
 //! What is done with a large node: cuts of empty space, then a split or a transfer to the small list. The
-//! rules of `split_large` and `split_binned`, for one node by itself.
+//! rules of `split_median` and `split_binned`, for one node by itself.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::Arithmetic;

@@ -130,7 +130,7 @@ impl ChunkSides {
 
 /// What is done with an active node: up to six cuts of empty space, then a split or a transfer.
 ///
-/// `split_large` writes the planes, `count_children` the counts, `allocate_children` the rest.
+/// `split_median` writes the planes, `count_children` the counts, `allocate_children` the rest.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Decision {

@@ -97,7 +97,7 @@ fn process_large_nodes<E: Executor<TreeBuilder>>(
     executor.dispatch(Kernel::AssignChunks)?;
     // Empty-space cutoff and split.
     match planes {
-        Planes::Median => executor.dispatch(Kernel::SplitLarge)?,
+        Planes::Median => executor.dispatch(Kernel::SplitMedian)?,
         Planes::Binned => {
             executor.dispatch(Kernel::BinReferences)?;
             executor.dispatch(Kernel::SplitBinned)?;

@@ -1,5 +1,5 @@
 // What a workgroup decides on one node, and the part that does not depend on how planes are found: cuts
-// of empty space. Twin of `cut_empty_space` in backend-cpu's split_large.rs.
+// of empty space. Twin of `cut_empty_space` in backend-cpu's split_median.rs.
 // Needs the bindings `parameters` and `node_bounds`.
 
 // What the first invocation has decided so far, and the cell that is left.

@@ -284,7 +284,7 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
             break;
         }
     }
-    // A driver may end the loop early (see split_large.wgsl). The zero keeps a compiler from concluding
+    // A driver may end the loop early (see split_median.wgsl). The zero keeps a compiler from concluding
     // that it does not.
     if (running ^ opaque_zero) != 0u {
         return vec2<u32>(0xffffffffu);

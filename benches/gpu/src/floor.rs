@@ -2,7 +2,7 @@
 //!
 //! Counted while the CPU runs the schedule: the live elements of every buffer that a kernel reads or
 //! writes, once each. Lists that are appended to count what is new. Left out is what only some
-//! elements need: triangles for clipping, references that `split_large` looks at.
+//! elements need: triangles for clipping, references that `split_median` looks at.
 
 use std::collections::HashMap;
 
@@ -81,7 +81,7 @@ impl Counting<'_> {
             bytes += match (kernel, buffer) {
                 (_, Buffer::Input) => self.input,
                 (Kernel::ClassifyReferences | Kernel::ScatterReferences, Buffer::Triangles)
-                | (Kernel::SplitLarge, Buffer::References) => 0,
+                | (Kernel::SplitMedian, Buffer::References) => 0,
                 (Kernel::EmitTop, Buffer::Nodes) => size * live(Buffer::TopNodes),
                 (Kernel::EmitSmall, Buffer::Nodes) => {
                     size * live(Buffer::Nodes).saturating_sub(live(Buffer::TopNodes))

@@ -100,7 +100,7 @@ kernel_set! {
         AssignChunks "assign_chunks", Invocations(Chunks, 256) =>
             reads ActiveNodes, writes Chunks;
         /// Cuts empty space and splits every active node at its spatial median.
-        SplitLarge "split_large", Each(ActiveNodes) =>
+        SplitMedian "split_median", Each(ActiveNodes) =>
             reads ActiveNodes, reads NodeBounds, reads References, writes Decisions;
         /// Counts by bins where the references of every chunk start and end.
         BinReferences "bin_references", Each(Chunks) =>

@@ -139,7 +139,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                     b.chunks[chunk] = k::assign_chunks(chunk, &b.active_nodes[..active]);
                 }
             }
-            Kernel::SplitLarge => {
+            Kernel::SplitMedian => {
                 for node in 0..active {
                     let (this, tight) = (&b.active_nodes[node], &b.node_bounds[node]);
                     let mut asked = budget.worked(4);
@@ -150,7 +150,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                         asked.is_ok()
                     };
                     b.decisions[node] =
-                        k::split_large_while::<A>(config, this, tight, &b.references, go_on);
+                        k::split_median_while::<A>(config, this, tight, &b.references, go_on);
                     asked?;
                 }
             }

@@ -79,7 +79,7 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
     (Kernel::AssignChunks, "forgets a reference", |b| {
         last(&mut b.chunks, b.counters, Counter::Chunks).count -= 1;
     }),
-    (Kernel::SplitLarge, "splits beside the median", |b| {
+    (Kernel::SplitMedian, "splits beside the median", |b| {
         let position = &mut last(&mut b.decisions, b.counters, Counter::ActiveNodes).position;
         *position = position.next_up();
     }),

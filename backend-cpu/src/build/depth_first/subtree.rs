@@ -17,7 +17,7 @@ use super::caps::Caps;
 use super::task_scratch::{ColumnNode, Next, ScratchPool, TaskScratch};
 use crate::build::twin::count_bins::count_axis;
 use crate::build::twin::executor::StageCounts;
-use crate::build::twin::kernels::{split_binned, split_large};
+use crate::build::twin::kernels::{split_binned, split_median};
 use crate::build::twin::small_root::SmallRootCosts;
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
@@ -261,7 +261,7 @@ impl SubtreeTask<'_> {
         Ok(Some(child))
     }
 
-    /// The decision about a large node, as `split_large` and `split_binned` make it.
+    /// The decision about a large node, as `split_median` and `split_binned` make it.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn decide<A: Arithmetic>(&mut self, node: &ColumnNode) -> Result<Decision, TryReserveError> {
         let SubtreeInputs { meter, config, planes, .. } = *self.inputs;
@@ -280,7 +280,7 @@ impl SubtreeTask<'_> {
                 if node.inseparable {
                     columns.references(node.first, node.count, references)?;
                 }
-                split_large::decide::<A>(meter, config, &large, &tight, references)
+                split_median::decide::<A>(meter, config, &large, &tight, references)
             }
             Planes::Binned => {
                 let (decision, cell) = cut_empty_space::<A>(config, &large, &tight);

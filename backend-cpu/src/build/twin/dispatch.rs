@@ -101,9 +101,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.node_bounds[..active],
                 );
             }
-            Kernel::SplitLarge => {
+            Kernel::SplitMedian => {
                 m.grow_watched(&mut b.decisions, active, meter)?;
-                k::split_large::run::<A>(
+                k::split_median::run::<A>(
                     meter,
                     &self.config,
                     &b.active_nodes[..active],

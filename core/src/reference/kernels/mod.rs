@@ -3,7 +3,7 @@
 //! | kernel | an item of its grid |
 //! |---|---|
 //! | [`triangle_bounds`], [`gather_references`] | 256 consecutive triangles of the mesh |
-//! | [`node_bounds`], [`split_large`], [`split_binned`], [`count_children`] | an active node |
+//! | [`node_bounds`], [`split_median`], [`split_binned`], [`count_children`] | an active node |
 //! | [`assign_chunks`], [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
 //! | [`build_small`], [`emit_small`] | a small root |
 //! | [`emit_top`] | a node of the top tree |
@@ -37,7 +37,7 @@ mod scan_triangles;
 mod scatter_references;
 mod small_subtree;
 mod split_binned;
-mod split_large;
+mod split_median;
 mod subtree_sizes;
 mod triangle_bounds;
 
@@ -57,7 +57,7 @@ pub use scan_triangles::scan_triangles;
 pub use scatter_references::{destinations, scatter_references};
 pub use small_subtree::{SmallNode, SmallSubtree};
 pub use split_binned::split_binned;
-pub use split_large::{split_large, split_large_while};
+pub use split_median::{split_median, split_median_while};
 pub use subtree_sizes::subtree_sizes;
 pub use triangle_bounds::triangle_bounds;
 

@@ -16,7 +16,7 @@ pub mod preorder_addresses;
 pub mod scan_triangles;
 pub mod scatter_references;
 pub mod split_binned;
-pub mod split_large;
+pub mod split_median;
 pub mod subtree_sizes;
 pub mod triangle_bounds;
 

@@ -10,7 +10,7 @@ use crate::layout::{Decision, LargeNode, Reference};
 /// [`median_or_sweep_while`].
 ///
 /// References are read only where the plane that made the node separated nothing.
-pub fn split_large<A: Arithmetic>(
+pub fn split_median<A: Arithmetic>(
     config: &BuildConfig,
     node: usize,
     active_nodes: &[LargeNode],
@@ -18,12 +18,12 @@ pub fn split_large<A: Arithmetic>(
     references: &[Reference],
 ) -> Decision {
     let (node, tight) = (&active_nodes[node], &node_bounds[node]);
-    split_large_while::<A>(config, node, tight, references, |_| true)
+    split_median_while::<A>(config, node, tight, references, |_| true)
 }
 
-/// As [`split_large`], for a node by itself. `go_on` is told now and then what the last part of the work
+/// As [`split_median`], for a node by itself. `go_on` is told now and then what the last part of the work
 /// was like: the reading and writing of so many references. Once it says no, the decision is of no use.
-pub fn split_large_while<A: Arithmetic>(
+pub fn split_median_while<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,
     tight: &Aabb,

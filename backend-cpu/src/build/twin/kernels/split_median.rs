@@ -1,4 +1,4 @@
-//! `split_large`: one workgroup an active node.
+//! `split_median`: one workgroup an active node.
 //!
 //! Reads: cell and tight bounds of the node; its references where the median separates nothing.
 //! Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
@@ -9,7 +9,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Decision, LargeNode, Reference};
-use splitplane_core::reference::kernels::split_large_while;
+use splitplane_core::reference::kernels::split_median_while;
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;
@@ -40,5 +40,5 @@ pub(crate) fn decide<A: Arithmetic>(
     tight: &Aabb,
     references: &[Reference],
 ) -> Decision {
-    split_large_while::<A>(config, node, tight, references, |work| !meter.record_work(work))
+    split_median_while::<A>(config, node, tight, references, |work| !meter.record_work(work))
 }
