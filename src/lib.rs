@@ -48,6 +48,7 @@
 //! another. Nothing of what is not asked for is compiled.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
 

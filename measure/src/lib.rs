@@ -2,6 +2,7 @@
 //! each setting costs on a scene and what it gets wrong. [`hierarchy`] is the structure that both compare with.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod hierarchy;
 pub mod paper;

@@ -8,6 +8,7 @@
 //! start. The renderers below it, in `cpu` and `wgpu`, are for programs that own their trees.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 #![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
 
 mod camera;

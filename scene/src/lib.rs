@@ -1,6 +1,7 @@
 //! Scenes: triangles with materials, a camera and lights, from files or made here.
 
 #![forbid(unsafe_code)]
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 #[cfg(feature = "animation")]
 pub mod animation;
