@@ -6,7 +6,7 @@
 //! floats, of about 46 bits. Distances always come in doubled floats. What even these leave open, within
 //! their bounds, is *in doubt*. A ray is *decided* when nothing in doubt lies at or before its hit.
 //! Decided rays have the triangle that [`crate::exact`] finds; the others are for those who can tell. The
-//! bounds are derived in ARCHITECTURE.md.
+//! bounds are derived in docs/design/exact.md.
 //!
 //! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
 

@@ -1,6 +1,6 @@
 // Twin of core/src/certify.rs but for the traversal: what is certain of a ray and a triangle, told in
 // f32 and doubled floats with bounds on every error. Needs watertight.wgsl for its shear and its
-// doubles. The bounds are derived in ARCHITECTURE.md.
+// doubles. The bounds are derived in docs/design/exact.md.
 
 // Error of a sheared coordinate, per unit of the corners' greatest distance on any axis.
 const BLUR: f32 = 0x1p-21f;
