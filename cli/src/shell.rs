@@ -31,7 +31,8 @@ pub(super) fn man_pages(arguments: &ManPages) -> Result<(), Failure> {
     let mut program = Cli::command();
     program.build();
     page(arguments, &program, "splitplane")?;
-    for verb in program.get_subcommands().filter(|verb| !verb.is_hide_set()) {
+    let shown = |verb: &&clap::Command| !verb.is_hide_set() && verb.get_name() != "help";
+    for verb in program.get_subcommands().filter(shown) {
         page(arguments, verb, &format!("splitplane-{}", verb.get_name()))?;
     }
     Ok(())
