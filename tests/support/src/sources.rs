@@ -11,11 +11,12 @@ pub fn workspace() -> PathBuf {
 /// The folders of the workspace's packages, relative to its root.
 ///
 /// # Panics
-/// If the root's manifest cannot be read, or lists no members on one line.
+/// If the root's manifest cannot be read, or lists no members.
 pub fn packages() -> Vec<String> {
     let manifest = fs::read_to_string(workspace().join("Cargo.toml")).expect("the root's manifest");
-    let line = manifest.lines().find(|line| line.starts_with("members = ")).expect("members");
-    let members = line.split('"').skip(1).step_by(2).map(str::to_owned);
+    let list = manifest.split("\nmembers = [").nth(1).expect("members");
+    let list = list.split(']').next().expect("their end");
+    let members = list.split('"').skip(1).step_by(2).map(str::to_owned);
     members.chain(["".to_owned()]).collect()
 }
 
