@@ -26,6 +26,7 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("backend-wgpu", "", &["backend", "builder", "device", "error", "options", "query"]),
     ("backend-wgpu", "device", &["adapters", "compiler", "gpu"]),
     ("backend-wgpu", "device", &["bindings", "pipelines"]),
+    ("backend-wgpu", "query", &["batch", "pipelines", "record", "staging", "tree"]),
     ("render", "", &["kernel", "layout"]),
     ("render", "", &["lighting", "surface"]),
     ("render", "", &["plan", "scene_data"]),
