@@ -28,6 +28,7 @@ pub use splitplane_render::{Dielectric, Light, Material, Texture};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
 use std::ffi::OsStr;
+#[cfg(feature = "obj")]
 use std::path::Path;
 use thiserror::Error;
 
@@ -157,6 +158,7 @@ impl Scene {
         if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
             return Ok(builtin::open(name)?);
         }
+        #[cfg(feature = "obj")]
         let path = Path::new(spec);
         #[cfg(feature = "obj")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
