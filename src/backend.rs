@@ -35,7 +35,7 @@ pub enum BackendKind {
     Wgpu,
 }
 
-/// Which device to open, and what is asked of it. The CPU needs none of this.
+/// Which device to open, and its limits. The CPU ignores all of this.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
     /// Part of a GPU adapter's name in any case, or its index in the list of adapters. When `None`,
@@ -50,8 +50,8 @@ pub struct OpenOptions {
     /// The preset of the builds to come. Where a GPU cannot build it, [`BackendKind::Auto`] takes the
     /// CPU; a GPU asked for by name is opened, and its builds end in an error.
     pub preset: Preset,
-    /// Frames of accuracy `exact` are to come, which a GPU does not make: [`BackendKind::Auto`] takes the
-    /// CPU. (Batches of rays of that accuracy are answered by both.)
+    /// Frames of accuracy `exact` will be rendered, which a GPU cannot do: [`BackendKind::Auto`]
+    /// takes the CPU. (Batches of rays of that accuracy are answered by both.)
     pub exact_frames: bool,
     /// How long to wait for a device before it counts as hanging. When `None`, a minute for hardware
     /// and half an hour for software.
@@ -68,8 +68,8 @@ pub struct OpenOptions {
     /// When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no limit. On
     /// Linux only: elsewhere there is none but that of time.
     pub driver_memory: Option<u64>,
-    /// Tries adapters whose drivers nobody knows in a process of their own before they are opened in this
-    /// one. Hardware of the large vendors and Mesa's llvmpipe are opened at once. When `None`, all are.
+    /// Tries adapters with unknown drivers in a child process before they are opened in this one.
+    /// Hardware of the large vendors and Mesa's llvmpipe are opened at once. When `None`, all are.
     #[cfg(feature = "wgpu")]
     pub probe: Option<Probe>,
 }
@@ -78,7 +78,7 @@ pub struct OpenOptions {
 pub struct Opened {
     /// The backend.
     pub backend: Box<dyn Backend>,
-    /// Why it is this one, in words fit for a report.
+    /// Why this backend was chosen, for reports.
     pub reason: String,
 }
 

@@ -36,7 +36,7 @@ use crate::trace::stream::Stream;
 const TASK: usize = 4096;
 /// Rays of one task of all hits, and points of one task, which take longer and give more.
 const FEW: usize = 64;
-/// Rays of a task under a watch that are traced before the next question to it, at first.
+/// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// What takes longer under a watch is followed by half as many rays, what takes half of it by twice as
 /// many.
@@ -197,7 +197,7 @@ impl CpuAccelerator {
                 Ok::<(), TryReserveError>(())
             },
         );
-        // A thread's stacks, of which no more is known.
+        // An estimate for the stacks of a thread.
         done.map_err(|_| refused((2 * layout.wide.stack() * size_of::<u32>()) as u64))?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())
@@ -227,7 +227,7 @@ impl CpuAccelerator {
             let mut collector = Collector::default();
             let (layout, bounds) = (&self.layout, &self.layout.tree.bounds);
             for ray in rays {
-                // What threads find is copied together in the end, so it counts twice.
+                // The threads' results are copied together at the end, so they count twice.
                 let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
                 let beside = part.bytes() + copy(part.crossings.len());
                 let mut ended = share.hold(beside + collector.bytes());
@@ -359,7 +359,7 @@ impl TaskBytes<'_> {
     }
 }
 
-/// What queries need to know of all triangles. Dropped ones have no say.
+/// What queries need to know of all triangles. Dropped triangles are ignored.
 fn scene_scale(
     bounds: Aabb,
     set: InstructionSet,

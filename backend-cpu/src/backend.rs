@@ -106,10 +106,10 @@ impl CpuBackend {
         })
     }
 
-    /// As [`CpuBackend::build_accelerator`], into the memory of an accelerator that is no longer
-    /// needed, whatever it was built over. Whoever rebuilds every frame saves the allocations. After
-    /// an error the accelerator is what it was. For that, under a watch the query layout is made in new
-    /// memory, which counts towards the limit together with the old one.
+    /// As [`CpuBackend::build_accelerator`], reusing the memory of an accelerator that is no longer
+    /// needed, over any mesh. This saves allocations when rebuilding each frame. After an error the
+    /// accelerator is unchanged. For that, under a watch the query layout is made in new memory,
+    /// which counts towards the limit together with the old one.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -132,9 +132,9 @@ impl CpuBackend {
         })
     }
 
-    /// Builds a tree and hands it over. Where memory kept from
-    /// earlier builds keeps this one from its limit, it is given back and all is done once more: what a
-    /// limit allows does not depend on what was built before.
+    /// Builds a tree and hands it over. If memory kept from earlier builds makes this build exceed
+    /// its limit, that memory is freed and the build is repeated: what a limit allows does not
+    /// depend on what was built before.
     fn with_built<T>(
         &self,
         mesh: &Mesh<'_>,
@@ -153,7 +153,8 @@ impl CpuBackend {
             *kept = Default::default();
             out = self.build_with(&mut kept, mesh, options, meter, &mut then);
         }
-        // What was not enough is not worth keeping: the next build would only have to give it back.
+        // Memory that was too small is not worth keeping: the next build would only have to give it
+        // back.
         if !matches!(out, Err(BuildError::OutOfMemory { .. }))
             && let Ok(mut scratch) = self.scratch.lock()
         {

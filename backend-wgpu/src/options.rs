@@ -22,9 +22,9 @@ pub struct OpenOptions {
     /// `None`, a minute, and half an hour for Mesa's llvmpipe. No time at all lets it compile nothing.
     ///
     /// A driver compiles inside the process, and nothing can end the thread in which it does: after
-    /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and memory
-    /// until it is done or the process ends. Who must be rid of it tries the adapter in a process of its own
-    /// first, and ends that. Adapters of the known vendors need none of this
+    /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and
+    /// memory until it is done or the process ends. To avoid that, try the adapter in a child
+    /// process first, which can be killed. Adapters of the known vendors need none of this
     /// ([`Adapter::is_trusted`](crate::device::adapters::Adapter::is_trusted)).
     pub driver_time: Option<Duration>,
     /// By how many bytes the memory that this process has for itself may grow while the driver does one

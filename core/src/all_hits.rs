@@ -153,7 +153,7 @@ impl AllHits {
     }
 }
 
-/// Rays between two looks at the watch.
+/// Rays between two calls of the watch.
 const BETWEEN: usize = 64;
 
 /// Refuses more bytes than allowed.
@@ -168,7 +168,7 @@ pub fn check_bytes(needed: u64, max_memory: Option<u64>) -> Result<(), QueryErro
     }
 }
 
-/// The error where the system has less memory than the answers need: so many bytes are held or were asked for.
+/// The error for memory that the system refused; `bytes` are held or were requested.
 pub fn refused(bytes: u64) -> QueryError {
     QueryError::OutOfMemory { needed: bytes, limit: bytes }
 }

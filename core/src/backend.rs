@@ -17,13 +17,13 @@ pub use error::{BuildError, DeviceError, QueryError};
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
 pub use report::{BackendInfo, BuildSummary, QueryReport};
 
-/// Builds trees and the structures that answer rays through them. Whoever embeds the core may bring
-/// a backend of their own.
+/// Builds trees and the structures that answer rays through them. An embedder may implement it for
+/// a backend of its own.
 pub trait Backend: Send + Sync {
-    /// What runs the work, in words and names fit for a report.
+    /// Describes the backend, for reports.
     fn describe(&self) -> BackendInfo;
 
-    /// Builds the tree and whatever a query needs besides.
+    /// Builds the tree and everything else that queries need.
     ///
     /// # Errors
     /// A configuration out of range, a limit that binds, or a watch that ends the build.

@@ -1,12 +1,12 @@
-//! What a device can be certain of: hits as real arithmetic has them, told in `f32` with bounds on every
-//! error, or not told at all.
+//! What a device can be certain of: exact hits, decided in `f32` with bounds on every error, or
+//! left undecided.
 //!
-//! A device has no `f64`. So a triangle is first sorted by the sheared edge functions of the watertight
-//! test and a bound on their error, which decides nearly all; the rest by triple products in doubled
-//! floats, of about 46 bits. Distances always come in doubled floats. What even these leave open, within
-//! their bounds, is *in doubt*. A ray is *decided* when nothing in doubt lies at or before its hit.
-//! Decided rays have the triangle that [`crate::exact`] finds; the others are for those who can tell. The
-//! bounds are derived in docs/design/exact.md.
+//! A device has no `f64`. So a triangle is first sorted by the sheared edge functions of the
+//! watertight test and a bound on their error, which decides nearly all; the rest by triple
+//! products in doubled floats, of about 46 bits. Distances always come in doubled floats. What even
+//! these leave open, within their bounds, is *in doubt*. A ray is *decided* when nothing in doubt
+//! lies at or before its hit. Decided rays have the triangle that [`crate::exact`] finds; the
+//! others are left to the CPU. The bounds are derived in docs/design/exact.md.
 //!
 //! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
 
@@ -47,7 +47,7 @@ const DISTANCE_NOISE: f32 = 7.703_72e-34; // 2^-110
 const FLOAT_NOISE: f32 = 2.384_185_8e-7; // 2^-22
 /// Components of a direction below this, but not zero, are not known to be without error.
 const DIRECTION_KNOWN: f32 = 7.888_609e-31; // 2^-100
-/// Distances from 2 to the power of this up are left in doubt, lest something overflow.
+/// Distances from 2 to the power of this up are left undecided, so that nothing overflows.
 const GREATEST_EXPONENT: i32 = 60;
 
 /// A number known within an error. An error of zero means that the number is zero, exactly.
@@ -276,10 +276,11 @@ fn decide<A: Arithmetic>(
     }
 }
 
-/// An edge function and its error: as sheared where that is decided, else by the triple product of the
-/// direction and the two corners, of which the edge itself takes the place of one: that is shorter by
-/// far than the way to it, and so is the error. The other should be the one that the ray passes nearer, so that
-/// zeros stay zeros. In the units of the sheared ones, in which its last digits do not count.
+/// An edge function and its error: as sheared where that is decided, else by the triple product of
+/// the direction and the two corners, with the edge itself in place of one of them: it is far
+/// shorter than the distance to it, and so is the error. The other should be the one that the ray
+/// passes nearer, so that zeros stay zeros. In the units of the sheared ones, in which its last
+/// digits do not count.
 fn decide_edge<A: Arithmetic>(
     ray: &PreparedRay,
     sheared: f32,
@@ -391,7 +392,7 @@ struct Search {
 impl Search {
     const START: Search = Search { best: None, doubt: f32::INFINITY, stop: f32::INFINITY };
 
-    /// Takes note of what is certain of a triangle.
+    /// Records what is certain about a triangle.
     fn note<A: Arithmetic>(
         &mut self,
         verdict: Verdict,
@@ -436,8 +437,8 @@ impl Search {
     }
 }
 
-/// One ray as a device that is certain traces it: the exact hit but for the last bits of `t` and the
-/// weights, a miss, or [`UNDECIDED_HIT`].
+/// Traces one ray as a device does under accuracy `exact`: the exact hit but for the last bits of
+/// `t` and the weights, a miss, or [`UNDECIDED_HIT`].
 ///
 /// `tree` must be valid (see [`crate::validate`]).
 pub fn trace<A: Arithmetic>(

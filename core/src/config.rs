@@ -64,8 +64,8 @@ pub enum Planes {
     Binned,
 }
 
-/// Everything besides the mesh that shapes a tree. Equal mesh and equal configuration give equal
-/// bytes on every backend and thread count.
+/// All settings that shape a tree. Equal mesh and equal configuration give equal bytes on every
+/// backend and thread count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildConfig {
     /// How large nodes are split.

@@ -1,8 +1,9 @@
 //! Inside or outside: how often a closed surface winds around a point.
 //!
-//! A ray from the point counts the surfaces it leaves and enters, each once even where it runs through
-//! edges and vertices ([`crate::all_hits`]). All is decided exactly, so the answer does not depend on the
-//! ray's direction, nor on how near a surface the point lies; a point exactly on a surface is told apart.
+//! A ray from the point counts the surfaces it leaves and enters, each once even where it runs
+//! through edges and vertices ([`crate::all_hits`]). All is decided exactly, so the answer does not
+//! depend on the ray's direction, nor on how near a surface the point lies; a point exactly on a
+//! surface is reported as such.
 //!
 //! That holds for surfaces that are *closed*: every edge is passed as often in one direction as in the
 //! other by the triangles around it. They may cross, touch, lie in one another and repeat. Triangles that
@@ -43,8 +44,8 @@ pub enum Rule {
     /// A winding number other than 0: what lies within any of several surfaces.
     #[default]
     NonZero,
-    /// An odd winding number: an odd number of surfaces around the point. Does not ask which way the
-    /// triangles are turned.
+    /// An odd winding number: an odd number of surfaces around the point. Ignores the orientation
+    /// of the triangles.
     EvenOdd,
 }
 
@@ -98,10 +99,10 @@ pub struct Locator {
 }
 
 impl Locator {
-    /// The winding number of a point, `None` where it is on a triangle. `visit` hands all triangles that a
-    /// ray may meet to a test, as often as it likes. Every few hundred triangles, and before it takes
-    /// more memory, asks `go_on` whether to go on holding so many bytes; after a no, what it gives is of no
-    /// use.
+    /// The winding number of a point, `None` where it is on a triangle. `visit` hands all triangles
+    /// that a ray may meet to a test, as often as it likes. Every few hundred triangles, and before
+    /// it takes more memory, asks `go_on` whether to go on holding so many bytes; after it returns
+    /// false, the result is invalid.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for the crossings; the bytes are those held
@@ -233,10 +234,10 @@ pub fn one_by_one(
     Ok(located)
 }
 
-/// Where points lie, by an accelerator's hits alone: rays in this direction (finite, not zero), which makes no
-/// difference where the surface is closed. A point with a coordinate that is not finite is outside. Takes
-/// one point after the other, so holds the crossings of one ray at a time. `watch` is told how many points are
-/// done.
+/// Locates points using only an accelerator's hits: rays in this direction (finite, not zero),
+/// which makes no difference where the surface is closed. A point with a coordinate that is not
+/// finite is outside. Takes one point after the other, so holds the crossings of one ray at a time.
+/// `watch` is told how many points are done.
 ///
 /// # Errors
 /// As for [`Accelerator::all_hits`].
@@ -288,7 +289,7 @@ pub fn locate_along(
     Ok(located)
 }
 
-/// The watch over a batch of points, told of the rays of one.
+/// Turns progress in rays of one point into progress in points.
 struct OfPoint<'a> {
     watch: &'a dyn Watch,
     done: u64,

@@ -1,4 +1,4 @@
-//! Kernel sets: what a schedule and whoever runs it agree on.
+//! Kernel sets: what a schedule and its executors agree on.
 //!
 //! A set is declared once, by [`kernel_set!`](crate::kernel_set): its kernels with their grids and
 //! what they read and write, its buffers and its uniforms. Everything else follows from that table:
@@ -149,8 +149,8 @@ pub struct KernelRow<K: KernelSet> {
     pub name: &'static str,
     /// What its workgroups stand for.
     pub grid: Grid<K::Counter>,
-    /// What it reads and writes besides [`KernelSet::EVERY_KERNEL`], in the order of bindings. It
-    /// names what every kernel binds only to say that it writes that.
+    /// What it reads and writes in addition to [`KernelSet::EVERY_KERNEL`], in the order of
+    /// bindings. It names what every kernel binds only to say that it writes that.
     pub slots: &'static [Slot<K>],
 }
 

@@ -256,9 +256,9 @@ pub struct Counters {
     pub words: [u32; 16],
 }
 
-/// What a device's kernels know besides their buffers: one uniform. The configuration, limits that
-/// follow from it, and the room in each list that grows; a list that would outgrow its room sets its
-/// bit in [`crate::kernel::Counter::Overflow`].
+/// The uniform that a device's kernels read. The configuration, limits that follow from it, and the
+/// room in each list that grows; a list that would outgrow its room sets its bit in
+/// [`crate::kernel::Counter::Overflow`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Parameters {

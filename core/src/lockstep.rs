@@ -9,7 +9,7 @@ use core::fmt;
 use crate::kernel::KernelSet;
 use crate::schedule::Executor;
 
-/// An executor whose buffers can be looked at between dispatches.
+/// An executor whose buffers can be read between dispatches.
 pub trait Inspect<K: KernelSet>: Executor<K> {
     /// The live bytes of a buffer. Lists that have changed places count as what they now are.
     ///
@@ -63,7 +63,7 @@ impl fmt::Display for Difference {
 /// Why two executors did not finish in step.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum LockstepError<A, B> {
-    /// The first failed.
+    /// The first executor failed.
     First(A),
     /// The second failed.
     Second(B),
@@ -132,7 +132,7 @@ where
     }
 
     fn pending(&mut self, counter: K::Counter, rounds: u32) -> Result<bool, Self::Error> {
-        // Counters were compared; the second is asked so that it knows what goes on.
+        // Counters were compared; the second is called too, so that both stay in step.
         self.second.pending(counter, rounds).map_err(LockstepError::Second)?;
         self.first.pending(counter, rounds).map_err(LockstepError::First)
     }

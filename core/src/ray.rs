@@ -63,7 +63,7 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// The record of a ray that meets nothing.
+    /// The record of a miss.
     pub const MISS: Hit = Hit { t: f32::INFINITY, triangle: u32::MAX, u: 0.0, v: 0.0 };
 
     /// The `triangle` of a ray of accuracy `exact` that a device left undecided; see
@@ -137,18 +137,18 @@ impl Accuracy {
     }
 }
 
-/// What becomes of rays of accuracy [`Accuracy::Exact`] that a device cannot decide within its bounds
-/// of error. Either way their number is in the [`QueryReport`](crate::backend::QueryReport).
+/// What to do with rays of accuracy [`Accuracy::Exact`] that a device cannot decide within its
+/// bounds of error. Either way their number is in the [`QueryReport`](crate::backend::QueryReport).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Undecided {
-    /// They are traced again on the CPU, exactly.
+    /// Trace them again on the CPU.
     #[default]
     Redo,
-    /// They are left without an answer and named in the report.
+    /// Leave them without an answer and list them in the report.
     Flag,
 }
 
-/// What a query asks for besides the rays.
+/// Query settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct QueryOptions<'a> {
     /// Which triangle test.

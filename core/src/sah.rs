@@ -218,7 +218,7 @@ mod tests {
     use super::*;
     use crate::node::Axis;
 
-    /// Near the power it stands for, never falling, and concave but for the rounding.
+    /// Close to the power that it approximates, non-decreasing, and concave except for rounding.
     #[test]
     fn expected_costs_follow_the_power() {
         let power = |blocks: u32| 16.0 * libm_sqrt(libm_sqrt((f64::from(blocks) / 4.0).powi(3)));

@@ -97,7 +97,7 @@ pub fn spatial_median<A: Arithmetic>(cell: &Aabb) -> Option<SplitPlane> {
 
 /// How many references [`sampled_sweep`] takes its planes from.
 pub const SWEEP_SAMPLES: usize = 64;
-/// References between two questions whether to go on.
+/// References between two checks for cancellation.
 const SWEEP_PART: usize = 1 << 15;
 
 /// The best plane by SAH among the faces of up to [`SWEEP_SAMPLES`] references, evenly spread over
@@ -107,8 +107,8 @@ pub fn sampled_sweep<A: Arithmetic>(cell: &Aabb, references: &[Reference]) -> Op
     sampled_sweep_while::<A>(cell, references, |_| true)
 }
 
-/// As [`sampled_sweep`]; `go_on` is told now and then what the last part of the work was like: the reading and
-/// writing of so many references. Once it says no, the answer is of no use.
+/// As [`sampled_sweep`]; `go_on` is called at intervals with the amount of work since the last
+/// call, in references read and written. Once it returns false, the result is invalid.
 pub fn sampled_sweep_while<A: Arithmetic>(
     cell: &Aabb,
     references: &[Reference],
@@ -154,8 +154,8 @@ pub fn sampled_sweep_while<A: Arithmetic>(
     found
 }
 
-/// The order among split candidates of equal standing: least cost, then lowest axis, then lowest
-/// position. Candidates equal in all three are the same plane.
+/// The order of split candidates: least cost, then lowest axis, then lowest position. Candidates
+/// equal in all three are the same plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Rank {
     /// Integer SAH cost.

@@ -34,7 +34,7 @@ impl Triangles for crate::mesh::Mesh<'_> {
     }
 }
 
-/// What a query asks.
+/// The kind of query.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Query {
     /// The hit of least `(t, triangle)`.
@@ -67,7 +67,7 @@ pub fn any_hit(
     trace::<Strict>(tree, triangles, scene, ray, options, Query::Any).is_hit()
 }
 
-/// Is told what a traversal does.
+/// Observes a traversal.
 pub trait Observer {
     /// A node was visited, interior or leaf.
     fn node(&mut self);
@@ -81,7 +81,7 @@ pub trait Observer {
     }
 }
 
-/// Takes no notice.
+/// Observes nothing.
 impl Observer for () {
     #[inline(always)]
     fn node(&mut self) {}

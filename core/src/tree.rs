@@ -12,8 +12,8 @@ use alloc::vec::Vec;
 /// A borrowed kd-tree: what every query, check and report takes.
 ///
 /// `nodes[0]` is the root; a tree is never without one. The left child of node `i` is `i + 1`, the
-/// whole left subtree stands before the right one. Leaves name ranges of `references`, which hold
-/// triangle indices in the order the leaves stand.
+/// whole left subtree is stored before the right one. Leaves name ranges of `references`, which
+/// hold triangle indices in the order the leaves stand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KdTreeView<'a> {
     /// The nodes in preorder.

@@ -2,12 +2,12 @@
 //!
 //! # No triangle is lost
 //!
-//! A ray that meets a triangle in a point visits every leaf whose closed cell has that point. So rays
-//! find all of a triangle if and only if the closed cells of the leaves that name it cover it.
-//! [`validate_mesh`] decides that exactly, by going down the tree with each triangle. On the axes where
-//! all its corners have one coordinate the triangle is *flat*; its *part inside* a cell is what lies
-//! strictly between the cell's sides on the other axes, and between them or in one of them on the flat
-//! ones. Whoever goes down takes these steps:
+//! A ray that meets a triangle in a point visits every leaf whose closed cell has that point. So
+//! rays find all of a triangle if and only if the closed cells of the leaves that name it cover it.
+//! [`validate_mesh`] decides that exactly, by going down the tree with each triangle. On the axes
+//! where all its corners have one coordinate the triangle is *flat*; its *part inside* a cell is
+//! what lies strictly between the cell's sides on the other axes, and between them or in one of
+//! them on the flat ones. The descent takes these steps:
 //!
 //! - The root's cell has all of the triangle, so there is a part inside it.
 //! - At a plane across a flat axis it goes to the side that it is on. If it lies in the plane, one of
@@ -52,7 +52,7 @@ pub enum Violation {
     /// A tree has at least one node.
     #[error("the tree has no node")]
     NoNodes,
-    /// In preorder, the right child stands directly behind the left subtree.
+    /// In preorder, the right child directly follows the left subtree.
     #[error(
         "node {node} names {right} as its right child, but its left subtree ends before {expected}"
     )]
@@ -64,7 +64,7 @@ pub enum Violation {
         /// What it should name.
         expected: usize,
     },
-    /// Nodes behind the root's subtree.
+    /// Nodes after the root's subtree.
     #[error("{nodes} nodes are stored, but only the first {reached} belong to the tree")]
     Unreachable {
         /// Nodes stored.

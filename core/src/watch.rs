@@ -1,4 +1,4 @@
-//! Watching work that takes long, and ending it.
+//! Progress and cancellation of long work.
 
 use core::fmt;
 use core::ops::ControlFlow;
@@ -18,12 +18,12 @@ pub enum Stage {
     /// Nodes and references take their places; `done` counts the subtrees of the stage before, or nodes of the
     /// offline builder.
     Output,
-    /// The offline builder, in place of the two stages. Every node has a share of the references that the
-    /// configuration allows, its children share it; `done` counts the shares of finished leaves.
+    /// The offline builder, which replaces the two stages. Each node gets a share of the allowed
+    /// references and divides it among its children; `done` counts the shares of finished leaves.
     Offline,
-    /// What queries read is made from the tree; `done` counts nodes and references.
+    /// The query layout is made from the tree; `done` counts nodes and references.
     Layout,
-    /// A device works on what it was handed.
+    /// A device executes submitted work.
     Device,
     /// Rays are traced; `done` counts rays.
     Rays,
@@ -56,14 +56,15 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// Is told how far work has come, and may end it.
+/// Observes the progress of a build or batch and may cancel it.
 ///
-/// Called from any of the threads that work, often (about every millisecond of work
-/// of a thread; on devices between submissions and while waiting for one): an answer should take little
-/// time. Backends of this project call it from one thread at a time for each build or batch: stages come in
-/// their order, and within one `done` never falls. After the first [`ControlFlow::Break`] the work ends with
-/// an error that says where; what was built or answered until then is dropped, and everything stays fit for
-/// use. So it does when the watch panics; the panic goes to the caller of the build or batch.
+/// Called from any of the threads that work, often (about every millisecond of work of a thread; on
+/// devices between submissions and while waiting for one): an answer should take little time.
+/// Backends of this project call it from one thread at a time for each build or batch: stages come
+/// in their order, and within one `done` never falls. After the first [`ControlFlow::Break`] the
+/// work ends with an error that says how far it got. Partial results are dropped, and all objects
+/// stay usable. The same holds when the watch panics; the panic is passed on to the caller of the
+/// build or batch.
 pub trait Watch: Sync {
     /// Work has come this far; `Break` ends it.
     fn progress(&self, progress: &Progress) -> ControlFlow<()>;

@@ -1,11 +1,11 @@
-//! Why there is no frame.
+//! Errors of frames.
 
 use crate::plan::PlanError;
 use crate::scene_data::AppearanceError;
 use splitplane_core::backend::QueryError;
 use thiserror::Error;
 
-/// Why there is no frame.
+/// Errors of frames.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum RenderError {

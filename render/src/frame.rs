@@ -25,7 +25,7 @@ pub struct FrameInput<'a> {
     pub settings: &'a RenderSettings,
     /// What is wanted.
     pub outputs: Outputs,
-    /// How rays are traced. What it ignores, the picture lacks.
+    /// How rays are traced. Triangles ignored here are missing from the picture.
     pub query: QueryOptions<'a>,
 }
 

@@ -95,7 +95,7 @@ kernel_set! {
         ShadowRays "shadow_rays", Invocations(Paths, CHUNK) =>
             reads Paths, reads Triangles, reads Scene, reads Surfaces, reads Spawned,
             writes ShadowRays, writes ShadowLight;
-        /// Puts out the light of shadow rays that hit something.
+        /// Removes the light of shadow rays that hit something.
         ShadowHits "shadow_hits", Invocations(ShadowRays, CHUNK) =>
             reads ShadowRays, scatters ShadowLight,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
@@ -166,7 +166,7 @@ pub enum Counter {
     NextPaths,
     /// Shadow rays of this wave.
     ShadowRays,
-    /// Bits that say which room did not suffice: see [`Overflow`]. The frame is void.
+    /// Bits that say which queue overflowed: see [`Overflow`]. The frame is then invalid.
     Overflow,
     /// Camera, reflected and refracted rays of the frame, low word.
     TotalPathsLow,

@@ -58,7 +58,7 @@ pub enum PlanError {
     /// A setting is out of its range.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// More lights than a surface can ask.
+    /// More lights than a surface can sample.
     #[error(
         "every surface would cast {rays} shadow rays, and at most {MAX_SHADOW_RAYS} are possible; use \
          fewer lights or fewer samples of shining surfaces"
@@ -328,7 +328,7 @@ impl Plan {
             area_samples: self.area_samples(),
             nadir: settings.environment.nadir,
             seed: settings.seed,
-            // A path of weight 0 is worth nothing.
+            // A path of weight 0 contributes nothing.
             minimum_weight: settings.minimum_weight.max(f32::MIN_POSITIVE),
             ambient: settings.ambient,
             headlight: settings.headlight,
@@ -349,7 +349,7 @@ impl Plan {
         frame
     }
 
-    /// The plan for people: what runs, what is left out and why, and the bytes of every buffer.
+    /// The plan as text: what runs, what is left out and why, and the bytes of every buffer.
     pub fn explain(&self) -> String {
         let mut text = String::new();
         // Writing to a string cannot fail.

@@ -11,7 +11,7 @@ pub const MAX_PIXELS: u64 = 1 << 26;
 pub const MAX_SAMPLES: u32 = 64;
 /// Greatest number of reflections and refractions along a path.
 pub const MAX_DEPTH: u32 = 16;
-/// Most lights that a surface asks: those without a size, and samples of surfaces that shine.
+/// Most lights that a surface samples: those without a size, and samples of surfaces that shine.
 pub const MAX_SHADOW_RAYS: u32 = 32;
 
 /// Width and height of a picture in pixels.
@@ -81,8 +81,8 @@ pub struct RenderSettings {
     pub area_samples: u32,
     /// What the samples of shining surfaces start from. Equal seeds give equal pictures.
     pub seed: u32,
-    /// Part of the environment's light that surfaces receive, 0 to 1: nothing occludes it, so part of
-    /// it stands in for what the surroundings keep off.
+    /// Part of the environment's light that surfaces receive, 0 to 1: nothing occludes it, so part
+    /// of it accounts for light that the surroundings block.
     pub ambient: f32,
     /// A light at the eye without shadows or falloff: what a white surface that faces the eye sends
     /// back of it, 0 or more.

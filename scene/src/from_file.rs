@@ -170,7 +170,7 @@ pub fn quoted_word(word: &str) -> String {
     quote(word, 24, 0)
 }
 
-/// What a library says of a file, of which it may quote any part. Where stands at the end.
+/// What a library says of a file, of which it may quote any part. The position comes last.
 pub fn quoted_reason(reason: &str) -> String {
     quote(reason.trim(), 240, 80)
 }

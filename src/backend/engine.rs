@@ -1,4 +1,4 @@
-//! Backends by their own types, for whoever needs more of them than the trait.
+//! Backends by their concrete types, for callers that need more than the trait.
 
 use splitplane_core::backend::Backend;
 
@@ -53,6 +53,6 @@ impl From<Engine> for splitplane_render::tracer::RenderBackend {
 pub struct OpenedEngine {
     /// The backend.
     pub engine: Engine,
-    /// Why it is this one, in words fit for a report.
+    /// Why this backend was chosen, for reports.
     pub reason: String,
 }

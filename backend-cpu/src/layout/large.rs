@@ -25,7 +25,7 @@ const FEW: usize = 16;
 const TIMES_FEW: f32 = 1.0 / (64.0 * SIZE_SLACK);
 /// The same for an eighth of the length, for up to [`MOST`] triangles.
 const TIMES_MANY: f32 = 1.0 / (8.0 * SIZE_SLACK);
-/// Leaves that are looked at to learn how long leaves are.
+/// Number of leaves sampled to estimate the usual extent.
 const SAMPLES: usize = 63;
 
 /// The triangles of a tree that are much larger than its leaves.

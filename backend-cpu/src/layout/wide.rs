@@ -1,11 +1,11 @@
 //! Wide nodes: the tree with several levels in one node, made when queries get it.
 //!
-//! A wide node has up to 8 or 16 children, as many as a vector has lanes. Each stands for a subtree of
-//! the kd-tree, a leaf's block of triangles, or a run of them, and has a box: the part of its cell that
-//! its triangles reach into. A ray tests all boxes at once. The cells are apart, and the planes between
-//! them say which come first for rays of an octant: so the order of the children is known for every
-//! octant when the node is made, and nothing is sorted while a ray is under way. Empty leaves and the
-//! planes beside them vanish in the boxes.
+//! A wide node has up to 8 or 16 children, as many as a vector has lanes. Each represents a subtree
+//! of the kd-tree, a leaf's block of triangles, or a run of them, and has a box: the part of its
+//! cell that its triangles reach into. A ray tests all boxes at once. The cells are apart, and the
+//! planes between them say which come first for rays of an octant: so the order of the children is
+//! known for every octant when the node is made, and nothing is sorted while a ray is under way.
+//! Empty leaves and the planes beside them vanish in the boxes.
 //!
 //! Which levels go together has been planned ([`super::plan`]), and how many nodes a subtree becomes: so all
 //! are written where they stay, by many tasks. A node's subtrees follow it one after the other.
@@ -38,7 +38,7 @@ const DIVIDED: usize = 8;
 pub(crate) struct WideNodes {
     lanes: usize,
     lines: Vec<CacheLine>,
-    /// Most nodes on a way down.
+    /// Most nodes on a path from the root.
     depth: usize,
 }
 
@@ -61,7 +61,7 @@ struct Writer<'a> {
     /// What stands in places without a child. No ray goes there, and one that did would find a leaf without triangles.
     nothing: u32,
     meter: &'a ProgressMeter<'a>,
-    /// Progress that a node is.
+    /// Progress that a node counts for.
     share: u64,
 }
 

@@ -1,4 +1,4 @@
-//! Making 32 rays ready at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
+//! Prepares 32 rays at once: [`PreparedRay::new`] and [`PreparedRay::enter`], lane by lane.
 //!
 //! Loops without branches over arrays of 32, which compilers turn into vector instructions. The rare
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
@@ -44,7 +44,7 @@ pub(crate) struct PreparedRays {
     pub exit_reciprocal: [PerRay<f32>; 3],
     index: PerRay<u32>,
     offset: PerRay<f32>,
-    // What else there is.
+    // Further fields.
     pub origin: [PerRay<f32>; 3],
     /// 1 for a ray that may hit something.
     pub alive: PerRay<u32>,

@@ -171,7 +171,7 @@ pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
 /// which the ray is within the bounds: distances below 0 are not made greater by a factor.
 const BEHIND_SLACK: f32 = 8.0 * PLANE_SLACK;
 
-/// What planes are widened by besides, for a ray that is within the bounds from here to there.
+/// The additional slack of planes for a ray that is within the bounds in an interval.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn behind(enter: f32, exit: f32) -> f32 {
     let (from, to) = (enter.abs(), exit.abs());

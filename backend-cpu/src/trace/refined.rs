@@ -311,7 +311,7 @@ mod tests {
                 for (i, (origin, direction, triangle)) in cases.iter().enumerate().take(S::N) {
                     let expected = refined::<Strict>(origin, direction, triangle, 1.0);
                     let expected = [expected.t, expected.u, expected.v];
-                    // Where there is no area nobody asks.
+                    // Not reached for triangles without area.
                     if !expected.iter().all(|x| x.is_finite()) {
                         self.left_out += 1;
                         continue;

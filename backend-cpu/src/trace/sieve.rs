@@ -42,7 +42,7 @@ use crate::simd::Simd;
 
 /// The error of an edge function, in R P.
 pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
-/// What stands beside P in it, in R.
+/// The factor of R in that bound.
 pub(crate) const CORNER_ERROR: f32 = 2.0 * ROUNDING;
 /// Part of the greatest depth by which a distance may be off.
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * ROUNDING;

@@ -57,7 +57,7 @@ pub(crate) fn octants_of<S: Simd>() -> &'static [Octant; 16] {
     if S::N == 16 { &OCTANTS_OF_16 } else { &OCTANTS_OF_8 }
 }
 
-/// What a ray comes back to: children and where it enters them.
+/// A ray's stack: children to visit, and where the ray enters them.
 ///
 /// Pointers without bounds: every step reads and writes here.
 pub(crate) struct TraversalStack {
@@ -66,7 +66,7 @@ pub(crate) struct TraversalStack {
 }
 
 impl TraversalStack {
-    /// Puts what ends it at the bottom.
+    /// Writes the sentinel at the bottom.
     ///
     /// # Safety
     /// There must be room for an entry.
@@ -76,7 +76,7 @@ impl TraversalStack {
         unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
     }
 
-    /// Lets go what lies beyond `stop`; the new last entry.
+    /// Drops entries beyond `stop`. Returns the new last entry.
     ///
     /// # Safety
     /// The processor must have the set; the stack must have room for 16 entries more.
@@ -135,7 +135,7 @@ pub(crate) unsafe fn step<S: Simd>(
     }
 }
 
-/// Asks for the memory of a child.
+/// Prefetches a child.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const CacheLine, leaves: L, child: u32) {
     let node = lines.wrapping_add((child as usize).wrapping_mul(lines_of_node(S::N))) as usize;

@@ -92,7 +92,7 @@ impl Compiled for Stream<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn run<S: Simd>(self) -> Result<(), TryReserveError> {
         let Stream { batch, mut answers } = self;
-        // Taken out, and none where the thread is about to end.
+        // Taken out; `None` while the thread is being destroyed.
         let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
         let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
         flight.make_room(batch.layout.wide.stack())?;

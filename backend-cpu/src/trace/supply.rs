@@ -38,7 +38,7 @@ impl Supply<'_> {
             let start = self.next;
             let chunk = &rays[start..(start + CHUNK).min(rays.len())];
             for line in 0..size_of::<[Ray; CHUNK]>() / 64 {
-                // What comes after the next rays: batches are long, and read only once.
+                // Prefetch the rays after the next ones: batches are long, and read only once.
                 let rays = rays.as_ptr().wrapping_add(start + 2 * CHUNK);
                 prefetch(rays.cast::<u8>().wrapping_add(64 * line));
             }

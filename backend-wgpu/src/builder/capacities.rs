@@ -33,9 +33,9 @@ fn share(count: u32, numerator: u64, denominator: u64, slack: u64) -> u32 {
 }
 
 impl Capacities {
-    /// What nearly all scenes need. The greatest per triangle seen over scanned, built and random
-    /// scenes: 1.23 active references, 2.5 references of small roots, 1 small root for 17
-    /// triangles, 1 top node for 6, 0.7 nodes, 3.1 references of the tree.
+    /// Capacities that suffice for nearly all scenes. The greatest per triangle seen over scanned,
+    /// built and random scenes: 1.23 active references, 2.5 references of small roots, 1 small root
+    /// for 17 triangles, 1 top node for 6, 0.7 nodes, 3.1 references of the tree.
     pub fn estimate(triangles: u32, config: &BuildConfig) -> Capacities {
         Capacities {
             triangles,

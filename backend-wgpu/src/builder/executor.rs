@@ -85,10 +85,10 @@ impl<'a> Build<'a> {
     }
 }
 
-/// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU, few
-/// enough to cost little where the list is short. Software does one after the other: few for short
-/// lists. For long ones no fewer than one for 16 things, since Mesa's llvmpipe ends an invocation,
-/// in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
+/// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU,
+/// few enough to cost little where the list is short. Software does one after the other: few for
+/// short lists. For long ones no fewer than one per 16 items, since Mesa's llvmpipe ends an
+/// invocation, in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
 fn most_groups(software: bool, things: u32) -> u32 {
     if software { (things / 16).clamp(64, 65_535) } else { 2048 }
 }

@@ -166,7 +166,7 @@ impl PendingBuild {
         self.capacities = self.capacities.within(&limits, needed, &self.options.config)?;
         if let Some(limit) = self.options.max_memory {
             if self.needed_bytes() > limit {
-                // Nothing is lost but time: what is not kept is built twice.
+                // This only costs time: subtrees that are not kept are built twice.
                 self.capacities.subtrees = 0;
             }
             let needed = self.needed_bytes();

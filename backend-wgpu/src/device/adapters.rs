@@ -111,8 +111,8 @@ impl Adapters {
         }
     }
 
-    /// The adapters that may be taken, best first; never an empty list. What cannot be used
-    /// comes last.
+    /// The adapters that may be taken, best first; never an empty list. Unusable adapters come
+    /// last.
     ///
     /// # Errors
     /// No adapter, or none of this name.
@@ -126,7 +126,7 @@ impl Adapters {
         Ok(best_first(found.into_iter().map(|index| &self.list[index]).collect()))
     }
 
-    /// All adapters, best first, whatever `WGPU_ADAPTER_NAME` says. What cannot be used comes last.
+    /// All adapters, best first, whatever `WGPU_ADAPTER_NAME` says. Unusable adapters come last.
     pub fn all_ranked(&self) -> Vec<&Adapter> {
         best_first(self.list.iter().collect())
     }
@@ -197,8 +197,8 @@ impl Adapter {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
 
-    /// True for hardware of vendors whose drivers compile shaders of this size every day, and for Mesa's
-    /// llvmpipe. Whoever opens another adapter does well to try it in a process of its own first: see
+    /// True for hardware of vendors whose drivers compile shaders of this size every day, and for
+    /// Mesa's llvmpipe. Try other adapters in a child process first: see
     /// [`OpenOptions::driver_time`].
     pub fn is_trusted(&self) -> bool {
         is_trusted(&self.info)

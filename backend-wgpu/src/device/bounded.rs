@@ -9,7 +9,7 @@ use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Between two looks at memory and time, while nothing comes.
+/// Polling interval for memory and time.
 const LOOK: Duration = Duration::from_millis(20);
 
 /// Compilers recurse. On a main thread they have this much.
@@ -47,7 +47,7 @@ impl fmt::Display for DriverLimit {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Unfinished {
     Exceeded(DriverLimit),
-    /// There is no thread for it.
+    /// No thread could be started.
     NotStarted(String),
 }
 

@@ -25,7 +25,7 @@ pub struct Gpu {
     limits: wgpu::Limits,
     health: Arc<Health>,
     timeout: Duration,
-    /// What the driver may take for pipelines, and which it has taken too much for; shared by clones.
+    /// The driver's limits for pipelines, and the pipelines that exceeded them; shared by clones.
     compiler: Arc<Compiler>,
     /// The last submission that is complete; shared by clones. While it is held nobody else submits.
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
@@ -40,7 +40,7 @@ impl Gpu {
         Adapters::find().select(options.adapter.as_deref())?.open(options)
     }
 
-    /// The same among the adapters of an instance that a host has.
+    /// Like [`Gpu::open`], with an instance of the host.
     ///
     /// # Errors
     /// As for [`Gpu::open`].

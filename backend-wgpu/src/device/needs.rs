@@ -65,7 +65,7 @@ mod tests {
         let all = wgpu::DownlevelCapabilities::default();
         assert_eq!(unmet(&defaults, &all), None);
         let mut seen = Vec::new();
-        // WebGL has no compute shaders; what it does have is taken away here.
+        // WebGL has no compute shaders; its features are removed here.
         let nothing = wgpu::Limits {
             max_bind_groups: 0,
             max_bindings_per_bind_group: 0,

@@ -1,5 +1,5 @@
-//! What a device is asked when it is opened: the guarded operations, one small tree, a few rays, all
-//! compared with the bits of the CPU.
+//! The self-test of a device when it is opened: the guarded operations, one small tree, a few rays,
+//! all compared with the bits of the CPU.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
@@ -238,7 +238,7 @@ fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
 /// Scale of the second scene.
 const TINY: f32 = 1.0 / (1u64 << 50) as f32;
 
-/// The first ray that a device answers otherwise than the CPU, on the same tree.
+/// The first ray whose answer differs from the CPU's, on the same tree.
 fn check_rays(
     backend: &WgpuBackend,
     device: &DeviceTree,

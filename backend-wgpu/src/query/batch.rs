@@ -35,7 +35,7 @@ const TOO_LONG: Duration = Duration::from_millis(250);
 /// A slice that takes less is followed by one of four times the rays.
 const SHORT: Duration = Duration::from_millis(30);
 
-/// Rays of a batch that have no answer, by their places in it, in ascending order.
+/// Indices of the rays of a batch that have no answer, in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Marked {
     /// Those that the driver did not let finish.
@@ -76,9 +76,9 @@ impl Queries {
     /// is traced, the next is uploaded.
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are left
-    /// undecided, or a device that fails; then some of `hits` may hold
-    /// answers and others what they held before: none is to be used.
+    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are
+    /// left undecided, or a device that fails; then some of `hits` may hold answers and others
+    /// their old contents; treat all of them as undefined.
     pub fn closest_hits(
         &self,
         tree: &DeviceTree,
@@ -200,7 +200,7 @@ impl Queries {
         (bytes / RAY_BYTES).clamp(1, u64::from(MOST_RAYS)) as u32
     }
 
-    /// Traces slices two deep: while the device works on one, the next is handed to the queue.
+    /// Traces slices two deep: while the device works on one, the next one is submitted.
     fn trace_slices(
         &self,
         tree: &DeviceTree,
@@ -290,8 +290,8 @@ impl Queries {
         })
     }
 
-    /// Asks a watch until a slice is done, or its time is up. When the watch ends the batch, the slice goes with
-    /// its buffers once the device has let go of them.
+    /// Asks a watch until a slice is done, or its time is up. When the watch ends the batch, the
+    /// slice's buffers are freed once the device has finished with them.
     fn watch_slice(
         &self,
         slice: &Pending,

@@ -20,8 +20,8 @@ use super::record::UNFINISHED;
 /// Rays of a task.
 const TASK: usize = 1 << 12;
 
-/// Asks a watch on behalf of the device and of the host's threads, one at a time; what is told to be done are
-/// rays that both are done with.
+/// Asks a watch on behalf of the device and of the host's threads, one at a time; `done` counts the
+/// rays that both have finished.
 pub(super) struct Asking<'w> {
     watch: Option<&'w dyn Watch>,
     turn: Mutex<()>,
@@ -85,7 +85,7 @@ impl Watch for Asking<'_> {
     }
 }
 
-/// What is in host memory of a scene.
+/// The part of a scene that is in host memory.
 #[derive(Clone, Copy)]
 pub(super) struct HostScene<'a> {
     pub(super) tree: KdTreeView<'a>,
@@ -161,8 +161,8 @@ impl HostScene<'_> {
         Ok(())
     }
 
-    /// Where a ray meets a triangle that a device named. `None` where it names none, and where the ray
-    /// does not meet it: such a device is not to be believed.
+    /// Where a ray meets a triangle that a device named. `None` where it names none, and where the
+    /// ray does not meet it: the device's answer is then wrong and ignored.
     fn of_triangle(&self, ray: &Ray, triangle: u32, options: &QueryOptions<'_>) -> Option<Hit> {
         let corners = self.triangles.get(triangle as usize)?;
         let met = meet(&ExactRay::new(ray)?, corners, options.culling)?;

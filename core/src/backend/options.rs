@@ -3,7 +3,8 @@
 use crate::config::BuildConfig;
 use crate::watch::Watch;
 
-/// How to build: the configuration that shapes the tree, and limits that only end in errors.
+/// Build settings: the configuration that shapes the tree, and limits, which never change a tree
+/// but may fail the build.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BuildOptions<'a> {
     /// What shapes the tree.

@@ -5,15 +5,15 @@ use crate::all_hits::refused;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// What is to be known of the answers to a batch besides the answers.
+/// What a batch reports besides its answers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QueryReport {
     /// Rays of accuracy `exact` that a device's bounds of error left undecided. The CPU leaves none.
     pub undecided: u64,
-    /// Of those the ones without an answer, by their place in the batch, in ascending order: all of
-    /// them where the options say [`Undecided::Flag`](crate::ray::Undecided), else none. What stands in
-    /// their place is not to be used.
+    /// Indices of the undecided rays that have no answer, in ascending order: all of them where the
+    /// options say [`Undecided::Flag`](crate::ray::Undecided), else none. Their results are
+    /// undefined.
     pub flagged: Vec<usize>,
     /// Rays that a device's driver did not follow to their end. The CPU answered them.
     pub unfinished: u64,
@@ -40,7 +40,7 @@ impl QueryReport {
     }
 }
 
-/// Who does the work.
+/// A description of the backend.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct BackendInfo {
@@ -48,9 +48,9 @@ pub struct BackendInfo {
     pub name: String,
     /// The adapter, for a device; `None` on the CPU.
     pub adapter: Option<String>,
-    /// Threads that share the work; `None` for a device.
+    /// Number of worker threads; `None` on a device.
     pub threads: Option<usize>,
-    /// What else a reader of a report should know, such as the instruction set of the triangle test.
+    /// Further details for reports, such as the instruction set of the triangle test.
     pub detail: String,
 }
 

@@ -1,11 +1,11 @@
 //! Whether a triangle has a part inside a cell, decided exactly.
 //!
-//! *What is asked.* A triangle is *flat* on an axis where its three corners have one coordinate. Its
+//! *The question.* A triangle is *flat* on an axis where its three corners have one coordinate. Its
 //! *part inside* a cell is what lies strictly between the cell's sides on the axes where it is not
-//! flat, and between them or in one of them where it is. On the axes where it is not flat its points on
-//! any one plane are no more than a line (of a segment: a point). So a triangle is covered by closed
-//! cells if and only if what these leave of it holds no part inside any other cell: see
-//! [`crate::validate`].
+//! flat, and between them or in one of them where it is. On the axes where it is not flat its
+//! points on any one plane are no more than a line (of a segment: a point). So a triangle is
+//! covered by closed cells if and only if what these leave of it holds no part inside any other
+//! cell: see [`crate::validate`].
 //!
 //! *How.* Two convex sets, one of them with an inside, keep off each other (the triangle and the inside
 //! of the cell) if and only if the origin is not inside their Minkowski difference, that is, if some
@@ -158,8 +158,8 @@ fn turn_closely(p: [f32; 2], q: [f32; 2], r: [f32; 2]) -> Ordering {
     if let [Some(a), Some(b), Some(c), Some(d)] =
         differences.map(|(x, y)| exact_difference(f64::from(x), f64::from(y)))
     {
-        // Rounding is monotonic: of two products that come out different, the greater one is greater.
-        // Equal ones are told apart by what was rounded off.
+        // Rounding is monotonic: of two products that come out different, the greater one is
+        // greater. Equal ones are distinguished by their rounding errors.
         let compare = |x: f64, y: f64| x.partial_cmp(&y).unwrap_or(Ordering::Equal);
         return compare(a * b, c * d).then_with(|| compare(rounded_off(a, b), rounded_off(c, d)));
     }

@@ -1,5 +1,6 @@
-//! `t` and weights of triangles that interpolation by rounded edge functions does not serve: those seen
-//! at a grazing angle or from very near, slivers, and those whose edge the ray passes within rounding.
+//! `t` and weights of triangles for which interpolation by rounded edge functions is not accurate
+//! enough: those seen at a grazing angle or from very near, slivers, and those whose edge the ray
+//! passes within rounding.
 
 use super::Candidate;
 use super::prepare::scale;

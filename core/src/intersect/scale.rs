@@ -60,7 +60,8 @@ impl Limits {
     }
 }
 
-/// What a query needs to know of the scene besides tree and triangles; made once a scene.
+/// The scale of a scene, which queries need in addition to tree and triangles; computed once per
+/// scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SceneScale {
     /// Bounds of the tree.

@@ -1,12 +1,13 @@
 //! The watertight test.
 //!
-//! *What is met.* A corner's image is where it stands as the ray sees it: the origin subtracted, the
-//! direction's largest axis as z, sheared so that the ray runs along z, each step rounded once (Woop, Benthin and
-//! Wald 2013). An image depends on ray and corner alone. So the images of a mesh's triangles are a mesh again, as
-//! closed as the mesh is, with the ray as its z axis. **The ray meets a triangle where in real arithmetic it meets the
-//! triangle's closed image**; an image seen exactly edge on has no area and is met nowhere. Signs of edge
-//! functions decide that, and
-//! they are exact: a rounded difference of rounded products has the right sign or is zero, and zeros are looked at again.
+//! *What is met.* A corner's image is its position in the ray's sheared coordinates: the origin
+//! subtracted, the direction's largest axis as z, sheared so that the ray runs along z, each step
+//! rounded once (Woop, Benthin and Wald 2013). An image depends on ray and corner alone. So the
+//! images of a mesh's triangles are a mesh again, as closed as the mesh is, with the ray as its z
+//! axis. **The ray meets a triangle where in real arithmetic it meets the triangle's closed
+//! image**; an image seen exactly edge on has no area and is met nowhere. Signs of edge functions
+//! decide that, and they are exact: a rounded difference of rounded products has the right sign or
+//! is zero, and zeros are decided exactly.
 //!
 //! *Why no ray is lost.* A ray from inside a closed mesh of images leaves it. Moved sideways by ever less,
 //! so that it misses all edges and vertices, it crosses some image that is not seen edge on, and as there are
@@ -26,8 +27,8 @@ use crate::triangle::Triangle;
 /// 2^-24, and a third more for those of this estimate itself.
 pub const INTERPOLATION_ERROR: f32 = 7.629_394_5e-6; // 2^-17
 
-/// Images with less area than this, per square of the greatest sheared coordinate, are looked at more closely:
-/// weights from rounded edge functions err by less than 2^-12 then.
+/// Images with less area than this, per square of the greatest sheared coordinate, take the closer
+/// look: weights from rounded edge functions err by less than 2^-12 then.
 pub const SLIVER: f32 = 0.003_906_25; // 2^-8
 
 /// Determinants from here on are known: edge functions that count as 0, below [`EDGE_LEAST`], are 2^-24 of it or less.

@@ -1,4 +1,4 @@
-//! The kernel set of the tree builder: the ABI between its schedule and whoever runs it.
+//! The kernel set of the tree builder: the ABI between its schedule and its executors.
 
 use crate::kernel_set;
 use crate::layout::{

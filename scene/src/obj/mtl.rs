@@ -1,4 +1,4 @@
-//! The text of .mtl files, as it stands there; what it means is decided elsewhere.
+//! Parses .mtl files; their interpretation is elsewhere.
 
 use super::lines::Lines;
 use crate::from_file::{quoted, quoted_word};

@@ -7,7 +7,7 @@ use crate::{Material, MaterialRule};
 /// reflects less than that face on.
 const LEAST_SPECULAR: f32 = 0.05;
 
-/// What stood in the way of reading a material as written, for a note.
+/// Why a material was not read as written, for a note.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Odd {
     /// `illum` asks for refraction, and nothing else does.

@@ -144,7 +144,7 @@ fn one_root<A: Arithmetic, S: Simd>(
 impl SubtreeTask<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
     fn subtree<A: Arithmetic, S: Simd>(&mut self, root: ColumnNode) -> Result<(), TryReserveError> {
-        // References that splits added, and nodes, since the caps were last told.
+        // References that splits added, and nodes, since the caps were last updated.
         let mut untold = [0u64; 2];
         self.worker.stack.clear();
         let mut node = root;
@@ -188,7 +188,8 @@ impl SubtreeTask<'_> {
                     }
                     Some(Next::Right { node, from, parent }) => {
                         self.right_child(parent);
-                        // What stood there is done with: so a task needs little more room than its root.
+                        // The old contents are no longer needed: so a task needs little more room
+                        // than its root.
                         self.worker.columns.move_down(from, node.count, node.first);
                         break node;
                     }

@@ -28,7 +28,7 @@ pub(crate) struct SweepScratch {
 impl SweepScratch {
     /// Makes ready for a build. Returns how many workers there are.
     pub(super) fn begin(&mut self) -> usize {
-        // A poisoned lock means that another build panicked: what is left serves.
+        // A poisoned lock means that another build panicked: its data is still usable.
         let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
         for (number, worker) in workers.iter_mut().enumerate() {
             worker.number = number;
@@ -62,7 +62,7 @@ impl SweepScratch {
 /// One build.
 #[derive(Debug)]
 pub(super) struct BuildContext<'a> {
-    /// What planes are compared by, and leaves for children.
+    /// The costs of planes, with expected children and with leaves.
     pub costs: &'a [SplitCosts; 2],
     /// Whether references are clipped to cells.
     pub clip: bool,

@@ -2,22 +2,22 @@
 //! 2006, *On building fast kd-trees for ray tracing, and on doing that in O(N log N)*).
 //!
 //! # What is built
-//! The candidates of a node are the faces of its references' bounds that lie strictly inside its cell.
-//! The node is split by the candidate of least (cost, axis, position); the cost is Equation 6 of
-//! [`splitplane_core::sah`] with blocks of W triangles and K_T and K_I apart, times `1 - empty_bonus / 256` where a side is
-//! empty. Candidates are compared with children that cost what [`splitplane_core::sah::expected_quarters`]
-//! says; whether a split pays is asked with leaves for children, and where the first does not pay, the
-//! one that is least with leaves is tried. References planar in the plane go left together or right together,
-//! whichever costs less, left
-//! on a tie. A straddling reference goes to both sides, its bounds those of what the triangle has in
-//! either child's cell ([`clip`]).
+//! The candidates of a node are the faces of its references' bounds that lie strictly inside its
+//! cell. The node is split by the candidate of least (cost, axis, position); the cost is Equation 6
+//! of [`splitplane_core::sah`] with blocks of W triangles and K_T and K_I apart, times
+//! `1 - empty_bonus / 256` where a side is empty. Candidates are compared with children that cost
+//! what [`splitplane_core::sah::expected_quarters`] says; whether a split pays is decided with
+//! children as leaves, and where the first does not pay, the one that is least with leaves is
+//! tried. References planar in the plane go left together or right together, whichever costs less,
+//! left on a tie. A straddling reference goes to both sides, its bounds those of what the triangle
+//! has in either child's cell ([`clip`]).
 //!
-//! A node becomes a leaf when no split costs less than it would as a leaf, save that up to `bad_splits`
-//! splits in a row that cost more are tried; when it is at the greatest depth; when it is too small for
-//! its extents to be told apart; or when its references after the split would exceed its share of the
-//! reference cap. A node of at most W references is split only to cut off empty space where that pays: a
-//! plane with triangles on both sides adds to its one block. A finished subtree that costs no less than
-//! its node would as a leaf is retracted to that leaf.
+//! A node becomes a leaf when no split costs less than it would as a leaf, except that up to
+//! `bad_splits` splits in a row that cost more are tried; when it is at the greatest depth; when it
+//! is too small for its extents to differ; or when its references after the split would
+//! exceed its share of the reference cap. A node of at most W references is split only to cut off
+//! empty space where that pays: a plane with triangles on both sides adds to its one block. A
+//! finished subtree that costs no less than its node would as a leaf is retracted to that leaf.
 //!
 //! # How it is found
 //! Wald and Havran keep three sorted lists of events and carry them down the tree. Here a node sorts only
@@ -28,7 +28,7 @@
 //! plane. Where bounds rule nothing out (all events in few bins) all events are
 //! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead (`small.rs`).
 //!
-//! # Who works
+//! # Tasks
 //! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; all that
 //! is left to one task is to bound the bins of a node. Smaller ones are built by one task each,
 //! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds; what
@@ -94,7 +94,8 @@ pub(crate) fn build(
     let references = buffers.counters[Counter::ActiveReferences] as usize;
     let shared = AtomicMemory::new(*memory);
     let workers = AtomicUsize::new(scratch.begin());
-    // Tens of kilobytes, which are moved nowhere: unless this is optimised they would be on the stack twice.
+    // Tens of kilobytes that are never moved: unless this is optimised they would be on the stack
+    // twice.
     let costs = SplitCosts::both(config);
     let built = {
         let builder = BuildContext {

@@ -121,7 +121,7 @@ fn best<V: F32x16>(
                 best.consider(costs, cell, axis, position, [left, planar, right]);
             }
         }
-        // Planar references make planes dearer than their bounds say.
+        // Planar references make planes cost more than their bounds say.
         let enough = upper(best.cost);
         if enough.partial_cmp(&most) != Some(Ordering::Greater) {
             return best.split;

@@ -22,7 +22,7 @@ const TASK: usize = 2048;
 /// tasks within tasks take a few times the stack.
 const DIVIDED: u32 = 20;
 
-/// What becomes of a node before its children are built.
+/// A node's state before its children are built.
 enum Outcome {
     /// Nothing is left to do: the subtree, and its cost.
     Built(Built, f64),

@@ -177,7 +177,7 @@ impl Packet {
         self.groups[group].is_hit(lane)
     }
 
-    /// Whether rays stay together on their way, as far as could be seen: then packets may be large.
+    /// Whether rays have stayed together so far: then packets may be large.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn keeps_together(&self) -> bool {
         self.met * ENOUGH_OF >= self.came * ENOUGH

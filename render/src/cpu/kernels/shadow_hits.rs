@@ -1,4 +1,4 @@
-//! Puts out the light of shadow rays that hit something.
+//! Removes the light of shadow rays that hit something.
 
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, QueryError};

@@ -69,7 +69,7 @@ fn many_tasks_find_what_one_finds() {
                 *events = bound(set, bins, costs, &cell, &search.grid, count as u32, limit);
                 lengthen(&memory, &mut bins.events, *events, 0).unwrap();
             }
-            // Where no plane lies inside, no bin is open, and neither is asked.
+            // Where no plane lies inside, no bin is open, and neither is evaluated.
             if one.open.is_empty() {
                 assert!(many.open.is_empty());
                 continue;
