@@ -72,7 +72,7 @@ impl Shared {
 }
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
-/// builds, pipelines compiled when they are first used.
+/// builds; pipelines are compiled when they are first used.
 #[derive(Debug)]
 pub struct WgpuBackend {
     shared: Arc<Shared>,
@@ -115,9 +115,10 @@ impl WgpuBackend {
         backend
     }
 
-    /// From now on no dispatch of a build has more workgroups than this, so that no more of the device
-    /// is used: for measuring how builds scale. Trees are the same, since workgroups loop to counts;
-    /// but a driver that ends long loops may then give up (Mesa's llvmpipe does). `None` lifts the limit.
+    /// Limits the workgroups of every later dispatch of a build, and so the part of the device that
+    /// is used: for measuring how builds scale. Trees are the same, since workgroups loop to
+    /// counts; but a driver that ends long loops may then give up (Mesa's llvmpipe does). `None`
+    /// lifts the limit.
     pub fn limit_workgroups(&self, most: Option<NonZeroU32>) {
         let most = most.map_or(0, NonZeroU32::get);
         self.shared.max_workgroups.store(most, Ordering::Relaxed);
@@ -138,8 +139,8 @@ impl WgpuBackend {
         &self.shared.queries
     }
 
-    /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, but for
-    /// scenes that outgrow the room estimated for them.
+    /// Builds a tree that stays on the device. One submission and one readback of 256 bytes, except
+    /// for scenes that outgrow the estimated capacities.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -152,8 +153,8 @@ impl WgpuBackend {
     }
 
     /// Sends the mesh, submits the build and returns at once; [`PendingBuild::poll`] gives the tree
-    /// when it is done. Trees built before can be queried meanwhile. The options' watch is not asked:
-    /// [`PendingBuild::cancel`] gives the build up.
+    /// when it is done. Trees built before can be queried meanwhile. The options' watch is not
+    /// called: [`PendingBuild::cancel`] cancels the build.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -201,8 +202,9 @@ impl WgpuBackend {
         self.submit(&Source::Host(*mesh), options, false, true)?.wait_watched(options.watch)
     }
 
-    /// Gives the buffers of a tree that is no longer needed to the next build. Whoever rebuilds every
-    /// frame saves their allocation. Commands that read the tree must have been submitted before.
+    /// Gives the buffers of a tree that is no longer needed to the next build. This saves their
+    /// allocation when rebuilding each frame. Commands that read the tree must have been submitted
+    /// before.
     pub fn recycle(&self, tree: DeviceTree) {
         if let Some(mut pooled) = self.shared.take_buffers() {
             let parts = tree.into_parts();
@@ -244,9 +246,9 @@ impl WgpuBackend {
         Ok(self.accelerator(built, triangles))
     }
 
-    /// As [`WgpuBackend::build_accelerator`], in place of an accelerator that is no longer needed, whose
-    /// buffers the next build of this backend gets. After an error the accelerator is what it was: the
-    /// memory of both is held for a while.
+    /// As [`WgpuBackend::build_accelerator`], in place of an accelerator that is no longer needed,
+    /// whose buffers the next build of this backend gets. After an error the accelerator is
+    /// unchanged: the memory of both is held for a while.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -268,9 +270,9 @@ impl WgpuBackend {
         WgpuAccelerator::new(queries, built.tree, tree, triangles, built.summary)
     }
 
-    /// Calls `run` with an executor over fresh buffers that submits every step and can be looked at
-    /// in between: for [`splitplane_core::lockstep::Lockstep`]. The buffers have room for whatever
-    /// the configuration allows, within the limits of the device.
+    /// Calls `run` with an executor over fresh buffers that submits every step and whose buffers
+    /// can be read in between: for [`splitplane_core::lockstep::Lockstep`]. The buffers have the
+    /// capacity for everything that the configuration allows, within the limits of the device.
     ///
     /// # Errors
     /// A configuration out of range, a preset that devices do not build, or a device that cannot hold
@@ -327,8 +329,9 @@ impl Backend for WgpuBackend {
         described
     }
 
-    /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree. Asks the
-    /// watch while the mesh is made ready, then every half a millisecond while the device builds.
+    /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree.
+    /// Calls the watch while the mesh is prepared, then every half millisecond while the device
+    /// builds.
     fn build(
         &self,
         mesh: &Mesh<'_>,
@@ -361,7 +364,7 @@ impl Backend for WgpuBackend {
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         let watch = options.watch;
-        // Each triangle is checked, then made ready.
+        // Each triangle is checked, then prepared.
         let total = 2 * mesh.len() as u64;
         let ask = |done: u64| go_on(watch, Progress { stage: Stage::Start, done, total });
         ask(0)?;
@@ -399,7 +402,7 @@ impl Backend for WgpuBackend {
     }
 }
 
-/// Triangles that are made ready between two questions to a watch.
+/// Triangles that are prepared between two calls of the watch.
 const PIECE: usize = 4096;
 /// What host memory is asked for.
 const CORNERS: &str = "a copy of the triangles' corners";

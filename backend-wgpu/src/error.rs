@@ -12,10 +12,10 @@ pub enum OpenError {
     /// No adapter was found.
     #[error("no GPU adapter was found")]
     NoAdapter,
-    /// An adapter was asked for by a name or an index that none has.
+    /// No adapter has the requested name or index.
     #[error("no GPU adapter is called `{asked}`; there are {}", listed(.seen))]
     WrongAdapter {
-        /// What was asked for.
+        /// What was requested.
         asked: String,
         /// The names of the adapters, in the order of their indices.
         seen: Vec<String>,
@@ -28,7 +28,7 @@ pub enum OpenError {
         /// What it lacks, or what wgpu says.
         reason: String,
     },
-    /// The adapter's driver took more than it may.
+    /// The adapter's driver exceeded a limit.
     #[error(
         "the driver of the GPU adapter `{adapter}` ({driver}) did not finish {doing} within {limit}"
     )]
@@ -50,7 +50,7 @@ fn listed(names: &[String]) -> String {
     named.collect::<Vec<_>>().join(", ")
 }
 
-/// Why work on a device did not finish.
+/// Errors of work on a device.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum GpuError {
@@ -83,7 +83,7 @@ pub enum GpuError {
     OutOfMemory {
         /// What was asked.
         what: String,
-        /// Bytes asked for; 0 where wgpu does not say.
+        /// Bytes requested; 0 where wgpu does not say.
         needed: u64,
     },
     /// The system has no memory left.
@@ -91,7 +91,7 @@ pub enum GpuError {
     HostMemory {
         /// What was asked.
         what: String,
-        /// Bytes asked for.
+        /// Bytes requested.
         needed: u64,
     },
     /// A shader does not compile for this device: a bug here, in wgpu or in the driver.
@@ -102,7 +102,8 @@ pub enum GpuError {
         /// What the compiler says.
         reason: String,
     },
-    /// The driver took more than it may: see [`OpenOptions::driver_time`](crate::OpenOptions::driver_time).
+    /// The driver exceeded a limit: see
+    /// [`OpenOptions::driver_time`](crate::OpenOptions::driver_time).
     #[error("the device's driver did not finish {doing} within {limit}")]
     DriverLimit {
         /// What it was doing.
@@ -122,7 +123,7 @@ pub enum GpuError {
 }
 
 impl GpuError {
-    /// What wgpu reported, when no more is known than the error itself.
+    /// wgpu's error, when nothing else is known.
     pub(crate) fn from_wgpu(error: wgpu::Error) -> GpuError {
         match error {
             wgpu::Error::OutOfMemory { .. } => {
@@ -137,8 +138,8 @@ impl GpuError {
 }
 
 impl GpuError {
-    /// The error of a build or a query, but for the system's own memory, of which those have errors: so many
-    /// bytes were asked for.
+    /// The error of a build or a query, except for lack of system memory, for which those have
+    /// errors of their own: `bytes` were requested.
     fn into_device_error(self) -> Result<DeviceError, u64> {
         Ok(match self {
             GpuError::Lost { reason } => DeviceError::Lost { reason },

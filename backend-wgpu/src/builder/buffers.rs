@@ -9,29 +9,29 @@ use super::source::Source;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// Small roots of one dispatch: what a device builds well below any watchdog's patience.
+/// Small roots of one dispatch: few enough that a device builds them well before any watchdog acts.
 pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
 
 /// What is read back after a build, by its place in the one buffer that is mapped: counters, the
 /// root's node, the limits of the triangles, then nodes and references where the host wants them.
 pub(crate) mod readback {
-    /// Where the root's node stands.
+    /// Where the root's node is stored.
     pub const ROOT: u64 = 64;
-    /// Where the limits of the triangles stand.
+    /// Where the limits of the triangles are stored.
     pub const LIMITS: u64 = 128;
     /// Where the tree begins; all before is always read.
     pub const TREE: u64 = 256;
 }
 
-/// What kernels share, by [`Buffer`]. Buffers only grow. Where lists have changed places, the names are
-/// the executor's to exchange.
+/// What kernels share, by [`Buffer`]. Buffers only grow. The executor exchanges the names of lists
+/// that have changed places.
 #[derive(Debug)]
 pub struct Buffers {
     buffers: Vec<Option<wgpu::Buffer>>,
     pub(crate) parameters: wgpu::Buffer,
     /// Bytes between two blocks of parameters.
     pub(crate) stride: u64,
-    /// What is mapped after the build.
+    /// The buffer that is mapped after the build.
     pub(crate) readback: wgpu::Buffer,
     blocks: u32,
 }
@@ -49,7 +49,7 @@ fn readback_bytes(capacities: &Capacities, tree_to_host: bool) -> u64 {
 const READBACK: Usage = Usage::COPY_DST.union(Usage::MAP_READ);
 
 impl Buffers {
-    /// No buffers yet but the small ones.
+    /// No buffers yet except the small ones.
     pub(crate) fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
         let alignment = u64::from(gpu.device().limits().min_uniform_buffer_offset_alignment);
         let stride = (size_of::<Parameters>() as u64).next_multiple_of(alignment.max(16));
@@ -83,13 +83,13 @@ impl Buffers {
         self.buffers[buffer.storage() as usize].take().expect("reserved before use")
     }
 
-    /// Puts a buffer in, to be used again.
+    /// Puts a buffer back for reuse.
     pub(crate) fn put(&mut self, buffer: Buffer, held: wgpu::Buffer) {
         self.buffers[buffer.storage() as usize] = Some(held);
     }
 
-    /// Makes room; for the tree in what is mapped too when the host wants it. Contents of buffers
-    /// that grow are lost.
+    /// Makes space, also for the tree in the mapped buffer when the host wants it. Contents of
+    /// buffers that grow are lost.
     pub(crate) fn reserve(
         &mut self,
         gpu: &Gpu,
@@ -129,7 +129,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// Bytes held once there is room for so much, and for an input of so many bytes.
+    /// Bytes held once there is space for these capacities and for an input of this many bytes.
     pub(crate) fn bytes_with(
         &self,
         capacities: &Capacities,
@@ -149,7 +149,7 @@ impl Buffers {
             + self.readback.size().max(readback_bytes(capacities, tree_to_host))
     }
 
-    /// Makes room for a mesh and sends it, if it is in host memory.
+    /// Makes space for a mesh and uploads it, if it is in host memory.
     pub(crate) fn upload(&mut self, gpu: &Gpu, source: &Source<'_>) -> Result<(), GpuError> {
         let [positions, indices] = source.bytes();
         self.grow(gpu, Buffer::Input, positions + indices)?;

@@ -1,4 +1,4 @@
-//! How much room each list gets, before it is known how long it becomes.
+//! The capacity of each list, chosen before its length is known.
 
 use splitplane_core::config::{BuildConfig, CHUNK, Planes};
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
@@ -6,7 +6,7 @@ use splitplane_core::layout::{Counters, Parameters};
 
 use crate::error::GpuError;
 
-/// Room in elements for everything that grows.
+/// Capacities, in elements, of everything that grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Capacities {
     pub triangles: u32,
@@ -55,7 +55,8 @@ impl Capacities {
         .with_bounds(config)
     }
 
-    /// What no scene outgrows before a cap of the configuration binds, but for the tree itself.
+    /// Capacities that no scene outgrows before a cap of the configuration binds, except the tree
+    /// itself.
     pub fn roomy(triangles: u32, config: &BuildConfig) -> Capacities {
         let references = config.reference_cap(triangles);
         Capacities {
@@ -79,8 +80,8 @@ impl Capacities {
         self
     }
 
-    /// Room for what a build turned out to need, and at least twice the room of what overflowed,
-    /// since it stopped there.
+    /// Capacities for what a build turned out to need, and at least twice the capacity of what
+    /// overflowed, since it stopped there.
     #[must_use]
     pub fn grown(mut self, counters: &Counters, config: &BuildConfig) -> Capacities {
         let overflow = counters[Counter::Overflow];
@@ -102,14 +103,14 @@ impl Capacities {
         grow(&mut self.tree_nodes, Overflow::TreeNodes, counters[Counter::Nodes]);
         let leaf_references = counters[Counter::LeafReferences];
         grow(&mut self.leaf_references, Overflow::LeafReferences, leaf_references);
-        // There is room for all chunks that so many references make, unless no device can bind it.
+        // There is space for all chunks of this many references, unless no device can bind it.
         if overflow & Overflow::Chunks as u32 != 0 {
             self.too_many_chunks = counters[Counter::Chunks];
         }
         self.with_bounds(config)
     }
 
-    /// The greater room of each kind, for a build as `self` has it.
+    /// The greater capacity of each kind, for a build as `self` has it.
     #[must_use]
     pub fn union(self, other: Capacities) -> Capacities {
         Capacities {
@@ -185,11 +186,11 @@ impl Capacities {
         Buffer::LeafReferences,
     ];
 
-    /// Rooms no larger than a device can bind. An estimate that is cut may still suffice; what grew
-    /// because it did not (`needed`) may not be cut.
+    /// Capacities no larger than a device can bind. An estimate that is cut may still suffice; what
+    /// grew because it did not (`needed`) may not be cut.
     ///
     /// # Errors
-    /// A room that is needed and cannot be had.
+    /// A capacity that is needed but not available.
     pub fn within(
         mut self,
         limits: &wgpu::Limits,
@@ -311,8 +312,9 @@ mod tests {
         assert_eq!(grown, Capacities { top_nodes: 2 * estimate.top_nodes, ..estimate });
     }
 
-    /// Bins of chunks are there only where planes are found by them. Where every node may have a chunk
-    /// of its own they are cut to what can be bound; chunks that then lack room end in an error.
+    /// Bins of chunks are there only where planes are found by them. Where every node may have a
+    /// chunk of its own they are cut to what can be bound; chunks that then lack space end in an
+    /// error.
     #[test]
     fn bins_are_cut_until_they_are_needed() {
         let fast = BuildConfig::default();
@@ -326,7 +328,7 @@ mod tests {
         let cut = estimate.within(&limits, None, &config).unwrap();
         assert!(cut.bytes_of(Buffer::ChunkBins) <= most && cut.chunks >= most as u32 / 768);
         assert_eq!(Capacities { chunks: estimate.chunks, ..cut }, estimate);
-        // All other rooms as they are.
+        // All other capacities stay as they are.
         let mut counters = Counters::default();
         counters[Counter::Overflow] = Overflow::Chunks as u32;
         counters[Counter::Chunks] = cut.chunks + 1;

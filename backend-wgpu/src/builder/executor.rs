@@ -1,4 +1,5 @@
-//! A build on a device: what its grids stand for, how long its levels go on, where its buffers lie.
+//! A build on a device: what its grids represent, how long its levels continue, where its buffers
+//! are.
 
 use splitplane_core::config::CHUNK;
 use splitplane_core::kernel::{Buffer, Counter, Grid, Kernel, TreeBuilder, Uniform};
@@ -30,7 +31,7 @@ impl DeviceSet for TreeBuilder {
 }
 
 /// The GPU executor: one build over a mesh that is already in its buffers. Dispatches are recorded;
-/// submitting them is up to whoever made it.
+/// submitting them is up to its creator.
 pub type WgpuExecutor<'a> = DeviceExecutor<'a, Build<'a>>;
 
 /// One build, as a device executor sees it.
@@ -39,7 +40,7 @@ pub struct Build<'a> {
     buffers: &'a mut Buffers,
     capacities: Capacities,
     groups: BindGroups<TreeBuilder>,
-    /// Levels that are run without a look at the counters.
+    /// Levels that run without reading the counters.
     levels: u32,
     /// Rounds run: a level has at most twice the nodes of the one before. None when it began
     /// elsewhere.
@@ -50,7 +51,7 @@ pub struct Build<'a> {
 }
 
 impl<'a> Build<'a> {
-    /// A build of so many levels at the most, from its start or from a level that is not known.
+    /// A build of at most this many levels, from its start or from a level that is not known.
     pub(crate) fn new(
         gpu: &Gpu,
         buffers: &'a mut Buffers,
@@ -69,7 +70,7 @@ impl<'a> Build<'a> {
         }
     }
 
-    /// The most things a grid may stand for now.
+    /// The most items that a grid may represent now.
     fn most(&self, counter: Counter) -> u32 {
         let c = &self.capacities;
         match counter {
@@ -86,9 +87,9 @@ impl<'a> Build<'a> {
 }
 
 /// Workgroups of a dispatch that loops over a list of unknown length: enough to fill a large GPU,
-/// few enough to cost little where the list is short. Software does one after the other: few for
-/// short lists. For long ones no fewer than one per 16 items, since Mesa's llvmpipe ends an
-/// invocation, in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
+/// few enough to cost little where the list is short. Software runs one at a time: few for short
+/// lists. For long ones no fewer than one per 16 items, since Mesa's llvmpipe ends an invocation,
+/// in silence, after 65,535 rounds of all its loops, and a small root takes up to 900.
 fn most_groups(software: bool, things: u32) -> u32 {
     if software { (things / 16).clamp(64, 65_535) } else { 2048 }
 }
@@ -108,7 +109,7 @@ impl Job for Build<'_> {
 
     fn uniform(&self, uniform: Uniform) -> Option<BufferBinding<'_>> {
         match uniform {
-            // One block; which, says the offset of the dispatch.
+            // One block; the offset of the dispatch says which.
             Uniform::Parameters => Some(BufferBinding {
                 buffer: &self.buffers.parameters,
                 offset: 0,
@@ -160,7 +161,7 @@ impl Job for Build<'_> {
 
     fn may_look(&self, counters: &Counters) -> Result<(), GpuError> {
         if self.is_void(counters) {
-            // The rooms were made as large as the device allows: counts now go beyond them.
+            // The capacities were made as large as the device allows: counts now go beyond them.
             let (allowed, limit) = self.room;
             let what = "a list of this scene".into();
             return Err(GpuError::Limit { what, limit, needed: allowed + 1, allowed });
@@ -168,7 +169,7 @@ impl Job for Build<'_> {
         Ok(())
     }
 
-    /// What a chunk is known by stands in one buffer, one array behind the other.
+    /// The state of all chunks is in one buffer, one array after the other.
     fn offset(&self, buffer: Buffer) -> u64 {
         let before = match buffer {
             Buffer::ReferenceSides => Buffer::ChunkCounts.element_size(),
@@ -192,7 +193,7 @@ impl Job for Build<'_> {
 }
 
 impl<'a> WgpuExecutor<'a> {
-    /// A build that can be looked at between its steps.
+    /// A build whose buffers can be read between its steps.
     pub(crate) fn inspected(
         gpu: &'a Gpu,
         pipelines: &'a Pipelines,
@@ -218,7 +219,7 @@ impl<'a> WgpuExecutor<'a> {
         let Build { buffers, capacities, .. } = self.job();
         let readback = buffers.readback.clone();
         let counters = buffers.get(Buffer::Counters).clone();
-        // All there is room for, since how much it is stays on the device.
+        // The whole capacity, since only the device knows how much is used.
         let held = |buffer| (buffers.get(buffer).clone(), capacities.bytes_of(buffer));
         let tree = tree_to_host.then(|| [Buffer::Nodes, Buffer::LeafReferences].map(held));
         let encoder = self.encoder();

@@ -1,4 +1,4 @@
-//! A build under way: submitted, and asked for later.
+//! A build under way: submitted, and polled later.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -35,26 +35,26 @@ pub struct DeviceBuild {
     pub tree: DeviceTree,
     /// What the build dropped, changed and took.
     pub summary: BuildSummary,
-    /// What it asked of the device.
+    /// The device work that it took.
     pub effort: Effort,
-    /// The time of each kernel, when asked for and when the device can tell.
+    /// The time of each kernel, if requested and if the device has timestamps.
     pub times: Option<Vec<KernelTime>>,
     /// The tree in host memory, where the host wanted it.
     pub(crate) host_tree: Option<KdTree>,
 }
 
-/// What a build asked of the device.
+/// The device work of a build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Effort {
     /// Submissions: one for a build that fits its capacities.
     pub submissions: u32,
-    /// Times that the host waited for bytes of the device.
+    /// How often the host waited for bytes from the device.
     pub readbacks: u32,
     /// Dispatches.
     pub dispatches: u32,
     /// Workgroups of the largest dispatch of the schedule.
     pub most_workgroups: u32,
-    /// Builds begun again with more room.
+    /// Builds restarted with greater capacities.
     pub repeats: u32,
 }
 
@@ -84,7 +84,7 @@ const MAPPED: u8 = 1;
 const FAILED: u8 = 2;
 
 impl PendingBuild {
-    /// Sends the mesh, or has it copied, and submits the build.
+    /// Uploads the mesh, or has it copied, and submits the build.
     pub(crate) fn submit(
         shared: Arc<Shared>,
         source: &Source<'_>,
@@ -110,7 +110,7 @@ impl PendingBuild {
         let mut levels = if one_level { 1 } else { options.config.max_depth + 1 };
         let buffers = match pooled {
             Some(pooled) => {
-                // Rooms that an earlier build needed are there already.
+                // The capacities that an earlier build needed are there already.
                 capacities = capacities.union(pooled.capacities);
                 capacities.triangles = triangles;
                 if (pooled.triangles, pooled.config) == (triangles, options.config) {
@@ -159,7 +159,7 @@ impl PendingBuild {
         Ok(pending)
     }
 
-    /// Makes room, within what device and caller allow.
+    /// Allocates, within what device and caller allow.
     fn reserve(&mut self, needed: Option<&Capacities>) -> Result<(), BuildError> {
         let gpu = &self.shared.gpu;
         let limits = gpu.device().limits();
@@ -178,7 +178,7 @@ impl PendingBuild {
         Ok(buffers.reserve(gpu, &self.capacities, self.tree_to_host)?)
     }
 
-    /// Bytes of all buffers, and of the copies of tree and corners that the host is to have.
+    /// Bytes of all buffers, and of the copies of tree and corners that the host will get.
     fn needed_bytes(&self) -> u64 {
         let buffers = self.buffers.as_ref().expect("until finished");
         let on_host = if self.tree_to_host {
@@ -206,7 +206,7 @@ impl PendingBuild {
         self.record(levels, true)
     }
 
-    /// Records the schedule, all of it or the rest, and asks for what must be read back.
+    /// Records the schedule, all of it or the rest, and requests what must be read back.
     fn record(&mut self, levels: u32, from_start: bool) -> Result<(), BuildError> {
         let shared = Arc::clone(&self.shared);
         let (gpu, pipelines): (&Gpu, &Pipelines) = (&shared.gpu, &shared.pipelines);
@@ -269,8 +269,8 @@ impl PendingBuild {
     /// Waits until the device is done.
     ///
     /// # Errors
-    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out. After that one
-    /// the build may still be asked for.
+    /// As for [`PendingBuild::poll`]; a device that takes longer than its time-out. After a
+    /// time-out the build may still be polled.
     ///
     /// # Panics
     /// After the tree was given.
@@ -293,7 +293,7 @@ impl PendingBuild {
         }
     }
 
-    /// As [`PendingBuild::wait`], asking the watch meanwhile, which may end it.
+    /// As [`PendingBuild::wait`], but calls the watch meanwhile, which may cancel it.
     pub(crate) fn wait_watched(
         mut self,
         watch: Option<&dyn Watch>,
@@ -321,8 +321,9 @@ impl PendingBuild {
         }
     }
 
-    /// Gives the build up. What was submitted runs to its end, unseen; the buffers serve the next build, whose
-    /// commands come behind those in the queue. Dropping a build gives it up too, its buffers with it.
+    /// Cancels the build. What was submitted runs to its end, unseen; the next build uses the
+    /// buffers, and its commands follow in the queue. Dropping a build cancels it too and drops its
+    /// buffers.
     pub fn cancel(mut self) {
         let Some(buffers) = self.buffers.take() else { return };
         // Whether it is mapped, waits to be, or neither: then there is nothing to undo, and wgpu says so.
@@ -335,7 +336,7 @@ impl PendingBuild {
         }
     }
 
-    /// Reads what came back: done, or once more.
+    /// Reads what came back: the build is done, or must be repeated.
     fn look(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
         self.effort.readbacks += 1;
         let config = self.options.config;
@@ -422,7 +423,7 @@ impl PendingBuild {
         Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
     }
 
-    /// What was asked of the device so far.
+    /// The device work so far.
     pub fn effort(&self) -> Effort {
         self.effort
     }
@@ -434,7 +435,7 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
     gpu.guard(work)?
 }
 
-/// Between two questions to a watch.
+/// Interval between two calls of the watch.
 const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
 
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs

@@ -10,15 +10,15 @@ pub struct DeviceMesh<'a> {
     pub positions: &'a wgpu::Buffer,
     /// How many positions there are.
     pub vertices: u32,
-    /// Three `u32` a triangle, from the start of the buffer, usage `COPY_SRC`; `None` for a soup, in
-    /// which every three positions are a triangle. A triangle that names a position beyond the last
-    /// is dropped, and counted.
+    /// Three `u32` per triangle, from the start of the buffer, usage `COPY_SRC`; `None` for a soup,
+    /// in which every three positions are a triangle. A triangle that names a position beyond the
+    /// last is dropped, and counted.
     pub indices: Option<&'a wgpu::Buffer>,
     /// How many triangles there are.
     pub triangles: u32,
 }
 
-/// A mesh, wherever it is.
+/// A mesh in host or device memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source<'a> {
     Host(Mesh<'a>),
@@ -48,7 +48,7 @@ impl Source<'_> {
         }
     }
 
-    /// The word where indices begin, behind the positions: `u32::MAX` for a soup.
+    /// The word where indices begin, after the positions; `u32::MAX` for a soup.
     pub fn first_index(&self) -> u32 {
         let indexed = match self {
             Source::Host(mesh) => mesh.arrays().1.is_some(),

@@ -1,4 +1,4 @@
-//! What adapters there are, which of them can be used, and which one to take.
+//! Lists adapters, tells which of them can be used, and chooses one.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ pub struct Adapter {
     unusable: Option<String>,
 }
 
-/// What is to be said about an adapter.
+/// The report on an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AdapterReport {
@@ -101,7 +101,7 @@ impl Adapters {
     /// before discrete ones.
     ///
     /// # Errors
-    /// No adapter, none of this name, or only such as cannot be used.
+    /// No adapter, none of this name, or only unusable ones.
     pub fn select(&self, asked: Option<&str>) -> Result<&Adapter, OpenError> {
         let ranked = self.ranked(asked)?;
         let best = ranked.first().copied().ok_or(OpenError::NoAdapter)?;
@@ -132,7 +132,7 @@ impl Adapters {
     }
 }
 
-/// Puts what can be used first, and of that the best.
+/// Puts usable adapters first, the best of them in front.
 fn best_first(mut adapters: Vec<&Adapter>) -> Vec<&Adapter> {
     let low_power = wgpu::PowerPreference::from_env() == Some(wgpu::PowerPreference::LowPower);
     adapters.sort_by_key(|adapter| {
@@ -141,7 +141,7 @@ fn best_first(mut adapters: Vec<&Adapter>) -> Vec<&Adapter> {
     adapters
 }
 
-/// The indices of the names that are meant. A number is an index where the list is that long, and
+/// The indices of the matching names. A number is an index where the list is that long, and
 /// part of a name otherwise.
 fn matching(names: &[&str], asked: Option<&str>) -> Result<Vec<usize>, OpenError> {
     let Some(asked) = asked else { return Ok((0..names.len()).collect()) };
@@ -187,12 +187,12 @@ impl Adapter {
         &self.info.name
     }
 
-    /// What wgpu says about it.
+    /// wgpu's information about it.
     pub fn info(&self) -> &wgpu::AdapterInfo {
         &self.info
     }
 
-    /// True when the CPU does the work of this adapter.
+    /// True when this adapter runs on the CPU.
     pub fn is_software(&self) -> bool {
         self.info.device_type == wgpu::DeviceType::Cpu
     }
@@ -224,7 +224,7 @@ impl Adapter {
         }
         let offered = self.adapter.limits();
         // Limits of textures and the like may be below the defaults; no kernel notices. Above them
-        // only the sizes of buffers are of use.
+        // only the sizes of buffers matter.
         let mut limits = wgpu::Limits::default().or_worse_values_from(&offered);
         if !options.default_limits {
             limits.max_buffer_size = offered.max_buffer_size;
@@ -251,7 +251,7 @@ impl Adapter {
         Ok(Gpu::own(device, queue, options))
     }
 
-    /// What is to be said about this adapter: opens it and runs `test` on the device.
+    /// The report on this adapter: opens it and runs `test` on the device.
     pub fn report(&self, test: impl Fn(&Gpu) -> Result<Parity, GpuError>) -> AdapterReport {
         self.report_as(match self.open(&OpenOptions::default()) {
             Ok(gpu) => test(&gpu).map_err(|error| match error {
@@ -263,7 +263,7 @@ impl Adapter {
         })
     }
 
-    /// What is to be said about this adapter when this is what became of testing it, or why it cannot be
+    /// The report on this adapter, given the outcome of its test or the reason why it cannot be
     /// used. Opens nothing.
     pub fn report_as(&self, tested: Result<Parity, String>) -> AdapterReport {
         let limits = self.adapter.limits();
@@ -291,7 +291,7 @@ impl Adapter {
         }
     }
 
-    /// Its driver took more than it may.
+    /// Its driver exceeded a limit.
     pub fn exceeds(&self, doing: String, limit: DriverLimit) -> OpenError {
         let (adapter, driver) = (self.info.name.clone(), self.info.driver.clone());
         OpenError::DriverLimit { adapter, driver, doing, limit }
@@ -309,7 +309,7 @@ const VENDORS: [u32; 6] = [0x10de, 0x1002, 0x8086, 0x106b, 0x5143, 0x13b5];
 pub(crate) fn is_trusted(info: &wgpu::AdapterInfo) -> bool {
     match info.device_type {
         wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu => {
-            // Metal names no vendors; behind it are Apple's drivers, in a process of their own.
+            // Metal names no vendors; its drivers are Apple's, in a process of their own.
             VENDORS.contains(&info.vendor) || info.backend == wgpu::Backend::Metal
         }
         wgpu::DeviceType::Cpu => info.driver == "llvmpipe",

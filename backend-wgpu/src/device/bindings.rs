@@ -49,7 +49,7 @@ pub(crate) fn bind<'a, K: DeviceSet>(
         Some(buffer) => {
             Ok(BindGroupEntry { binding, resource: wgpu::BindingResource::Buffer(buffer) })
         }
-        // A schedule for other work than the executor was made for.
+        // A schedule for different work from what the executor was made for.
         None => {
             let what = match slot {
                 Slot::Uniform(uniform) => format!("{uniform:?}"),
@@ -93,7 +93,7 @@ impl<K: KernelSet> BindGroups<K> {
         self.groups[K::kernel_index(kernel)] = [None, None];
     }
 
-    /// The place of a kernel's.
+    /// The index of a kernel's bind groups.
     pub(super) fn place(&mut self, kernel: K::Kernel, swapped: bool) -> &mut Option<BindGroup> {
         &mut self.groups[K::kernel_index(kernel)][usize::from(swapped)]
     }

@@ -15,10 +15,10 @@ const LOOK: Duration = Duration::from_millis(20);
 /// Compilers recurse. On a main thread they have this much.
 const STACK: usize = 8 << 20;
 
-/// What a driver may take.
+/// A driver's limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Bounds {
-    /// For all the pipelines of an opening together, and for each one later.
+    /// Time for all the pipelines of an opening together, and for each one later.
     pub time: Duration,
     /// Bytes by which the memory of this process may grow meanwhile.
     pub memory: u64,
@@ -28,9 +28,9 @@ pub(crate) struct Bounds {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum DriverLimit {
-    /// It may take so long.
+    /// The limit of time.
     Time(Duration),
-    /// Memory may grow by so many bytes meanwhile.
+    /// The number of bytes by which memory may grow meanwhile.
     Memory(u64),
 }
 
@@ -51,8 +51,8 @@ pub(crate) enum Unfinished {
     NotStarted(String),
 }
 
-/// The outcome of `work`, or the limit that it exceeded. No time at all starts nothing. `until` is an end
-/// that may come before the limit of time.
+/// The outcome of `work`, or the limit that it exceeded. With no time at all, nothing is started.
+/// `until` is an end that may come before the limit of time.
 pub(crate) fn run<T: Send + 'static>(
     bounds: &Bounds,
     until: Option<Instant>,
@@ -81,7 +81,7 @@ fn run_metered<T: Send + 'static>(
         .name("splitplane driver".into())
         .stack_size(STACK)
         .spawn(move || {
-            // Nobody listens when it took too long.
+            // The receiver is gone if it took too long.
             let _ = send.send(catch_unwind(AssertUnwindSafe(work)));
         })
         .map_err(|error| Unfinished::NotStarted(error.to_string()))?;
@@ -150,7 +150,7 @@ mod tests {
         let (_release, work) = stalled();
         let limit = DriverLimit::Time(bounds.time);
         assert_eq!(run(&bounds, None, work), Err(Unfinished::Exceeded(limit)));
-        // The end of something larger comes before its own.
+        // The end of an enclosing piece of work comes before its own.
         let bounds = Bounds { time: FOREVER, ..bounds };
         let (_release, work) = stalled();
         let until = Some(Instant::now() + Duration::from_millis(30));

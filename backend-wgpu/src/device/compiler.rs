@@ -9,7 +9,7 @@ use crate::device::bounded::{self, Bounds, Unfinished};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// What the driver of a device may take for pipelines, and which of them it took too much for.
+/// The limits of a device's driver for pipelines, and the pipelines that exceeded them.
 #[derive(Default)]
 pub(crate) struct Compiler {
     bounds: Bounds,
@@ -17,14 +17,14 @@ pub(crate) struct Compiler {
     opening: Mutex<Option<UnderWay>>,
     given_up: Mutex<Vec<GivenUp>>,
     made: AtomicU64,
-    /// What runs before the driver: tests plant one that takes too much by it.
+    /// Runs before the driver: with it, tests simulate a driver that takes too much.
     planted: Option<Planted>,
 }
 
 /// Is called with the name of what is about to be compiled.
 type Planted = Arc<dyn Fn(&str) + Send + Sync>;
 
-/// What is known of an opening.
+/// The state of an opening.
 #[derive(Clone, Debug)]
 struct UnderWay {
     until: Option<Instant>,
@@ -32,11 +32,11 @@ struct UnderWay {
     exceeded: Option<GpuError>,
 }
 
-/// A pipeline that the driver took too much for.
+/// A pipeline for which the driver exceeded a limit.
 struct GivenUp {
     source: String,
     error: GpuError,
-    /// Gone when the driver is done with it after all.
+    /// Removed if the driver finishes it after all.
     under_way: Weak<()>,
 }
 
@@ -125,7 +125,7 @@ impl Compiler {
         }
     }
 
-    /// Refuses what the driver is still at: asking again would only start another thread.
+    /// Refuses what the driver is still compiling: another attempt would only start another thread.
     fn refuse_given_up(&self, source: &str) -> Result<(), GpuError> {
         let mut given_up = lock(&self.given_up);
         given_up.retain(|one| one.under_way.strong_count() > 0);

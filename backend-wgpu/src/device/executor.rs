@@ -14,8 +14,8 @@ use super::readback::read;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// What a device executor does: the memory behind the names of a set, the sizes of its grids, and how
-/// long its loops may go on. A tree build is one, a frame another.
+/// The work of a device executor: the memory behind the names of a set, the sizes of its grids, and
+/// how long its loops may continue. A tree build is one kind, a frame another.
 pub trait Job {
     /// The kernels.
     type Set: DeviceSet;
@@ -40,7 +40,8 @@ pub trait Job {
     /// The dispatches that a kernel takes, in order. `swapped` says whether lists have changed places.
     fn pieces(&self, kernel: SetKernel<Self>, swapped: bool, pieces: &mut Vec<Piece>);
 
-    /// Notes that a loop asks for its next round, and says how it goes on without a look at counters.
+    /// Notes that a loop asks for its next round, and says how it continues without reading
+    /// counters.
     fn round(&mut self, counter: SetCounter<Self>, rounds: u32) -> Round;
 
     /// Counters by the names that lists have now; the kernels may have left them under others.
@@ -48,10 +49,10 @@ pub trait Job {
         counters
     }
 
-    /// Whether nothing more will come of the work: a list outgrew its room.
+    /// Whether the work is void: a list outgrew its capacity.
     fn is_void(&self, counters: &Self::Counters) -> bool;
 
-    /// Whether buffers may be looked at.
+    /// Whether buffers may be read.
     ///
     /// # Errors
     /// Why not.
@@ -64,7 +65,7 @@ pub trait Job {
         0
     }
 
-    /// What must be copied right behind a kernel, since a later one overwrites it.
+    /// What must be copied right after a kernel, since a later one overwrites it.
     fn copy_behind(&self, _kernel: SetKernel<Self>) -> Option<CopyOut> {
         None
     }
@@ -84,7 +85,7 @@ pub struct Piece {
     pub workgroups: u32,
 }
 
-/// How a loop goes on that is recorded without a look at counters.
+/// How a loop continues that is recorded without reading counters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Round {
     /// Whether there may be another round.
@@ -106,16 +107,16 @@ pub struct CopyOut {
     pub bytes: u64,
 }
 
-/// How the executor answers whether a loop goes on.
+/// How the executor decides whether a loop continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Looking {
-    /// As [`Job::round`] says; whoever reads the counters later sees whether that sufficed.
+    /// As [`Job::round`] says; the counters, read later, tell whether that sufficed.
     Never,
     /// It submits what is recorded and reads the counter.
     Always,
 }
 
-/// An executor on a device. Dispatches are recorded; submitting them is up to whoever made it.
+/// An executor on a device. Dispatches are recorded; submitting them is up to its creator.
 #[derive(Debug)]
 pub struct DeviceExecutor<'a, J: Job> {
     gpu: &'a Gpu,
@@ -163,7 +164,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         }
     }
 
-    /// With no more than this many workgroups a dispatch.
+    /// With no more than this many workgroups per dispatch.
     #[must_use]
     pub fn limited(mut self, most: Option<NonZeroU32>) -> DeviceExecutor<'a, J> {
         self.max_workgroups = most;
@@ -177,7 +178,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         self
     }
 
-    /// Goes on where another executor over the same memory stopped.
+    /// Continues where another executor over the same memory stopped.
     #[must_use]
     pub fn resumed(mut self, swapped: bool) -> DeviceExecutor<'a, J> {
         self.swapped = swapped;
@@ -229,7 +230,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         self.submit_after(None)
     }
 
-    /// Submits what is recorded, behind other commands.
+    /// Submits what is recorded, after other commands.
     ///
     /// # Errors
     /// As for [`DeviceExecutor::submit`].
@@ -258,7 +259,7 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         Ok(self.job.named(bytemuck::pod_read_unaligned(&bytes), self.swapped))
     }
 
-    /// The buffer that a name stands for now.
+    /// The buffer that a name refers to now.
     fn held(&self, buffer: SetBuffer<J>) -> Option<&wgpu::Buffer> {
         let storage = J::Set::storage(buffer);
         self.job.buffer(if self.swapped { J::Set::exchanged(storage) } else { storage })
@@ -342,7 +343,7 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn swap(&mut self, a: SetBuffer<J>, b: SetBuffer<J>) -> Result<(), J::Error> {
         match J::Set::EXCHANGED.iter().position(|&pair| pair == (a, b)) {
-            // With the last exchange of a round the names stand for the other buffers, all at once.
+            // With the last exchange of a round all names change to the other buffers at once.
             Some(pair) => self.swapped ^= pair + 1 == J::Set::EXCHANGED.len(),
             None => {
                 return Err(
@@ -358,7 +359,7 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
         match self.looking {
             Looking::Always => {
                 let counters = self.counters()?;
-                // What is void needs no end.
+                // Void work need not be finished.
                 Ok(!self.job.is_void(&counters) && counters[counter] > 0)
             }
             Looking::Never => {

@@ -13,7 +13,7 @@ use crate::device::needs;
 use crate::error::{GpuError, OpenError};
 use crate::options::{OpenOptions, default_timeout};
 
-/// Between two looks at a device that must be polled.
+/// Polling interval for a device.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
 
 /// A device, ready for work. Clones are the same device.
@@ -57,7 +57,7 @@ impl Gpu {
         gpu
     }
 
-    /// Uses a device that a host owns.
+    /// A device that a host owns.
     ///
     /// Sets nothing on the device: the host's callbacks for losses and uncaptured errors stay.
     /// What this crate does runs inside error scopes of the calling thread and comes back as
@@ -85,8 +85,9 @@ impl Gpu {
         Gpu { compiler: Arc::new(Compiler::new(Bounds { time, memory })), ..self }
     }
 
-    /// The same device with this call before the driver compiles a pipeline, in the same thread: for tests
-    /// that plant a driver which takes too much. It is given the pipeline's label.
+    /// The same device, with this function called before the driver compiles a pipeline, in the
+    /// same thread: for tests that simulate a driver which takes too much. It receives the
+    /// pipeline's label.
     #[doc(hidden)]
     pub fn with_planted_driver(self, planted: impl Fn(&str) + Send + Sync + 'static) -> Gpu {
         let compiler = Compiler::new(*self.compiler.bounds()).planted(planted);
@@ -98,7 +99,8 @@ impl Gpu {
         self.compiler.made()
     }
 
-    /// From now on, until what is given is dropped, the limit of time holds for all pipelines together.
+    /// From now on, until the returned value is dropped, the limit of time holds for all pipelines
+    /// together.
     pub(crate) fn opening(&self) -> Opening<'_> {
         self.compiler.opening()
     }
@@ -146,7 +148,7 @@ impl Gpu {
         needs::check(&self.limits)
     }
 
-    /// Whether the device is in order.
+    /// Whether the device works.
     ///
     /// # Errors
     /// A lost device; the first error since the last check that no error scope caught. On borrowed
@@ -156,11 +158,11 @@ impl Gpu {
         self.health.take_uncaptured()
     }
 
-    /// Runs calls of wgpu and gives the first error they raise on this thread. wgpu keeps quiet
-    /// about calls on a lost device; [`Gpu::check`] tells.
+    /// Runs calls of wgpu and returns the first error that they raise on this thread. wgpu reports
+    /// nothing for calls on a lost device; [`Gpu::check`] does.
     ///
     /// # Errors
-    /// A lost device, no memory, or whatever wgpu or the driver refused.
+    /// A lost device, no memory, or anything that wgpu or the driver refused.
     pub fn guard<R>(&self, work: impl FnOnce() -> R) -> Result<R, GpuError> {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
@@ -169,7 +171,7 @@ impl Gpu {
         let scopes = [validation, memory, internal];
         let errors = scopes.map(|scope| pollster::block_on(scope.pop()));
         let Some(error) = errors.into_iter().flatten().next() else { return Ok(out) };
-        // A device that goes away leaves invalid objects behind, which are refused later on.
+        // A device that goes away leaves invalid objects, which are refused later.
         self.health.check_lost(&self.device)?;
         Err(GpuError::from_wgpu(error))
     }
@@ -213,8 +215,9 @@ impl Gpu {
     /// Compiles a compute pipeline with an automatic layout.
     ///
     /// The driver compiles in a thread of its own, which is waited for within the limits of
-    /// [`OpenOptions::driver_time`] and [`OpenOptions::driver_memory`]. Beyond them the thread is left to
-    /// itself, since nothing can end it; as long as it goes on, the same pipeline is refused at once.
+    /// [`OpenOptions::driver_time`] and [`OpenOptions::driver_memory`]. Beyond them the thread is
+    /// left to itself, since nothing can end it; as long as it runs, the same pipeline is refused
+    /// at once.
     ///
     /// # Errors
     /// Text that is no valid WGSL for this device; a driver that takes too much; a lost device.
@@ -286,7 +289,7 @@ impl Gpu {
         Ok(submitted)
     }
 
-    /// Lets callbacks run whose work is done, without waiting. True when nothing is left to do.
+    /// Runs the callbacks of finished work, without waiting. True when nothing is left to do.
     ///
     /// # Errors
     /// As for [`Gpu::check`].
@@ -309,8 +312,8 @@ impl Gpu {
     /// # Errors
     /// A lost device, or one that takes longer than the time-out; what [`Gpu::check`] finds.
     pub fn wait(&self) -> Result<(), GpuError> {
-        // Named, since wgpu panics when it waits for "the most recent" submission while another
-        // thread is in the middle of one.
+        // The submission is named, since wgpu panics when it waits for "the most recent" one while
+        // another thread is submitting.
         let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
         self.wait_for(last)
     }
@@ -366,7 +369,7 @@ impl Gpu {
         let (send, receive) = mpsc::channel();
         self.guard(|| {
             buffer.map_async(wgpu::MapMode::Read, ..bytes, move |result| {
-                // Nobody listens when waiting failed.
+                // The receiver is gone if waiting failed.
                 let _ = send.send(result);
             });
         })?;

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::GpuError;
 
-/// What is known to be wrong with a device; shared with its callbacks.
+/// The known errors of a device; shared with its callbacks.
 #[derive(Debug, Default)]
 pub(crate) struct Health {
     lost: Mutex<Option<String>>,
@@ -68,12 +68,12 @@ impl Health {
         POLLS.set(outer);
         polled.or_else(|panic| match self.check_lost(device) {
             Err(lost) => Err(lost),
-            // A wait ran out of time while another thread found that all is done: wgpu takes that
-            // for a contradiction.
+            // A wait ran out of time while another thread found that all is done; wgpu treats that
+            // as a contradiction.
             Ok(()) if says(&*panic, "If the queue is empty") => {
                 Ok(Ok(wgpu::PollStatus::QueueEmpty))
             }
-            // Not the device: a callback of the host, or a bug in wgpu. The hook kept quiet.
+            // Not the device: a callback of the host, or a bug in wgpu. The hook printed nothing.
             Ok(()) => match panic.downcast::<String>() {
                 Ok(message) => panic!("{message}"),
                 Err(panic) => match panic.downcast::<&'static str>() {
@@ -102,8 +102,8 @@ pub fn panic_is_caught() -> bool {
     POLLS.get()
 }
 
-/// Whether a device still makes things. wgpu keeps quiet about commands to a lost device, but it
-/// gives no memory for a buffer of one. This needs no callback.
+/// Whether a device can still create objects. wgpu reports nothing for commands to a lost device,
+/// but it allocates no buffer on one. This needs no callback.
 fn answers(device: &wgpu::Device) -> bool {
     let validation = device.push_error_scope(wgpu::ErrorFilter::Validation);
     let memory = device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);

@@ -1,10 +1,11 @@
-//! Lists in host memory that grow with what is read back: where the system has no room, that is an error.
+//! Lists in host memory that grow with what is read back: where the system has no memory, that is
+//! an error.
 
 use bytemuck::Pod;
 
 use crate::error::GpuError;
 
-/// An empty list with room for so many items.
+/// An empty list with capacity for this many items.
 ///
 /// # Errors
 /// [`GpuError::HostMemory`].
@@ -17,7 +18,7 @@ pub(crate) fn room<T>(items: usize, what: &str) -> Result<Vec<T>, GpuError> {
     Ok(list)
 }
 
-/// What stands in some bytes, which need not be aligned; a rest that is no whole item is left out.
+/// The items in some bytes, which need not be aligned; an incomplete item at the end is left out.
 ///
 /// # Errors
 /// As for [`room`].

@@ -21,7 +21,7 @@ const LIMITS: [&str; 15] = [
     "min_uniform_buffer_offset_alignment",
 ];
 
-/// The first limit that is worse than WebGPU's default: its name, the default, what there is.
+/// The first limit that is worse than WebGPU's default: its name, the default, the actual value.
 fn worse_limit(offered: &wgpu::Limits) -> Option<(&'static str, u64, u64)> {
     let mut worse = None;
     let needed = wgpu::Limits::default();
@@ -45,7 +45,7 @@ pub(crate) fn unmet(
     Some(format!("its limit {name} is {offered}, and WebGPU's default of {needed} is needed"))
 }
 
-/// The same of a device whose limits a host has chosen.
+/// The same for a device whose limits a host has chosen.
 pub(crate) fn check(limits: &wgpu::Limits) -> Result<(), GpuError> {
     match worse_limit(limits) {
         None => Ok(()),

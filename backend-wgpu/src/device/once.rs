@@ -18,7 +18,7 @@ fn rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     [workgroups.div_ceil(rows), rows]
 }
 
-/// Records one dispatch of a kernel over so many things, with each slot as `find` has it.
+/// Records one dispatch of a kernel over this many items, with each slot as `find` has it.
 ///
 /// # Errors
 /// A kernel that the device refuses; a slot that `find` lacks.

@@ -13,7 +13,7 @@ use crate::error::GpuError;
 
 /// A kernel set whose kernels have shaders.
 pub trait DeviceSet: KernelSet {
-    /// What the text of a kernel depends on besides the kernel.
+    /// What the text of a kernel depends on, in addition to the kernel.
     type Variant: Copy + Debug;
 
     /// The shader of a kernel.
@@ -70,7 +70,7 @@ struct Replaced {
     source: String,
 }
 
-/// Compiled kernels of any number of sets, told apart by set, kernel and the parts of the text.
+/// Compiled kernels of any number of sets, identified by set, kernel and the parts of the text.
 #[derive(Debug, Default)]
 pub struct Pipelines {
     held: Mutex<Vec<Held>>,
@@ -78,7 +78,7 @@ pub struct Pipelines {
     replaced: Mutex<Option<Replaced>>,
 }
 
-/// What another thread that panicked left is in order: lists only grow by whole entries.
+/// A thread that panicked leaves the lists consistent: they only grow by whole entries.
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -95,7 +95,7 @@ impl Pipelines {
     /// A kernel, compiled if it was not yet.
     ///
     /// # Errors
-    /// The device refuses it; its driver takes too much.
+    /// The device refuses it, or its driver exceeds a limit.
     pub fn get<K: DeviceSet>(
         &self,
         gpu: &Gpu,

@@ -1,8 +1,9 @@
 //! Trying a GPU adapter in a process of its own, which can be ended whatever its driver does.
 //!
-//! A driver compiles inside the process that opens a device, and nothing can end the thread in which it does. So
-//! the program starts itself once more: the child opens the adapter within the limits and says in one line what
-//! came of it. The parent watches its time and memory and ends it, at the latest a little beyond the limits.
+//! A driver compiles inside the process that opens a device, and nothing can end the thread in
+//! which it does. So the program starts itself again: the child opens the adapter within the limits
+//! and reports the outcome in one line. The parent watches its time and memory and ends it, at the
+//! latest a little beyond the limits.
 
 use std::ffi::OsString;
 use std::fmt::Display;
@@ -22,11 +23,11 @@ use crate::gpu::Gpu;
 use crate::options::OpenOptions;
 use crate::parity::Parity;
 
-/// What a driver may take that is tried because nobody knows it.
+/// The limits of a driver that is tried because it is unknown.
 const TIME: Duration = Duration::from_secs(20);
-/// What any driver may take.
+/// The limits of any driver.
 const MEMORY: u64 = 2 << 30;
-/// Between two looks at the child.
+/// Polling interval for the child process.
 const LOOK: Duration = Duration::from_millis(20);
 /// For the child to start, and to say which limit was exceeded.
 const GRACE: Duration = Duration::from_secs(5);
@@ -35,7 +36,7 @@ const END: Duration = Duration::from_secs(1);
 /// What the child's line begins with. Drivers may print too.
 const MARK: &str = "splitplane probe: ";
 
-/// What came of trying an adapter.
+/// The outcome of trying an adapter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Tried {
@@ -56,9 +57,9 @@ pub enum Tried {
     NotStarted,
 }
 
-/// A command that opens a GPU adapter in a process of its own, says what came of it, and ends:
-/// usually the program itself, with arguments by which it knows that it is to call
-/// [`answer_probe`] and no more.
+/// A command that opens a GPU adapter in a process of its own, reports the outcome, and ends:
+/// usually the program itself, with arguments that tell it to call [`answer_probe`] and nothing
+/// else.
 ///
 /// ```no_run
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -83,20 +84,20 @@ pub enum Tried {
 pub struct Probe {
     /// The program.
     pub program: PathBuf,
-    /// Its first arguments. Behind them come those that name the adapter and the limits.
+    /// Its first arguments. Those that name the adapter and the limits follow.
     pub arguments: Vec<OsString>,
 }
 
 impl Probe {
-    /// Opens and tests an adapter in a process of its own. Of the options the limits of the driver hold;
-    /// when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB.
+    /// Opens and tests an adapter in a process of its own. Of the options only the driver's limits
+    /// apply; when they are `None`, an unknown driver may take 20 seconds, and any driver 2 GiB.
     pub fn run(&self, adapter: &Adapter, options: &OpenOptions) -> Tried {
         run(self, adapter.index(), adapter.name(), bounds(adapter, options))
     }
 
-    /// As [`Probe::run`] for an adapter whose driver nobody knows
-    /// ([`Adapter::is_trusted`]), once in the life of this process unless it exceeded a limit or died;
-    /// `None` for the others, which need no trial.
+    /// As [`Probe::run`] for an adapter with an unknown driver ([`Adapter::is_trusted`]), once in
+    /// the life of this process unless it exceeded a limit or died; `None` for the others, which
+    /// need no trial.
     pub fn run_unknown(&self, adapter: &Adapter, options: &OpenOptions) -> Option<Tried> {
         static FINE: Mutex<Vec<String>> = Mutex::new(Vec::new());
         if adapter.is_trusted() {
@@ -117,7 +118,7 @@ impl Probe {
     }
 }
 
-/// What the driver may take in the child.
+/// The driver's limits in the child.
 fn bounds(adapter: &Adapter, options: &OpenOptions) -> Bounds {
     let time = if adapter.is_trusted() { adapter.default_driver_time() } else { TIME };
     Bounds {
@@ -138,7 +139,7 @@ fn run(probe: &Probe, index: usize, name: &str, bounds: Bounds) -> Tried {
         .stderr(Stdio::null())
         .spawn();
     let Ok(mut child) = started else { return Tried::NotStarted };
-    // As long as this is open, somebody waits for the child.
+    // As long as this is open, the parent waits for the child.
     let waits: Option<ChildStdin> = child.stdin.take();
     let (send, receive) = mpsc::channel();
     let output = child.stdout.take();
@@ -146,7 +147,7 @@ fn run(probe: &Probe, index: usize, name: &str, bounds: Bounds) -> Tried {
         let lines = output.into_iter().flat_map(|output| BufReader::new(output).lines());
         let said =
             lines.map_while(Result::ok).find_map(|line| parse(line.strip_prefix(MARK)?, bounds));
-        // Nobody listens when it took too long.
+        // The receiver is gone if it took too long.
         let _ = send.send(said);
     });
     let tried = match reading {
@@ -227,9 +228,10 @@ fn say(word: &str, text: impl Display) -> String {
     format!("{MARK}{word} {text}").trim_end().to_owned() + "\n"
 }
 
-/// What the process does that a [`Probe`] starts: opens and tests the adapter that the arguments name, and
-/// writes what came of it to `out`, which is its standard output. The arguments are those behind
-/// [`Probe::arguments`]. The process is to end then; if its parent does before, so does it.
+/// The work of the process that a [`Probe`] starts: opens and tests the adapter that the arguments
+/// name, and writes the outcome to `out`, which is its standard output. The arguments are those
+/// that follow [`Probe::arguments`]. The process must end then; if its parent ends earlier, the
+/// process ends too.
 ///
 /// # Errors
 /// Arguments that are no probe's, or an output that nobody reads.
@@ -363,7 +365,7 @@ mod tests {
         let bounds = Bounds { memory: 1 << 40, ..BOUNDS };
         let expected = Parity::Structural("3 card 600000 1099511627776".into());
         assert_eq!(shell(script, bounds), Tried::Parity(expected));
-        // It may have more to do: nobody waits for that.
+        // It may have more to do, but nothing waits for that.
         let script = "echo 'splitplane probe: bitwise'; read forever";
         assert_eq!(shell(script, BOUNDS), Tried::Parity(Parity::Bitwise));
     }
@@ -371,7 +373,7 @@ mod tests {
     #[test]
     #[cfg(unix)]
     fn a_child_that_does_not_end_is_ended() {
-        // Standard input stays open for as long as somebody waits.
+        // Standard input stays open for as long as the parent waits.
         let bounds = Bounds { time: Duration::ZERO, ..BOUNDS };
         let limit = DriverLimit::Time(Duration::ZERO);
         let doing = "opening a device".to_owned();

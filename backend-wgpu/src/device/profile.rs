@@ -6,7 +6,7 @@ use wgpu::BufferUsages as Usage;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// Time a kernel took in a build, or in other work, all its dispatches together.
+/// How long a kernel took in a build, or in other work, over all its dispatches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelTime<K = Kernel> {
     /// The kernel.

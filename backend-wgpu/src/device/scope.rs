@@ -1,10 +1,11 @@
-//! Errors that wgpu reports beside the call, caught.
+//! Catches errors that wgpu reports beside the call.
 
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// Runs `work`; a validation error or a lack of memory that wgpu reports meanwhile becomes an error.
-/// Without this a refused submission would pass in silence, and results of an earlier one be read.
+/// Runs `work`; a validation error or a lack of memory that wgpu reports meanwhile becomes an
+/// error. Without this a refused submission would go unnoticed, and results of an earlier one would
+/// be read.
 pub(crate) fn checked<T>(
     gpu: &Gpu,
     what: &str,
@@ -17,7 +18,7 @@ pub(crate) fn checked<T>(
     let errors = [validation, internal, memory].map(|scope| pollster::block_on(scope.pop()));
     match errors.into_iter().flatten().next() {
         None => out,
-        // What `work` itself says is closer to the cause.
+        // The error of `work` itself is closer to the cause.
         Some(error) => Err(out.err().unwrap_or_else(|| match error {
             wgpu::Error::OutOfMemory { .. } => {
                 GpuError::OutOfMemory { what: what.to_string(), needed: 0 }

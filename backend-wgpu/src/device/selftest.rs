@@ -22,7 +22,7 @@ use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceQueryError, DeviceTree};
 
-/// Pairs of operands that the guarded operations are tried on.
+/// Pairs of operands on which the guarded operations are tested.
 const PAIRS: u32 = 4096;
 /// Triangles of the small build.
 const TRIANGLES: usize = 700;
@@ -92,7 +92,7 @@ const OPERATIONS: [&str; 8] = [
 fn expected(x: f32, y: f32) -> [u32; 8] {
     let z = Strict::sum(x, 1.0);
     let [xy, yz, zx] = [(x, y), (y, z), (z, x)].map(|(a, b)| Strict::product(a, b));
-    // A product that underflows leaves no rest on a device.
+    // A product that underflows has no remainder on a device.
     let (high, low) = Strict::two_product(x, y);
     let rest = if flush(high) == 0.0 { 0.0 } else { low };
     [
@@ -138,7 +138,7 @@ fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
             Some(buffer.as_entire_buffer_binding())
         };
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
-        // Nobody needs it again.
+        // It is not needed again.
         let pipelines = Pipelines::default();
         let kernel = (CheckKernel::ArithmeticCheck, &());
         once::record(gpu, &pipelines, &mut encoder, kernel, PAIRS, find)?;

@@ -27,10 +27,11 @@ use crate::error::GpuError;
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
 /// counted in the report.
 ///
-/// Under accuracy `exact` the device names the triangles of which it is certain and leaves the other rays
-/// undecided; the options say what becomes of those, and the report counts them. Distances and weights
-/// come from the host copy, so that hits are the CPU backend's, bit for bit. Where the device's parity is
-/// only structural its bounds of error hold for nothing, and all rays are undecided.
+/// Under accuracy `exact` the device names the triangles of which it is certain and leaves the
+/// other rays undecided; the options say how to treat those, and the report counts them. Distances
+/// and weights come from the host copy, so that hits are the CPU backend's, bit for bit. Where the
+/// device's parity is only structural its bounds of error hold for nothing, and all rays are
+/// undecided.
 #[derive(Debug)]
 pub struct WgpuAccelerator {
     queries: Arc<Queries>,
@@ -96,7 +97,7 @@ impl WgpuAccelerator {
         HostScene { tree: self.tree.view(), triangles: &self.triangles }
     }
 
-    /// The report on a batch whose marked rays the host has seen to.
+    /// The report on a batch whose marked rays the host has answered.
     fn report(&self, marked: Marked, options: &QueryOptions<'_>) -> QueryReport {
         let mut report = QueryReport::default();
         report.unfinished = marked.unfinished.len() as u64;
@@ -165,11 +166,11 @@ impl WgpuAccelerator {
     }
 }
 
-/// Rays of a slice whose answers the host makes exact before the next, where somebody watches.
+/// Rays of a slice whose answers the host makes exact before the next, if there is a watch.
 const SLICE: usize = 1 << 16;
 
-/// Answers a batch. Where the host sees to all rays after the device and somebody watches, in slices, so
-/// that what is told to be done is.
+/// Answers a batch. If the host processes all rays after the device and there is a watch, it works
+/// in slices, so that rays reported as done are done.
 fn in_slices<T>(
     rays: &[Ray],
     answers: &mut [T],
@@ -184,7 +185,8 @@ fn in_slices<T>(
 ) -> Result<QueryReport, QueryError> {
     let asking = Asking::new(watch, rays.len());
     if watch.is_none() || options.accuracy != Accuracy::Exact || rays.len() != answers.len() {
-        // The device tells the watch itself, or what is wrong; after it all but a few rays are done.
+        // The device calls the watch itself, or returns its error; after it all but a few rays are
+        // done.
         asking.advance(rays.len());
         return answer(rays, answers, watch, &asking);
     }
@@ -220,7 +222,7 @@ impl Accelerator for WgpuAccelerator {
         self.device.bytes()
     }
 
-    /// Asks the watch between slices and while the device works on one.
+    /// Calls the watch between slices and while the device works on one.
     fn closest_hits(
         &self,
         rays: &[Ray],
@@ -230,7 +232,7 @@ impl Accelerator for WgpuAccelerator {
         self.find_closest_hits(rays, hits, options)
     }
 
-    /// Asks the watch between slices and while the device works on one.
+    /// Calls the watch between slices and while the device works on one.
     fn any_hits(
         &self,
         rays: &[Ray],
@@ -240,7 +242,7 @@ impl Accelerator for WgpuAccelerator {
         self.find_any_hits(rays, occluded, options)
     }
 
-    /// From the host copy, one ray after the other; the report says so.
+    /// From the host copy, one ray at a time; the report says so.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
         let mut all = AllHits::one_by_one(&tree, triangles, rays, options)?;
@@ -248,7 +250,7 @@ impl Accelerator for WgpuAccelerator {
         Ok(all)
     }
 
-    /// From the host copy, one point after the other; the report says so.
+    /// From the host copy, one point at a time; the report says so.
     fn locate(
         &self,
         points: &[[f32; 3]],

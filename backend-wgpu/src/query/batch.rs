@@ -57,7 +57,7 @@ impl Marked {
     }
 }
 
-/// Between two questions to a watch.
+/// Interval between two calls of the watch.
 const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
 
 /// A slice that was submitted.
@@ -65,7 +65,7 @@ struct Pending {
     set: Staging,
     rays: Range<usize>,
     since: Instant,
-    /// Whether the device is done with it, where somebody watches.
+    /// Whether the device is done with it, if there is a watch.
     done: Option<Arc<AtomicBool>>,
 }
 
@@ -103,8 +103,8 @@ impl Queries {
         self.any_hits_marking(tree, rays, occluded, options)?.none()
     }
 
-    /// As [`Queries::closest_hits`], but rays without an answer are no error: gives their places in
-    /// the batch. Their `hits` are not to be used.
+    /// As [`Queries::closest_hits`], but rays without an answer are no error: returns their indices
+    /// in the batch. Their `hits` must not be used.
     ///
     /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
     /// the device computed, see [`splitplane_core::certify`].
@@ -123,7 +123,7 @@ impl Queries {
         self.closest_hits_under(tree, rays, hits, options, None)
     }
 
-    /// As [`Queries::closest_hits_marking`], under a watch.
+    /// As [`Queries::closest_hits_marking`], with a watch.
     pub(super) fn closest_hits_under(
         &self,
         tree: &DeviceTree,
@@ -150,8 +150,8 @@ impl Queries {
         Ok(out)
     }
 
-    /// As [`Queries::any_hits`], but rays without an answer are no error: gives their places in the
-    /// batch. Their answers are not to be used.
+    /// As [`Queries::any_hits`], but rays without an answer are no error: returns their indices in
+    /// the batch. Their answers must not be used.
     ///
     /// # Errors
     /// As for [`Queries::closest_hits_marking`].
@@ -166,7 +166,7 @@ impl Queries {
         self.any_hits_under(tree, rays, occluded, options, None)
     }
 
-    /// As [`Queries::any_hits_marking`], under a watch.
+    /// As [`Queries::any_hits_marking`], with a watch.
     pub(super) fn any_hits_under(
         &self,
         tree: &DeviceTree,
@@ -290,8 +290,8 @@ impl Queries {
         })
     }
 
-    /// Asks a watch until a slice is done, or its time is up. When the watch ends the batch, the
-    /// slice's buffers are freed once the device has finished with them.
+    /// Calls a watch until a slice is done, or its time is up. When the watch cancels the batch,
+    /// the slice's buffers are freed once the device has finished with them.
     fn watch_slice(
         &self,
         slice: &Pending,
@@ -307,7 +307,7 @@ impl Queries {
         Ok(())
     }
 
-    /// Waits for a slice: its place, its answers, and how long it took.
+    /// Waits for a slice. Returns its place, its answers, and how long it took.
     fn await_slice(
         &self,
         slice: Pending,
@@ -321,7 +321,7 @@ impl Queries {
     }
 }
 
-/// Asks a watch, if there is one, whether to go on.
+/// Calls a watch, if there is one; returns whether to continue.
 fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), DeviceQueryError> {
     let (done, total) = (done as u64, total as u64);
     let progress = Progress { stage: Stage::Rays, done, total };

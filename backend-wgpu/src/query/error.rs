@@ -1,4 +1,4 @@
-//! Why a query on a device did not give answers.
+//! Errors of queries on a device.
 
 use splitplane_core::all_hits::refused;
 use splitplane_core::backend::{DeviceError, QueryError};
@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::error::GpuError;
 
-/// Why a query on a device did not give answers.
+/// Errors of queries on a device.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum DeviceQueryError {
@@ -15,7 +15,7 @@ pub enum DeviceQueryError {
     LengthMismatch {
         /// Rays given.
         rays: usize,
-        /// Room for results.
+        /// Length of the results.
         results: usize,
     },
     /// A host's buffer is too small for the rays it is to hold.
@@ -63,7 +63,7 @@ pub enum DeviceQueryError {
          one was not tested, or differs"
     )]
     Uncertain,
-    /// The watch ended the batch.
+    /// The watch cancelled the batch.
     #[error("cancelled after {done} of {total} rays")]
     Cancelled {
         /// Rays answered.
@@ -71,10 +71,10 @@ pub enum DeviceQueryError {
         /// Rays of the batch.
         total: u64,
     },
-    /// The system has no more memory for what is told of the rays.
+    /// The system has no more memory for the answers.
     #[error("the system has no more memory for the answers, which take {needed} bytes so far")]
     HostMemory {
-        /// Bytes held or asked for.
+        /// Bytes held or requested.
         needed: u64,
     },
     /// The device failed.

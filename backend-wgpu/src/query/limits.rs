@@ -14,7 +14,7 @@ use crate::error::GpuError;
 pub(crate) const LIMITS_BYTES: u64 = 16;
 
 impl Queries {
-    /// The limits of the first `count` triangles of a buffer of snapped corners, nine `f32` a
+    /// The limits of the first `count` triangles of a buffer of snapped corners, nine `f32` per
     /// triangle; those of dropped triangles do not count. Equal, bit for bit, to the union of
     /// [`Limits::of`] over the triangles kept. Waits for the device.
     ///

@@ -51,7 +51,7 @@ pub struct Queries {
     pub(super) staging: Mutex<Vec<Staging>>,
     /// Whether bounds of error hold on the device.
     certain: AtomicBool,
-    /// Rays of the first slice of the next batch: what the device was fit for lately.
+    /// Rays of the first slice of the next batch: what suited the device lately.
     pub(super) slice_rays: AtomicU32,
 }
 
@@ -79,18 +79,19 @@ impl Queries {
         &self.gpu
     }
 
-    /// Whether bounds of error hold on the device, so that it may tell exact hits: only after a
+    /// Whether bounds of error hold on the device, so that it may answer exact hits: only after a
     /// self-test found that it rounds as the CPU does.
     pub fn is_certain(&self) -> bool {
         self.certain.load(Ordering::Relaxed)
     }
 
-    /// Says what a self-test found of the device. With [`Parity::Bitwise`] it may tell exact hits.
+    /// Sets what a self-test found about the device. With [`Parity::Bitwise`] it may answer exact
+    /// hits.
     pub fn set_parity(&self, parity: &Parity) {
         self.certain.store(parity.is_bitwise(), Ordering::Relaxed);
     }
 
-    /// Refuses accuracy `exact` on a device whose arithmetic nobody has tested, or that failed.
+    /// Refuses accuracy `exact` on a device whose arithmetic was not tested, or failed the test.
     pub(super) fn may_answer(&self, options: &QueryOptions<'_>) -> Result<(), DeviceQueryError> {
         if options.accuracy == Accuracy::Exact && !self.is_certain() {
             return Err(DeviceQueryError::Uncertain);

@@ -36,20 +36,21 @@ pub(super) struct QueryBuffers<'a> {
 }
 
 impl Queries {
-    /// Records the closest hits of the first `count` rays of a buffer: 32 bytes a [`Ray`], 16 bytes
-    /// a [`Hit`]. Both need the usage `STORAGE`; the rays may be written by commands before. Nothing
-    /// crosses to the host. Under llvmpipe a hit may be [`UNFINISHED`].
+    /// Records the closest hits of the first `count` rays of a buffer: 32 bytes per [`Ray`], 16
+    /// bytes per [`Hit`]. Both need the usage `STORAGE`; the rays may be written by commands
+    /// before. Nothing crosses to the host. Under llvmpipe a hit may be [`UNFINISHED`].
     ///
-    /// Under accuracy `exact` a hit whose triangle is [`UNDECIDED_HIT`] is left open, whatever the options
-    /// say of such rays: nothing that may be hit is nearer than its `t`. That of the other hits is the
-    /// exact one; their `t` is within a unit in the last place of the distances involved (which is
-    /// more than one of its own where the ray starts next to the triangle), their weights likewise.
+    /// Under accuracy `exact` a hit whose triangle is [`UNDECIDED_HIT`] is undecided, whatever the
+    /// options say about such rays: nothing that may be hit is nearer than its `t`. That of the
+    /// other hits is the exact one; their `t` is within a unit in the last place of the distances
+    /// involved (which is more than one of its own where the ray starts next to the triangle),
+    /// their weights likewise.
     ///
     /// How many rays one submission can take is the host's care: drivers end submissions that take
     /// seconds.
     ///
     /// # Errors
-    /// Buffers that do not suit, more rays than one binding can hold, a device that fails, or accuracy
+    /// Unsuitable buffers, more rays than one binding can hold, a device that fails, or accuracy
     /// `exact` on one whose arithmetic is not known to be the CPU's ([`Queries::is_certain`]).
     pub fn record_closest_hits(
         &self,
@@ -63,9 +64,9 @@ impl Queries {
         self.record_for_host(encoder, tree, [rays, hits], count, options, Query::Closest)
     }
 
-    /// Records, for the first `count` rays of a buffer, whether they hit anything: one `u32` a ray,
-    /// 1 for a hit and 0 for none (2 for [`UNFINISHED`], 3 for [`UNDECIDED_HIT`]).
-    /// Otherwise as [`Queries::record_closest_hits`].
+    /// Records, for the first `count` rays of a buffer, whether they hit anything: one `u32` per
+    /// ray, 1 for a hit and 0 for none (2 for [`UNFINISHED`], 3 for [`UNDECIDED_HIT`]). Otherwise
+    /// as [`Queries::record_closest_hits`].
     ///
     /// # Errors
     /// As for [`Queries::record_closest_hits`].
@@ -98,7 +99,7 @@ impl Queries {
         self.suits("results", results, u64::from(count) * result_bytes(query))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let batch = self.gpu().buffer("batch", size_of::<BatchUniform>() as u64, usage)?;
-        // A buffer of its own a call: writes of the queue come before all recorded commands.
+        // Each call needs its own buffer: writes of the queue come before all recorded commands.
         let uniform = BatchUniform::new(count, options);
         self.gpu().queue().write_buffer(&batch, 0, bytemuck::bytes_of(&uniform));
         let buffers = QueryBuffers { rays, results, batch: &batch };
@@ -106,7 +107,7 @@ impl Queries {
         Ok(())
     }
 
-    /// Whether a host's buffer can be bound for so many bytes.
+    /// Whether this many bytes of a host's buffer can be bound.
     fn suits(
         &self,
         what: &'static str,

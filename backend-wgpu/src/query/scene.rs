@@ -1,4 +1,4 @@
-//! What every traversal reads of the scene as a whole, as it lies on the device.
+//! The data of the whole scene that every traversal reads, as laid out on the device.
 
 pub use splitplane_core::layout::SceneUniform;
 
@@ -7,7 +7,7 @@ mod tests {
     use super::*;
     use std::mem::offset_of;
 
-    /// Size and offsets of the Rust struct are those that WGSL's rules give the twin.
+    /// The Rust struct has the size and offsets that WGSL's rules give its twin.
     #[test]
     fn layout_is_that_of_the_wgsl_twin() {
         let source = splitplane_shaders::traversal(0, 0, Default::default());

@@ -1,4 +1,5 @@
-//! Exact answers made of what the device is certain of: the last digits, and rays it left undecided.
+//! Completes a device's certain answers to exact ones: the last digits, and the rays that it left
+//! undecided.
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
@@ -20,8 +21,8 @@ use super::record::UNFINISHED;
 /// Rays of a task.
 const TASK: usize = 1 << 12;
 
-/// Asks a watch on behalf of the device and of the host's threads, one at a time; `done` counts the
-/// rays that both have finished.
+/// Calls a watch on behalf of the device and of the host's threads, from one at a time; `done`
+/// counts the rays that both have finished.
 pub(super) struct Asking<'w> {
     watch: Option<&'w dyn Watch>,
     turn: Mutex<()>,
@@ -41,12 +42,12 @@ impl<'w> Asking<'w> {
         }
     }
 
-    /// So many more rays are done.
+    /// Adds to the number of rays that are done.
     pub(super) fn advance(&self, rays: usize) {
         self.done.fetch_add(rays as u64, Relaxed);
     }
 
-    /// Asks, if no other thread does. True when the work is over.
+    /// Calls the watch, unless another thread does. True when the work is cancelled.
     pub(super) fn is_over(&self) -> bool {
         let Some(watch) = self.watch else { return false };
         match self.turn.try_lock() {
@@ -57,29 +58,29 @@ impl<'w> Asking<'w> {
                     self.over.store(true, Relaxed);
                 }
             }
-            // The watch has panicked on another thread, which takes the panic to the caller.
+            // The watch has panicked on another thread, which passes the panic on to the caller.
             Err(std::sync::TryLockError::Poisoned(_)) => self.over.store(true, Relaxed),
             _ => {}
         }
         self.over.load(Relaxed)
     }
 
-    /// Asks.
+    /// Calls the watch.
     ///
     /// # Errors
-    /// [`QueryError::Cancelled`] when the work is over.
+    /// [`QueryError::Cancelled`] when the work is cancelled.
     pub(super) fn check(&self) -> Result<(), QueryError> {
         if self.is_over() { Err(self.cancelled()) } else { Ok(()) }
     }
 
-    /// The error of work that the watch ended.
+    /// The error of work that the watch cancelled.
     pub(super) fn cancelled(&self) -> QueryError {
         QueryError::Cancelled { done: self.done.load(Relaxed), total: self.total }
     }
 }
 
 impl Watch for Asking<'_> {
-    /// For the device, which knows only of its part.
+    /// For the device, which knows only about its part.
     fn progress(&self, _progress: &Progress) -> ControlFlow<()> {
         if self.is_over() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
@@ -93,13 +94,13 @@ pub(super) struct HostScene<'a> {
 }
 
 impl HostScene<'_> {
-    /// Makes the hits of a device exact. Of a hit that is certain only the triangle is kept; distance
-    /// and weights are computed from it. Other rays are traced again, or left marked, as the options
-    /// say. Gives the places of undecided rays, in ascending order. `asking` may end it at any ray that is
-    /// traced again; then the answers are of no use.
+    /// Makes the hits of a device exact. Of a hit that is certain only the triangle is kept;
+    /// distance and weights are computed from it. Other rays are traced again, or left marked, as
+    /// the options say. Returns the indices of undecided rays, in ascending order. `asking` may end
+    /// it at any ray that is traced again; then the answers are undefined.
     ///
     /// # Errors
-    /// [`QueryError::OutOfMemory`] where the system has no memory for the places.
+    /// [`QueryError::OutOfMemory`] where the system has no memory for the indices.
     pub(super) fn settle(
         &self,
         rays: &[Ray],
@@ -174,7 +175,7 @@ impl HostScene<'_> {
     }
 }
 
-/// An empty list with room for so many.
+/// An empty list with this capacity.
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`] where the system has no memory for it.
@@ -184,7 +185,7 @@ pub(super) fn list<T>(length: usize) -> Result<Vec<T>, QueryError> {
     Ok(list)
 }
 
-/// The error where there is no memory for so many places.
+/// The error where there is no memory for this many indices.
 fn no_room_for(places: usize) -> QueryError {
     refused(places.saturating_mul(size_of::<usize>()) as u64)
 }

@@ -6,15 +6,15 @@ use crate::error::GpuError;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
-/// Most sets that are kept while nobody uses them.
+/// Most unused sets that are kept.
 const KEPT: usize = 4;
-/// Least room of a set, so that small batches share sets.
+/// Least capacity of a set, so that small batches share sets.
 const LEAST_RAYS: u32 = 1 << 10;
 
 /// The buffers of one slice of a batch.
 #[derive(Debug)]
 pub(super) struct Staging {
-    /// Most rays it has room for.
+    /// Its capacity in rays.
     pub(super) capacity: u32,
     pub(super) batch: wgpu::Buffer,
     pub(super) rays: wgpu::Buffer,
@@ -23,11 +23,11 @@ pub(super) struct Staging {
 }
 
 impl Queries {
-    /// A set with room for `rays` rays: a kept one, else a new one with room for up to twice as many,
-    /// but at most `most`.
+    /// A set with capacity for `rays` rays: a kept one, else a new one with up to twice that
+    /// capacity, but at most `most`.
     pub(super) fn take_staging(&self, rays: u32, most: u32) -> Result<Staging, GpuError> {
         // A poisoned lock means that another thread panicked between two statements that cannot
-        // leave the list in disorder.
+        // leave the list inconsistent.
         let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let suits = |set: &Staging| set.capacity >= rays;
         let place = (0..kept.len())
@@ -64,7 +64,7 @@ impl Queries {
         let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         kept.push(set);
         if kept.len() > KEPT {
-            // The smallest is the cheapest to make again.
+            // The smallest is the cheapest to recreate.
             let smallest = (0..kept.len()).min_by_key(|&place| kept[place].capacity);
             smallest.map(|place| kept.swap_remove(place));
         }

@@ -35,8 +35,8 @@ pub struct TreeParts {
     pub config: BuildConfig,
 }
 
-/// A tree in device memory, with what queries need besides: 8 bytes a node, 4 a reference, 36 a
-/// triangle, and 64 for the scene.
+/// A tree in device memory, with what queries need in addition: 8 bytes per node, 4 per reference,
+/// 36 per triangle, and 64 for the scene.
 #[derive(Debug)]
 pub struct DeviceTree {
     parts: TreeParts,
@@ -147,8 +147,9 @@ impl DeviceTree {
         })
     }
 
-    /// What is bound to the four bindings of a traversal from `first_binding` on: nodes, leaf
-    /// references, triangles, scene. For a host's own shader; see [`splitplane_shaders::traversal`].
+    /// The resources for the four bindings of a traversal from `first_binding` on: nodes, leaf
+    /// references, triangles, scene. For a host's own shader; see
+    /// [`splitplane_shaders::traversal`].
     pub fn bind_group_entries(&self, first_binding: u32) -> [wgpu::BindGroupEntry<'_>; 4] {
         let parts = &self.parts;
         let buffers = [&parts.nodes, &parts.leaf_references, &parts.triangles, &self.scene];
@@ -189,7 +190,7 @@ impl DeviceTree {
         &self.parts.leaf_references
     }
 
-    /// The snapped corners: nine `f32` a triangle.
+    /// The snapped corners: nine `f32` per triangle.
     pub fn triangles(&self) -> &wgpu::Buffer {
         &self.parts.triangles
     }
@@ -239,7 +240,7 @@ impl DeviceTree {
     }
 }
 
-/// Whether so many bytes fit one binding.
+/// Whether this many bytes fit one binding.
 fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
     let allowed = gpu.device().limits().max_storage_buffer_binding_size;
     if needed > allowed {

@@ -5,8 +5,8 @@ use splitplane_core::backend::BuildError;
 
 use crate::memory::Memory;
 
-/// [`Memory`] that threads share. Which of them meets the limit first may differ from run to run; that
-/// it is met ends the build, so no tree depends on it.
+/// [`Memory`] that threads share. Which of them exceeds the limit first may differ from run to run.
+/// Exceeding it ends the build, so no tree depends on it.
 #[derive(Debug)]
 pub(super) struct AtomicMemory {
     held: AtomicU64,
@@ -15,7 +15,7 @@ pub(super) struct AtomicMemory {
 }
 
 impl AtomicMemory {
-    /// Counts on from `memory`.
+    /// Continues the count of `memory`.
     pub fn new(memory: Memory) -> AtomicMemory {
         AtomicMemory {
             held: AtomicU64::new(memory.held),
@@ -24,7 +24,7 @@ impl AtomicMemory {
         }
     }
 
-    /// What has been counted.
+    /// The bytes counted so far.
     pub fn total(&self) -> Memory {
         Memory { held: self.held.load(Relaxed), peak: self.peak.load(Relaxed), limit: self.limit }
     }
@@ -45,8 +45,8 @@ impl AtomicMemory {
         Ok(())
     }
 
-    /// Makes room for `more` elements behind those of a vector; at least doubles what it has, so that
-    /// room asked for piece by piece costs no more than the whole.
+    /// Makes space for `more` elements after those of a vector; at least doubles its capacity, so
+    /// that growing piece by piece costs no more than growing at once.
     ///
     /// # Errors
     /// More memory than the limit allows, or than there is.
@@ -65,7 +65,8 @@ impl AtomicMemory {
         vector.try_reserve_exact(wanted - vector.len()).map_err(|_| self.lacking())
     }
 
-    /// A list with room for `length` elements that is dropped before its maker returns: kilobytes, which do not count.
+    /// A list with capacity for `length` elements that is dropped before its creator returns:
+    /// kilobytes, which do not count.
     ///
     /// # Errors
     /// Less memory than that.

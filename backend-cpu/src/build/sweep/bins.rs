@@ -1,8 +1,8 @@
 //! The least split of a large node: bins bound the cost, sweeps decide.
 //!
-//! A reference that starts in a bin before k starts before every plane in bin k, and one that ends in a
-//! bin behind k ends behind them. So the counts of bins bound the numbers of references on either side of
-//! any plane in a bin, and the bin's borders bound the areas.
+//! A reference that starts in a bin before k starts before every plane in bin k, and one that ends
+//! in a bin after k ends behind them. So the counts of bins bound the numbers of references on
+//! either side of any plane in a bin, and the bin's borders bound the areas.
 
 use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
@@ -24,12 +24,12 @@ use crate::simd::every_set::for_every_set;
 const PER_BIN: usize = 4;
 /// Fewest bins of an axis.
 const LEAST: usize = 16;
-/// What bounds of costs may be off, of themselves: numbers of blocks by at most 2^-16, all else by less
+/// Relative error of bounds of costs: numbers of blocks by at most 2^-16, all else by less
 /// than 2^-20.
 const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
 /// Numbers of references below this have their blocks counted without error in `f32`.
 const EXACT: u32 = 1 << 22;
-/// References that one task looks through; nodes of more than four times as many have several.
+/// References that one task processes; nodes of more than four times as many have several tasks.
 pub(super) const CHUNK: usize = 2048;
 
 /// Scratch of one thread.
@@ -51,9 +51,9 @@ pub(super) struct Bins {
     events: Vec<Event>,
     /// The bins of each reference's faces.
     places: Vec<FaceBins>,
-    /// What tasks find in parts of many references.
+    /// The results of tasks on parts of many references.
     parts: Vec<BinPart>,
-    /// For nodes that are too small for bins.
+    /// Scratch for nodes that are too small for bins.
     pub small: Small,
 }
 
@@ -73,7 +73,7 @@ struct Open {
 
 const CLOSED: u32 = u32::MAX;
 
-/// What one task finds.
+/// The result of one task.
 #[derive(Debug)]
 struct BinPart {
     faces: FaceCounts,
@@ -100,7 +100,7 @@ impl Default for Bins {
     }
 }
 
-/// What a search needs besides scratch.
+/// The input of a search.
 struct BinSearch<'a> {
     set: InstructionSet,
     costs: &'a SplitCosts,
@@ -252,7 +252,7 @@ impl BinSearch<'_> {
         }
         let parts = &*parts;
         let (started, unfinished) = (&bins.started, &bins.unfinished);
-        // What another task has found; a hint, on which nothing but time depends.
+        // The result of another task; a hint that affects only how long the search takes.
         let least = AtomicU64::new(self.limit.to_bits());
         let best = lists
             .into_par_iter()
@@ -313,7 +313,7 @@ impl BinSearch<'_> {
     }
 }
 
-/// In place of the upper face of a planar reference: sorted behind all events.
+/// In place of the upper face of a planar reference: sorted after all events.
 const NOTHING: Event = Event::MAX;
 
 impl BinPart {
@@ -336,7 +336,7 @@ fn event_of(reference: &Reference, word: usize) -> Option<Event> {
     }
 }
 
-/// What starts before an open bin, and what does not end before it.
+/// The references that start before an open bin, and those that do not end before it.
 fn counts(
     started: &[[u32; MOST + 1]; 3],
     unfinished: &[[u32; MOST + 1]; 3],
@@ -392,9 +392,11 @@ for_every_set! {
         };
         let (step, weight) = (costs.traversal as f32, costs.intersection as f32);
         let empty = costs.empty as f32;
-        // Where it cannot be counted exactly, that all are somewhere is not made use of.
+        // Where numbers cannot be counted exactly, the fact that every reference is on some side is
+        // not used.
         let all = if count < EXACT { blocks(count) } else { 0.0 };
-        // Expected costs of what starts before a border, and of what does not end before it.
+        // Expected costs of the references that start before a border, and of those that do not end
+        // before it.
         let [mut near, mut far] = [[0.0f32; MOST + 1]; 2];
         for axis in 0..3 {
             let started = &mut bins.started[axis][..grid.bins + 1];
@@ -419,11 +421,12 @@ for_every_set! {
             let base = (areas.base / cell.area) as f32;
             let borders = grid.borders(axis);
             let least = &mut bins.least[axis][..grid.bins];
-            // Without branches, to be turned into vector instructions.
+            // Without branches, so that compilers use vector instructions.
             for bin in 0..grid.bins {
                 let faces = starts[bin] + ends[bin];
                 let [low, high] = borders.of(bin);
-                // At least these are left and right of any plane in the bin, and all are somewhere.
+                // At least these are left and right of any plane in the bin, and every reference is
+                // on some side.
                 let (left, right) = (started[bin], unfinished[bin + 1]);
                 let few = [blocks(left), blocks(right)];
                 let rest = [all - few[1], all - few[0]];
@@ -432,7 +435,8 @@ for_every_set! {
                     expected(if rest[1] > few[1] { rest[1] } else { few[1] }),
                 ];
                 let small = [low * growth + base, (1.0 - high) * growth + base];
-                // What is expected is concave: least where all that may be on either side is on one.
+                // The expected cost is concave: it is least where all references that may be on
+                // either side are on one.
                 let all_left = many[0] * small[0] + far[bin + 1] * small[1];
                 let all_right = near[bin] * small[0] + many[1] * small[1];
                 let cost = if all_left < all_right { all_left } else { all_right };

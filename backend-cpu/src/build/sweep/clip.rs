@@ -106,7 +106,7 @@ impl Clipper {
     }
 }
 
-/// A point: three coordinates, and 0 for the sake of vectors.
+/// A point: three coordinates, and 0 to fill the vector.
 pub(super) type Point = [f64; 4];
 
 /// Scratch: the part of a triangle within the planes so far, and within one more.
@@ -121,7 +121,7 @@ struct Polygon {
 }
 
 impl Polygon {
-    /// What lies on the side of a plane that `sign` points to.
+    /// The part on the side of a plane that `sign` points to.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn cut(&self, axis: usize, plane: f64, sign: f64, out: &mut Polygon) {
         out.count = 0;
@@ -154,7 +154,8 @@ fn extents(corners: &[Point], axis: usize, plane: f64, error: f64) -> [[Point; 2
         let q = &corners[if i + 1 == corners.len() { 0 } else { i + 1 }];
         let (from, to) = (p[axis], q[axis]);
         for (part, plane, sign) in [(0, below, 1.0), (1, above, -1.0)] {
-            // Without branches: what is not there is infinitely far away. Signs change no comparison.
+            // Without branches: missing corners are infinitely far away. Signs change no
+            // comparison.
             let (here, there) = ((plane - from) * sign, (plane - to) * sign);
             let cut = between(p, q, (plane - from) / (to - from));
             let corner = here >= 0.0;
@@ -166,8 +167,8 @@ fn extents(corners: &[Point], axis: usize, plane: f64, error: f64) -> [[Point; 2
     parts
 }
 
-/// What the bounds of a reference have in common with extents, rounded outward, and with a side of a
-/// plane; whether there is any.
+/// The intersection of a reference's bounds with extents, rounded outward, and with a side of a
+/// plane; and whether it is not empty.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn within(
     [lo, hi]: &[Point; 2],

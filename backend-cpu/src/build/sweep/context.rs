@@ -1,4 +1,4 @@
-//! One build: what all its tasks read, and the memory that they share.
+//! One build: the data that all its tasks read, and the memory that they share.
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::collections::TryReserveError;
@@ -26,7 +26,7 @@ pub(crate) struct SweepScratch {
 }
 
 impl SweepScratch {
-    /// Makes ready for a build. Returns how many workers there are.
+    /// Prepares for a build. Returns the number of workers.
     pub(super) fn begin(&mut self) -> usize {
         // A poisoned lock means that another build panicked: its data is still usable.
         let workers = self.workers.get_mut().unwrap_or_else(PoisonError::into_inner);
@@ -77,9 +77,9 @@ pub(super) struct BuildContext<'a> {
 }
 
 impl BuildContext<'_> {
-    /// A list of at least `references` elements, whose contents are left over from earlier nodes.
+    /// A list of at least `references` elements, with contents left over from earlier nodes.
     pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
-        // A poisoned lock means that another thread panicked; a new list serves.
+        // A poisoned lock means that another thread panicked; a new list is used.
         let spare = self.scratch.lists.lock().map_or(None, |mut lists| {
             // The shortest that is long enough, or else the longest.
             let fit =
@@ -113,7 +113,7 @@ impl BuildContext<'_> {
         node.decide(self.costs, self.set, cell, references, bins, self.memory, self.meter)
     }
 
-    /// Keeps a list for later nodes. Where there is no room for it, it is dropped.
+    /// Keeps a list for later nodes, or drops it if there is no space.
     pub fn recycle(&self, list: Vec<Reference>) {
         if let Ok(mut lists) = self.scratch.lists.lock()
             && lists.try_reserve(1).is_ok()
@@ -134,15 +134,15 @@ impl BuildContext<'_> {
         };
         let out = work(&mut worker);
         if let Ok(mut workers) = self.scratch.workers.lock() {
-            // There is room: see `BuildContext::worker`.
+            // There is space: see `BuildContext::worker`.
             workers.push(worker);
         }
         out
     }
 
-    /// One more worker, and room for it where all workers go in the end, since subtrees are in them. Unless it is
-    /// optimised this takes room on the stack for all that a worker is, which is not to be there while the
-    /// worker works.
+    /// One more worker, and space for it in the list that receives all workers at the end, since
+    /// subtrees are in them. In unoptimised builds this takes stack space for a whole worker, which
+    /// must not be held while the worker runs.
     fn worker(&self) -> Result<Box<ThreadScratch>, BuildError> {
         self.memory.take(size_of::<ThreadScratch>() as u64)?;
         let number = self.workers.fetch_add(1, Relaxed);

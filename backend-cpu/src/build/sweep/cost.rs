@@ -1,5 +1,5 @@
-//! What splits and leaves cost, and which of two splits is better: every way of finding a plane asks
-//! here, so all find the same one.
+//! The costs of splits and leaves, and which of two splits is better. Every search for a plane uses
+//! this, so all find the same one.
 
 use core::array;
 
@@ -9,12 +9,12 @@ use splitplane_core::config::BuildConfig;
 /// A bound is lowered by this much of itself, far more than its roundings: 2^-40.
 pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
 
-/// Numbers of references whose expected costs are in a table.
+/// Length of the table of expected costs, by number of references.
 const KNOWN: usize = 2049;
-/// Numbers of blocks for which it is known what one more costs.
+/// Length of the table of the cost of one more block, by number of blocks.
 pub(super) const STEPS: usize = 128;
 
-/// What of the configuration decides.
+/// The part of the configuration that decides.
 #[derive(Clone, Debug)]
 pub(super) struct SplitCosts {
     /// K_T.
@@ -23,7 +23,7 @@ pub(super) struct SplitCosts {
     pub intersection: f64,
     /// W.
     pub width: u32,
-    /// What is left of the cost of a split with an empty side.
+    /// The factor on the cost of a split with an empty side.
     pub empty: f64,
     /// Most levels below the root.
     pub max_depth: u32,
@@ -31,7 +31,7 @@ pub(super) struct SplitCosts {
     pub bad_splits: u32,
     /// 1 / W.
     inverse: f64,
-    /// Whether children are taken for leaves when planes are compared, too.
+    /// Whether children are also taken for leaves when planes are compared.
     pub leaves: bool,
     /// [`SplitCosts::expected`] of the blocks of a number of references.
     known: [f64; KNOWN],
@@ -81,9 +81,9 @@ impl SplitCosts {
         self.intersection * (self.blocks(n) * area)
     }
 
-    /// What a child of `blocks` blocks is expected to cost, in blocks: itself up to four, beyond them
-    /// `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
-    /// numbers). Never falls, and is concave but for rounding: square roots round once.
+    /// What a child of `blocks` blocks is expected to cost, in blocks: itself up to four, beyond
+    /// them `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
+    /// numbers). Non-decreasing, and concave except for rounding: square roots round once.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected(&self, blocks: f64) -> f64 {
         if self.leaves {
@@ -91,21 +91,22 @@ impl SplitCosts {
         }
         let root = (0.25 * blocks).sqrt();
         let power = 4.0 * (root * root.sqrt());
-        // Below four blocks the power is the greater one.
+        // Below four blocks the power is the greater of the two.
         if power < blocks { power } else { blocks }
     }
 
-    /// The cost of a split into leaves of these half areas and numbers of references, times the half
-    /// area of the root; `step` is K_T times the half area of the node: Equation 6. Never falls when any
-    /// of the four grows, because every operation rounds once and none has a negative operand.
+    /// The cost of a split into leaves of these half areas and numbers of references, times the
+    /// half area of the root; `step` is K_T times the half area of the node: Equation 6. It never
+    /// decreases when any of the four grows, because every operation rounds once and none has a
+    /// negative operand.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = [self.blocks(counts[0]), self.blocks(counts[1])];
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
-    /// The same with children that cost what [`SplitCosts::expected`] says: what planes are compared by. Up to
-    /// four blocks in all it is [`SplitCosts::split`].
+    /// The same with children that cost what [`SplitCosts::expected`] says; planes are compared by
+    /// this. Up to four blocks in all it is [`SplitCosts::split`].
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = counts.map(|n| self.expected_of(n));
@@ -121,7 +122,7 @@ impl SplitCosts {
         }
     }
 
-    /// The cost of a split, less what an empty side is forgiven.
+    /// The cost of a split, less the bonus for an empty side.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn forgive(&self, cost: f64, counts: [u32; 2]) -> f64 {
         if counts[0] == 0 || counts[1] == 0 { cost * self.empty } else { cost }
@@ -133,22 +134,22 @@ impl SplitCosts {
         self.leaves || count <= 4 * self.width
     }
 
-    /// The cost of a split from what its children cost, in blocks.
+    /// The cost of a split from the costs of its children, in blocks.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
         step + self.intersection * (blocks[0] * areas[0] + blocks[1] * areas[1])
     }
 }
 
-/// Half the surface area of a box with these extents; the length of one that is flat in two directions,
-/// so that what such a box is cut into still compares.
+/// Half the surface area of a box with these extents; the length of one that is flat in two
+/// directions, so that the parts of such a box can still be compared.
 #[inline]
 pub(super) fn half_area([x, y, z]: [f64; 3]) -> f64 {
     let area = x * (y + z) + y * z;
     if area > 0.0 { area } else { x + y + z }
 }
 
-/// Half areas of what planes across one axis leave of a cell.
+/// Half areas of the parts into which planes across one axis cut a cell.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct AxisAreas {
     /// Sides of the cell.
@@ -180,7 +181,7 @@ impl AxisAreas {
     }
 }
 
-/// A node's cell with what costs in it depend on.
+/// A node's cell and the values on which costs in it depend.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     /// The cell.
@@ -219,7 +220,7 @@ impl Cell {
     }
 }
 
-/// A plane, and what it makes of a node.
+/// A plane, and how it divides a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Split {
     /// [`SplitCosts::expected_split`].
@@ -237,14 +238,14 @@ pub(super) struct Split {
 /// The best split so far.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct BestSplit {
-    /// Its cost, or what a split must cost less than.
+    /// Its cost, or the limit that a split must cost less than.
     pub cost: f64,
     /// The split.
     pub split: Option<Split>,
 }
 
 impl BestSplit {
-    /// None so far, and none of `limit` or more wanted.
+    /// None so far; only splits that cost less than `limit` are accepted.
     pub fn below(limit: f64) -> BestSplit {
         BestSplit { cost: limit, split: None }
     }

@@ -14,7 +14,7 @@ use crate::memory::boxed;
 /// A finished subtree.
 #[derive(Debug)]
 pub(super) enum Built {
-    /// One that a single thread built.
+    /// A subtree that a single thread built.
     Whole(Subtree),
     /// A node with two children.
     Split(Box<Children>),
@@ -24,7 +24,8 @@ pub(super) enum Built {
     Retracted(Box<Children>),
 }
 
-/// Where a subtree is in what a [`ThreadScratch`] has built; indices count from its start.
+/// The place of a subtree among those that a [`ThreadScratch`] has built; indices count from its
+/// start.
 #[derive(Debug)]
 pub(super) struct Subtree {
     /// [`ThreadScratch::number`].
@@ -130,11 +131,11 @@ impl Built {
         Ok((nodes as usize, references as usize))
     }
 
-    /// Writes the subtree to arrays of its size, as the canonical tree has it. `workers` are all that
-    /// took part, by number.
+    /// Writes the subtree to arrays of its size, as the canonical tree has it. `workers` are all
+    /// workers that took part, by number.
     ///
     /// # Errors
-    /// Less memory than putting leaves together takes.
+    /// Less memory than merging leaves takes.
     pub fn emit(
         &self,
         meter: &ProgressMeter<'_>,
@@ -219,7 +220,8 @@ impl Subtree {
     }
 }
 
-/// Makes one leaf of all from `first` on: in order, each once. Returns how many there are.
+/// Makes one leaf of all references from `first` on: in order, each once. Returns how many there
+/// are.
 pub(super) fn union(references: &mut Vec<u32>, first: usize) -> u32 {
     references[first..].sort_unstable();
     let mut end = first;

@@ -11,8 +11,8 @@ pub(super) const MOST: usize = 256;
 const ROUND: f32 = 8_388_608.0;
 /// Least half extent that is cut into bins; thinner cells have one.
 const LEAST_EXTENT: f32 = 7.888_609e-31; // 2^-100
-/// What the borders of a bin are widened by, of the cell's extent. A position in bins collects two
-/// roundings of 2^-24 of its distance from the lower side, a border in `f32` three.
+/// How far the borders of a bin are widened, relative to the cell's extent. A position in bins
+/// accumulates two roundings of 2^-24 of its distance from the lower side, a border in `f32` three.
 const SLACK: f32 = 1.0 / 524_288.0; // 2^-19
 
 /// Faces by word of a reference and bin: three words of lower faces, one that is none, three of upper
@@ -23,7 +23,7 @@ pub(super) type FaceCounts = [[u32; MOST]; 8];
 pub(super) type FaceBins = [u8; 8];
 
 /// Bins of a cell. Words are those of a [`Reference`]: three lower faces, the triangle, three upper
-/// faces, padding; the two that are no faces land somewhere, unused.
+/// faces, padding; the two that are no faces get arbitrary bins, unused.
 #[derive(Debug)]
 pub(super) struct Grid {
     /// Bins of each axis.
@@ -46,7 +46,7 @@ impl Grid {
         Grid { bins, half_lo, scale }
     }
 
-    /// The bins of a reference's faces, by word: never falling with the position.
+    /// The bins of a reference's faces, by word: non-decreasing with the position.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn bins_of(&self, reference: &Reference) -> [u32; 8] {
         let words: &[f32; 8] = bytemuck::cast_ref(reference);
@@ -69,7 +69,7 @@ impl Grid {
     }
 }
 
-/// Between which positions all those of a bin lie, in parts of the cell's extent.
+/// The positions between which all positions of a bin lie, in parts of the cell's extent.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Borders {
     width: f32,

@@ -3,7 +3,7 @@
 use super::grid::FaceBins;
 use crate::simd::Simd;
 
-/// References that are looked at together.
+/// References that are processed together.
 pub(super) const AT_ONCE: usize = 8;
 
 /// A range of bins for each word of a reference.
@@ -53,7 +53,7 @@ impl Ranges {
     /// The words of eight references that are in their ranges, a bit each.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn of<S: Simd>(&self, places: &[FaceBins; AT_ONCE]) -> u64 {
-        // SAFETY: what is compiled for a set runs where the processor has it.
+        // SAFETY: code that is compiled for a set runs where the processor has it.
         unsafe { S::bytes_in_ranges(places, &self.first, &self.span, self.there) }
     }
 }

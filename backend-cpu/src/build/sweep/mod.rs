@@ -29,10 +29,10 @@
 //! sorted, at most twice a node. Nodes of up to 128 references sort their faces instead (`small.rs`).
 //!
 //! # Tasks
-//! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists; all that
-//! is left to one task is to bound the bins of a node. Smaller ones are built by one task each,
-//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between builds; what
-//! is above the subtrees is a few small lists made anew by each.
+//! Nodes of many references are counted, swept and divided by many tasks, in parts of their lists;
+//! only bounding the bins of a node is left to one task. Smaller ones are built by one task each,
+//! depth first (`subtree.rs`). Scratch and finished subtrees are in memory that is kept between
+//! builds; the nodes above the subtrees are in a few small lists, which each build allocates anew.
 //!
 //! # Order
 //! All decisions are functions of the node's references, cell, depth and shares, never of threads or

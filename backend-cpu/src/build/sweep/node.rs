@@ -14,20 +14,20 @@ use super::small;
 use crate::cancel::ProgressMeter;
 use crate::simd::InstructionSet;
 
-/// A node besides its references.
+/// A node without its references.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OpenNode {
     /// Its cell.
     pub cell: Aabb,
     /// Levels below the root.
     pub depth: u32,
-    /// Splits right above that did not pay.
+    /// Consecutive splits right above that did not pay.
     pub bad: u32,
     /// Most references that its leaves may have in all.
     pub budget: u64,
 }
 
-/// What is done with a node that is split.
+/// The decision on a node that is split.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SplitDecision {
     /// The plane.
@@ -37,7 +37,7 @@ pub(super) struct SplitDecision {
 }
 
 impl OpenNode {
-    /// The root. A cell without references is never looked at.
+    /// The root. A cell without references is never examined.
     pub fn root(cell: Aabb, budget: u64) -> OpenNode {
         OpenNode { cell, depth: 0, bad: 0, budget }
     }
@@ -94,10 +94,10 @@ impl OpenNode {
                 bins::best_split(set, costs, cell, references, limit, bins, memory, meter)
             }
         };
-        // What does not pay need not be found where it is not tried.
+        // A split that does not pay need not be found where it would not be tried.
         let limit = if self.bad < costs.bad_splits { f64::INFINITY } else { leaf };
-        // Whether a split pays is asked with children taken for leaves: what they are expected to cost,
-        // they cost only if they can be split well, and references that no plane separates cannot.
+        // Whether a split pays is decided with children as leaves: they have their expected cost
+        // only if they can be split well, and references that no plane separates cannot.
         let pays = |split: &Split| {
             let areas = cell.axes[split.axis].at(f64::from(split.position));
             costs.split(cell.step, areas, split.counts) < leaf

@@ -1,4 +1,4 @@
-//! What the searches of this module are held against: every plane counted against every reference.
+//! The reference for the searches of this module: every plane counted against every reference.
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;

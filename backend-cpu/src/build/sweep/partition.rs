@@ -33,7 +33,7 @@ for_every_set! {
         let (mut below, mut above) = (0, 0);
         for first in (0..references.len()).step_by(BLOCK) {
             let starts = [below, above];
-            // Where those that straddle stand on either side.
+            // The places of straddling references on either side.
             let mut straddling = [[0u32; 2]; BLOCK];
             let mut straddlers = 0;
             for i in first..references.len().min(first + BLOCK) {
@@ -42,8 +42,8 @@ for_every_set! {
                 let planar = (lo == plane) & (hi == plane);
                 let goes_left = (lo < plane) | (planar & !split.planar_right);
                 let goes_right = (hi > plane) | (planar & split.planar_right);
-                // Written to both sides without a branch, and counted where it goes. What goes right
-                // never overtakes what is read.
+                // Written to both sides without a branch, and counted on the side where it goes.
+                // Writes to the right never overtake the reads.
                 left[below] = reference;
                 references[above] = reference;
                 straddling[straddlers] = [below as u32, above as u32];
@@ -56,7 +56,8 @@ for_every_set! {
             if clipped {
                 for (k, &[low, high]) in straddling.iter().enumerate() {
                     if k % AHEAD == 0 {
-                        // Corners of some first: these loads miss the caches, and do so side by side.
+                        // The corners of several references first: these loads miss the caches, and
+                        // the misses overlap.
                         for (corners, &[low, _]) in corners.iter_mut().zip(&straddling[k..]) {
                             *corners = points(&triangles[left[low as usize].triangle as usize]);
                         }
@@ -65,8 +66,9 @@ for_every_set! {
                     let reference = left[low];
                     let [one, other] =
                         clipper.clip(&corners[k % AHEAD], &reference, &mut polygons);
-                    // One that has nothing on either side, because its bounds were wider than its part
-                    // of the cell, stays on both as its bounds have it: a reference never disappears.
+                    // A reference with nothing on either side, because its bounds were wider than
+                    // its part of the cell, stays on both sides with its bounds: a reference never
+                    // disappears.
                     if one.1 | other.1 {
                         (left[low], references[high]) = (one.0, other.0);
                         lost[0] |= u64::from(!one.1) << k;
@@ -133,7 +135,7 @@ mod tests {
     use splitplane_core::config::BuildConfig;
     use splitplane_test_support::random::Random;
 
-    /// One reference after the other.
+    /// One reference at a time.
     fn plain(
         clipped: bool,
         triangles: &[Triangle],

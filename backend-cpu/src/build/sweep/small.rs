@@ -1,12 +1,12 @@
 //! The least split of a small node, all axes at once.
 //!
-//! A reference's words are eight columns: its lower faces, its triangle, its upper faces, padding. Upper
-//! faces are negated, so that in every column what is less lies further out on the side that its planes
-//! look back to. Columns are sorted, each for itself, by a network that exchanges whole rows. Then as many
-//! blocks of W references start before a plane as there are numbers at sorted places 0, W, 2W and so on
-//! that are less than it: a few comparisons in place of one with every reference. That bounds the costs of
-//! all planes from below in `f32`, relative to the area of the cell; the few that can be the least are
-//! considered in `f64` as everywhere.
+//! A reference's words are eight columns: its lower faces, its triangle, its upper faces, padding.
+//! Upper faces are negated, so that in every column a lesser number lies further out on the near
+//! side of its planes. Columns are sorted, each for itself, by a network that exchanges whole rows.
+//! Then as many blocks of W references start before a plane as there are numbers at sorted places
+//! 0, W, 2W and so on that are less than it: a few comparisons in place of one with every
+//! reference. That bounds the costs of all planes from below in `f32`, relative to the area of the
+//! cell; the few that can be the least are considered in `f64` as everywhere.
 
 use core::cmp::Ordering;
 
@@ -24,7 +24,7 @@ pub(super) const MOST: usize = 128;
 const OCTET: usize = 8;
 /// Rows of two references.
 const ROWS: usize = MOST / 2;
-/// What costs in `f32` may be off: 2^-16 of themselves. A sum of weights is off by 2^-24 a block, of
+/// Relative error of costs in `f32`: 2^-16. A sum of weights is off by 2^-24 a block, of
 /// which there are at most 64; all else together by less than 2^-20.
 const MARGIN: f64 = 1.0 / 65_536.0;
 /// Extents whose squares and reciprocals have no trouble with the range of `f32`: 2^-60 to 2^60.
@@ -92,7 +92,7 @@ fn best<V: F32x16>(
     sort::<V>(&mut small.rows[..octets * OCTET]);
     let mut best = BestSplit::below(limit);
     let least = bound::<V>(costs, cell, references.len(), small);
-    // A bound is off by less than the margin, and so is what it is held against.
+    // A bound is off by less than the margin, and so is the value that it is compared with.
     let upper = |cost: f64| ((cost / cell.area) * (1.0 + 2.0 * MARGIN)) as f32;
     let mut most = least + least * (4.0 * MARGIN) as f32;
     most = if most < upper(limit) { most } else { upper(limit) };
@@ -107,7 +107,7 @@ fn best<V: F32x16>(
                 open &= open - 1;
                 let (axis, face) = (lane % 4, row[lane]);
                 let position = if lane % 8 < 4 { face } else { 0.0 - face };
-                // Columns that are no faces come here where a bound is no number.
+                // Columns that are no faces get here where a bound is NaN.
                 if position == last[lane] || axis == 3 || !cell.contains(axis, position) {
                     continue;
                 }
@@ -130,8 +130,8 @@ fn best<V: F32x16>(
     }
 }
 
-/// Copies references to rows, which they fill but for the last few; upper faces negated. Returns a bit
-/// for each axis that a reference is planar on.
+/// Copies references to rows, which they fill except for the last few; upper faces are negated.
+/// Returns a bit for each axis that a reference is planar on.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn load<V: F32x16>(references: &[Reference], rows: &mut [Row16]) -> u16 {
     let words: &mut [f32] = rows.as_flattened_mut();
@@ -221,7 +221,7 @@ fn sort_bitonic<V: F32x16>(rows: &mut [V; OCTET]) {
     exchange!(rows: 0 4, 1 5, 2 6, 3 7, 0 2, 1 3, 4 6, 5 7, 0 1, 2 3, 4 5, 6 7);
 }
 
-/// Sorts the columns of both halves, as one of 16: the upper half behind the lower one.
+/// Sorts the columns of both halves, as one of 16: the upper half after the lower one.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn sort_octet<V: F32x16>(octet: &mut [Row16; OCTET]) {
     let mut rows: [V; OCTET] = core::array::from_fn(|i| V::load(&octet[i]));
@@ -236,7 +236,7 @@ fn sort_octet<V: F32x16>(octet: &mut [Row16; OCTET]) {
     }
 }
 
-/// Makes two sorted octets one of what is less and one of what is greater, both sorted.
+/// Turns two sorted octets into one of the lesser and one of the greater numbers, both sorted.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn merge<V: F32x16>(low: &mut [Row16; OCTET], high: &mut [Row16; OCTET]) {
     let one: [V; OCTET] = core::array::from_fn(|i| V::load(&low[i]));
@@ -255,8 +255,8 @@ fn merge<V: F32x16>(low: &mut [Row16; OCTET], high: &mut [Row16; OCTET]) {
     }
 }
 
-/// Bounds the costs of the planes in all rows from below, but for [`MARGIN`], in units of the cell's half
-/// area; infinite where a plane is not inside. Returns the least.
+/// Bounds the costs of the planes in all rows from below, except for [`MARGIN`], in units of the
+/// cell's half area; infinite where a plane is not inside. Returns the least.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn bound<V: F32x16>(costs: &SplitCosts, cell: &Cell, count: usize, small: &mut Small) -> f32 {
     let width = costs.width as usize;

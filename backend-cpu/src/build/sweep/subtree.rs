@@ -66,7 +66,7 @@ impl ThreadScratch {
             return Ok(leaf);
         };
         let split = decision.split;
-        // Its right child is known later.
+        // Its right child is not known yet.
         self.nodes.push(KdNode::interior(Axis::from_index(split.axis as u32), split.position, 0));
         let [low, high] = &mut self.stacks;
         let (own, other) = if stack == 0 { (low, high) } else { (high, low) };
@@ -95,7 +95,7 @@ impl ThreadScratch {
             );
             return Ok(cost);
         }
-        // It does not pay: a leaf of all that its leaves have.
+        // It does not pay: it becomes a leaf of all references of its leaves.
         self.nodes.truncate(index);
         let count = union(&mut self.references, first_reference);
         self.nodes.push(KdNode::leaf(leaf_at, count));
@@ -104,14 +104,14 @@ impl ThreadScratch {
 }
 
 impl ThreadScratch {
-    /// Asks the watch after some work.
+    /// Calls the watch after some work.
     #[inline]
     fn look_up(&mut self, builder: &BuildContext<'_>, references: usize) -> Result<(), BuildError> {
         self.work += references + 1;
         if self.work < WORK {
             return Ok(());
         }
-        // Every plane is held against every reference, or nearly.
+        // Nearly every plane is compared with every reference.
         builder.meter.record_work(4 * self.work as u64);
         self.work = 0;
         builder.meter.check()

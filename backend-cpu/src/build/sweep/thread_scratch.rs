@@ -12,8 +12,9 @@ pub(super) struct ReferenceStack {
     pub top: usize,
 }
 
-/// Scratch of one thread. A node's references are on top of one stack. What goes right stays there, what
-/// goes left goes to the top of the other: so nothing is held but the lists of nodes that wait.
+/// Scratch of one thread. A node's references are on top of one stack. References that go right
+/// stay there, those that go left go to the top of the other stack: so only the lists of waiting
+/// nodes are held.
 #[derive(Debug, Default)]
 pub(super) struct ThreadScratch {
     pub stacks: [ReferenceStack; 2],
@@ -24,9 +25,9 @@ pub(super) struct ThreadScratch {
     pub nodes: Vec<KdNode>,
     /// References of their leaves.
     pub references: Vec<u32>,
-    /// Where the subtree at hand starts in either.
+    /// Where the current subtree starts in either.
     pub start: [usize; 2],
-    /// Work since the watch was asked last, in references looked at.
+    /// Work since the last call of the watch, in references read.
     pub work: usize,
 }
 

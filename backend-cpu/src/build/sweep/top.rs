@@ -18,13 +18,13 @@ use super::partition::partition;
 /// A node of at most this many references is one task.
 const TASK: usize = 2048;
 
-/// Nodes below this depth are built one after the other: all threads have work long before, and
+/// Nodes below this depth are built one at a time: all threads have work long before, and
 /// tasks within tasks take a few times the stack.
 const DIVIDED: u32 = 20;
 
 /// A node's state before its children are built.
 enum Outcome {
-    /// Nothing is left to do: the subtree, and its cost.
+    /// The node is finished: the subtree, and its cost.
     Built(Built, f64),
     Divided(Divided),
 }
@@ -32,17 +32,17 @@ enum Outcome {
 /// A node that is split.
 struct Divided {
     split: Split,
-    /// What a step at it costs, and what it would as a leaf.
+    /// The cost of a step at it, and its cost as a leaf.
     step: f64,
     leaf: f64,
-    /// What goes left and right, the children, and how many references each has.
+    /// The references that go left and right, the children, and how many references each has.
     lists: [Vec<Reference>; 2],
     nodes: [OpenNode; 2],
     counts: [usize; 2],
 }
 
-/// A node of `count` references whose children are built: split where that pays. `step` is what a step at it
-/// costs, `leaf` what it would as a leaf.
+/// A node of `count` references whose children are built: split where that pays. `step` is the cost
+/// of a step at it, `leaf` its cost as a leaf.
 fn joined(
     split: &Split,
     [step, leaf]: [f64; 2],
@@ -73,8 +73,9 @@ impl BuildContext<'_> {
         }
     }
 
-    /// Divides the references of a node, or builds it where it is a leaf or one task's. This is not on the
-    /// stack while the children are built, as what calls it is, once a level.
+    /// Divides the references of a node, or builds it where it is a leaf or one task's. Unlike its
+    /// caller, which is on the stack once per level, this is not on the stack while the children
+    /// are built.
     fn divide(
         &self,
         mut list: Vec<Reference>,
@@ -120,7 +121,8 @@ impl BuildContext<'_> {
         joined(&split, [step, leaf], count, left?, right?).map_err(|_| self.memory.lacking())
     }
 
-    /// [`partition`]. Returns what goes left, what goes right, and how many either are.
+    /// As [`partition`]. Returns the references that go left, those that go right, and the number
+    /// of each.
     fn partition(
         &self,
         cell: &Aabb,
