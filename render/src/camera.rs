@@ -5,16 +5,16 @@ use crate::random::sample_offset;
 use crate::vector::{add, normalized, scaled};
 use splitplane_core::ray::Ray;
 
-/// A pinhole camera over a picture of a certain size, as kernels need it.
+/// A pinhole camera for a picture of a certain size, as kernels need it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Pinhole {
     /// Where the rays start.
     pub eye: [f32; 3],
-    /// Direction, of any length, through the top left corner of the picture.
+    /// Direction through the top left corner of the picture, of any length.
     pub corner: [f32; 3],
-    /// What is added to it from the left edge of a pixel to its right edge.
+    /// The change of direction from the left edge of a pixel to its right edge.
     pub step_x: [f32; 3],
-    /// What is added from the top edge of a pixel to its bottom edge.
+    /// The change of direction from the top edge of a pixel to its bottom edge.
     pub step_y: [f32; 3],
 }
 

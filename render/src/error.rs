@@ -27,18 +27,18 @@ pub enum RenderError {
          another accuracy"
     )]
     ExactOnDevice,
-    /// A buffer that the picture is to be written to does not suit.
+    /// The buffer for the picture is unsuitable.
     #[cfg(feature = "wgpu")]
     #[error("the buffer for the picture {reason}")]
     Target {
         /// What is wrong with it.
         reason: String,
     },
-    /// The frame that was asked for has no such output.
+    /// The requested frame has no such output.
     #[cfg(feature = "wgpu")]
     #[error("there is no {what}: no frame was made, or it was made without")]
     NoOutput {
-        /// What was asked for.
+        /// The requested output.
         what: &'static str,
     },
     /// Rays could not be traced.
@@ -58,9 +58,9 @@ pub enum RenderError {
          wave; lower the depth or the number of samples, or raise the least weight of a path"
     )]
     PixelTooDeep {
-        /// Room for paths.
+        /// Capacity for paths.
         paths: u32,
-        /// Room for shadow rays.
+        /// Capacity for shadow rays.
         shadow_rays: u32,
     },
 }

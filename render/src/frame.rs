@@ -1,4 +1,4 @@
-//! What goes into a frame, and what it took.
+//! The input of a frame, and its statistics.
 
 use crate::camera::Pinhole;
 use crate::kernel::Counter;
@@ -10,29 +10,29 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::QueryOptions;
 use std::time::Duration;
 
-/// What a frame is made from.
+/// The input of a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameInput<'a> {
     /// The triangles, as the tree was built over them.
     pub mesh: Mesh<'a>,
     /// What they look like.
     pub scene: &'a SceneData,
-    /// From where they are seen.
+    /// The camera.
     pub camera: Pinhole,
-    /// The picture's size, which `camera` is for.
+    /// The picture's size, for which `camera` was made.
     pub size: Size,
-    /// The knobs.
+    /// The settings of speed and quality.
     pub settings: &'a RenderSettings,
-    /// What is wanted.
+    /// The outputs to produce.
     pub outputs: Outputs,
     /// How rays are traced. Triangles ignored here are missing from the picture.
     pub query: QueryOptions<'a>,
 }
 
-/// What a frame took.
+/// The statistics of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameStats {
-    /// The plan it was made by.
+    /// The plan by which it was rendered.
     pub plan: Plan,
     /// Camera, reflected and refracted rays.
     pub paths: u64,

@@ -2,7 +2,7 @@
 
 use crate::vector::{Vector, add, dot, scaled};
 
-/// How light is parted at the boundary of two clear bodies.
+/// How light is divided at the boundary of two clear bodies.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Parting {
     /// Part that is reflected, 1 for total internal reflection.

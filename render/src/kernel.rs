@@ -1,4 +1,4 @@
-//! The kernel set of the ray tracer: the ABI between its schedule and whoever runs it, as
+//! The kernel set of the ray tracer: the ABI between its schedule and its executors, as
 //! `splitplane_core::kernel` is the tree builder's.
 
 use splitplane_core::kernel_set;
@@ -16,11 +16,11 @@ kernel_set! {
     every kernel: uniform Frame, reads Counters;
     exchanged: Rays with NextRays, Paths with NextPaths;
 
-    /// What kernels are given and do not change.
+    /// The inputs of kernels, which do not change.
     uniforms Uniform {
         /// The picture, its camera and its settings: [`crate::layout::Frame`].
         Frame "frame";
-        /// What traversals read of the tree's scale: [`splitplane_core::layout::SceneUniform`].
+        /// The tree's scale, which traversals read: [`splitplane_core::layout::SceneUniform`].
         Scene "scene";
     }
 
@@ -28,7 +28,7 @@ kernel_set! {
     buffers Buffer {
         /// The rays of this wave: [`Ray`].
         Rays "rays", size_of::<Ray>(), live Paths;
-        /// What else is known of the paths of this wave: [`Path`].
+        /// The other data of the paths of this wave: [`Path`].
         Paths "paths", size_of::<Path>(), live Paths;
         /// The rays of the next wave.
         NextRays "next_rays", size_of::<Ray>(), live NextPaths;
@@ -44,7 +44,7 @@ kernel_set! {
         Triangles "triangles", 36;
         /// Materials, lights, normals and textures, as words: see [`crate::scene_data`].
         Scene "scene_words", 4;
-        /// What is known of the surface at every hit: [`Surface`].
+        /// The surface at every hit: [`Surface`].
         Surfaces "surfaces", size_of::<Surface>(), live Paths;
         /// Numbers of rays asked for, by chunk: [`Spawned`]; counts, then offsets.
         Spawned "spawned", size_of::<Spawned>(), live PathChunks;
@@ -56,12 +56,12 @@ kernel_set! {
         /// Sums by pixel of the whole picture: 4 `f32`, the last the number of rays that a device's
         /// driver did not follow to their end.
         Radiance "radiance", 16, live Pixels;
-        /// What the first ray of each pixel met: [`crate::layout::FirstHit`].
+        /// The hit of the first ray of each pixel: [`crate::layout::FirstHit`].
         FirstHits "first_hits", size_of::<FirstHit>(), live Pixels;
-        /// What its traversal cost: [`crate::layout::FirstCost`].
+        /// The cost of its traversal: [`crate::layout::FirstCost`].
         FirstCosts "first_costs", size_of::<FirstCost>(), live Pixels;
-        /// What a screen shows: 8 bits each of red, green, blue and 255, from the top left. The last is
-        /// 0 where a ray was not followed to its end.
+        /// The pixels for a screen: 8 bits each of red, green, blue and 255, from the top left. The
+        /// last is 0 where a ray was not followed to its end.
         Pixels "pixels", 4, live Pixels;
         /// [`Counters`].
         Counters "counters", size_of::<Counters>();
@@ -73,7 +73,7 @@ kernel_set! {
         BeginSlice "begin_slice", One => updates Counters;
         /// A ray through every sample of the slice's pixels.
         CameraRays "camera_rays", Invocations(Paths, CHUNK) => writes Rays, writes Paths;
-        /// Notes what the traversal of the first ray of every pixel cost.
+        /// Records the cost of the first ray of every pixel.
         FirstCosts "first_costs", Invocations(Paths, CHUNK) =>
             reads Rays, reads Paths, scatters FirstCosts,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
@@ -81,11 +81,11 @@ kernel_set! {
         ClosestHits "closest_hits", Invocations(Paths, CHUNK) =>
             reads Rays, writes Hits,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
-        /// Notes what the first ray of every pixel met.
+        /// Records the hit of the first ray of every pixel.
         FirstHits "first_hits", Invocations(Paths, CHUNK) =>
             reads Rays, reads Paths, reads Hits, reads Triangles, scatters FirstHits;
-        /// What every path's ray met: the surface, the light it sends back by itself, and which rays
-        /// it asks for.
+        /// Computes what every path's ray met: the surface, the light it sends back by itself, and
+        /// which rays it asks for.
         Shade "shade", Invocations(Paths, CHUNK) =>
             reads Rays, reads Paths, reads Hits, reads Triangles, reads Scene,
             writes Surfaces, writes Spawned;
@@ -111,9 +111,9 @@ kernel_set! {
         NextPaths "next_paths", Invocations(Paths, CHUNK) =>
             reads Rays, reads Paths, reads Scene, reads Surfaces, reads Spawned,
             writes NextRays, writes NextPaths;
-        /// Makes the next wave this one.
+        /// Makes the next wave the current one.
         BeginWave "begin_wave", One => updates Counters;
-        /// Radiance to what a screen shows. The scene holds the table of sRGB.
+        /// Converts radiance to screen pixels. The scene holds the table of sRGB.
         Resolve "resolve", Invocations(Pixels, CHUNK) =>
             reads Radiance, reads Scene, writes Pixels;
     }
@@ -214,7 +214,7 @@ pub fn first_counters(pixels: u32) -> Counters {
     counters
 }
 
-/// The bits of [`Counter::Overflow`]: queues that outgrew their room.
+/// The bits of [`Counter::Overflow`]: queues that outgrew their capacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Overflow {

@@ -17,11 +17,11 @@ pub struct Path {
     pub padding: [u32; 3],
 }
 
-/// What is known of the place that a path's ray met. 80 bytes.
+/// The surface at the point that a path's ray met. 80 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Surface {
-    /// The place.
+    /// The point.
     pub point: [f32; 3],
     /// How far off the triangle a new ray must start, so that it does not meet it.
     pub offset: f32,
@@ -45,9 +45,9 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// A reflected ray goes on.
+    /// A reflected ray continues.
     pub const REFLECTS: u32 = 1;
-    /// A refracted ray goes on.
+    /// A refracted ray continues.
     pub const REFRACTS: u32 = 2;
     /// The driver of a device did not follow the ray to its end.
     pub const UNFINISHED: u32 = 4;
@@ -57,7 +57,7 @@ impl Surface {
         self.lights.count_ones()
     }
 
-    /// Paths that go on from it.
+    /// Paths that continue from it.
     pub const fn next_paths(&self) -> u32 {
         (self.flags & (Surface::REFLECTS | Surface::REFRACTS)).count_ones()
     }
@@ -73,7 +73,7 @@ pub struct Spawned {
     pub next_paths: u32,
 }
 
-/// What the first ray of a pixel met. 32 bytes.
+/// The hit of the first ray of a pixel. 32 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct FirstHit {
@@ -103,7 +103,7 @@ impl FirstHit {
     };
 }
 
-/// What the traversal of a ray cost. 8 bytes.
+/// The cost of a ray's traversal. 8 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct FirstCost {
@@ -134,7 +134,7 @@ impl core::ops::IndexMut<Counter> for Counters {
     }
 }
 
-/// What every kernel reads of a frame: the uniform. 256 bytes.
+/// The uniform of a frame, which every kernel reads. 256 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Frame {
@@ -146,13 +146,13 @@ pub struct Frame {
     pub corner: [f32; 3],
     /// Pixels from left to right.
     pub width: u32,
-    /// What is added to the direction from a pixel to the one to its right.
+    /// The change of direction from a pixel to the one to its right.
     pub step_x: [f32; 3],
     /// Pixels from top to bottom.
     pub height: u32,
-    /// What is added from a pixel to the one below.
+    /// The change of direction from a pixel to the one below.
     pub step_y: [f32; 3],
-    /// Camera rays a pixel.
+    /// Camera rays per pixel.
     pub samples: u32,
     /// [`crate::Environment::zenith`].
     pub zenith: [f32; 3],
@@ -164,23 +164,23 @@ pub struct Frame {
     pub area_samples: u32,
     /// [`crate::Environment::nadir`].
     pub nadir: [f32; 3],
-    /// What the samples start from.
+    /// Seed of the samples.
     pub seed: u32,
-    /// Least weight of a path that goes on.
+    /// Least weight of a path that continues.
     pub minimum_weight: f32,
     /// Part of the environment's light that surfaces receive.
     pub ambient: f32,
-    /// What a white surface sends back of the light at the eye.
+    /// The light of the headlight that a white surface sends back.
     pub headlight: f32,
-    /// Factor of what is shown.
+    /// Exposure: the factor before display.
     pub exposure: f32,
     /// 1 over the number of samples.
     pub sample_weight: f32,
     /// Most pixels of a slice.
     pub slice_pixels: u32,
-    /// Room for paths.
+    /// Capacity for paths.
     pub path_room: u32,
-    /// Room for shadow rays.
+    /// Capacity for shadow rays.
     pub shadow_room: u32,
     /// Lights without a size.
     pub lights: u32,

@@ -4,8 +4,8 @@
 //! run on the same [`Executor`](splitplane_core::schedule::Executor) trait as the tree builder's. What
 //! runs is decided by a [`Plan`]: a scene pays for what it uses.
 //!
-//! `tracer::Tracer` holds a backend, a tree and an appearance, and makes frames of them; it is the place to
-//! start. The renderers below it, in `cpu` and `wgpu`, are for programs that own their trees.
+//! `tracer::Tracer` holds a backend, a tree and an appearance, and renders frames of them; start
+//! there. The renderers below it, in `cpu` and `wgpu`, are for programs that own their trees.
 
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]

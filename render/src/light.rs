@@ -1,4 +1,4 @@
-//! What lights a scene, besides surfaces that shine and the environment.
+//! Lights of a scene, in addition to surfaces that shine and the environment.
 
 /// A source of light without a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -10,7 +10,7 @@ pub enum Light {
         /// Irradiance of a surface that faces the light at `distance`, linear red, green and blue;
         /// elsewhere it falls off with the square of the distance.
         irradiance: [f32; 3],
-        /// The distance that `irradiance` is for, more than 0. Given so, and not as a radiant
+        /// The distance for which `irradiance` is given, more than 0. With it, and not a radiant
         /// intensity `irradiance * distance^2`, scenes of any size stay within the range of `f32`.
         distance: f32,
     },
@@ -24,12 +24,12 @@ pub enum Light {
 }
 
 impl Light {
-    /// The irradiance that lights chosen for a scene give together to what is looked at, warm white:
+    /// The total irradiance of the viewed surfaces by lights chosen for a scene, warm white:
     /// a white surface that faces them shows a radiance of about 1.1.
     pub const DAYLIGHT: [f32; 3] = [3.7, 3.45, 3.05];
 
-    /// A point light at `position` that gives a surface at `look_at` which faces it the given
-    /// irradiance. Where the two are the same, or too near or far for `f32`, the distance is the
+    /// A point light at `position` that gives the given irradiance to a surface at `look_at` that
+    /// faces it. Where the two are the same, or too near or far for `f32`, the distance is the
     /// nearest that a light can have.
     pub fn point_for(position: [f32; 3], look_at: [f32; 3], irradiance: [f32; 3]) -> Light {
         let offset = |axis: usize| f64::from(position[axis]) - f64::from(look_at[axis]);

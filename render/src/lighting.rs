@@ -1,5 +1,5 @@
-//! What lights send to a surface. Light sample `l` is light `l` without a size; those that follow are
-//! samples of the triangles that shine. Twin of `lighting.wgsl`.
+//! The light that reaches a surface. Light sample `l` is light `l` without a size; those that
+//! follow are samples of the triangles that shine. Twin of `lighting.wgsl`.
 
 use crate::layout::{Path, Surface};
 use crate::random::{light_sample, unit};
@@ -63,7 +63,7 @@ fn area_sample(
     }
 }
 
-/// The light samples that are on the surface's side: what a shadow ray is worth casting to.
+/// The light samples on the surface's side: those worth a shadow ray.
 pub(crate) fn may_be_lit(
     scene: &SceneWords<'_>,
     triangles: impl Fn(u32) -> Triangle,

@@ -8,10 +8,11 @@
 pub struct Material {
     /// Its name in the file, or a name of ours.
     pub name: String,
-    /// Part of the light that is scattered back, 0 to 1 a channel. Multiplied by the texture where
-    /// there is one.
+    /// Part of the light that is scattered back, 0 to 1 per channel. Multiplied by the texture
+    /// where there is one.
     pub diffuse: [f32; 3],
-    /// Part of the light that is mirrored, 0 to 1 a channel; black for a surface that is no mirror.
+    /// Part of the light that is mirrored, 0 to 1 per channel; black for a surface that is no
+    /// mirror.
     pub mirror: [f32; 3],
     /// What lies behind the surface when it is the boundary of a clear body. Such a surface
     /// reflects and refracts by Fresnel's equations; `diffuse` and `mirror` are not used.
@@ -28,7 +29,7 @@ pub struct Dielectric {
     /// Refractive index inside over the index outside, more than 0. Inside is where the corners of
     /// the triangles run clockwise. With 1 light goes straight through.
     pub refractive_index: f32,
-    /// Part of the light that the surface lets through, 0 to 1 a channel, apart from what Fresnel's
+    /// Part of the light that the surface transmits, 0 to 1 per channel, apart from what Fresnel's
     /// equations reflect.
     pub tint: [f32; 3],
 }
@@ -39,7 +40,7 @@ impl Dielectric {
 }
 
 impl Material {
-    /// Warm grey clay: what triangles without a material are made of.
+    /// Warm grey clay: the material of triangles without one.
     pub fn clay() -> Material {
         Material::new("clay", [0.62, 0.55, 0.47])
     }
@@ -91,12 +92,12 @@ impl Material {
         self.emission.iter().any(|part| *part > 0.0)
     }
 
-    /// Whether it mirrors, besides what a dielectric reflects.
+    /// Whether it is a mirror; reflection by a dielectric does not count.
     pub fn is_mirror(&self) -> bool {
         self.dielectric.is_none() && self.mirror.iter().any(|part| *part > 0.0)
     }
 
-    /// Whether it scatters light evenly, so that lights are worth asking.
+    /// Whether it scatters light evenly, so that lights are worth sampling.
     pub fn is_diffuse(&self) -> bool {
         self.dielectric.is_none() && self.diffuse.iter().any(|part| *part > 0.0)
     }

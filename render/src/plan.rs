@@ -1,4 +1,4 @@
-//! What a frame does and holds: only what its scene, its settings and its outputs need.
+//! The work and memory of a frame: only what its scene, its settings and its outputs need.
 
 use crate::Pinhole;
 use crate::kernel::{Buffer, Kernel};
@@ -9,16 +9,16 @@ use core::fmt::Write;
 use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
-/// What is wanted of a frame.
+/// The outputs of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outputs {
-    /// What a screen shows.
+    /// Pixels for a screen.
     pub pixels: bool,
     /// Linear radiance.
     pub radiance: bool,
-    /// What the first ray of every pixel met: depth, normal, triangle.
+    /// The hit of the first ray of every pixel: depth, normal, triangle.
     pub first_hits: bool,
-    /// What the traversal of the first ray of every pixel cost.
+    /// The cost of the first ray of every pixel.
     pub first_costs: bool,
 }
 
@@ -27,13 +27,13 @@ impl Outputs {
     pub const PIXELS: Outputs =
         Outputs { pixels: true, radiance: false, first_hits: false, first_costs: false };
 
-    /// Whether light is wanted at all.
+    /// Whether any output needs light.
     pub const fn shades(&self) -> bool {
         self.pixels || self.radiance
     }
 }
 
-/// What limits the queues of a frame. Results do not depend on it.
+/// Limits of the queues of a frame. Results do not depend on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
     /// Most paths of a wave.
@@ -43,16 +43,16 @@ pub struct Room {
 }
 
 impl Room {
-    /// What keeps a few cores busy and most of a wave in their caches.
+    /// Keeps a few cores busy and most of a wave in their caches.
     pub const CPU: Room = Room { paths: 1 << 16, buffer_bytes: 1 << 30 };
-    /// What fills a large GPU, within WebGPU's default limit of a binding.
+    /// Fills a large GPU, within WebGPU's default limit of a binding.
     pub const GPU: Room = Room { paths: 1 << 20, buffer_bytes: 128 << 20 };
 }
 
-/// Least room for paths of scenes whose paths may split.
+/// Least capacity for paths of scenes whose paths may split.
 const LEAST_BRANCHING_ROOM: u64 = 1 << 16;
 
-/// Why a frame cannot be made.
+/// Why a frame cannot be planned.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum PlanError {
     /// A setting is out of its range.
@@ -67,14 +67,14 @@ pub enum PlanError {
         /// Lights and samples of shining surfaces.
         rays: u64,
     },
-    /// A buffer larger than the room for one.
+    /// A buffer larger than the limit of one.
     #[error("the {what} needs {needed} bytes, but a buffer can have {allowed}")]
     TooLarge {
         /// The buffer.
         what: &'static str,
         /// Bytes it needs.
         needed: u64,
-        /// Bytes it can have.
+        /// Bytes that it may have.
         allowed: u64,
     },
 }
@@ -144,10 +144,10 @@ impl Plan {
         }
         let most = |bytes: usize| (room.buffer_bytes / bytes as u64).min(1 << 30) as u32;
         let per_path = shadow_rays.max(1) as u32;
-        // A glass surface answers a ray with two. Twice the room is mostly enough; else the frame is
-        // made again in smaller slices.
+        // A glass surface turns one ray into two. Twice the capacity is mostly enough; else the
+        // frame is rendered again in smaller slices.
         let branching = if plan.branches() { 2 } else { 1 };
-        // A small picture has as many paths to a pixel as a large one.
+        // A small picture has as many paths per pixel as a large one.
         let least = if plan.branches() { LEAST_BRANCHING_ROOM } else { 1 };
         let wanted = u64::from(size.pixels()) * u64::from(settings.samples) * branching;
         let wanted = wanted.max(least);
@@ -173,8 +173,8 @@ impl Plan {
         Ok(plan)
     }
 
-    /// The same frame in slices of half as many pixels, for when a queue outgrew its room; `None` when
-    /// a slice is one pixel.
+    /// The same frame in slices of half as many pixels, for when a queue outgrew its capacity;
+    /// `None` when a slice is one pixel.
     #[must_use]
     pub fn halved(&self) -> Option<Plan> {
         (self.slice_pixels > 1)
@@ -191,7 +191,7 @@ impl Plan {
         &self.settings
     }
 
-    /// What is wanted.
+    /// The outputs to produce.
     pub fn outputs(&self) -> &Outputs {
         &self.outputs
     }
@@ -201,7 +201,7 @@ impl Plan {
         &self.needs
     }
 
-    /// Slices of the picture that are traced one after the other.
+    /// Number of slices of the picture, which are traced one at a time.
     pub fn slices(&self) -> u32 {
         self.size.pixels().div_ceil(self.slice_pixels)
     }
@@ -211,12 +211,12 @@ impl Plan {
         self.slice_pixels
     }
 
-    /// Room for the paths of a wave.
+    /// Capacity for the paths of a wave.
     pub fn path_room(&self) -> u32 {
         self.path_room
     }
 
-    /// Room for the shadow rays of a wave.
+    /// Capacity for the shadow rays of a wave.
     pub fn shadow_room(&self) -> u32 {
         self.shadow_room
     }
@@ -226,7 +226,7 @@ impl Plan {
         if self.recursive() { self.settings.depth + 1 } else { 1 }
     }
 
-    /// Whether paths go on from surfaces.
+    /// Whether paths continue from surfaces.
     pub fn recursive(&self) -> bool {
         let bounces = self.needs.mirrors || self.needs.dielectrics;
         self.outputs.shades() && bounces && self.settings.depth > 0
@@ -300,7 +300,7 @@ impl Plan {
             Buffer::FirstCosts => when(self.outputs.first_costs, pixels),
             Buffer::Pixels => when(self.outputs.pixels, pixels),
             Buffer::Triangles => self.triangles,
-            // The tree's own; how many there are is not the frame's to say.
+            // These are the tree's; the frame does not determine how many there are.
             Buffer::Nodes | Buffer::LeafReferences => 0,
             Buffer::Counters => 1,
         }

@@ -1,5 +1,5 @@
-//! A scene's appearance as words, the form that every executor reads: materials, lights, triangles that
-//! shine, textures, and what is known of every triangle. Sections that a scene does not need are
+//! A scene's appearance as words, the form that every executor reads: materials, lights, triangles
+//! that shine, textures, and the data of every triangle. Sections that a scene does not need are
 //! empty.
 //!
 //! | section | words an element | what they are |
@@ -46,8 +46,8 @@ pub const POINT: u32 = 0;
 /// Kind of a light that is far away.
 pub const DIRECTIONAL: u32 = 1;
 
-/// What a scene looks like, borrowed. Empty lists stand for what a scene does not have; lists by
-/// triangle may be shorter than the mesh.
+/// The appearance of a scene, borrowed. Lists of things that a scene does not have are empty; lists
+/// by triangle may be shorter than the mesh.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Appearance<'a> {
     /// The materials; triangles without one are clay.
@@ -107,7 +107,7 @@ pub struct SceneData {
     normals_revision: u64,
 }
 
-/// A number that no call has given before.
+/// A number that no earlier call has returned.
 fn next_revision() -> u64 {
     static LAST: AtomicU64 = AtomicU64::new(0);
     LAST.fetch_add(1, Ordering::Relaxed) + 1
@@ -119,7 +119,7 @@ fn is_textured(material: &Material, appearance: &Appearance<'_>) -> bool {
     material.dielectric.is_none() && material.texture.is_some_and(exists)
 }
 
-/// Which lists by corner an appearance has a use for.
+/// Which lists by corner an appearance needs.
 struct Corners {
     textures: bool,
     smooth: bool,
@@ -146,7 +146,7 @@ impl SceneData {
         Ok(data)
     }
 
-    /// Whether the appearance can be addressed, which is all that can go wrong with it.
+    /// Whether the appearance can be addressed; nothing else can fail.
     ///
     /// # Errors
     /// As for [`SceneData::new`].
@@ -167,10 +167,10 @@ impl SceneData {
         Ok(())
     }
 
-    /// As [`SceneData::new`], into the memory of what was described before.
+    /// As [`SceneData::new`], into the memory of the previous description.
     ///
     /// # Errors
-    /// As for [`SceneData::new`]; what was described before is kept.
+    /// As for [`SceneData::new`]; the previous description is kept.
     pub fn describe_again(
         &mut self,
         mesh: &Mesh<'_>,
@@ -264,8 +264,8 @@ impl SceneData {
         &self.words
     }
 
-    /// Changes with every description. Executors that keep the words elsewhere send them again when it
-    /// does. Equal numbers mean equal words, but for normals.
+    /// Changes with every description. Executors that keep the words elsewhere send them again when
+    /// it does. Equal numbers mean equal words, except for normals.
     pub fn revision(&self) -> u64 {
         self.revision
     }
@@ -350,8 +350,8 @@ impl SceneData {
         self.floats([distance]);
     }
 
-    /// The triangles that shine, each with a probability in proportion to its power. They are chosen
-    /// by a word of 32 random bits, so what is too dim for one of 2^32 is left out.
+    /// The triangles that shine, each with a probability in proportion to its power. They are
+    /// chosen by a word of 32 random bits, so a triangle too dim for one word of 2^32 is left out.
     fn emitters(&mut self, mesh: &Mesh<'_>, materials: &[Material], material_of: &[u32]) {
         let shines: Vec<Option<f64>> = materials
             .iter()

@@ -154,7 +154,7 @@ impl SceneWords<'_> {
 
 /// The two texels on either side of a coordinate that repeats after 1, and the part of the second.
 fn texel_pair(coordinate: f32, size: u32) -> (u32, u32, f32) {
-    // What repeats too often to be told apart has no place in the picture.
+    // A coordinate that repeats too often to be resolved has no place in the picture.
     let within = if coordinate.abs() < 4_194_304.0 { coordinate - coordinate.floor() } else { 0.0 };
     let place = within * size as f32 - 0.5;
     let before = place.floor();

@@ -5,7 +5,7 @@ use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
 use crate::plan::Plan;
 use splitplane_core::schedule::Executor;
 
-/// Makes a frame.
+/// Renders a frame.
 ///
 /// The executor must hold the scene and the frame's uniform; [`Counter::Pixels`] and
 /// [`Counter::PixelsLeft`] must be the number of pixels, every other counter zero, and so must
@@ -28,7 +28,7 @@ pub fn frame<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<()
     Ok(())
 }
 
-/// Follows the paths of a slice, all one bounce further each time.
+/// Follows the paths of a slice, all by one bounce at a time.
 fn waves<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<(), E::Error> {
     let outputs = plan.outputs();
     let mut wave = 0;

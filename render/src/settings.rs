@@ -1,4 +1,4 @@
-//! What a frame is asked for: its size, and the knobs of speed and quality.
+//! The settings of a frame: its size, and the tradeoff between speed and quality.
 
 use crate::light::Environment;
 use thiserror::Error;
@@ -66,10 +66,10 @@ impl Size {
     }
 }
 
-/// What a frame is asked for besides scene, camera and size.
+/// The settings of a frame, in addition to scene, camera and size.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RenderSettings {
-    /// Camera rays a pixel, 1 to [`MAX_SAMPLES`]. The first goes through the pixel's centre, the
+    /// Camera rays per pixel, 1 to [`MAX_SAMPLES`]. The first goes through the pixel's centre, the
     /// others fill the pixel evenly (Roberts 2018, the sequence R2).
     pub samples: u32,
     /// Greatest number of reflections and refractions along a path, 0 to [`MAX_DEPTH`].
@@ -79,15 +79,15 @@ pub struct RenderSettings {
     /// Samples of the surfaces that shine, for every surface point, 0 to 8. With 0 such surfaces are
     /// seen but light nothing.
     pub area_samples: u32,
-    /// What the samples of shining surfaces start from. Equal seeds give equal pictures.
+    /// Seed of the samples of shining surfaces. Equal seeds give equal pictures.
     pub seed: u32,
     /// Part of the environment's light that surfaces receive, 0 to 1: nothing occludes it, so part
     /// of it accounts for light that the surroundings block.
     pub ambient: f32,
-    /// A light at the eye without shadows or falloff: what a white surface that faces the eye sends
-    /// back of it, 0 or more.
+    /// A light at the eye without shadows or falloff: the radiance that a white surface facing the
+    /// eye sends back, 0 or more.
     pub headlight: f32,
-    /// Factor of the radiance before it is shown, more than 0. Linear outputs are not scaled.
+    /// Factor of the radiance before display, more than 0. Linear outputs are not scaled.
     pub exposure: f32,
     /// Light from everywhere, and the backdrop.
     pub environment: Environment,
@@ -117,13 +117,13 @@ pub struct SettingsError {
     pub name: &'static str,
     /// Its value.
     pub value: f64,
-    /// What it may be, in words.
+    /// The values that it may have, in words.
     pub range: &'static str,
 }
 
 impl RenderSettings {
-    /// A headlight for scenes whose lights were placed for want of any: what they do not reach is still
-    /// told apart.
+    /// A headlight for scenes that had no lights and got some: surfaces that these do not reach can
+    /// still be distinguished.
     pub const PLACED_HEADLIGHT: f32 = 0.2;
 
     /// [`RenderSettings::ambient`] for interiors, whose walls keep most of the environment's light off.

@@ -49,7 +49,7 @@ impl Plane {
     }
 }
 
-/// What a path's ray met and what follows from it.
+/// The point that a path's ray met, and what follows from it.
 pub(crate) fn shade(
     scene: &SceneWords<'_>,
     triangles: impl Fn(u32) -> Triangle,
@@ -182,7 +182,7 @@ fn shade_dielectric(
     }
 }
 
-/// Whether a path of this weight goes on.
+/// Whether a path of this weight continues.
 fn worthwhile(frame: &Frame, weight: Vector) -> bool {
     greatest(weight) >= frame.minimum_weight
 }
@@ -219,8 +219,8 @@ pub(crate) fn refract(
     (Ray::new(start(surface, -1.0), normalized(out)), Path { weight, ..*path })
 }
 
-/// Where a ray starts that leaves the surface: on the side the path came from (1) or behind (-1), off
-/// the triangle by more than all rounding, so that it does not meet it again.
+/// The start of a ray that leaves the surface: on the side that the path came from (1) or behind
+/// (-1), off the triangle by more than all rounding, so that it does not meet it again.
 pub(crate) fn start(surface: &Surface, side: f32) -> Vector {
     add(surface.point, scaled(surface.geometric_normal, surface.offset * side))
 }

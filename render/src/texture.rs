@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-/// A picture: sRGB texels of 8 bits a channel, row by row from the top left.
+/// A picture: sRGB texels of 8 bits per channel, row by row from the top left.
 ///
 /// The texture coordinate (0, 0) is its lower left corner, (1, 1) its upper right one; beyond, the
 /// picture repeats.

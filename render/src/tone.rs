@@ -1,4 +1,4 @@
-//! Radiance to what a screen shows. Twin of `tone.wgsl`.
+//! Converts radiance to screen pixels. Twin of `tone.wgsl`.
 //!
 //! Radiance `x` times the exposure goes through `x (1 + x / 4) / (1 + x)` (Reinhard et al. 2002, white
 //! at 2) channel by channel, and the result is encoded as sRGB (IEC 61966-2-1), to the nearest of 256
@@ -6,7 +6,7 @@
 
 use crate::scene_words::SceneWords;
 
-/// What a screen shows of a radiance. The last component counts rays that were not followed to their
+/// The screen pixel of a radiance. The last component counts rays that were not followed to their
 /// end; where there are any, the result's alpha is 0, else 255.
 pub(crate) fn shown(scene: &SceneWords<'_>, radiance: [f32; 4]) -> u32 {
     let mut word = if radiance[3] > 0.0 { 0 } else { 0xff00_0000 };
@@ -18,7 +18,7 @@ pub(crate) fn shown(scene: &SceneWords<'_>, radiance: [f32; 4]) -> u32 {
 }
 
 fn curve(x: f32) -> f32 {
-    // Beyond white, where the curve would go on to rise, and for what is no number.
+    // Beyond white, where the curve would continue to rise, and for NaN.
     if x < 2.0 { (x * (1.0 + x * 0.25)) / (1.0 + x) } else { 1.0 }
 }
 

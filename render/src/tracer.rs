@@ -1,4 +1,5 @@
-//! Triangles to pixels on one backend: trees built and rebuilt, frames made, in the same memory.
+//! From triangles to pixels on one backend: builds and rebuilds trees and renders frames, in the
+//! same memory.
 
 mod error;
 mod frame;
@@ -19,7 +20,7 @@ use splitplane_core::backend::{Accelerator, BackendInfo, BuildOptions, BuildSumm
 use splitplane_core::digest::Digest;
 use splitplane_core::mesh::Mesh;
 
-/// A backend that a [`Tracer`] can work on, by its own type.
+/// A backend that a [`Tracer`] can use, by its concrete type.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum RenderBackend {
@@ -45,8 +46,8 @@ impl From<splitplane_wgpu::WgpuBackend> for RenderBackend {
     }
 }
 
-/// Makes frames of a scene on one backend. It always has a tree and an appearance; what it allocates is
-/// kept and used again.
+/// Renders frames of a scene on one backend. It always has a tree and an appearance; its memory is
+/// kept and reused.
 ///
 #[cfg_attr(feature = "cpu", doc = "```")]
 #[cfg_attr(not(feature = "cpu"), doc = "```ignore")]
@@ -79,7 +80,7 @@ pub struct Tracer {
     appearance: SceneData,
 }
 
-/// A backend with its tree, and what it keeps between frames.
+/// A backend with its tree, and the memory that it keeps between frames.
 #[derive(Debug)]
 enum On {
     #[cfg(feature = "cpu")]
@@ -88,7 +89,7 @@ enum On {
     Gpu(Box<on_gpu::OnGpu>),
 }
 
-/// Calls the same on whichever backend it is.
+/// Calls the same method on either backend.
 macro_rules! on {
     ($on:expr, $backend:ident => $call:expr) => {
         match $on {
@@ -130,7 +131,7 @@ impl Tracer {
     /// host, and its appearance.
     ///
     /// # Errors
-    /// As for [`Tracer::load`]; the scene that was there is kept.
+    /// As for [`Tracer::load`]; the previous scene is kept.
     pub fn replace(
         &mut self,
         mesh: &Mesh<'_>,
@@ -147,7 +148,7 @@ impl Tracer {
     /// [`Tracer::rebuild_for_queries`].
     ///
     /// # Errors
-    /// As for [`splitplane_core::backend::Backend::build`]; the tree that was there is kept.
+    /// As for [`splitplane_core::backend::Backend::build`]; the previous tree is kept.
     pub fn rebuild(
         &mut self,
         mesh: &Mesh<'_>,
@@ -168,11 +169,11 @@ impl Tracer {
         on!(&mut self.on, on => on.rebuild_for_queries(mesh, options))
     }
 
-    /// Takes over another appearance: materials, lights, normals, textures. `mesh` is the one that the next
-    /// frame is made of.
+    /// Takes over another appearance: materials, lights, normals, textures. `mesh` is the one that
+    /// the next frame shows.
     ///
     /// # Errors
-    /// More than can be addressed; the appearance that was there is kept.
+    /// More than can be addressed; the previous appearance is kept.
     pub fn update_appearance(
         &mut self,
         mesh: &Mesh<'_>,
@@ -192,7 +193,7 @@ impl Tracer {
         &self.appearance
     }
 
-    /// What runs the work.
+    /// A description of the backend.
     pub fn backend(&self) -> BackendInfo {
         on!(&self.on, on => on.describe())
     }
@@ -216,7 +217,7 @@ impl Tracer {
         on!(&self.on, on => on.digest())
     }
 
-    /// How a frame would be made: steps, queues and bytes.
+    /// How a frame would be rendered: steps, queues and bytes.
     ///
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
@@ -226,7 +227,7 @@ impl Tracer {
         Ok(Plan::new(&self.appearance, *size, settings, *outputs, room)?)
     }
 
-    /// Makes a frame. `mesh` is the one that the tree was last built over.
+    /// Renders a frame. `mesh` is the one over which the tree was last built.
     ///
     /// # Errors
     /// Settings out of range, a mesh with other triangles than the tree or the appearance, or a backend that fails.
@@ -240,12 +241,13 @@ impl Tracer {
         Ok(Frame { on: &self.on, stats })
     }
 
-    /// As [`Tracer::frame`] on a GPU, with the picture in a buffer of its device: one word a pixel, row by
-    /// row from the top left, red in the lowest byte, then green, blue and 255. The buffer needs the usage
-    /// `STORAGE`, and `COPY_SRC` for [`Frame::pixels`]; nothing of the picture crosses to the host before that.
+    /// As [`Tracer::frame`] on a GPU, with the picture in a buffer of its device: one word per
+    /// pixel, row by row from the top left, red in the lowest byte, then green, blue and 255. The
+    /// buffer needs the usage `STORAGE`, and `COPY_SRC` for [`Frame::pixels`]; nothing of the
+    /// picture crosses to the host before that.
     ///
     /// # Errors
-    /// As for [`Tracer::frame`]; a buffer that does not suit, or a tracer that is not on a GPU.
+    /// As for [`Tracer::frame`]; an unsuitable buffer, or a tracer that is not on a GPU.
     #[cfg(feature = "wgpu")]
     pub fn frame_into(
         &mut self,

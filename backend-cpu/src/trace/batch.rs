@@ -8,7 +8,7 @@ use super::packet::Packet;
 use crate::layout::tree_layout::TreeLayout;
 use crate::simd::Simd;
 
-/// What a batch is traced through, and how.
+/// The tree and the settings by which a batch is traced.
 #[derive(Clone, Copy)]
 pub(crate) struct RayBatch<'a> {
     pub layout: &'a TreeLayout,

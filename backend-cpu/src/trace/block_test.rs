@@ -57,7 +57,8 @@ pub(crate) fn decide(
     }
 }
 
-/// Tests one triangle, for rays that vectors are not made for. True when the best hit changed.
+/// Tests one triangle, for rays that the vector code does not handle. True when the best hit
+/// changed.
 pub(crate) fn test_one(
     ray: &PreparedRay,
     corners: &Triangle,
@@ -94,7 +95,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
                 && test_sifted(ray_state, block, options, query, &sifted, best);
         }
         let seen = ShearedBlock::<S, T>::new(ray_state, block);
-        // Of what follows the last triangle nothing counts.
+        // Lanes after the last triangle do not count.
         let mut there = (1u32 << block.count()) - 1;
         if !any {
             // A leaf behind the best hit often has its triangle too, and would give the same `t`.
@@ -114,8 +115,8 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
                 return false;
             }
         }
-        // Of registers, and whether or not there are several: half of the blocks that are met have
-        // several, and no predictor could tell which.
+        // From registers, and without a branch on whether there are several: half of the blocks
+        // that are met have several, and no predictor could tell which.
         let nearest = if any { meeting.met } else { meeting.nearest() };
         // Nearly always there is one triangle that is nearer than all others.
         let one =
@@ -145,7 +146,7 @@ pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
     }
 }
 
-/// The rest of [`test()`] where more than one triangle counts, or one that is to be looked at closely.
+/// The rest of [`test()`] where more than one triangle counts, or one that needs a closer look.
 #[inline(never)]
 fn test_sifted<T: TriangleBlock>(
     ray_state: &RayState,
@@ -182,8 +183,8 @@ fn test_sifted<T: TriangleBlock>(
     better
 }
 
-/// The triangles of a block as a ray sees them. What is done with a corner is done once for all
-/// triangles that share it.
+/// The triangles of a block as a ray sees them. Work on a corner is done once for all triangles
+/// that share it.
 struct ShearedBlock<S: Simd, T> {
     places: [S::Places; 3],
     /// In as many vectors as [`TriangleBlock::VECTORS`].
@@ -200,7 +201,7 @@ impl<S: Simd, T: TriangleBlock> ShearedBlock<S, T> {
         unsafe {
             let axes = ray_state.axes();
             let (origin, shear) = (each::<S>(ray_state.origin), each::<S>(ray_state.shear));
-            // Written out: they are to stay in registers, which loops do not grant.
+            // Written out, so that they stay in registers; loops do not guarantee that.
             let first = Corner::new(coordinates::<S, T>(block, axes, 0), origin, shear);
             let second = Corner::new(coordinates::<S, T>(block, axes, 1), origin, shear);
             let third = if T::VECTORS > 2 {

@@ -40,8 +40,8 @@ pub(crate) fn all_hits(
     });
 }
 
-/// Calls `test` for the triangles of all leaves that a ray may pass, near ones first. `test` gives the `t`
-/// beyond which no more leaves are of interest.
+/// Calls `test` for the triangles of all leaves that a ray may pass, near ones first. `test`
+/// returns the `t` beyond which no more leaves are of interest.
 pub(crate) fn visit(
     blocks: &TreeLayout,
     bounds: &Aabb,

@@ -1,5 +1,5 @@
-//! What a child that is no node stands for, in the two layouts: a block, or a leaf of the tree whose
-//! triangles are gathered when a ray comes there.
+//! What a child that is not a node represents in the two layouts: a block, or a leaf of the tree
+//! whose triangles are gathered when a ray gets there.
 
 use super::triangle_block::TriangleBlock;
 use crate::layout::gathered_block::GatheredBlock;
@@ -13,17 +13,17 @@ use crate::simd::Simd;
 pub(crate) trait Leaves: Copy {
     /// Whether a child is always one block.
     const ONE: bool;
-    /// What a traversal must have for blocks to be made in.
+    /// The space in which a traversal gathers blocks.
     type Room;
     /// A block.
     type Block<'b>: TriangleBlock
     where
         Self: 'b;
 
-    /// Room for one traversal.
+    /// Space for one traversal.
     fn room() -> Self::Room;
 
-    /// What of a child is read first; not to be read for numbers of other children.
+    /// The part of a child that is read first; must not be read for numbers of other children.
     fn address(self, child: u32) -> *const u8;
 
     /// A child's block that begins with its triangle `from`, and where the next one begins; 0 after the
@@ -86,7 +86,8 @@ impl Leaves for PackedLeaves<'_> {
     }
 }
 
-/// Leaves of the tree: a child is the leaf's place among the nodes, or behind all of them, for the large triangles.
+/// Leaves of the tree: a child is the leaf's place among the nodes, or after all of them, for the
+/// large triangles.
 #[derive(Clone, Copy)]
 pub(crate) struct IndexedLeaves<'a> {
     pub nodes: &'a [WalkNode],

@@ -1,13 +1,14 @@
 //! Answering rays: traversals over what [`crate::layout`] has made.
 //!
 //! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
-//! (`watertight.rs`, `refined.rs`) does the operations of the reference in its order, and the fast test
-//! (`fast.rs`) only sorts out triangles and leaves the others to the reference. In accuracy `exact` what
-//! certainly is no hit is sorted out (`sieve.rs`), and the hits are those of [`splitplane_core::exact`].
+//! (`watertight.rs`, `refined.rs`) performs the operations of the reference in the same order, and
+//! the fast test (`fast.rs`) only rejects triangles and leaves the others to the reference. In
+//! accuracy `exact` triangles that are certainly no hit are rejected (`sieve.rs`), and the hits are
+//! those of [`splitplane_core::exact`].
 //!
-//! *Traversals*: `stream.rs` has batches of rays, `single.rs` one ray a call, both by the steps of `step.rs`;
-//! `packet` has rays that go the same way. Rays that need more care go through the tree's own nodes
-//! (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
+//! *Traversals*: `stream.rs` traces batches of rays and `single.rs` one ray per call, both by the
+//! steps of `step.rs`; `packet` traces rays that go the same way. Rays that need more care go
+//! through the tree's own nodes (`walk.rs`), by the core's tests (`reference.rs`, `exact.rs`).
 
 pub(crate) mod batch;
 pub(crate) mod block_test;

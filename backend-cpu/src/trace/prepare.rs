@@ -16,13 +16,13 @@ use super::ray_state::{
 };
 use crate::simd::{MOST_LANES, Simd};
 
-/// Rays made ready together.
+/// Rays prepared together.
 pub(crate) const CHUNK: usize = 32;
 
 /// A number of each ray.
 pub(crate) type PerRay<T> = [T; CHUNK];
 
-/// Rays made ready together; see [`PreparedRay`] and [`RayState`] for the fields.
+/// Rays prepared together; see [`PreparedRay`] and [`RayState`] for the fields.
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct PreparedRays {
@@ -48,7 +48,7 @@ pub(crate) struct PreparedRays {
     pub origin: [PerRay<f32>; 3],
     /// 1 for a ray that may hit something.
     pub alive: PerRay<u32>,
-    /// 1 for a ray that the scalar code must make ready.
+    /// 1 for a ray that the scalar code must prepare.
     pub special: PerRay<u32>,
     /// 1 for a ray with an origin coordinate so small that it was taken as 0.
     pub shifted: PerRay<u32>,
@@ -63,7 +63,7 @@ fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
 }
 
 impl PreparedRays {
-    /// Room for as many rays.
+    /// Space for as many rays.
     pub const NONE: PreparedRays = PreparedRays {
         reciprocal: [[0.0; CHUNK]; 3],
         near: [[0.0; CHUNK]; 3],
@@ -109,7 +109,8 @@ impl PreparedRays {
         let rows = (&raw const *self).cast::<f32>();
         let to = ray_states.as_mut_ptr().cast::<f32>();
         for first in (0..RAY_STATE_WORDS).step_by(S::N) {
-            // SAFETY: the struct begins with a row for each word of a way; states are of that size.
+            // SAFETY: the struct begins with a row for each word of a ray's state; states are of
+            // that size.
             unsafe {
                 S::transpose(
                     rows.add(first * CHUNK + lane),
@@ -150,7 +151,7 @@ impl PreparedRays {
         }
     }
 
-    /// Makes the first [`CHUNK`] of some rays ready; lanes without a ray are not alive. `first` is the
+    /// Prepares the first [`CHUNK`] of some rays; lanes without a ray are not alive. `first` is the
     /// place of the first in its batch.
     ///
     /// # Safety
@@ -164,7 +165,7 @@ impl PreparedRays {
         query: Query,
     ) {
         let count = rays.len().min(CHUNK);
-        // One more than counts, since whole vectors are read.
+        // One more than is used, since whole vectors are read.
         let mut room;
         let rays = if rays.len() > CHUNK {
             rays
@@ -225,7 +226,7 @@ impl PreparedRays {
                 let least = if d < 0.0 { -DIRECTION_LEAST } else { DIRECTION_LEAST };
                 let r = 1.0 / if d.abs() < DIRECTION_LEAST { least } else { d };
                 self.reciprocal[axis][i] = r;
-                // Below 2^38 * 2^80: no scene that vectors are made for is wide.
+                // Below 2^38 * 2^80: no scene that the vector code handles is wide.
                 let slack = scene.slack * r.abs();
                 self.exit_reciprocal[axis][i] = r * EXIT_FACTOR;
                 let o = self.origin[axis][i];

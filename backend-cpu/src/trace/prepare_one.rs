@@ -1,6 +1,6 @@
-//! Making one ray ready: what [`super::prepare`] does for many of them, with the three axes side by side.
+//! Prepares one ray as [`super::prepare`] does many, with the three axes side by side.
 //!
-//! The operations and their order are the same, and so are all bits: a test holds them together.
+//! The operations and their order are the same, and so are all bits; a test checks that.
 
 use splitplane_core::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, SLOPE_LEAST, STOP_SLACK,
@@ -12,11 +12,11 @@ use splitplane_core::traverse::Query;
 use super::ray_state::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
 use crate::simd::F32x4;
 
-/// What is to be done with a ray.
+/// How to continue with a ray.
 pub(crate) enum Readiness {
-    /// It is to be traced.
+    /// It must be traced.
     Ready,
-    /// It does not come to the bounds.
+    /// It misses the bounds.
     Misses,
     /// It can hit nothing, or is one of the rare rays that need more care.
     Special,
@@ -92,7 +92,7 @@ impl RayState {
             base.plus(from.abs().times(F32x4::splat(ORIGIN_SLACK))).plus(F32x4::splat(reach));
         let negative = direction.signs() & ALL_AXES;
         let is_largest = largest.le(magnitude).signs() & ALL_AXES;
-        // The first of those that are the largest.
+        // The first of the largest components.
         let axis = is_largest.trailing_zeros() % 3;
         let axes = axis + 3 * (negative >> axis & 1);
         let [kx, ky, kz] = AXES[axes as usize % AXES.len()];
@@ -133,7 +133,7 @@ mod tests {
     use crate::trace::prepare::CHUNK;
     use crate::trace::prepare::tests::filled;
 
-    /// Of all kinds: zeros, subnormals, infinities and such as are no numbers among them.
+    /// Of all kinds: zeros, subnormals, infinities and NaN among them.
     fn number(random: &mut Random, spread: f64) -> f32 {
         let odd = [0.0, -0.0, 1.0, -1.0, 1e-40, 1e-30, -1e-13, 1e30, f32::NAN, f32::INFINITY];
         if random.below(24) == 0 {
@@ -142,7 +142,8 @@ mod tests {
         (random.between(-spread, spread)) as f32
     }
 
-    /// A ray made ready alone is the one made ready among others, bit for bit, on every instruction set.
+    /// A ray prepared alone equals the one prepared among others, bit for bit, on every instruction
+    /// set.
     #[test]
     fn one_is_made_ready_like_many() {
         let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };

@@ -5,7 +5,8 @@ use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
 use splitplane_core::ray::{Accuracy, Hit, Ray};
 use splitplane_core::traverse::Query;
 
-/// A ray under way: what a step at a node and a test of a block need of it, in two cache lines.
+/// A ray under way: the values that a step at a node and a test of a block need, in two cache
+/// lines.
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C, align(64))]
 pub(crate) struct RayState {
@@ -40,15 +41,15 @@ pub(crate) struct RayState {
 /// Words of a [`RayState`].
 pub(crate) const RAY_STATE_WORDS: usize = size_of::<RayState>() / 4;
 
-/// The axes that shearing calls x, y and z, by [`RayState::axes`]. Two more than there are, so that the
-/// remainder that keeps places in bounds costs nothing.
+/// The axes that shearing calls x, y and z, by [`RayState::axes`]. Two more than there are, so that
+/// the remainder operation that keeps indices in bounds costs nothing.
 pub(crate) static AXES: [[usize; 3]; 8] =
     [[1, 2, 0], [2, 0, 1], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2], [0, 1, 2], [0, 1, 2]];
 
 /// Where among these x, y and z are.
 static PLACES: [[usize; 3]; 6] = [[2, 0, 1], [1, 2, 0], [0, 1, 2], [2, 1, 0], [0, 2, 1], [1, 0, 2]];
 
-/// What becomes of a ray that vectors did not prepare.
+/// How to trace a ray that the vector code did not prepare.
 pub(crate) enum ScalarOutcome {
     /// It goes through the wide nodes.
     Traced(RayState),
@@ -56,14 +57,16 @@ pub(crate) enum ScalarOutcome {
     Answer(Hit),
 }
 
-/// How far off the sieve of accuracy `exact` takes a ray, in inner units. Making it ready flushes what is below
-/// 2^-126 in its direction and, of its greatest coordinate, in its origin: less than 2^-65 on any axis then.
+/// The error of a ray that the sieve of accuracy `exact` assumes, in inner units. Preparing it
+/// flushes what is below 2^-126 in its direction and, of its greatest coordinate, in its origin:
+/// less than 2^-65 on any axis then.
 const FARTHEST: f32 = 1.152_921_5e18; // 2^60
 /// Greatest exponent, either way, of directions that are scaled in one step.
 const MOST_EXPONENT: i32 = 126;
 
 impl RayState {
-    /// A ray made ready by the core, moved if it starts far away; `None` for the few that must be traced alone.
+    /// A ray prepared by the core, moved if it starts far away; `None` for the few that must be
+    /// traced alone.
     #[cold]
     pub fn prepare_by_core(
         ray: &Ray,
@@ -138,7 +141,7 @@ impl RayState {
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn ray(&self) -> PreparedRay {
         let axes = self.axes();
-        // By look-ups: numbers written one by one would be waited for where they are read together.
+        // By look-ups: reading numbers together that were written one by one would stall.
         let [x, y, z] = PLACES[self.axes as usize % 6];
         let origin = [self.origin[x], self.origin[y], self.origin[z]];
         PreparedRay {
@@ -162,10 +165,10 @@ impl RayState {
 /// Distances to planes are differences of products here. At most five roundings are of the origin's product,
 /// three of them only where rays leave; this is eight.
 pub(crate) const ORIGIN_SLACK: f32 = 4.768_371_6e-7; // 2^-21
-/// What distances are multiplied by where rays leave boxes. A ray that is in a box at T is computed to enter it
-/// at T (1 + e) or before and
-/// to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this is 1 + 4 e, so that it leaves after it enters. It is
-/// multiplied into the reciprocals beforehand; as a multiplication in each step it took 2 % of the time.
+/// The factor on distances where rays leave boxes. A ray that is in a box at T is computed to enter
+/// it at T (1 + e) or before and to leave it at T (1 - e) or after, with e = [`PLANE_SLACK`]; this
+/// is 1 + 4 e, so that it leaves after it enters. It is multiplied into the reciprocals beforehand;
+/// as a multiplication in each step it took 2 % of the time.
 pub(crate) const EXIT_FACTOR: f32 = 1.0 + 4.0 * PLANE_SLACK;
 /// The part by which planes are widened for rays that begin before their origin, of the greatest distance at
 /// which the ray is within the bounds: distances below 0 are not made greater by a factor.

@@ -1,5 +1,5 @@
-//! One ray with care: by the core's tests, triangle by triangle. For the few rays that vectors are not
-//! made for: moved ones, and extreme exponents.
+//! One ray with care: by the core's tests, triangle by triangle. For the few rays that the vector
+//! code does not handle: moved ones, and extreme exponents.
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::intersect::{PreparedRay, SceneScale};

@@ -1,5 +1,5 @@
-//! Where rays meet the planes of triangles, a triangle and a ray a lane, for those that are seen at too grazing
-//! an angle or from too near for interpolation, and for slivers.
+//! Where rays meet the planes of triangles, a triangle and a ray per lane, for those that are seen
+//! at too grazing an angle or from too near for interpolation, and for slivers.
 //!
 //! The operations are those of [`splitplane_core::intersect::refined`] in its order, on sums
 //! of two floats that do not overlap (Dekker 1971), so the numbers are the same bit for bit. Left out
@@ -10,7 +10,7 @@ use splitplane_core::intersect::{DISTANCE_LEAST, T_LEAST};
 
 use crate::simd::Simd;
 
-/// Rays and triangles, a pair a lane; on the axes of the mesh.
+/// Rays and triangles, a pair per lane; on the axes of the mesh.
 pub(crate) struct Pairs<S: Simd> {
     /// Where the rays start.
     pub origin: [S::Floats; 3],
@@ -20,19 +20,19 @@ pub(crate) struct Pairs<S: Simd> {
     pub corners: [[S::Floats; 3]; 3],
 }
 
-/// What there is of a meeting, a number a lane.
+/// The values of a meeting, a number per lane.
 pub(crate) struct Refined<S: Simd> {
     /// Inner `t`.
     pub t: S::Floats,
-    /// Weights of the second and the third corner, and what both are to be divided by.
+    /// Weights of the second and the third corner, and the divisor of both.
     pub v: S::Floats,
     pub w: S::Floats,
     pub det: S::Floats,
 }
 
 impl<S: Simd> Pairs<S> {
-    /// The same with corners at 0 in all other lanes: what is there by chance may be subnormal numbers, with
-    /// which processors take a hundred times as long.
+    /// The same with corners at 0 in all other lanes: leftover contents may be subnormal numbers,
+    /// for which processors take a hundred times as long.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -116,7 +116,8 @@ unsafe fn difference<S: Simd>(p: [S::Floats; 3], q: [S::Floats; 3]) -> [Double<S
     }
 }
 
-/// Sums of two floats that do not overlap, a sum a lane: see [`splitplane_core::arithmetic::Double`].
+/// Sums of two floats that do not overlap, one sum per lane: see
+/// [`splitplane_core::arithmetic::Double`].
 #[derive(Clone, Copy)]
 struct Double<S: Simd> {
     high: S::Floats,
@@ -150,7 +151,7 @@ impl<S: Simd> Double<S> {
         }
     }
 
-    /// The product, its two parts not yet added up.
+    /// The product, with its two parts not yet added.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times(self, other: Double<S>) -> Double<S> {
         // SAFETY: the caller's contract.
@@ -162,7 +163,7 @@ impl<S: Simd> Double<S> {
         }
     }
 
-    /// The product with floats, its two parts not yet added up.
+    /// The product with floats, with its two parts not yet added.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn times_float(self, other: S::Floats) -> Double<S> {
         // SAFETY: the caller's contract.

@@ -1,15 +1,17 @@
 //! The sieve of accuracy `exact`: which triangles of a block a ray may meet in real arithmetic.
 //!
-//! It is the watertight test with room for every rounding, and lets go only what certainly is no hit;
-//! the rest is decided by [`splitplane_core::exact`]. u is 2^-24, R the greatest distance of the origin
-//! to any corner along an axis, P the greatest sheared coordinate of a triangle; scenes are not wide: their
-//! coordinates, distances and sheared products are 0 or well within the normal range.
+//! It is the watertight test with slack for every rounding, and rejects only what is certainly no
+//! hit; the rest is decided by [`splitplane_core::exact`]. u is 2^-24, R the greatest distance of
+//! the origin to any corner along an axis, P the greatest sheared coordinate of a triangle; scenes
+//! are not wide: their coordinates, distances and sheared products are 0 or well within the normal
+//! range.
 //!
-//! *Rays that are changed* by being made ready: the coordinates of an origin next to 0 move by up to 2^-59, and those
-//! of one that is far away along the ray, where they are rounded once, by u M with M the greatest of them then. (Rays
-//! from further off than 2^60 might lose more: they are not sieved.) Both move a sheared coordinate by 4 u M or
-//! less, with M = 2^-36 for the former. R is taken longer by M, which allows for 4.1 u M; and `t` by 8 u M,
-//! besides what the difference from the offset rounds away, in `f64`.
+//! *Rays that are changed* by preparation: the coordinates of an origin next to 0 move by up to
+//! 2^-59, and those of one that is far away along the ray, where they are rounded once, by u M with
+//! M the greatest of them then. (Rays from further off than 2^60 might lose more: they are not
+//! sieved.) Both move a sheared coordinate by 4 u M or less, with M = 2^-36 for the former. R is
+//! taken longer by M, which allows for 4.1 u M; and `t` by 8 u M, in addition to the rounding error
+//! of the difference from the offset, in `f64`.
 //!
 //! *Corners.* A sheared coordinate `(p_x - o_x) - s (p_z - o_z)` with |s| <= 1 errs by u R from its
 //! first difference, 3 u R from slope, difference and product, 2^-40 R for a slope taken as zero, and
@@ -20,8 +22,9 @@
 //! 36 u R (P + 2 u R), and [`EDGE_LEAST`] more for products that underflow. Only where two rounded edge
 //! functions of different signs are both greater than that is the ray certainly outside.
 //!
-//! *Depths.* The depth of a corner errs by three roundings of itself, far less than the limits are
-//! widened by, 2^-13 of themselves; and the ray meets a triangle between the nearest and the farthest.
+//! *Depths.* The depth of a corner errs by three roundings of itself, far less than the amount by
+//! which the limits are widened, 2^-13 of themselves; and the ray meets a triangle between the
+//! nearest and the farthest.
 //!
 //! *Distances.* Let m bound the error of the edge functions (here with the R of the triangle itself)
 //! and D be their sum. Interpolated with the rounded ones in place of the true ones, `t` shifts by
@@ -46,24 +49,25 @@ pub(crate) const EDGE_ERROR: f32 = 36.0 * ROUNDING;
 pub(crate) const CORNER_ERROR: f32 = 2.0 * ROUNDING;
 /// Part of the greatest depth by which a distance may be off.
 pub(crate) const DEPTH_ERROR: f32 = 32.0 * ROUNDING;
-/// What products that underflow may add to the numerator of a distance.
+/// The amount that products which underflow may add to the numerator of a distance.
 pub(crate) const TINY: f32 = 7.523_164e-37; // 2^-120
-/// Part of the offset that its difference from a `t` in `f64` may be off by, and more.
+/// Error of the difference of the offset from a `t` in `f64`, as a part of the offset, and more.
 const OFFSET_ERROR: f32 = 3.552_713_7e-15; // 2^-48
 /// M of rays whose origin is next to 0, and of all others, since it is so little.
 const SHIFTED: f32 = 1.455_191_5e-11; // 2^-36
 /// The rounding error of 1.
 const ROUNDING: f32 = 5.960_464_5e-8; // 2^-24
 
-/// What the sieve must know of a ray besides what all tests do.
+/// The data of a ray that the sieve needs, in addition to those of all tests.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Reach {
-    /// Error of an edge function of [large](crate::layout::large) triangles, and of all others: per unit of P, and the part that does
-    /// not depend on P. (Large ones in blocks of others may be let go: they are in their own as well.)
+    /// Error of an edge function of [large](crate::layout::large) triangles, and of all others: per
+    /// unit of P, and the part that does not depend on P. (Large ones in blocks of others may be
+    /// rejected: they are in their own as well.)
     pub errors: [[f32; 2]; 2],
     /// M, where the ray was changed.
     pub moved: f32,
-    /// What `t` may be off by that.
+    /// The resulting error of `t`.
     pub late: f32,
     /// The ray's inner limits, widened.
     pub t_min: f32,
@@ -72,7 +76,7 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// The reach of a ray that is made ready and ordinary.
+    /// The reach of a prepared, ordinary ray.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn new(ray: &RayState, bounds: &[Aabb; 2]) -> Reach {
         let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
@@ -203,7 +207,7 @@ pub(crate) fn answer(best: &Best, query: Query) -> Hit {
 /// The inner `t` beyond which no cell can hold a hit at or before an outer one.
 #[inline]
 pub(crate) fn inner_stop(t: f64, exponent: i32, offset: f32) -> f32 {
-    // Exact in `f64`, but for what is beyond all floats anyway.
+    // Exact in `f64`, except for what is beyond all floats anyway.
     let scaled = t * f64::from_bits(((exponent + 1023) as u64) << 52);
     let inner = (scaled - f64::from(offset)) as f32;
     inner + inner.abs() * STOP_SLACK
@@ -265,7 +269,7 @@ unsafe fn sift<S: Simd, T: TriangleBlock>(
         let (t_min, limit) = (S::splat(reach.t_min), S::splat(limit));
         let reached = S::and(S::le(t_min, farthest), S::le(nearest, limit));
         let mut bits = S::bits(reached) & !S::bits(S::and(below, above));
-        // Of what follows the last triangle nothing counts.
+        // Lanes after the last triangle do not count.
         bits &= (1u32 << block.count()) - 1;
         if bits == 0 {
             return 0;
@@ -275,7 +279,7 @@ unsafe fn sift<S: Simd, T: TriangleBlock>(
         let room = S::add(S::mul(S::splat(CORNER_ERROR), own), width);
         let error = S::mul(S::mul(S::splat(EDGE_ERROR), own), room);
         let error = S::add(error, S::splat(EDGE_LEAST));
-        // Once more with the triangle's own distance: far triangles make that of the scene large.
+        // Again with the triangle's own distance: far triangles make that of the scene large.
         let below = S::le(S::min(u, S::min(v, w)), S::sub(zero, error));
         let above = S::le(error, S::max(u, S::max(v, w)));
         bits &= !S::bits(S::and(below, above));

@@ -1,4 +1,4 @@
-//! One ray a call: the steps of [`super::stream`] without the other rays.
+//! One ray per call: the steps of [`super::stream`] without the other rays.
 
 use core::mem::MaybeUninit;
 
@@ -19,10 +19,10 @@ use crate::layout::wide_node::{DONE, is_leaf};
 use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd};
 
-/// Entries of a stack that need not be asked for: enough for trees 29 nodes deep.
+/// Entries of a stack that needs no allocation: enough for trees 29 nodes deep.
 const ENTRIES: usize = 512;
 
-/// One ray, and what it is traced through.
+/// One ray, and the tree through which it is traced.
 #[derive(Clone, Copy)]
 pub(crate) struct Single<'a> {
     pub layout: &'a TreeLayout,
@@ -131,7 +131,7 @@ impl Single<'_> {
     }
 
     /// # Safety
-    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes ask for.
+    /// As for [`Compiled::run`]; the stack must have as many entries as the nodes need.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn walk<S: Simd, L: Leaves>(
         &self,
@@ -145,19 +145,19 @@ impl Single<'_> {
         let (mut room, mut best) = (L::room(), BestHit::NONE);
         let (room, best) = (&mut room, &mut best);
         let tested = &mut RayTest { test, room, ray_state, best, exact: None };
-        // SAFETY: the stack has the room.
+        // SAFETY: the stack has the space.
         unsafe { stack.begin() };
         let (mut child, mut top) = (0, 0);
         loop {
             while !is_leaf(child) {
-                // SAFETY: the caller's contract; the child is a node; the stack has the room.
+                // SAFETY: the caller's contract; the child is a node; the stack has the space.
                 (child, top) =
                     unsafe { step::<S>(tested.ray_state, lines, child, &mut stack, top) };
             }
             if child == DONE {
                 return tested.best.hit;
             }
-            // A block's header says where its corners are: they need not wait for it.
+            // A block's header says where its corners are; their loads need not wait for it.
             ask_for_block::<S, L>(leaves, child);
             // SAFETY: the caller's contract; children name nodes or leaves; the ray is not wide.
             if unsafe { S::call(TestLeaf(child, tested)) } {
@@ -166,7 +166,7 @@ impl Single<'_> {
                 }
                 let stop = tested.best.stop.min(tested.ray_state.stop);
                 tested.ray_state.stop = stop;
-                // SAFETY: the caller's contract; the stack has the room.
+                // SAFETY: the caller's contract; the stack has the space.
                 top = unsafe { stack.cull::<S>(top, stop) };
             }
             // SAFETY: entries that were written.
@@ -186,7 +186,7 @@ mod tests {
     use crate::CpuBackend;
     use crate::simd::InstructionSet;
 
-    /// Of a stack that is too short, and one that is long enough.
+    /// With a stack that is too short, and one that is long enough.
     struct Both<'a>(Single<'a>);
 
     impl Compiled for Both<'_> {
@@ -211,7 +211,7 @@ mod tests {
         }
     }
 
-    /// Trees may be deeper than there is room for on the machine's stack.
+    /// Trees may be deeper than the machine's stack has space for.
     #[test]
     fn stacks_of_any_length_give_the_same_hits() {
         let mut random = Random::new(3);

@@ -1,4 +1,5 @@
-//! One step of a ray: a wide node, whose boxes are tested all at once, or what a child holds that is no node.
+//! One step of a ray: a wide node, whose boxes are tested all at once, or the contents of a child
+//! that is not a node.
 
 use splitplane_core::ray::QueryOptions;
 use splitplane_core::traverse::Query;
@@ -14,7 +15,7 @@ use crate::layout::wide_node::{
 use crate::simd::{Compiled, Direction, Simd, prefetch};
 use crate::trace::block_test as leaf;
 
-/// What of a node rays of an octant read, in bytes from its start.
+/// The parts of a node that rays of an octant read, in bytes from its start.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
 pub(crate) struct Octant {
@@ -69,7 +70,7 @@ impl TraversalStack {
     /// Writes the sentinel at the bottom.
     ///
     /// # Safety
-    /// There must be room for an entry.
+    /// There must be space for an entry.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn begin(&mut self) {
         // SAFETY: the caller's contract.
@@ -79,7 +80,7 @@ impl TraversalStack {
     /// Drops entries beyond `stop`. Returns the new last entry.
     ///
     /// # Safety
-    /// The processor must have the set; the stack must have room for 16 entries more.
+    /// The processor must have the set; the stack must have space for 16 more entries.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
         // SAFETY: the caller's contract; the lowest entry stays.
@@ -87,12 +88,12 @@ impl TraversalStack {
     }
 }
 
-/// Takes a step at a node: puts the children that the ray meets on the stack but for the nearest. Where
-/// the ray goes next, and the new last entry.
+/// Takes a step at a node: puts the children that the ray meets on the stack, except the nearest.
+/// Returns where the ray goes next, and the new last entry.
 ///
 /// # Safety
-/// The processor must have the set; the node must be one of the lines; the stack must have room for
-/// 16 entries more.
+/// The processor must have the set; the node must be one of the lines; the stack must have space
+/// for 16 more entries.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) unsafe fn step<S: Simd>(
     ray_state: &RayState,
@@ -145,13 +146,13 @@ pub(crate) fn ask_for<S: Simd, L: Leaves>(lines: *const CacheLine, leaves: L, ch
     ask_for_lines::<S>((node ^ ((node ^ block) & is_block)) as *const u8);
 }
 
-/// Asks for the memory of a child that is no node.
+/// Prefetches a child that is not a node.
 #[cfg_attr(not(unoptimised), inline(always))]
 pub(crate) fn ask_for_block<S: Simd, L: Leaves>(leaves: L, child: u32) {
     ask_for_lines::<S>(leaves.address(leaf_number(child)));
 }
 
-/// Asks for as many lines as a node has, and most blocks.
+/// Prefetches as many lines as a node has, and most blocks.
 #[cfg_attr(not(unoptimised), inline(always))]
 fn ask_for_lines<S: Simd>(at: *const u8) {
     for line in 0..lines_of_node(S::N) {
@@ -159,7 +160,7 @@ fn ask_for_lines<S: Simd>(at: *const u8) {
     }
 }
 
-/// What traversals test triangles with.
+/// The triangle tests of traversals.
 #[derive(Clone, Copy)]
 pub(crate) struct TestContext<'a, L> {
     pub leaves: L,
@@ -167,8 +168,8 @@ pub(crate) struct TestContext<'a, L> {
     pub query: Query,
 }
 
-/// What tests of a ray's triangles read and write: the state of the ray, which must not be wide, its best hit, room for
-/// blocks, and its lane where tests are exact.
+/// The state that tests of a ray's triangles read and write: the state of the ray, which must not
+/// be wide, its best hit, space for blocks, and its lane where tests are exact.
 pub(crate) struct RayTest<'a, L: Leaves> {
     pub test: &'a TestContext<'a, L>,
     pub room: &'a mut L::Room,
@@ -177,8 +178,9 @@ pub(crate) struct RayTest<'a, L: Leaves> {
     pub exact: Option<&'a mut ExactLane>,
 }
 
-/// The test of the triangles of a child that is no node but one that a node names. True when the best hit
-/// changed, which for any hit is the end. Of two words, so that they come in registers.
+/// The test of the triangles of a child that is not a node and that a node names. True when the
+/// best hit changed, which for any hit is the end. Two words, so that they are returned in
+/// registers.
 pub(crate) struct TestLeaf<'a, 'b, L: Leaves>(pub u32, pub &'a mut RayTest<'b, L>);
 
 impl<L: Leaves> Compiled for TestLeaf<'_, '_, L> {

@@ -1,10 +1,10 @@
 //! Batches: several rays at a time, which take their steps in turn.
 //!
 //! A step of a ray is one wide node, whose boxes are tested all at once, or one block of triangles.
-//! After it the next place of the ray is known and prefetched, and other rays take their steps until the memory has
-//! arrived. Rays at nodes and rays at blocks are processed by turns, each kind as bits of one word, so that no branch has
-//! to predict which kind a ray is. A ray that is answered makes room for the next one. Coherent rays are traced by
-//! [`super::packet`] instead.
+//! After it the next place of the ray is known and prefetched, and other rays take their steps
+//! until the memory has arrived. Rays at nodes and rays at blocks are processed by turns, each kind
+//! as bits of one word, so that no branch has to predict which kind a ray is. When a ray is
+//! answered, the next one takes its place. Coherent rays are traced by [`super::packet`] instead.
 
 use core::cell::RefCell;
 use std::collections::TryReserveError;
@@ -31,7 +31,7 @@ const FLIGHT: usize = 16;
 /// A ray under way.
 struct Lane {
     ray_state: RayState,
-    /// Where it stands.
+    /// Its current child.
     child: u32,
     /// Last entry of its stack.
     top: usize,
@@ -96,7 +96,7 @@ impl Compiled for Stream<'_> {
         let kept = IN_FLIGHT.try_with(RefCell::take).ok().flatten();
         let mut flight = kept.map_or_else(|| boxed(Flight::new), Ok)?;
         flight.make_room(batch.layout.wide.stack())?;
-        // SAFETY: the caller's contract; there is room.
+        // SAFETY: the caller's contract; there is space.
         unsafe {
             match IndexedLeaves::of(batch.layout) {
                 None => {
@@ -112,8 +112,8 @@ impl Compiled for Stream<'_> {
     }
 }
 
-/// The lanes by what their rays wait for: a bit a lane, 16 bits for each [`Turn`]. In a register: memory
-/// would have to be written and read back in every step.
+/// The lanes by what their rays wait for: one bit per lane, 16 bits for each [`Turn`]. In a
+/// register: memory would have to be written and read back in every step.
 struct Queues(u64);
 
 /// What a ray waits for.
@@ -158,7 +158,8 @@ impl Iterator for Members {
 }
 
 /// # Safety
-/// The processor must have the set, for whose width the layout was made; the flight must have room for its stacks.
+/// The processor must have the set, for whose width the layout was made; the flight must have space
+/// for its stacks.
 #[cfg_attr(not(unoptimised), inline(always))]
 unsafe fn fly<S: Simd, L: Leaves>(
     batch: RayBatch<'_>,
@@ -212,7 +213,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             }
             (state.child, state.top) = (0, 0);
             let mut stack = stack!(lane);
-            // SAFETY: stacks have the room.
+            // SAFETY: stacks have the space.
             unsafe { stack.begin() };
             queues.put(lane, 0);
         }
@@ -223,7 +224,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             // SAFETY: lanes are below FLIGHT.
             let state = unsafe { lanes.get_unchecked_mut(lane) };
             let mut stack = stack!(lane);
-            // SAFETY: the caller's contract; the child is a node; stacks have the room.
+            // SAFETY: the caller's contract; the child is a node; stacks have the space.
             let (child, top) =
                 unsafe { step::<S>(&state.ray_state, lines, state.child, &mut stack, state.top) };
             (state.child, state.top) = (child, top);
@@ -237,8 +238,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
             let Lane { ray_state, best, child, .. } = state;
             let (room, exact) = (&mut leaf_room, exactly.then_some(&mut state.exact));
             let tested = &mut RayTest { test, room, ray_state, best, exact };
-            // Not in a function of its own: that costs rays that hit something a tenth here.
-            // SAFETY: the caller's contract; children name nodes or leaves; wide rays get no lane.
+            // Not in a separate function: that would make rays that hit something a tenth slower
+            // here. SAFETY: the caller's contract; children name nodes or leaves; wide rays get no
+            // lane.
             let better = unsafe { TestLeaf(*child, tested).run::<S>() };
             if better {
                 if query == Query::Any {
@@ -247,7 +249,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
                 }
                 let stop = state.best.stop.min(state.ray_state.stop);
                 state.ray_state.stop = stop;
-                // SAFETY: the caller's contract; stacks have the room.
+                // SAFETY: the caller's contract; stacks have the space.
                 state.top = unsafe { stack.cull::<S>(state.top, stop) };
             }
             // SAFETY: entries that were written.

@@ -10,10 +10,10 @@ use super::ray_state::{RayState, ScalarOutcome};
 use super::{exact, reference};
 use crate::simd::{Simd, prefetch};
 
-/// Where lanes get their rays: made ready 32 at a time.
+/// Where lanes get their rays: prepared 32 at a time.
 pub(super) struct Supply<'a> {
     pub batch: RayBatch<'a>,
-    /// The first ray not yet made ready.
+    /// The first ray not yet prepared.
     pub next: usize,
     pub ready: &'a mut PreparedRays,
     pub ray_states: &'a mut [RayState; CHUNK],
@@ -86,14 +86,15 @@ impl Supply<'_> {
         Some(&self.ray_states[lane])
     }
 
-    /// Answers the rays made ready that go the same way: all together, or as many as a vector has lanes.
+    /// Answers the prepared rays that go the same way: all together, or as many as a vector has
+    /// lanes.
     ///
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn packets<S: Simd>(&mut self, start: usize, answers: &mut Answers<'_>) {
         let RayBatch { layout, scene, options, query, .. } = self.batch;
-        // Packets test blocks as they are stored.
+        // Packets test blocks in their stored form.
         if options.accuracy == Accuracy::Exact || IndexedLeaves::of(layout).is_some() {
             return;
         }

@@ -29,23 +29,23 @@ pub(crate) trait TriangleBlock {
     /// A vector of coordinates on an axis.
     ///
     /// # Safety
-    /// The processor must have the set, and a block of its width must follow what is there.
+    /// The processor must have the set, and a block of its width must follow the stored data.
     unsafe fn coordinates<S: Simd>(&self, axis: usize, vector: usize) -> S::Floats;
 
-    /// What finds the corners of the triangles in such vectors.
+    /// The indices that find the corners of the triangles in such vectors.
     ///
     /// # Safety
     /// As for [`TriangleBlock::coordinates`].
     unsafe fn places<S: Simd>(&self) -> [S::Places; 3];
 
-    /// What the triangles' corners have, of a number of each corner.
+    /// The numbers of the triangles' corners, given a number of each corner.
     ///
     /// # Safety
     /// The processor must have the set.
     unsafe fn of_corners<S: Simd>(vectors: Vectors<S>, places: [S::Places; 3]) -> [S::Floats; 3];
 }
 
-/// Corners are shared: the second vector is needed by some blocks only, but by which is not foreseen.
+/// Corners are shared: only some blocks need the second vector, but which ones cannot be predicted.
 impl TriangleBlock for PackedBlock<'_> {
     const VECTORS: usize = 2;
 
@@ -150,10 +150,11 @@ impl TriangleBlock for GatheredBlock<'_> {
     }
 }
 
-/// A number of each corner. One vector is enough for some blocks, but which is not foreseen.
+/// A number of each corner. One vector is enough for some blocks, but which ones cannot be
+/// predicted.
 pub(crate) type Table<S> = [<S as Simd>::Floats; 2];
 
-/// What the triangles' corners have, of a number of each corner.
+/// The numbers of the triangles' corners, given a number of each corner.
 ///
 /// # Safety
 /// The processor must have the set.

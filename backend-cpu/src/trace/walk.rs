@@ -1,5 +1,5 @@
-//! The walk over the tree's own nodes as the layout has them, leaf by leaf: for the rays that vectors are not made
-//! for, exact ones among them.
+//! The walk over the tree's own nodes in the layout, leaf by leaf: for the rays that the vector
+//! code does not handle, exact ones among them.
 
 use core::ops::ControlFlow;
 
@@ -7,8 +7,8 @@ use splitplane_core::walk::{self, Leaf, WalkRay};
 
 use crate::layout::walk_node::WalkNode;
 
-/// Hands the leaves that a ray passes within an interval to `visit`, near ones first. It gives the `t` beyond
-/// which no more leaves are of interest; without one the walk ends.
+/// Hands the leaves that a ray passes within an interval to `visit`, near ones first. It returns
+/// the `t` beyond which no more leaves are of interest; without one the walk ends.
 #[inline]
 pub(crate) fn walk<R: WalkRay>(
     nodes: &[WalkNode],

@@ -1,5 +1,6 @@
-//! The watertight test in vectors, a triangle and a ray a lane: one ray against the triangles of a block
-//! ([`super::block_test`]), or the rays of a packet against one triangle ([`super::packet`]).
+//! The watertight test in vectors, a triangle and a ray per lane: one ray against the triangles of
+//! a block ([`super::block_test`]), or the rays of a packet against one triangle
+//! ([`super::packet`]).
 //!
 //! The operations are those of [`splitplane_core::intersect::watertight`] in its order, so all numbers
 //! are the reference's bit for bit. Rays must not be wide.
@@ -17,7 +18,7 @@ use crate::simd::{MOST_LANES, Simd};
 /// A corner of triangles as rays see it.
 #[derive(Clone, Copy)]
 pub(crate) struct Corner<S: Simd> {
-    /// Where it is from the ray's origin, on the sheared axes.
+    /// Its position relative to the ray's origin, on the sheared axes.
     pub from: [S::Floats; 3],
     /// Sheared coordinates: those of the ray are 0.
     pub flat: [S::Floats; 2],
@@ -45,7 +46,7 @@ impl<S: Simd> Corner<S> {
         }
     }
 
-    /// How far it is on the axis where it is farthest.
+    /// Its distance on the axis where it is farthest.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn reach(&self) -> S::Floats {
         let [x, y, z] = self.from;
@@ -86,7 +87,7 @@ pub(crate) struct Span<S: Simd> {
     pub stop: S::Floats,
 }
 
-/// Where rays meet triangles, a bit or a number a lane. Numbers count only where a bit says so.
+/// Where rays meet triangles, a bit or a number per lane. Numbers count only where a bit says so.
 pub(crate) struct Meeting<S: Simd> {
     /// Where the reference test gives a hit.
     pub met: u32,
@@ -144,7 +145,7 @@ impl Met {
         rows
     }
 
-    /// What it is of.
+    /// The stored meeting.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
         let [nearest, farthest] = &self.depths;
@@ -214,7 +215,7 @@ pub(crate) unsafe fn enclosed<S: Simd, V: View<S>>(view: &V) -> u32 {
     unsafe { of_one_sign::<S>(edges::<S>(view.flat())) }
 }
 
-/// The test of some lanes, but for a closer look. Most often no triangle's edges enclose the ray
+/// The test of some lanes, without the closer look. Most often no triangle's edges enclose the ray
 /// with corners that reach into its limits: then there is nothing more to do.
 ///
 /// # Safety
@@ -238,7 +239,7 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         if bits == 0 {
             return None;
         }
-        // Edge functions so small count as 0.
+        // Edge functions this small count as 0.
         let u = or_zero::<S>(u, EDGE_LEAST);
         let (v, w) = (or_zero::<S>(v, EDGE_LEAST), or_zero::<S>(w, EDGE_LEAST));
         let det = S::add(S::add(u, v), w);
@@ -255,14 +256,14 @@ pub(crate) unsafe fn meet<S: Simd, V: View<S>>(
         let plain = S::le(S::max(disorder, sum_least), eightfold);
         let fat = S::max(S::mul(S::mul(width, width), S::splat(SLIVER)), det_least);
         let fine = S::bits(S::and(plain, S::le(fat, size)));
-        // Of edge functions that are 0 the reference finds the signs.
+        // The reference finds the signs of edge functions that are 0.
         let least = S::min(S::abs(u), S::min(S::abs(v), S::abs(w)));
         let clear = S::bits(S::le(S::splat(EDGE_LEAST), least));
         let depths = [nearest, farthest];
         let (t, kept) = held::<S>(interpolated, depths, span);
         let fine_and_kept = bits & fine & kept;
-        // Of the others many are let go as the reference does: the ones that rays start on. Without a
-        // branch, which no predictor would get right.
+        // Many of the others are rejected as in the reference: the ones that rays start on. Without
+        // a branch, which no predictor would get right.
         let error = S::mul(S::div(disorder, size), S::splat(INTERPOLATION_ERROR));
         let early = S::sub(interpolated, error);
         let after = S::le(span.t_min, S::add(interpolated, error));
@@ -297,7 +298,7 @@ impl<S: Simd> Meeting<S> {
         unsafe { self.met & S::least(self.met, self.t) }
     }
 
-    /// Decides what is unclear and robust; the rest is the reference's.
+    /// Decides what is unclear and robust; the rest is left to the reference.
     ///
     /// # Safety
     /// The processor must have the set.
@@ -319,7 +320,7 @@ impl<S: Simd> Meeting<S> {
     }
 }
 
-/// `t` held between the nearest and the farthest corner, and where it is within the span.
+/// `t` clamped between the nearest and the farthest corner, and where it is within the span.
 ///
 /// # Safety
 /// The processor must have the set.
@@ -373,7 +374,7 @@ unsafe fn faces<S: Simd>(det: S::Floats, culling: Culling) -> u32 {
     }
 }
 
-/// 0 for what is nearer to 0 than `least`.
+/// 0 for numbers nearer to 0 than `least`.
 ///
 /// # Safety
 /// The processor must have the set.

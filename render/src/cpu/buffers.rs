@@ -23,9 +23,10 @@ pub struct Buffers {
     pub(crate) first_costs: Vec<FirstCost>,
     pub(crate) pixels: Vec<u32>,
     pub(crate) counters: Counters,
-    /// What shadow rays hit; this executor's own.
+    /// The hits of shadow rays; only this executor has them.
     pub(crate) occluded: Vec<bool>,
-    /// Shadow rays that go on behind a clear surface, with their numbers; this executor's own.
+    /// Shadow rays that continue behind a clear surface, with their numbers; only this executor has
+    /// them.
     pub(crate) through_rays: Vec<Ray>,
     pub(crate) through_indices: Vec<u32>,
     pub(crate) through_hits: Vec<Hit>,
@@ -39,7 +40,8 @@ fn fit<T: Clone>(buffer: &mut Vec<T>, elements: u32, fill: T) {
 }
 
 impl Buffers {
-    /// Gives every buffer the length that the plan asks for, and what the schedule expects in it.
+    /// Sets every buffer to the length that the plan asks for and the contents that the schedule
+    /// expects.
     pub(crate) fn prepare(&mut self, plan: &Plan) {
         let ray = Ray::zeroed();
         fit(&mut self.rays, plan.elements(Buffer::Rays), ray);
@@ -59,7 +61,7 @@ impl Buffers {
         self.counters = crate::kernel::first_counters(plan.size().pixels());
     }
 
-    /// Bytes that are held, kept room included.
+    /// Bytes that are held, spare capacity included.
     pub fn bytes(&self) -> u64 {
         fn held<T>(buffer: &Vec<T>) -> u64 {
             (buffer.capacity() * size_of::<T>()) as u64

@@ -24,7 +24,7 @@ pub struct CpuExecutor<'a> {
     plan: Plan,
     frame: Frame,
     buffers: &'a mut Buffers,
-    /// What costs are counted with; made when first needed.
+    /// The reference traversal that counts costs; created when first needed.
     scale: Option<SceneScale>,
     tracing: Duration,
 }
@@ -39,10 +39,10 @@ impl core::fmt::Debug for CpuExecutor<'_> {
 }
 
 impl<'a> CpuExecutor<'a> {
-    /// An executor that has done nothing yet. `accelerator` must be built over the mesh of `input`.
+    /// A new executor. `accelerator` must be built over the mesh of `input`.
     ///
     /// # Errors
-    /// Looks of another mesh.
+    /// An appearance of another mesh.
     pub fn new(
         input: FrameInput<'a>,
         accelerator: &'a dyn Accelerator,
@@ -59,7 +59,7 @@ impl<'a> CpuExecutor<'a> {
         Ok(CpuExecutor { input, accelerator, plan, frame, buffers, scale: None, tracing })
     }
 
-    /// The counters as they stand.
+    /// The current counters.
     pub fn counters(&self) -> &Counters {
         &self.buffers.counters
     }
@@ -75,7 +75,7 @@ impl<'a> CpuExecutor<'a> {
     }
 }
 
-/// What the reference traversal needs to know of the mesh.
+/// The data of the mesh for the reference traversal.
 fn scene_scale(mesh: Mesh<'_>, accelerator: &dyn Accelerator) -> SceneScale {
     let limits = (0..mesh.len())
         .into_par_iter()
@@ -212,7 +212,7 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
     }
 
     fn pending(&mut self, counter: Counter, _rounds: u32) -> Result<bool, RenderError> {
-        // A frame that is void needs no end.
+        // A void frame need not be finished.
         let void = self.buffers.counters[Counter::Overflow] != 0;
         Ok(!void && self.buffers.counters[counter] > 0)
     }

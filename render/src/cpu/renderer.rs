@@ -1,4 +1,4 @@
-//! Frames, one after the other, in the same memory.
+//! Renders frames, one at a time, in the same memory.
 
 use super::buffers::Buffers;
 use super::executor::CpuExecutor;
@@ -10,8 +10,8 @@ use crate::plan::{Plan, Room};
 use crate::schedule;
 use splitplane_core::backend::Accelerator;
 
-/// Makes frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept between
-/// frames and grows only when a frame needs more than all before.
+/// Renders frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept
+/// between frames and grows only when a frame needs more than all earlier ones.
 #[derive(Debug)]
 pub struct CpuRenderer {
     buffers: Buffers,
@@ -25,17 +25,17 @@ impl Default for CpuRenderer {
 }
 
 impl CpuRenderer {
-    /// A renderer that holds nothing yet.
+    /// A renderer without memory yet.
     pub fn new() -> CpuRenderer {
         CpuRenderer::default()
     }
 
-    /// A renderer whose queues have other room. Pictures do not depend on it.
+    /// A renderer whose queues have other capacities. Pictures do not depend on them.
     pub fn with_room(room: Room) -> CpuRenderer {
         CpuRenderer { buffers: Buffers::default(), room }
     }
 
-    /// Makes a frame. `accelerator` must be built over the mesh of `input`.
+    /// Renders a frame. `accelerator` must be built over the mesh of `input`.
     ///
     /// # Errors
     /// Settings out of range, an appearance of another mesh, a backend that fails.
@@ -60,7 +60,7 @@ impl CpuRenderer {
         }
     }
 
-    /// What a screen shows, from the top left: red in the low byte, green, blue, 255.
+    /// The pixels for a screen, from the top left: red in the low byte, green, blue, 255.
     pub fn pixels(&self) -> &[u32] {
         &self.buffers.pixels
     }
@@ -70,12 +70,12 @@ impl CpuRenderer {
         &self.buffers.radiance
     }
 
-    /// What the first ray of each pixel met.
+    /// The hit of the first ray of each pixel.
     pub fn first_hits(&self) -> &[FirstHit] {
         &self.buffers.first_hits
     }
 
-    /// What the traversal of the first ray of each pixel cost.
+    /// The cost of the first ray of each pixel.
     pub fn first_costs(&self) -> &[FirstCost] {
         &self.buffers.first_costs
     }

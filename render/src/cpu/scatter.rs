@@ -1,7 +1,7 @@
-//! Chunks that write to places of a list which a scan has given them.
+//! Chunks that write to the places in a list that a scan has assigned to them.
 
-/// Calls `work` for every chunk with the parts of `a` and `b` that are its own, in parallel: those from
-/// `start(chunk)` up to `start(chunk + 1)`. Starts must not fall.
+/// Calls `work` for every chunk with the parts of `a` and `b` that are its own, in parallel: those
+/// from `start(chunk)` up to `start(chunk + 1)`. Starts must not decrease.
 pub(crate) fn by_chunk<A: Send, B: Send>(
     chunks: core::ops::Range<usize>,
     start: &(impl Fn(usize) -> usize + Sync),

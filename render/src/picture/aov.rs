@@ -1,4 +1,4 @@
-//! Arbitrary output variables: what else a frame knows of its pixels.
+//! Arbitrary output variables: further data of a frame's pixels.
 
 use super::heat::{self, CostStatistics, Quantity};
 use super::screen::paint;
@@ -21,7 +21,7 @@ pub enum Aov<'a> {
     Tests(&'a [FirstCost]),
 }
 
-/// The greys of the nearest and the farthest depth. What is not there at all is darker.
+/// The greys of the nearest and the farthest depth. Pixels without a hit are darker.
 const NEAR: f64 = 255.0;
 const FAR: f64 = 40.0;
 const MISS: [u8; 3] = [0; 3];
@@ -38,7 +38,7 @@ impl Aov<'_> {
         }
     }
 
-    /// Whether there is one value a pixel.
+    /// Whether there is one value per pixel.
     pub(super) fn check(&self, size: Size) -> Result<(), PictureError> {
         let (what, found) = match self {
             Aov::Depth(hits) => ("the array of depths", hits.len()),
@@ -92,7 +92,7 @@ fn normal(hit: &FirstHit) -> [u8; 3] {
     if hit.triangle == FirstHit::MISS.triangle {
         return MISS;
     }
-    // The cast keeps what is out of range, or no number, within a byte.
+    // The cast keeps values that are out of range, or NaN, within a byte.
     hit.normal.map(|component| (f64::from(component + 1.0) * 127.5).round() as u8)
 }
 

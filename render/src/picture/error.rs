@@ -1,14 +1,14 @@
-//! What can be wrong with a picture.
+//! Errors of pictures.
 
 use super::{MovieFormat, Size};
 use std::io;
 use thiserror::Error;
 
-/// Why a picture or a movie cannot be made.
+/// Errors of pictures and movies.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum PictureError {
-    /// An array that does not have one value a pixel.
+    /// An array that does not have one value per pixel.
     #[error(
         "{what} has {found} values, but a picture of {width}x{height} pixels needs {expected}",
         width = .size.width(), height = .size.height(), expected = .size.pixels()
@@ -18,7 +18,7 @@ pub enum PictureError {
         what: &'static str,
         /// Its length.
         found: usize,
-        /// The size that was asked for.
+        /// The requested size.
         size: Size,
     },
     /// One output variable twice in a file.
@@ -67,12 +67,12 @@ pub enum PictureError {
     Delay {
         /// The format.
         format: MovieFormat,
-        /// Milliseconds asked for.
+        /// Milliseconds requested.
         found: u16,
         /// Least number of milliseconds.
         least: u16,
     },
-    /// What the movie is written to refuses.
+    /// Writing the movie failed.
     #[error("the {format} could not be written: {source}")]
     Write {
         /// The format.
@@ -91,7 +91,7 @@ pub enum PictureError {
 }
 
 impl PictureError {
-    /// Whether an array has one value a pixel.
+    /// Whether an array has one value per pixel.
     pub(super) fn check_length(
         what: &'static str,
         found: usize,

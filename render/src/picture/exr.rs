@@ -18,8 +18,8 @@ use std::io::{Seek, Write};
 /// of a large picture.
 const BATCH: usize = 64;
 
-/// The bytes of an OpenEXR file with one layer, `R`, `G` and `B` as 32-bit floats: linear radiance for the
-/// primaries and the white of ITU-R BT.709. Every bit is kept, infinities and what is no number included.
+/// The bytes of an OpenEXR file with one layer, `R`, `G` and `B` as 32-bit floats: linear radiance
+/// for the primaries and the white of ITU-R BT.709. Every bit is kept, also of infinities and NaN.
 ///
 /// Output variables become further channels, under the names that compositors look for:
 ///

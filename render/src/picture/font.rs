@@ -1,4 +1,4 @@
-//! A font of 5 by 7 dots: the digits, and the letters of what legends say.
+//! A font of 5 by 7 dots: the digits, and the letters that legends use.
 
 use image::{Rgb, RgbImage};
 

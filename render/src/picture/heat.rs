@@ -8,7 +8,7 @@ use std::num::NonZeroU32;
 /// The colour of what lies above the scale of a heat map: magenta, which viridis does not come near.
 pub const ABOVE: [u8; 3] = [255, 0, 255];
 
-/// What a heat map shows of the cost of a ray.
+/// The part of a ray's cost that a heat map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Quantity {
     /// Nodes visited.
@@ -26,7 +26,7 @@ impl Quantity {
         }
     }
 
-    /// It, of one ray.
+    /// Its value for one ray.
     pub const fn of(self, cost: &FirstCost) -> u32 {
         match self {
             Quantity::Nodes => cost.nodes,
@@ -100,7 +100,7 @@ pub(super) fn colour(value: u32, top: NonZeroU32) -> [u8; 3] {
     if u64::from(value) > top { ABOVE } else { viridis::colour(step as u8) }
 }
 
-/// One colour a ray, without a scale beside it.
+/// One colour per ray, without a scale beside it.
 pub(super) fn colours(
     size: Size,
     costs: &[FirstCost],
@@ -110,7 +110,7 @@ pub(super) fn colours(
     paint(size, costs, |cost| colour(quantity.of(cost), top))
 }
 
-/// A heat map with its scale, and what is behind it.
+/// A heat map with its scale and statistics.
 #[derive(Clone, Debug)]
 pub struct HeatMap {
     /// The map at the top left, the scale to its right. Wider than the map, and for maps of few rows
@@ -123,7 +123,7 @@ pub struct HeatMap {
 }
 
 impl HeatMap {
-    /// Paints what the first ray of every pixel cost: viridis from 0 to the top of the scale, and
+    /// Paints the cost of the first ray of every pixel: viridis from 0 to the top of the scale, and
     /// [`ABOVE`] beyond it. The top is given (frames of a movie need a common one), or
     /// [`CostStatistics::scale_top`].
     ///

@@ -30,7 +30,8 @@ const MOST_STEPS: u32 = 10;
 /// Least height of a panel. Half a number hangs below the bar.
 const LEAST_HEIGHT: u32 = BAR + LEAST_BAR + font::HEIGHT / 2 + MARGIN;
 
-/// Pixels a dot for a picture of some height: the numbers of a 1080-line picture are 21 lines high.
+/// Pixels per dot for a picture of some height: the numbers of a 1080-line picture are 21 lines
+/// high.
 fn scale(height: u32) -> u32 {
     (height / 360).max(1)
 }
@@ -72,7 +73,8 @@ pub(super) fn beside(picture: &RgbImage, quantity: Quantity, top: NonZeroU32) ->
     image
 }
 
-/// The numbers at a scale from 0 to `top` that has room for `room` steps: 0, round numbers, and `top`.
+/// The numbers at a scale from 0 to `top` that has space for `room` steps: 0, round numbers, and
+/// `top`.
 fn ticks(top: NonZeroU32, room: u32) -> Vec<u32> {
     let (top, room) = (u64::from(top.get()), u64::from(room.max(1)));
     let steps = || (0..=9).flat_map(|power| [1, 2, 5].map(|digit| digit * 10_u64.pow(power)));

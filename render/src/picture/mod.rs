@@ -1,5 +1,5 @@
-//! What a frame gives, as files in memory: pictures for screens, linear ones with arbitrary output
-//! variables (AOVs), heat maps of what rays cost, and movies.
+//! The outputs of a frame, as files in memory: pictures for screens, linear ones with arbitrary
+//! output variables (AOVs), heat maps of what rays cost, and movies.
 //!
 //! Nothing here opens a file. Pictures and files are values, and a [`Movie`] goes to any
 //! [`std::io::Write`].
@@ -11,7 +11,7 @@
 //! | depth, normals, triangles | [`Aov::picture`], [`encode_png`] | [`encode_exr`] |
 //! | nodes visited, triangles tested | [`HeatMap::new`], [`encode_png`] | [`encode_exr`] |
 //!
-//! Arrays are those of a frame: one value a pixel, from the top left, row by row.
+//! Arrays are those of a frame: one value per pixel, from the top left, row by row.
 
 mod aov;
 mod error;

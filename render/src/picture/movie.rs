@@ -10,7 +10,7 @@ use std::num::NonZeroU32;
 /// The format of a movie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum MovieFormat {
-    /// Animated PNG (PNG third edition, W3C 2025): 24 bits a pixel, nothing lost.
+    /// Animated PNG (PNG third edition, W3C 2025): 24 bits per pixel, lossless.
     Apng,
     /// GIF (GIF89a, with Netscape's extension that loops): every frame has a palette of its own with at
     /// most 256 colours. Frames with no more colours lose nothing.
@@ -238,7 +238,7 @@ mod tests {
                 assert_eq!(read.delay().numer_denom_ms(), (33, 1));
                 assert_eq!(&image::DynamicImage::ImageRgba8(read.into_buffer()).into_rgb8(), frame);
             }
-            // Those who know no animation show the first frame.
+            // Programs that do not support animation show the first frame.
             let still = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png);
             assert_eq!(still.unwrap().into_rgb8(), frames[0]);
         }
@@ -333,7 +333,7 @@ mod tests {
         assert!(matches!(wide, PictureError::Dimensions { most: 65_535, .. }), "{wide}");
     }
 
-    /// Takes some bytes, then has no room left.
+    /// Accepts some bytes, then has no space left.
     struct Full {
         room: usize,
     }

@@ -19,7 +19,7 @@ pub fn screen(size: Size, pixels: &[u32]) -> Result<RgbImage, PictureError> {
     }))
 }
 
-/// A picture of one colour a value. `values` has one value a pixel.
+/// A picture of one colour per value. `values` has one value per pixel.
 pub(super) fn paint<T>(size: Size, values: &[T], colour: impl Fn(&T) -> [u8; 3]) -> RgbImage {
     let mut image = RgbImage::new(size.width(), size.height());
     for (pixel, value) in image.pixels_mut().zip(values) {
@@ -28,7 +28,7 @@ pub(super) fn paint<T>(size: Size, values: &[T], colour: impl Fn(&T) -> [u8; 3])
     image
 }
 
-/// The bytes of a PNG file: 24 bits a pixel, marked as sRGB.
+/// The bytes of a PNG file: 24 bits per pixel, marked as sRGB.
 ///
 /// # Errors
 /// [`PictureError::Dimensions`]: a picture without pixels. [`PictureError::Encode`]: the encoder

@@ -1,4 +1,4 @@
-//! Why a tracer has no frame, or no tree to make it from.
+//! Errors of a tracer: no frame, or no tree to render it from.
 
 use super::Output;
 use crate::error::RenderError;
@@ -7,23 +7,23 @@ use crate::scene_data::AppearanceError;
 use splitplane_core::backend::{BuildError, QueryError};
 use thiserror::Error;
 
-/// Why there is no frame, or no tree to make it from.
+/// Why there is no frame, or no tree to render it from.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]
 pub enum TracerError {
     /// The tree cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
-    /// The frame cannot be made.
+    /// The frame cannot be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),
     /// The frame has no such output.
     #[error("the frame was not asked for {output}")]
     NotRequested {
-        /// What was asked for.
+        /// The requested output.
         output: Output,
     },
-    /// A picture was to go to a buffer of a GPU, but it is made on the CPU.
+    /// A picture was requested in a GPU buffer, but it is rendered on the CPU.
     #[error("the frame is made on the CPU and cannot go to a buffer of a GPU")]
     NotOnGpu,
     /// A device's driver did not follow some rays to their end.

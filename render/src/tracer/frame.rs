@@ -1,4 +1,4 @@
-//! What is asked of a frame, and what it gives.
+//! The request for a frame, and its outputs.
 
 use super::{On, Output, TracerError, on};
 use crate::camera::Pinhole;
@@ -9,16 +9,16 @@ use crate::settings::{RenderSettings, Size};
 use splitplane_core::ray::QueryOptions;
 use std::borrow::Cow;
 
-/// What is asked of a frame.
+/// The request for a frame.
 #[derive(Clone, Copy, Debug)]
 pub struct FrameRequest<'a> {
-    /// From where to look; made for `size`.
+    /// The camera; made for `size`.
     pub camera: Pinhole,
     /// Size of the picture.
     pub size: Size,
-    /// The knobs of speed and quality.
+    /// The settings of speed and quality.
     pub settings: RenderSettings,
-    /// What is wanted.
+    /// The outputs to produce.
     pub outputs: Outputs,
     /// How rays are traced.
     pub query: QueryOptions<'a>,
@@ -37,7 +37,7 @@ impl<'a> FrameRequest<'a> {
     }
 }
 
-/// A frame that was made, where it was made: outputs of a GPU are read back when they are asked for.
+/// A finished frame, on its backend: outputs of a GPU are read back when they are requested.
 #[derive(Debug)]
 pub struct Frame<'a> {
     pub(super) on: &'a On,
@@ -45,12 +45,13 @@ pub struct Frame<'a> {
 }
 
 impl<'a> Frame<'a> {
-    /// What the frame took.
+    /// The statistics of the frame.
     pub fn stats(&self) -> &FrameStats {
         &self.stats
     }
 
-    /// What a screen shows, row by row from the top left: red in the lowest byte, then green, blue and 255.
+    /// The pixels for a screen, row by row from the top left: red in the lowest byte, then green,
+    /// blue and 255.
     ///
     /// # Errors
     /// Pixels that were not requested, a device that fails, or a driver that did not follow all rays.
@@ -72,7 +73,7 @@ impl<'a> Frame<'a> {
         Ok(radiance)
     }
 
-    /// What the first ray of each pixel met.
+    /// The hit of the first ray of each pixel.
     ///
     /// # Errors
     /// First hits that were not requested, or a device that fails.
@@ -81,7 +82,7 @@ impl<'a> Frame<'a> {
         on!(self.on, on => on.first_hits())
     }
 
-    /// What the traversal of the first ray of each pixel cost.
+    /// The cost of the first ray of each pixel.
     ///
     /// # Errors
     /// First costs that were not requested, or a device that fails.

@@ -76,7 +76,7 @@ impl OnGpu {
         Ok(())
     }
 
-    /// Takes a tree in place of another, whose buffers the next build gets.
+    /// Replaces the tree; the next build gets the old one's buffers.
     fn take(&mut self, tree: Tree) {
         if let Tree::OnDevice(old, _) = std::mem::replace(&mut self.tree, tree) {
             self.backend.recycle(*old);

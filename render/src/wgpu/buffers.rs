@@ -9,20 +9,20 @@ use splitplane_wgpu::device::BindGroups;
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
 use wgpu::BufferUsages as Usage;
 
-/// The buffers that kernels exchange, and what binds them. Buffers only grow.
+/// The buffers that kernels exchange, and their bind groups. Buffers only grow.
 #[derive(Debug)]
 pub struct Buffers {
     buffers: [Option<wgpu::Buffer>; RayTracer::BUFFERS.len()],
     uniform: wgpu::Buffer,
     tree: Option<Tree>,
-    /// Where the picture goes when it is the caller's buffer.
+    /// The caller's buffer for the picture, if there is one.
     target: Option<wgpu::Buffer>,
     groups: BindGroups<RayTracer>,
     /// Which words of which scene are there: [`SceneData::revision`] and that of its normals.
     scene: (u64, u64),
 }
 
-/// What is bound of a tree.
+/// The bindings of a tree.
 #[derive(Clone, Debug, PartialEq)]
 struct Tree {
     nodes: wgpu::Buffer,
@@ -32,7 +32,7 @@ struct Tree {
 }
 
 impl Buffers {
-    /// No buffers yet but the uniform.
+    /// No buffers yet except the uniform.
     pub(super) fn new(gpu: &Gpu) -> Result<Buffers, GpuError> {
         let bytes = size_of::<Frame>() as u64;
         Ok(Buffers {
@@ -70,7 +70,8 @@ impl Buffers {
         &mut self.groups
     }
 
-    /// Makes room for all that the kernels of a plan bind. Contents of buffers that grow are lost.
+    /// Makes space for everything that the kernels of a plan bind. Contents of buffers that grow
+    /// are lost.
     pub(super) fn reserve(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
         self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
         for kernel in plan.kernels() {
@@ -103,7 +104,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// Takes note of the tree to trace.
+    /// Sets the tree to trace.
     pub(super) fn set_tree(&mut self, tree: &DeviceTree) {
         let held = Tree {
             nodes: tree.nodes().clone(),
@@ -117,7 +118,7 @@ impl Buffers {
         }
     }
 
-    /// Takes note of where the picture goes; `None` for a buffer of its own.
+    /// Sets the buffer for the picture; `None` for a buffer of its own.
     pub(super) fn set_target(&mut self, target: Option<&wgpu::Buffer>) {
         if self.target.as_ref() != target {
             self.target = target.cloned();
@@ -125,7 +126,7 @@ impl Buffers {
         }
     }
 
-    /// Sends what the frame starts with: the uniform and the counters.
+    /// Uploads the initial data of the frame: the uniform and the counters.
     pub(super) fn upload(&self, gpu: &Gpu, frame: &Frame, counters: &Counters) {
         gpu.queue().write_buffer(&self.uniform, 0, bytemuck::bytes_of(frame));
         if let Some(buffer) = self.get(Buffer::Counters) {
@@ -133,8 +134,8 @@ impl Buffers {
         }
     }
 
-    /// Fills what a slice writes only a part of with what the CPU's buffers start with: for comparing
-    /// them between slices.
+    /// Fills the buffers that a slice writes only in part with the initial contents of the CPU's
+    /// buffers: for comparing them between slices.
     pub(super) fn fill(&self, gpu: &Gpu, plan: &Plan) {
         let fill = |buffer: Buffer, element: &[u8]| {
             if let Some(held) = self.get(buffer) {
@@ -146,7 +147,7 @@ impl Buffers {
         fill(Buffer::FirstCosts, bytemuck::bytes_of(&FirstCost::default()));
     }
 
-    /// Sends the words of a scene, or its normals alone, when they have changed.
+    /// Uploads the words of a scene, or only its normals, when they have changed.
     pub(super) fn upload_scene(&mut self, gpu: &Gpu, scene: &SceneData) {
         let now = (scene.revision(), scene.normals_revision());
         let Some(buffer) = &self.buffers[Buffer::Scene as usize] else { return };

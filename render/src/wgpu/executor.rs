@@ -1,4 +1,5 @@
-//! A frame on a device: what its grids stand for, how long its loops go on, where its buffers lie.
+//! A frame on a device: what its grids represent, how long its loops continue, where its buffers
+//! are.
 
 use super::buffers::Buffers;
 use super::room::groups;
@@ -16,7 +17,7 @@ use splitplane_wgpu::device::{
 use wgpu::BufferBinding;
 
 impl DeviceSet for RayTracer {
-    /// Kernels have no more in them than the scene needs.
+    /// Kernels contain no more than the scene needs.
     type Variant = RenderFeatures;
 
     fn text(kernel: Kernel, features: &RenderFeatures) -> Text {
@@ -26,7 +27,7 @@ impl DeviceSet for RayTracer {
     }
 }
 
-/// What shaders must be able to do for a plan.
+/// The features that shaders need for a plan.
 pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
     let needs = plan.needs();
     RenderFeatures {
@@ -56,7 +57,7 @@ pub struct FrameJob<'a> {
 }
 
 impl FrameJob<'_> {
-    /// The most things a grid may stand for now.
+    /// The most items that a grid may represent now.
     fn most(&self, counter: Counter) -> u32 {
         match counter {
             Counter::Pixels => self.plan.size().pixels(),
@@ -67,7 +68,7 @@ impl FrameJob<'_> {
     }
 }
 
-/// An executor over buffers that are reserved for the plan and hold what a frame starts with.
+/// An executor over buffers that are reserved for the plan and hold the initial data of a frame.
 pub(super) fn executor<'a>(
     gpu: &'a Gpu,
     pipelines: &'a Pipelines,
@@ -79,7 +80,7 @@ pub(super) fn executor<'a>(
     let radiance = buffers.get(Buffer::Radiance).cloned();
     let frame = FrameJob { gpu, buffers, plan, features, wave: 0 };
     let mut executor = DeviceExecutor::new(gpu, pipelines, frame, looking);
-    // What the schedule expects to be zero.
+    // The values that the schedule expects to be zero.
     if let Some(radiance) = radiance.filter(|_| plan.outputs().shades()) {
         executor.encoder().clear_buffer(&radiance, 0, Some(plan.bytes(Buffer::Radiance)));
     }

@@ -1,10 +1,10 @@
 //! Frames on a GPU: the kernels in WGSL, over a tree that is on the device. Pictures have the same bits
 //! as those of the CPU on devices whose parity is bitwise.
 //!
-//! A frame is recorded without looking at its counters: as many waves as its plan allows, each kernel
-//! over a fixed grid that loops to a counter on the device. What comes back is 64 bytes of counters,
-//! and the outputs that are asked for. A frame of one slice is one submission; of several, each slice
-//! is one, so that none holds more than [`Room::GPU`](crate::Room::GPU) paths a wave.
+//! A frame is recorded without reading its counters: as many waves as its plan allows, each kernel
+//! over a fixed grid that loops to a counter on the device. What comes back is 64 bytes of
+//! counters, and the requested outputs. A frame of one slice is one submission; of several, each
+//! slice is one, so that none holds more than [`Room::GPU`](crate::Room::GPU) paths per wave.
 
 mod buffers;
 mod executor;
@@ -14,7 +14,7 @@ mod room;
 pub use executor::{FrameJob, WgpuExecutor};
 pub use renderer::WgpuRenderer;
 
-/// What limits the queues of a frame on a device, for plans that are made before a renderer is.
+/// Limits of the queues of a frame on a device, for plans that are made before a renderer is.
 pub fn room(gpu: &splitplane_wgpu::Gpu) -> crate::Room {
     room::of(gpu)
 }

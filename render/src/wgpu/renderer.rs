@@ -1,4 +1,4 @@
-//! Frames, one after the other, in the same memory of a device.
+//! Renders frames, one at a time, in the same memory of a device.
 
 use super::buffers::Buffers;
 use super::executor::{WgpuExecutor, executor, features};
@@ -18,11 +18,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
 
-/// Makes frames on a device, of trees that are there. Pipelines are compiled when a frame first needs
-/// them; buffers are kept between frames and grow only when a frame needs more than all before.
+/// Renders frames on a device, of trees that are there. Pipelines are compiled when a frame first
+/// needs them; buffers are kept between frames and grow only when a frame needs more than all
+/// earlier ones.
 ///
-/// What crosses from the device is 64 bytes a frame, and the outputs that are read. What crosses to it
-/// are 320 bytes a frame, and the words of a scene that have changed since the last one.
+/// The device sends 64 bytes per frame, and the outputs that are read. It receives 320 bytes per
+/// frame, and the words of a scene that have changed since the last one.
 #[derive(Debug)]
 pub struct WgpuRenderer {
     gpu: Arc<Gpu>,
@@ -50,7 +51,7 @@ const MAPPED: u8 = 1;
 const FAILED: u8 = 2;
 
 impl WgpuRenderer {
-    /// A renderer that holds nothing yet.
+    /// A renderer without memory yet.
     ///
     /// # Errors
     /// A device whose limits are below WebGPU's defaults, or that fails.
@@ -62,14 +63,14 @@ impl WgpuRenderer {
         Ok(WgpuRenderer { gpu, pipelines, buffers, room, pending: None, finished: None })
     }
 
-    /// Gives one kernel another text, or its own again: for tests that plant faults.
+    /// Gives one kernel another text, or its own again: for tests that inject faults.
     #[doc(hidden)]
     pub fn replace_kernel(&mut self, kernel: Kernel, source: Option<String>) {
         self.pipelines.replace::<RayTracer>(kernel, source);
     }
 
-    /// Lets no wave hold more than so many paths, for less memory; results do not depend on it. More
-    /// than [`Room::GPU`] or than the device allows is not taken.
+    /// Limits the paths of a wave, for less memory; results do not depend on it. The limit is at
+    /// most [`Room::GPU`] and what the device allows.
     pub fn limit_paths(&mut self, paths: u32) {
         self.room.paths = paths.clamp(1, room::of(&self.gpu).paths);
     }
@@ -88,7 +89,7 @@ impl WgpuRenderer {
         Ok(Plan::new(scene, size, settings, outputs, self.room)?)
     }
 
-    /// Makes a frame and waits for it. `tree` must be built over the mesh of `input`.
+    /// Renders a frame and waits for it. `tree` must be built over the mesh of `input`.
     ///
     /// # Errors
     /// Settings out of range, an appearance or a tree of another mesh, a device that fails.
@@ -101,12 +102,12 @@ impl WgpuRenderer {
         self.wait()
     }
 
-    /// As [`WgpuRenderer::render`], with the picture in a buffer of the caller's, such as one that a
-    /// window is drawn from: 4 bytes a pixel, row by row from the top left, red in the first byte,
-    /// then green, blue and 255. It needs the usage `STORAGE`. `input` must ask for pixels.
+    /// As [`WgpuRenderer::render`], with the picture in a buffer of the caller's, such as one that
+    /// a window is drawn from: 4 bytes per pixel, row by row from the top left, red in the first
+    /// byte, then green, blue and 255. It needs the usage `STORAGE`. `input` must ask for pixels.
     ///
     /// # Errors
-    /// As for [`WgpuRenderer::render`]; a buffer that does not suit.
+    /// As for [`WgpuRenderer::render`]; an unsuitable buffer.
     pub fn render_into(
         &mut self,
         target: &wgpu::Buffer,
@@ -117,8 +118,9 @@ impl WgpuRenderer {
         self.wait()
     }
 
-    /// Submits a frame and returns at once; [`WgpuRenderer::poll`] says when it is done. A frame that
-    /// was submitted before and not asked for is made, but nobody learns whether it is void.
+    /// Submits a frame and returns at once; [`WgpuRenderer::poll`] says when it is done. A frame
+    /// that was submitted before and not polled is rendered, but whether it is void is not
+    /// reported.
     ///
     /// # Errors
     /// As for [`WgpuRenderer::render`].
@@ -170,7 +172,7 @@ impl WgpuRenderer {
         self.record(plan, frame, features, 0)
     }
 
-    /// Makes room and sends the scene; gives the frame's uniform.
+    /// Makes space and uploads the scene; returns the frame's uniform.
     fn prepare(
         &mut self,
         tree: &DeviceTree,
@@ -190,7 +192,7 @@ impl WgpuRenderer {
         Ok(plan.frame(input.scene, &input.camera, &input.query))
     }
 
-    /// Records and submits the whole schedule, and asks for the counters.
+    /// Records and submits the whole schedule, and requests the counters.
     fn record(
         &mut self,
         plan: Plan,
@@ -224,8 +226,8 @@ impl WgpuRenderer {
         Ok(())
     }
 
-    /// What the frame took if the device is done with it; `None` if it is not, or if a queue outgrew its
-    /// room and the frame was submitted again in smaller slices. Never waits.
+    /// The statistics of the frame if the device is done with it; `None` if it is not, or if a
+    /// queue outgrew its capacity and the frame was submitted again in smaller slices. Never waits.
     ///
     /// # Errors
     /// The device's; a pixel whose rays do not fit. No frame is then pending any more.
@@ -273,7 +275,7 @@ impl WgpuRenderer {
         }
     }
 
-    /// Reads the counters: done, or once more.
+    /// Reads the counters: the frame is done, or must be repeated.
     fn look(&mut self, pending: Pending) -> Result<Option<FrameStats>, RenderError> {
         let Pending { plan, frame, features, readback, submissions, .. } = pending;
         let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
@@ -292,8 +294,8 @@ impl WgpuRenderer {
         Ok(None)
     }
 
-    /// Calls `run` with an executor over fresh contents that submits every step and can be looked at
-    /// in between: for [`splitplane_core::lockstep::Lockstep`].
+    /// Calls `run` with an executor over fresh contents that submits every step and whose buffers
+    /// can be read in between: for [`splitplane_core::lockstep::Lockstep`].
     ///
     /// # Errors
     /// As for [`WgpuRenderer::render`].
@@ -319,8 +321,8 @@ impl WgpuRenderer {
         Ok(out)
     }
 
-    /// What a screen shows, from the top left: red in the low byte, green, blue, 255; 0 in place of 255
-    /// where the driver did not follow a ray to its end. Waits for the device.
+    /// The pixels for a screen, from the top left: red in the low byte, green, blue, 255; 0 in
+    /// place of 255 where the driver did not follow a ray to its end. Waits for the device.
     ///
     /// # Errors
     /// No finished frame with pixels; a device that fails.
@@ -343,8 +345,8 @@ impl WgpuRenderer {
         self.output(Buffer::Radiance, "radiance")
     }
 
-    /// What the first ray of each pixel met; `triangle` is `u32::MAX - 1` where the driver did not
-    /// follow it to its end. Waits for the device.
+    /// The hit of the first ray of each pixel; `triangle` is `u32::MAX - 1` where the driver did
+    /// not follow it to its end. Waits for the device.
     ///
     /// # Errors
     /// No finished frame with first hits; a device that fails.
@@ -352,8 +354,8 @@ impl WgpuRenderer {
         self.output(Buffer::FirstHits, "record of first hits")
     }
 
-    /// What the traversal of the first ray of each pixel cost. The visits of nodes are those of this
-    /// device: distances to planes are widened, not rounded the same everywhere. Waits for the device.
+    /// The cost of the first ray of each pixel. The visits of nodes are those of this device:
+    /// distances to planes are widened, not rounded the same everywhere. Waits for the device.
     ///
     /// # Errors
     /// No finished frame with first costs; a device that fails.

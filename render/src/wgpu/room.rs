@@ -10,7 +10,8 @@ const MOST_GROUPS: u32 = 65_535;
 /// Workgroups of a grid whose chunks all take about as long: enough to fill a large GPU.
 const EVEN_GROUPS: u32 = 2048;
 
-/// What limits the queues of a frame on a device. No queue has more chunks than a grid has workgroups.
+/// Limits of the queues of a frame on a device. No queue has more chunks than a grid has
+/// workgroups.
 pub(super) fn of(gpu: &Gpu) -> Room {
     let limits = gpu.limits();
     let queue = u64::from(MOST_GROUPS) * u64::from(CHUNK) * size_of::<Ray>() as u64;
@@ -18,9 +19,10 @@ pub(super) fn of(gpu: &Gpu) -> Room {
     Room { buffer_bytes: bytes.min(queue), ..Room::GPU }
 }
 
-/// Workgroups of a grid that so many are wanted for. Rays take long or short, and so does all on a device that is
-/// a CPU: each chunk has a workgroup of its own, since Mesa's llvmpipe ends the loops of an invocation
-/// after 65,535 rounds, in silence, and nothing may come behind a ray that took them all.
+/// Workgroups of a grid for which `wanted` are requested. How long a ray takes varies, and on a
+/// device that is a CPU so does all work. In both cases each chunk has a workgroup of its own,
+/// since Mesa's llvmpipe silently ends the loops of an invocation after 65,535 rounds, and nothing
+/// may follow a ray that took them all.
 pub(super) fn groups(gpu: &Gpu, kernel: Kernel, wanted: u32) -> u32 {
     let most = if kernel.traces() || gpu.is_software() { MOST_GROUPS } else { EVEN_GROUPS };
     wanted.clamp(1, most)

@@ -1,4 +1,5 @@
-//! What holds for all rays of a packet: intervals, and which triangles of a block they rule out.
+//! Bounds that hold for all rays of a packet: intervals, and which triangles of a block they rule
+//! out.
 
 /*UNRES*/
 use super::Packet;
@@ -7,11 +8,11 @@ use crate::layout::packed_block::PackedBlock;
 use crate::simd::{MOST_LANES, Simd};
 use crate::trace::triangle_block::{Table, of_corners};
 
-/// What holds for all rays of a packet.
+/// Bounds that hold for all rays of a packet.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Bounds {
-    /// What to take from the planes that the rays meet first, and last: the origin, with slack, that
-    /// gives the least and the greatest distance.
+    /// The numbers to subtract from the planes that the rays meet first, and last: the origin, with
+    /// slack, that gives the least and the greatest distance.
     pub(super) near: [f32; 3],
     pub(super) far: [f32; 3],
     pub(super) reciprocal: [[f32; 2]; 3],
@@ -26,10 +27,10 @@ pub(super) struct Bounds {
 static EVEN: [u8; MOST_LANES] = [0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30];
 static ODD: [u8; MOST_LANES] = [1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31];
 
-/// The least number of each row of `lo` and the greatest of each of `hi`, a lane each.
+/// The least number of each row of `lo` and the greatest of each of `hi`, one lane each.
 ///
-/// Rows are folded in pairs: what is least in two neighbouring lanes stays, so that a row takes half
-/// as many lanes, then a quarter, until it takes one.
+/// Rows are folded in pairs: of two neighbouring lanes the least stays, so that a row takes half as
+/// many lanes, then a quarter, until it takes one.
 ///
 /// # Safety
 /// As for [`super::row::load`].

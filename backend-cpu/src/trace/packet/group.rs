@@ -12,7 +12,7 @@ use crate::trace::block_test::BestHit;
 use crate::trace::step::Octant;
 use crate::trace::watertight::or_zero;
 
-/// What one triangle against all rays costs, and one ray against a whole block.
+/// The costs of one triangle against all rays, and of one ray against a whole block.
 const COST_OF_A_TRIANGLE: u32 = 2;
 const COST_OF_A_RAY: u32 = 3;
 
@@ -94,7 +94,7 @@ impl Group {
                 let near = S::mul_sub(near, reciprocal, rays.row::<S>(&rays.ready.near[axis]));
                 let reciprocal = rays.row::<S>(&rays.ready.exit_reciprocal[axis]);
                 let far = S::mul_sub(far, reciprocal, rays.row::<S>(&rays.ready.far[axis]));
-                // What is no number bounds nothing, as in a step of one ray.
+                // NaN bounds nothing, as in a step of one ray.
                 (enter, exit) = (S::max(near, enter), S::min(far, exit));
             }
             S::bits(S::le(enter, exit))
@@ -195,7 +195,7 @@ impl Group {
         better
     }
 
-    /// The best hit of a ray so far, but for its place in the triangle.
+    /// The best hit of a ray so far, except its place in the triangle.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn best(&self, lane: usize) -> BestHit {
         let (t, triangle) = (self.t.0[lane], self.triangle.0[lane].to_bits());
@@ -249,7 +249,7 @@ impl Group {
     }
 }
 
-/// Tests of a block for some rays, one after the other, in a function of their own: they would take
+/// Tests of a block for some rays, one at a time, in a separate function: inlined they would take
 /// registers from the loops around them.
 struct Singly<'a, 'b> {
     group: &'a mut Group,

@@ -1,12 +1,12 @@
-//! Coherent rays together: all that were made ready at once, or as many as a vector has lanes.
+//! Traces coherent rays together: all that were prepared at once, or as many as a vector has lanes.
 //!
-//! A packet is one or more groups, each of as many rays as a vector has lanes. At a wide node the packet
-//! as a whole is tested against all children: intervals of its rays' origins and reciprocals give an
-//! entry and an exit that hold for each of them. Only the children that pass are tested ray by ray, one
-//! box against all rays of a group, when their turn comes. In a block triangles that no ray of the packet
-//! can meet are sorted out first, again by intervals; the others are tested one after the other
-//! against all rays of a group, by the operations of [`super::block_test`] in their order. So the hits are bit
-//! for bit those of single rays.
+//! A packet is one or more groups, each of as many rays as a vector has lanes. At a wide node the
+//! packet as a whole is tested against all children: intervals of its rays' origins and reciprocals
+//! give an entry and an exit that hold for each of them. Only the children that pass are tested ray
+//! by ray, one box against all rays of a group, when their turn comes. In a block, triangles that
+//! no ray of the packet can meet are rejected first, again by intervals; the others are tested one
+//! at a time against all rays of a group, by the operations of [`super::block_test`] in their
+//! order. So the hits are bit for bit those of single rays.
 //!
 //! Rays of a packet have one octant and one largest axis, and lie side by side.
 
@@ -38,10 +38,10 @@ use crate::trace::watertight::Span;
 
 /// Up to this many rays are each tested alone against a whole block.
 const FEW: u32 = 2;
-/// Blocks of fewer triangles are not looked through for those that the packet can meet.
+/// Blocks of fewer triangles are not searched for those that the packet can meet.
 const WORTH_CULLING: usize = 3;
-/// Large packets are of use where of the rays of a packet that come to a block at least this many in so
-/// many meet it.
+/// Large packets pay where, of a packet's rays that come to a block, at least `ENOUGH` of
+/// `ENOUGH_OF` meet it.
 const ENOUGH: u64 = 2;
 const ENOUGH_OF: u64 = 5;
 /// About this many of the latest rays that came to blocks are remembered.
@@ -68,11 +68,11 @@ pub(crate) struct Packet {
     met: u64,
 }
 
-/// Rays of a packet as they were made ready, and which group's turn it is.
+/// The prepared rays of a packet, and the current group.
 struct PacketRays<'a> {
     ready: &'a PreparedRays,
     ray_states: &'a mut [RayState; CHUNK],
-    /// The groups whose ways were written, as bits.
+    /// The groups whose ray states were written, as bits.
     written: u32,
     /// The group's first lane.
     first: usize,
@@ -129,7 +129,7 @@ impl PacketRays<'_> {
     }
 }
 
-/// What the packet comes back to: children as node and place, and where the first ray enters.
+/// The packet's stack: children to visit, as node and place, and where the first ray enters them.
 struct PacketStack {
     nodes: Vec<u32>,
     places: Vec<u32>,
@@ -151,7 +151,7 @@ impl Packet {
         }
     }
 
-    /// Makes room for a stack of `room` entries.
+    /// Makes space for a stack of `room` entries.
     ///
     /// # Errors
     /// Less memory than that.
@@ -187,7 +187,7 @@ impl Packet {
     ///
     /// # Safety
     /// The processor must have the set, for whose width the layout was made; the rays must be those
-    /// taken, in as many groups, and none of them wide; there must be room for the nodes' stack.
+    /// taken, in as many groups, and none of them wide; there must be space for the nodes' stack.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
@@ -206,7 +206,7 @@ impl Packet {
         debug_assert!(nodes.len().min(places.len()).min(t.len()) >= room);
         let octant = &octants_of::<S>()[self.octant];
         let (mut node, mut top) = (0, 0);
-        // SAFETY: the caller's contract; children name nodes or blocks; a stack has room for all
+        // SAFETY: the caller's contract; children name nodes or blocks; a stack has space for all
         // children of the nodes on the way, and for 16 entries more.
         unsafe {
             loop {
@@ -266,7 +266,7 @@ impl Packet {
         }
     }
 
-    /// Puts the children of a node that some ray may meet on the stack; how many.
+    /// Puts the children of a node that some ray may meet on the stack. Returns how many.
     ///
     /// # Safety
     /// As for [`Packet::trace`].
@@ -295,7 +295,7 @@ impl Packet {
                     S::splat(bounds.far[axis]),
                 );
                 let (least, most) = (S::splat(least), S::splat(most));
-                // What is no number bounds nothing: the first operand.
+                // NaN bounds nothing: the first operand.
                 enter = S::max(S::min(S::mul(near, least), S::mul(near, most)), enter);
                 exit = S::min(S::max(S::mul(far, least), S::mul(far, most)), exit);
             }

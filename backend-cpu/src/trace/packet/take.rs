@@ -1,4 +1,4 @@
-//! Which rays are traced as one packet, and what is known of them beforehand.
+//! Which rays are traced as one packet, and the bounds that are computed beforehand.
 
 use core::ops::Range;
 
@@ -14,7 +14,7 @@ use crate::simd::Simd;
 use crate::trace::prepare::PreparedRays;
 use crate::trace::ray_state::ORIGIN_SLACK;
 
-/// A packet has at least one in this many of the rays that it has room for.
+/// A packet has at least one in this many of the rays that fit.
 const FEWEST: usize = 2;
 /// Slopes of a packet, parts of the largest component, differ by less than this on both other axes
 /// together.
@@ -51,8 +51,8 @@ impl Packet {
         slopes < SLOPE_SPREAD && origins < ORIGIN_SPREAD * extents
     }
 
-    /// Takes rays that were made ready, those of `rays` in some groups of as many lanes as the set has, if
-    /// they have one octant and one largest axis, and none begins before its origin. True if it did.
+    /// Takes prepared rays, those of `rays` in some groups of as many lanes as the set has, if they
+    /// have one octant and one largest axis, and none begins before its origin. True if it did.
     ///
     /// # Safety
     /// The processor must have the set; there must be as many lanes, and at least one ray.
@@ -66,7 +66,7 @@ impl Packet {
     ) -> bool {
         let lanes = groups.start * S::N..groups.end * S::N;
         let one = rays.trailing_zeros() as usize;
-        // Where rays go all ways two are enough to tell.
+        // Where rays go all ways, two are enough to detect it.
         let last = (u32::BITS - 1 - rays.leading_zeros()) as usize;
         if (ready.octant[one] ^ ready.octant[last]) & 7 != 0 || ready.axes[one] != ready.axes[last]
         {
@@ -84,7 +84,7 @@ impl Packet {
         }
         let others = ((u64::MAX << lanes.start & !(u64::MAX << lanes.end)) as u32) & !rays;
         if others != 0 {
-            // Places without a ray take the numbers of one that is there.
+            // Places without a ray take the numbers of a ray that is there.
             ready.repeat(one, others);
         }
         let octant = ready.octant[one] as usize & 7;
@@ -154,7 +154,7 @@ impl Packet {
 }
 
 impl Group {
-    /// Begins with rays that were made ready, from lane `first` on; `rays` says which lanes have one.
+    /// Begins with prepared rays, from lane `first` on; `rays` says which lanes have one.
     ///
     /// # Safety
     /// As for [`Packet::take`].

@@ -77,7 +77,8 @@ fn group(triangles: &[Triangle], round: usize, random: &mut Random) -> Vec<Ray> 
         .collect()
 }
 
-/// Traces groups as packets; how many packets of one group and of all rays there were, and how many hits.
+/// Traces groups as packets. Returns how many packets of one group and of all rays there were, and
+/// how many hits.
 struct Compare(InstructionSet);
 
 impl Compiled for Compare {
@@ -114,7 +115,7 @@ impl Compiled for Compare {
                 let options = QueryOptions { accuracy, culling, ignore, ..Default::default() };
                 for query in [Query::Closest, Query::Any] {
                     let mut ready = PreparedRays::NONE;
-                    // SAFETY: the caller says that the processor has the set.
+                    // SAFETY: the caller ensures that the processor has the set.
                     unsafe { ready.fill::<S>(&rays, scene, 0, query) };
                     // Taking a packet writes over the places that have no ray of it.
                     let alive = (0..CHUNK).filter(|&lane| {
@@ -187,7 +188,7 @@ impl Compiled for CompareRanges {
         for _ in 0..50 {
             let mut rows = || [(); 11].map(|()| [(); MOST_LANES].map(|()| random.signed()));
             let (lo, hi) = (rows(), rows());
-            // SAFETY: the caller says that the processor has the set.
+            // SAFETY: the caller ensures that the processor has the set.
             let [least, most] = unsafe {
                 let (mut low, mut high) = ([S::splat(0.0); 11], [S::splat(0.0); 11]);
                 for row in 0..11 {

@@ -16,7 +16,8 @@ use crate::trace::refined::Pairs;
 use crate::trace::watertight::{Corner, Meeting, Met, View, enclosed, meet, or_zero};
 
 impl Group {
-    /// Decides a triangle for some rays by the reference test; those whose best hit changed.
+    /// Decides a triangle for some rays by the reference test. Returns those whose best hit
+    /// changed.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn decide(
         &mut self,
@@ -56,8 +57,8 @@ impl Group {
         unsafe { enclosed(&ShearedTriangle::<S>::new(rays, self.axes, block, index)) }
     }
 
-    /// The watertight test of one triangle against some rays; keeps what precedes. The rays whose best
-    /// hit changed, and those for which the reference must decide.
+    /// The watertight test of one triangle against some rays; keeps the hits that precede. Returns
+    /// the rays whose best hit changed, and those for which the reference must decide.
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
@@ -110,7 +111,8 @@ impl Group {
                 put::<S>(mask, &mut self.v, v);
                 put::<S>(mask, &mut self.w, w);
                 put::<S>(mask, &mut self.det, det);
-                // As `PreparedRay::stop_after`: what is flushed to 0 or clamped is equal outside.
+                // As `PreparedRay::stop_after`: values that are flushed to 0 or clamped are equal
+                // outside.
                 let slack = S::mul(S::abs(inner), S::splat(STOP_SLACK));
                 let stop = S::max(S::add(inner, slack), load::<S>(&self.least));
                 let clamped = S::le(most, S::abs(t));
@@ -120,7 +122,7 @@ impl Group {
         }
     }
 
-    /// Rays that one triangle may be a hit of by the fast test, whichever way it faces.
+    /// The rays for which one triangle may be a hit by the fast test, whichever way it faces.
     ///
     /// # Safety
     /// As for [`super::Packet::trace`].
@@ -219,7 +221,7 @@ impl<S: Simd> View<S> for ShearedTriangle<S> {
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn width(&self, _: [S::Floats; 2]) -> S::Floats {
         let [a, b, c] = &self.corners;
-        // SAFETY: the caller's contract. The corners are at hand.
+        // SAFETY: the caller's contract. The corners are loaded.
         unsafe { S::max(a.width(), S::max(b.width(), c.width())) }
     }
 }

@@ -30,7 +30,7 @@ impl Compiled for Fill<'_> {
     }
 }
 
-/// What a set makes of the first rays, and their ways.
+/// The first rays as a set prepares them, and their states.
 pub fn filled(
     set: InstructionSet,
     rays: &[Ray],
@@ -43,8 +43,8 @@ pub fn filled(
 }
 
 /// Every field that a hit depends on is that of the scalar code, bit for bit, for rays of all
-/// kinds, on every instruction set. What only steps at nodes depend on is held to what one ray alone is
-/// made, by the tests of [`crate::query::prepare_one`].
+/// kinds, on every instruction set. The fields that only steps at nodes depend on are compared with
+/// those of one ray prepared alone, by the tests of [`crate::query::prepare_one`].
 #[test]
 fn lanes_equal_the_scalar_code() {
     let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };

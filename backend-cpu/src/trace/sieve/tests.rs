@@ -30,7 +30,7 @@ fn triangles(random: &mut Random, scale: f64) -> Vec<Triangle> {
         .collect()
 }
 
-/// A block of 16 triangles, and what may be read behind it.
+/// A block of 16 triangles, and the words that may be read after it.
 fn words(triangles: &[Triangle]) -> Vec<f32> {
     let mut words = vec![0.0; 10 * 16 + 16];
     for (i, corners) in triangles.iter().enumerate() {
@@ -90,8 +90,9 @@ impl Compiled for Sift<'_> {
     }
 }
 
-/// Rays and triangles that are met but were let go, those met, and those kept, of all tried. What
-/// the sieve takes for the error of an edge function is multiplied by `share`.
+/// Pairs of rays and triangles: those that meet but were rejected, those that meet, and those that
+/// were kept, of all tried. The error that the sieve assumes for an edge function is multiplied by
+/// `share`.
 fn try_out(set: InstructionSet, share: f32) -> [usize; 4] {
     let (mut lost, mut met, mut kept, mut all) = (0, 0, 0, 0);
     for round in 0..1500 {
@@ -133,7 +134,7 @@ fn try_out(set: InstructionSet, share: f32) -> [usize; 4] {
                         GatheredBlock { words: &words[first..], stride: 16, count, large: false };
                     let sift =
                         Sift { ray_state: &ray_state, reach: &lane.reach, block: &block, limit };
-                    // SAFETY: the caller names sets that there are; the words reach on.
+                    // SAFETY: the caller names sets that the processor has; more words follow.
                     let some = unsafe { set.run(sift) };
                     assert_eq!(u64::from(some) >> count, 0, "triangles that are not there");
                     bits |= some << first;
@@ -166,7 +167,7 @@ fn what_is_met_is_kept() {
     }
 }
 
-/// Without the room for rounding, rays aimed at edges are lost: the test above sees that.
+/// Without the slack for rounding, rays aimed at edges are lost: the test above detects that.
 #[test]
 fn too_little_room_is_seen() {
     for set in InstructionSet::available() {

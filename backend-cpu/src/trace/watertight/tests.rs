@@ -34,7 +34,7 @@ fn pair(round: usize, scene: &SceneScale, random: &mut Random) -> (PreparedRay, 
     }
 }
 
-/// A ray and a triangle a lane.
+/// A ray and a triangle per lane.
 struct Lanes([(PreparedRay, Triangle); MOST_LANES]);
 
 impl Lanes {

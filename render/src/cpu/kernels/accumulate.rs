@@ -1,5 +1,5 @@
-//! Sums the light of the paths, pixel by pixel. Paths stand in the order of their pixels, so those of
-//! one pixel are neighbours.
+//! Sums the light of the paths, pixel by pixel. Paths are stored in the order of their pixels, so
+//! those of one pixel are neighbours.
 
 use super::CHUNK;
 use crate::cpu::scatter::by_chunk;
@@ -19,7 +19,7 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
     let Input { paths, surfaces, .. } = *input;
     // The first path of a pixel sums for all of them.
     let begins = |path: usize| path == 0 || paths[path - 1].pixel != paths[path].pixel;
-    // Which pixel is the first that a chunk writes: chunks that only go on write none.
+    // The first pixel that a chunk writes; chunks that only continue a pixel write none.
     let first = |chunk: usize| {
         let path = chunk * CHUNK;
         paths[path].pixel as usize + usize::from(!begins(path))
@@ -47,7 +47,7 @@ pub(crate) fn run(input: &Input<'_>, radiance: &mut [[f32; 4]]) {
                     unfinished += 1.0;
                 }
                 for _ in 0..surface.shadow_rays() {
-                    // Beyond the room of a frame that is void there is none.
+                    // Paths beyond the capacity, in a void frame, have none.
                     let [r, g, b, w] = input.lights.get(light).copied().unwrap_or_default();
                     sum = add(sum, [r, g, b]);
                     unfinished += w;

@@ -1,4 +1,4 @@
-//! Makes the next wave this one; the executor exchanges the lists.
+//! Makes the next wave the current one; the executor exchanges the lists.
 
 use crate::kernel::{CHUNK, Counter};
 use crate::layout::Counters;

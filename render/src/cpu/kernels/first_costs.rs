@@ -1,4 +1,4 @@
-//! Notes what the traversal of the first ray of every pixel cost, by the reference traversal.
+//! Records the cost of the first ray of every pixel, by the reference traversal.
 
 use crate::layout::FirstCost;
 use rayon::prelude::*;

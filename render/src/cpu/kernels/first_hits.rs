@@ -1,4 +1,4 @@
-//! Notes what the first ray of every pixel met.
+//! Records the hit of the first ray of every pixel.
 
 use crate::layout::{FirstHit, Path};
 use crate::surface::Plane;

@@ -1,4 +1,4 @@
-//! The reflected and refracted rays of the next wave, in the order of the paths that they go on from.
+//! The reflected and refracted rays of the next wave, in the order of the paths that they continue.
 
 use super::CHUNK;
 use crate::cpu::scatter::by_chunk;

@@ -1,4 +1,4 @@
-//! Radiance to what a screen shows.
+//! Converts radiance to screen pixels.
 
 use super::CHUNK;
 use crate::scene_words::SceneWords;

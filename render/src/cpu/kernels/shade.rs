@@ -1,4 +1,4 @@
-//! What every path's ray met, and which rays it asks for.
+//! Computes what every path's ray met, and which rays it asks for.
 
 use super::CHUNK;
 use crate::layout::{Path, Spawned, Surface};

@@ -1,5 +1,5 @@
-//! Puts out the light of shadow rays that hit something opaque; clear surfaces only tint it. Light goes
-//! straight through them: no lens gathers it.
+//! Removes the light of shadow rays that hit something opaque; clear surfaces only tint it. Light
+//! goes straight through them: no lens gathers it.
 
 use crate::cpu::buffers::Buffers;
 use crate::scene_data::SceneData;
@@ -57,8 +57,8 @@ pub(crate) fn run(
     Ok(())
 }
 
-/// The next float: both ends of a ray are closed, so this leaves out what was just hit. `t` is not
-/// negative.
+/// The next float: both ends of a ray are closed, so this leaves out the surface that was just hit.
+/// `t` is not negative.
 fn after(t: f32) -> f32 {
     f32::from_bits(t.to_bits() + 1)
 }
