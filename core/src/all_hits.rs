@@ -23,30 +23,31 @@ pub struct Crossing {
 /// The crossings of a batch of rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct AllHits {
-    /// Where the crossings of each ray begin, and behind the last one their number: one entry more
-    /// than there are rays.
+    /// Where the crossings of each ray begin, followed by the number of all crossings: one entry
+    /// more than there are rays.
     pub starts: Vec<usize>,
-    /// The crossings of all rays, one ray after the other, each ray's by (exact distance, triangle).
+    /// The crossings of all rays, ray by ray, each ray's ordered by (exact distance, triangle).
     pub crossings: Vec<Crossing>,
-    /// Who answered. No device finds all hits: the CPU answers for it, from a copy of the tree.
+    /// Which backend answered. No device finds all hits: the CPU answers for it, from a copy of the
+    /// tree.
     pub report: QueryReport,
 }
 
-/// What is asked of the crossings of rays.
+/// Settings of a query for the crossings of rays.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct AllHitsOptions<'a> {
     /// Which side to ignore.
     pub culling: Culling,
     /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
     pub ignore: Option<u32>,
-    /// Most bytes that the answer may take, and what it is put together from; `None` for no limit.
+    /// Most bytes that the answer and its parts may take; `None` for no limit.
     pub max_memory: Option<u64>,
-    /// Is told how many rays are done, and may end the batch; `None` for nobody.
+    /// Receives the number of rays that are done, and may cancel the batch; `None` for no watch.
     pub watch: Option<&'a dyn Watch>,
 }
 
 impl<'a> AllHitsOptions<'a> {
-    /// What a traversal needs of them.
+    /// The part of the settings that a traversal needs.
     pub fn query(&self) -> QueryOptions<'a> {
         let AllHitsOptions { culling, ignore, watch, .. } = *self;
         QueryOptions {
@@ -71,7 +72,7 @@ impl AllHits {
         AllHits { starts: alloc::vec![0], crossings: Vec::new(), report: QueryReport::default() }
     }
 
-    /// The answer to no rays, with room for so many.
+    /// The answer to no rays, with capacity for this many.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for that.
@@ -84,7 +85,7 @@ impl AllHits {
         Ok(AllHits { starts, crossings: Vec::new(), report: QueryReport::default() })
     }
 
-    /// The crossings of rays, one ray after the other: the reference.
+    /// The crossings of rays, one ray at a time: the reference.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].
@@ -131,13 +132,13 @@ impl AllHits {
         self.starts.len() - 1
     }
 
-    /// Bytes that both lists hold, with their spare room.
+    /// Bytes that both lists hold, spare capacity included.
     pub fn bytes(&self) -> u64 {
         let starts = self.starts.capacity() * size_of::<usize>();
         (starts + self.crossings.capacity() * size_of::<Crossing>()) as u64
     }
 
-    /// Adds the answers to more rays behind those to the rays so far.
+    /// Appends the answers to more rays.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for both; nothing is added then.
@@ -193,7 +194,7 @@ pub fn all_hits(
     collector.finish(out)
 }
 
-/// Collects what a ray crosses; `go_on` is asked as by [`Collector::test_while`].
+/// Collects what a ray crosses; `go_on` is called as by [`Collector::test_while`].
 fn collect(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -225,13 +226,13 @@ pub struct Collector {
 }
 
 impl Collector {
-    /// Tests between two questions whether to go on.
+    /// Tests between two checks for cancellation.
     pub(crate) const TESTS: u32 = 512;
 
-    /// Tests a triangle (snapped corners), which may come more than once. Every few hundred triangles, and before
-    /// it takes more memory, asks whether to go on holding so many bytes. Gives the `t` beyond which no
-    /// triangle is of interest: none at all after a no, or where the system has no more memory, until
-    /// [`Collector::finish`].
+    /// Tests a triangle (snapped corners), which may come more than once. Every few hundred
+    /// triangles, and before it takes more memory, checks whether to continue with this many bytes
+    /// held. Returns the `t` beyond which no triangle is of interest: none at all after a
+    /// cancellation, or where the system has no more memory, until [`Collector::finish`].
     #[inline]
     pub fn test_while(
         &mut self,
@@ -265,17 +266,18 @@ impl Collector {
         (self.found.capacity() * size_of::<(Meeting, u32)>()) as u64
     }
 
-    /// Bytes that `out` will take besides what it holds when this is added to it.
+    /// Further bytes that `out` needs when this is added to it.
     pub fn growth(&self, out: &Vec<Crossing>) -> u64 {
         growth(out, self.found.len())
     }
 
-    /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray. After a no
-    /// adds nothing.
+    /// Adds what was found to `out`, each triangle once and in order, and is ready for another ray.
+    /// Adds nothing after a cancellation.
     ///
     /// # Errors
-    /// [`QueryError::OutOfMemory`] where the system has no memory for what was found, or had none for it on the
-    /// way; adds nothing then. The bytes are those held here, and those that `out` would take.
+    /// [`QueryError::OutOfMemory`] where the system has no memory for what was found, or ran out of
+    /// it during the tests; adds nothing then. The bytes are those held here, and those that `out`
+    /// would take.
     pub fn finish(&mut self, out: &mut Vec<Crossing>) -> Result<(), QueryError> {
         let (ended, was_refused) = (self.ended, self.refused);
         (self.ended, self.refused) = (false, false);
@@ -289,7 +291,7 @@ impl Collector {
             self.found.clear();
             return Err(refused(bytes));
         }
-        // In place: a stable sort would take memory that nobody counts.
+        // In place: a stable sort would take memory that is not counted.
         self.found
             .sort_unstable_by(|(a, first), (b, second)| a.compare_t(b).then(first.cmp(second)));
         let crossing = |(met, triangle): (Meeting, u32)| Crossing {
@@ -301,13 +303,13 @@ impl Collector {
     }
 }
 
-/// Bytes that a list will take besides what it holds when so many items are added.
+/// Further bytes that a list needs when this many items are added.
 fn growth<T>(list: &Vec<T>, items: usize) -> u64 {
     let length = list.len() + items;
     if length <= list.capacity() {
         return 0;
     }
-    // Until the old room is given back both are held.
+    // Until the old memory is freed both are held.
     (length.max(2 * list.capacity()) * size_of::<T>()) as u64
 }
 
@@ -317,11 +319,11 @@ fn each_once(found: &mut Vec<(Meeting, u32)>) {
     found.dedup_by_key(|&mut (_, triangle)| triangle);
 }
 
-/// Makes room for one more: by leaving out what is there twice, or, where that leaves more than half, by
-/// twice the room, if `go_on` agrees to so many bytes. False if it does not.
+/// Makes space for one more: by removing duplicates, or, if more than half remains, by doubling the
+/// capacity, if `go_on` accepts that many bytes. Returns false if it does not.
 ///
 /// # Errors
-/// The system has no memory for twice the room.
+/// The system has no memory for twice the capacity.
 pub(crate) fn make_room<T>(
     list: &mut Vec<T>,
     each_once: impl FnOnce(&mut Vec<T>),
@@ -336,7 +338,7 @@ pub(crate) fn make_room<T>(
         return Ok(true);
     }
     let more = (2 * room).max(32);
-    // Until the old room is given back both are held.
+    // Until the old memory is freed both are held.
     if !go_on(((room + more) * size_of::<T>()) as u64) {
         return Ok(false);
     }

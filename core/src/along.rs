@@ -1,4 +1,4 @@
-//! Queries of a user's own along a ray: the leaves it passes, near ones first.
+//! User-defined queries along a ray: the leaves that it passes, near ones first.
 
 use core::ops::ControlFlow;
 
@@ -24,25 +24,28 @@ pub struct LeafAlong<'a> {
 }
 
 impl KdTreeView<'_> {
-    /// Hands the leaves that a ray passes to `visit`, near ones first. `visit` gives the `t` at which the ray
-    /// may end, infinity to leave it as long as it is, or breaks off.
+    /// Hands the leaves that a ray passes to `visit`, near ones first. `visit` returns the `t` at
+    /// which the ray may end, infinity to leave its end unchanged, or breaks off.
     ///
-    /// *Which leaves.* Every leaf, empty ones too, whose closed cell the ray meets between its limits, be it in a
-    /// corner, along an edge or within a face; and perhaps leaves that it passes by less than a part in 2^48 of the
-    /// distance. A shortened ray skips leaves that begin beyond its end. The ends of the calls count together:
-    /// the least of them is the ray's end. Those that begin right there are visited, for what ties with it.
-    /// A ray that hits nothing (see [`Ray`]) passes no leaf, and neither does one in a tree without triangles.
+    /// *Which leaves.* Every leaf, empty ones too, whose closed cell the ray meets between its
+    /// limits, be it in a corner, along an edge or within a face; and perhaps leaves that it passes
+    /// by less than a part in 2^48 of the distance. A shortened ray skips leaves that begin beyond
+    /// its end. The least of all returned ends is the ray's end. Leaves that begin exactly there
+    /// are visited, since they may hold ties. A ray that hits nothing (see [`Ray`]) passes no leaf,
+    /// and neither does one in a tree without triangles.
     ///
     /// *Intervals.* From `t_enter` to `t_exit` lies all of the ray that is in the cell and within its limits. They
     /// are too long by no more than a part in 2^48 of each end. They are not cut where `visit` has shortened
     /// the ray.
     ///
-    /// *Order.* At every split plane the leaves on the side that the ray comes from stand before those on the
-    /// other. So no leaf begins before an earlier one but for rounding, except where the ray runs within a
-    /// split plane: the leaves below it stand before those above it, each side near to far.
+    /// *Order.* At every split plane the leaves on the side that the ray comes from precede those
+    /// on the other. So, up to rounding, no leaf begins before an earlier one, except where the ray
+    /// runs within a split plane: the leaves below it precede those above it, each side near to
+    /// far.
     ///
-    /// *Triangles* reach beyond their leaves, so what is found in a leaf may lie behind its `t_exit`. A search for
-    /// the nearest gives the `t` of the best so far, and does not break off with the first.
+    /// *Triangles* reach beyond their leaves, so a hit found in a leaf may lie beyond its `t_exit`.
+    /// A search for the nearest hit returns the `t` of the best so far, and does not break off at
+    /// the first.
     ///
     /// Nothing is allocated. As directions of rays, components below 2^-126 count as 0.
     ///

@@ -1,11 +1,11 @@
 //! Floating-point operations whose result is the same on every device.
 //!
 //! WGSL names no rounding mode, lets a compiler fuse, reassociate and flush subnormals, and divides
-//! to 2.5 ULP. So whatever reaches a tree or a watertight hit goes through the *guarded* operations
-//! of [`Arithmetic`]: each rounds once, to nearest, and a compiler cannot merge it with another (a
-//! device passes the result through an integer operation that it cannot see through). Where a
-//! result need only be conservative (the distance to a split plane, which is widened anyway) the
-//! *free* operations serve: a compiler may do with them as it likes.
+//! to 2.5 ULP. So every value that reaches a tree or a watertight hit goes through the *guarded*
+//! operations of [`Arithmetic`]: each rounds once, to nearest, and a compiler cannot merge it with
+//! another (a device passes the result through an integer operation that it cannot see through).
+//! Where a result need only be conservative (the distance to a split plane, which is widened
+//! anyway) the *free* operations suffice: a compiler may transform them as it likes.
 //!
 //! [`Strict`] is the arithmetic of Rust and of every backend. [`Hostile`] fuses
 //! free operations, moves their results by up to two floats, and flushes subnormals everywhere; tests
@@ -21,7 +21,7 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
     fn difference(a: f32, b: f32) -> f32;
     /// `a / b`, rounded to nearest. On devices this is a routine of our own, not the hardware's.
     fn quotient(a: f32, b: f32) -> f32;
-    /// `a * b` without error, as a rounded part and what is left; exact unless it underflows.
+    /// `a * b` without error, as a rounded part and the remainder; exact unless it underflows.
     fn two_product(a: f32, b: f32) -> (f32, f32);
 
     /// `a * b`, unguarded.
@@ -33,8 +33,8 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
     /// `1 / a` to 2.5 ULP.
     fn free_reciprocal(a: f32) -> f32;
 
-    /// [`Arithmetic::product`], snapped: what flushing makes zero is zero everywhere. The tree is
-    /// decided by these.
+    /// [`Arithmetic::product`], snapped: results that flushing makes zero are zero everywhere.
+    /// These operations decide the tree.
     #[inline(always)]
     fn snapped_product(a: f32, b: f32) -> f32 {
         snap(Self::product(a, b))
@@ -50,7 +50,7 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
         snap(Self::difference(a, b))
     }
 
-    /// `a + b` without error, as a rounded part and what is left (Knuth's two-sum).
+    /// `a + b` without error, as a rounded part and the remainder (Knuth's two-sum).
     fn two_sum(a: f32, b: f32) -> (f32, f32) {
         let sum = Self::sum(a, b);
         let b_part = Self::difference(sum, a);
@@ -60,7 +60,7 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
     }
 }
 
-/// IEEE 754 as Rust has it: the arithmetic all answers are defined by.
+/// IEEE 754 as Rust has it: the arithmetic that defines all answers.
 #[derive(Clone, Copy, Debug)]
 pub struct Strict;
 
@@ -83,7 +83,7 @@ impl Arithmetic for Strict {
     }
     #[inline(always)]
     fn two_product(a: f32, b: f32) -> (f32, f32) {
-        // 24 + 24 bits fit the 53 of an f64: the product is exact, and so is the rest.
+        // 24 + 24 bits fit the 53 of an f64: the product is exact, and so is the remainder.
         let exact = f64::from(a) * f64::from(b);
         let rounded = exact as f32;
         (rounded, (exact - f64::from(rounded)) as f32)
@@ -184,8 +184,8 @@ pub fn exponent(x: f32) -> i32 {
     ((x.to_bits() >> 23) & 0xff) as i32 - 127
 }
 
-/// `x as u32` for `x` from 0 to below 2^22, and any number for others, by operations that compilers turn into
-/// vector instructions, as they do not that conversion.
+/// `x as u32` for `x` from 0 to below 2^22, and any number for others, by operations that compilers
+/// turn into vector instructions, which they do not do with that conversion.
 #[inline(always)]
 pub fn truncated(x: f32) -> u32 {
     const WHOLE: f32 = 8_388_608.0; // 2^23: floats from here to its double are the integers
@@ -200,8 +200,8 @@ pub fn ordered_bits(x: f32) -> u32 {
     if bits >> 31 == 0 { bits | 0x8000_0000 } else { !bits }
 }
 
-/// Products of doubles err by less than this part of their factors, with room for six of them and a
-/// direction of length up to 4.
+/// Products of doubles err by less than this part of their factors, with slack for six of them and
+/// a direction of length up to 4.
 pub const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
 
 /// A sum of two floats that do not overlap: about 48 bits.
@@ -209,7 +209,7 @@ pub const DOUBLE_NOISE: f32 = 9.094_947e-13; // 2^-40
 pub struct Double {
     /// The rounded value.
     pub high: f32,
-    /// What is left.
+    /// The remainder.
     pub low: f32,
 }
 
@@ -234,7 +234,7 @@ impl Double {
         renormalise::<A>(high, low)
     }
 
-    /// The same, its two parts not yet added up: they may overlap.
+    /// The same, with its two parts not yet added: they may overlap.
     #[inline(always)]
     pub(crate) fn times_loosely<A: Arithmetic>(self, other: Double) -> Double {
         let (high, mut low) = A::two_product(self.high, other.high);

@@ -26,18 +26,18 @@ pub trait Backend: Send + Sync {
     /// Builds the tree and everything else that queries need.
     ///
     /// # Errors
-    /// A configuration out of range, a limit that binds, or a watch that ends the build.
+    /// A configuration out of range, a limit that binds, or a watch that cancels the build.
     fn build(
         &self,
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
 
-    /// As [`Backend::build`], in the memory of an accelerator that is no longer needed, whatever it was
-    /// built over and by whom: for meshes that change every frame. After an error the accelerator is what
-    /// it was.
+    /// As [`Backend::build`], but reuses the memory of an accelerator that is no longer needed,
+    /// over any mesh and by any backend: for meshes that change every frame. After an error the
+    /// accelerator is unchanged.
     ///
-    /// Backends that have no way to use the memory again leave this as it is: the accelerator is replaced.
+    /// Backends that cannot reuse the memory keep this default, which replaces the accelerator.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -54,7 +54,8 @@ pub trait Backend: Send + Sync {
     /// Makes an accelerator from a tree built earlier, over the same mesh.
     ///
     /// # Errors
-    /// A tree that does not belong to this mesh, a limit that binds, or a watch that ends the work.
+    /// A tree that does not belong to this mesh, a limit that binds, or a watch that cancels the
+    /// work.
     fn load(
         &self,
         mesh: &Mesh<'_>,
@@ -63,10 +64,10 @@ pub trait Backend: Send + Sync {
     ) -> Result<Box<dyn Accelerator>, BuildError>;
 }
 
-/// Asks whether to go on with a build.
+/// Checks whether to continue a build.
 ///
 /// # Errors
-/// [`BuildError::Cancelled`] where the watch ends it.
+/// [`BuildError::Cancelled`] where the watch cancels it.
 #[inline]
 pub fn go_on(watch: Option<&dyn Watch>, progress: Progress) -> Result<(), BuildError> {
     match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {
@@ -75,10 +76,10 @@ pub fn go_on(watch: Option<&dyn Watch>, progress: Progress) -> Result<(), BuildE
     }
 }
 
-/// Asks whether to go on with a batch of rays.
+/// Checks whether to continue a batch of rays.
 ///
 /// # Errors
-/// [`QueryError::Cancelled`] where the watch ends it.
+/// [`QueryError::Cancelled`] where the watch cancels it.
 #[inline]
 pub fn go_on_tracing(watch: Option<&dyn Watch>, done: u64, total: u64) -> Result<(), QueryError> {
     let progress = Progress { stage: Stage::Rays, done, total };
@@ -96,28 +97,29 @@ pub trait Accelerator: Send + Sync {
     /// What the build dropped, changed and took.
     fn summary(&self) -> &BuildSummary;
 
-    /// Bytes of everything a query reads: nodes, references, vertices or copies of them.
+    /// Bytes of everything that a query reads: nodes, references, vertices or copies of them.
     fn query_bytes(&self) -> u64;
 
-    /// The accelerator by its own type, for a backend that knows its own again ([`Backend::rebuild`]).
+    /// The accelerator by its concrete type, so that a backend can recognise its own
+    /// ([`Backend::rebuild`]).
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
         None
     }
 
-    /// The closest hit of a single ray. Takes no notice of the options' watch.
+    /// The closest hit of a single ray. Ignores the options' watch.
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit>;
 
-    /// Whether a single ray hits anything. Takes no notice of the options' watch.
+    /// Whether a single ray hits anything. Ignores the options' watch.
     fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool;
 
     /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none. After an error
     /// `hits` holds the answers to some of the rays.
     ///
-    /// An accelerator that leaves this as it is answers one ray after the other, and asks the watch between
-    /// slices of 65,536.
+    /// The default answers one ray at a time, and calls the watch between slices of 65,536.
     ///
     /// # Errors
-    /// `rays` and `hits` of different length, a watch that ends the batch, or a device that fails.
+    /// `rays` and `hits` of different length, a watch that cancels the batch, or a device that
+    /// fails.
     fn closest_hits(
         &self,
         rays: &[Ray],
@@ -132,11 +134,11 @@ pub trait Accelerator: Send + Sync {
     /// For every ray, whether it hits anything. After an error `occluded` holds the answers to some of the
     /// rays.
     ///
-    /// An accelerator that leaves this as it is answers one ray after the other, and asks the watch between
-    /// slices of 65,536.
+    /// The default answers one ray at a time, and calls the watch between slices of 65,536.
     ///
     /// # Errors
-    /// `rays` and `occluded` of different length, a watch that ends the batch, or a device that fails.
+    /// `rays` and `occluded` of different length, a watch that cancels the batch, or a device that
+    /// fails.
     fn any_hits(
         &self,
         rays: &[Ray],
@@ -150,15 +152,15 @@ pub trait Accelerator: Send + Sync {
     /// [`crate::all_hits`]. They are exact.
     ///
     /// # Errors
-    /// More memory than the options allow or than the system has, a watch that ends the batch, or a device
-    /// that fails.
+    /// More memory than the options allow or than the system has, a watch that cancels the batch,
+    /// or a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError>;
 
-    /// Where points lie to the surface that the triangles make: see [`crate::inside`].
+    /// Where points lie relative to the surface that the triangles form: see [`crate::inside`].
     ///
     /// # Errors
-    /// More memory than the options allow or than the system has, a watch that ends the batch, or a device
-    /// that fails.
+    /// More memory than the options allow or than the system has, a watch that cancels the batch,
+    /// or a device that fails.
     fn locate(
         &self,
         points: &[[f32; 3]],
@@ -168,10 +170,10 @@ pub trait Accelerator: Send + Sync {
     }
 }
 
-/// Rays between two questions to the watch.
+/// Rays between two calls of the watch.
 const SLICE: usize = 1 << 16;
 
-/// Answers a batch one ray after the other, and asks the watch between slices.
+/// Answers a batch one ray at a time, and calls the watch between slices.
 fn one_by_one<T>(
     rays: &[Ray],
     results: &mut [T],

@@ -1,4 +1,4 @@
-//! Queries of a user's own by cost: the leaves of a tree, those that may hold the least cost first.
+//! User-defined queries by cost: the leaves of a tree, those that may hold the least cost first.
 
 use alloc::collections::{BinaryHeap, TryReserveError};
 use core::cmp::Ordering;
@@ -8,7 +8,7 @@ use crate::aabb::Aabb;
 use crate::node::NodeKind;
 use crate::tree::{KdTree, KdTreeView};
 
-/// A leaf, and the box that it is.
+/// A leaf and its box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LeafCell<'a> {
     /// Its place among the nodes of the tree.
@@ -31,7 +31,7 @@ struct Waiting {
     cell: Aabb,
 }
 
-/// The greatest is the one to visit first: least bound, then lowest index. Bounds are never NaN.
+/// The greatest is visited first: least bound, then lowest index. Bounds are never NaN.
 impl Ord for Waiting {
     fn cmp(&self, other: &Waiting) -> Ordering {
         let bounds = other.bound.partial_cmp(&self.bound).unwrap_or(Ordering::Equal);
@@ -54,26 +54,30 @@ impl PartialEq for Waiting {
 impl Eq for Waiting {}
 
 impl KdTreeView<'_> {
-    /// Searches for the least cost: visits leaves in the order of lower bounds (best-first branch and bound,
-    /// Hjaltason and Samet 1999) until no leaf is left that may improve on the best. Gives the least cost
-    /// found, and `within` where none was less.
+    /// Searches for the least cost: visits leaves in the order of lower bounds (best-first branch
+    /// and bound, Hjaltason and Samet 1999) until no leaf is left that may improve on the best.
+    /// Returns the least cost found, or `within` where none was less.
     ///
     /// - `within`: costs above it are of no interest; infinity for no limit.
-    /// - `lower_bound` tells for a box that no part of a triangle in it costs less. Infinity says that nothing in it
-    ///   is of interest; such boxes are not visited. A NaN says that nothing is known of it. A bound that is too
-    ///   high loses what it claims not to be there, so it should err below.
-    /// - `visit` looks at the triangles of a leaf and gives the least cost found so far, or breaks off. What it
-    ///   gives counts where it is less than before. The hit itself is its own to keep.
+    /// - `lower_bound` returns a cost for a box such that no part of a triangle in it costs less.
+    ///   Infinity says that nothing in it is of interest; such boxes are not visited. A NaN says
+    ///   that nothing is known about it. A bound that is too high loses candidates, so it should
+    ///   err on the low side.
+    /// - `visit` looks at the triangles of a leaf and returns the least cost found so far, or
+    ///   breaks off. The returned cost counts where it is less than before. `visit` keeps the hit
+    ///   itself.
     ///
-    /// *What a cost may be.* Anything that is the least over the points of triangles: the distance to a point, to a
-    /// segment or to a plane, along one axis, within a class of triangles. The parts of a triangle in the cells of
-    /// its leaves make up the whole triangle, so `visit` may take the cost of the whole triangle wherever it meets
-    /// it. A bound may be the box's in any measure: squared distances will do.
+    /// *What a cost may be.* Anything that is the least over the points of triangles: the distance
+    /// to a point, to a segment or to a plane, along one axis, within a class of triangles. The
+    /// parts of a triangle in the cells of its leaves make up the whole triangle, so `visit` may
+    /// take the cost of the whole triangle wherever it meets it. Costs and bounds may be in any
+    /// measure, such as squared distances.
     ///
-    /// *Order.* Leaves come in the order of (bound, node index), where the bound of a node is the greatest of those
-    /// given for it and for the nodes above it. The search ends before the first whose bound is greater
-    /// than the best cost. One that equals it is still visited, for what ties; so `visit` can give ties to the lowest
-    /// triangle index, and the answer does not depend on the tree. Leaves without triangles are visited too.
+    /// *Order.* Leaves come in the order of (bound, node index), where the bound of a node is the
+    /// greatest of those given for it and for the nodes above it. The search ends before the first
+    /// whose bound is greater than the best cost. One that equals it is still visited, since it may
+    /// hold ties; so `visit` can resolve ties in favour of the lowest triangle index, and the
+    /// answer does not depend on the tree. Leaves without triangles are visited too.
     ///
     /// *Time and memory.* No node is visited twice, so it ends, whatever the bounds are. There is no recursion. At
     /// most as many nodes wait as the tree has leaves, 40 bytes each; with useful bounds, tens of them.
@@ -82,7 +86,7 @@ impl KdTreeView<'_> {
     /// The tree must be valid (see [`crate::validate`]), as built trees and those read from files are.
     ///
     /// # Errors
-    /// The system has no memory for the nodes that wait.
+    /// The system has no memory for the waiting nodes.
     ///
     /// # Panics
     /// With a tree that is not valid it may panic, or not end.
@@ -142,7 +146,7 @@ impl KdTreeView<'_> {
         };
         let mut next = enter(0, self.bounds, f64::NEG_INFINITY, best);
         while let Some(Waiting { bound, node, cell }) = next {
-            // All that waits has no lesser bound.
+            // No waiting node has a lesser bound.
             if bound > best {
                 break;
             }

@@ -1,11 +1,11 @@
-//! Binned SAH: the planes between equal bins of a node's tight bounds, and what they cost.
+//! Binned SAH: the planes between equal bins of a node's tight bounds, and their costs.
 //!
 //! After Shevtsov, Soupikov and Kapustin 2007: a reference is counted once in the bin where it
 //! starts and once in the bin where it ends ("min-max binning"); the numbers on both sides of every
-//! border are then prefix sums. Which bin a coordinate falls in is defined by the guarded operations
-//! of [`BinAxis::place`], so that every device counts alike; beside a border, rounding may count a
-//! reference on the wrong side of it. Counts only choose the plane. What goes where is decided by
-//! [`crate::split::goes_left`] and [`crate::split::goes_right`].
+//! border are then prefix sums. Which bin a coordinate falls in is defined by the guarded
+//! operations of [`BinAxis::place`], so that every device counts alike; beside a border, rounding
+//! may count a reference on the wrong side of it. Counts only choose the plane.
+//! [`crate::split::goes_left`] and [`crate::split::goes_right`] decide which references go where.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, truncated};
@@ -19,8 +19,8 @@ use crate::split::{SplitPlane, strictly_inside};
 pub struct BinAxis {
     /// A quarter of the lower end.
     pub lower: f32,
-    /// A quarter of the extent: of the greatest extent there is, half would be too much for two bins,
-    /// whose scale would be subnormal.
+    /// A quarter of the extent: half of the greatest possible extent would be too much for two
+    /// bins, whose scale would be subnormal.
     pub quarter: f32,
     /// How many bins.
     pub bins: u32,
@@ -80,8 +80,8 @@ pub fn wide_split_cost(config: &BuildConfig, areas: [u32; 3], left: u32, right: 
     weigh(config, areas, config.traversal_cost, blocks)
 }
 
-/// The same with children that cost what [`expected_quarters`] says, in quarters of K_I: what borders
-/// are compared by. Below 2^62.
+/// The same with children that cost what [`expected_quarters`] says, in quarters of K_I; borders
+/// are compared by this. Below 2^62.
 #[inline]
 pub fn expected_split_cost(config: &BuildConfig, areas: [u32; 3], left: u32, right: u32) -> u64 {
     let quarters = [left, right].map(|count| expected_quarters(count.div_ceil(config.block_width)));
@@ -151,7 +151,7 @@ impl NodeBins {
         let mut best = None;
         for axis in 0..3 {
             let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins) else { continue };
-            // One thing after the other for all borders: most of it in loops without branches, which
+            // One step at a time for all borders: most of it in loops without branches, which
             // compilers turn into vector instructions. Border 0 is none.
             let borders = config.bins as usize;
             let (mut left, mut right) = ([0; BORDERS], [0; BORDERS]);

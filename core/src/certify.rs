@@ -3,10 +3,11 @@
 //!
 //! A device has no `f64`. So a triangle is first sorted by the sheared edge functions of the
 //! watertight test and a bound on their error, which decides nearly all; the rest by triple
-//! products in doubled floats, of about 46 bits. Distances always come in doubled floats. What even
-//! these leave open, within their bounds, is *in doubt*. A ray is *decided* when nothing in doubt
-//! lies at or before its hit. Decided rays have the triangle that [`crate::exact`] finds; the
-//! others are left to the CPU. The bounds are derived in docs/design/exact.md.
+//! products in double-float numbers, of about 46 bits. Distances are always double-float numbers.
+//! What even these cannot decide, within their bounds, is *undecided*. A ray is *decided* when
+//! nothing undecided lies at or before its hit. Decided rays have the triangle that
+//! [`crate::exact`] finds; the others are left to the CPU. The bounds are derived in
+//! docs/design/exact.md.
 //!
 //! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
 
@@ -21,36 +22,37 @@ use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 use crate::walk::{Leaf, walk};
 
-/// The `triangle` of a hit that is not decided. Its `t` is no greater than that of whatever is in doubt.
+/// The `triangle` of a hit that is not decided. Its `t` is no greater than that of anything
+/// undecided.
 pub const UNDECIDED_HIT: u32 = 0xffff_fffd;
 
-/// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis: 6 roundings
-/// of 2^-24 (one of the difference, three of slope, difference and product, two of the last
-/// difference), slopes below 2^-40 taken as zero, and room.
+/// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis: 6
+/// roundings of 2^-24 (one of the difference, three of slope, difference and product, two of the
+/// last difference), slopes below 2^-40 taken as zero, and slack.
 const BLUR: f32 = 4.768_371_6e-7; // 2^-21
 /// Error of an edge function, per unit of the blur times the greatest sheared coordinate and blur:
-/// 4 for blurred coordinates, 1 for roundings of its own, 2 for the blur squared, and room.
+/// 4 for blurred coordinates, 1 for roundings of its own, 2 for the blur squared, and slack.
 const EDGE_BLUR: f32 = 8.0;
-/// Error of the depth of a corner, relative: three roundings, and room.
+/// Relative error of the depth of a corner: three roundings, and slack.
 const DEPTH_NOISE: f32 = 9.536_743e-7; // 2^-20
 /// Products are taken to be at least this great where their errors are bounded, unless a factor is zero: what
 /// flushing takes from any of them is below 2^-118, and this times 2^-40 is above.
 const MAGNITUDE_LEAST: f32 = 2.117_582_4e-22; // 2^-72
-/// Error of a distance, per unit of those of its parts over the denominator: 2, since the denominator
-/// may be half of what is computed, and room for roundings.
+/// Error of a distance, per unit of those of its parts over the denominator: 2, since the
+/// denominator may be half of what is computed, and slack for roundings.
 const SPREAD: f32 = 2.25;
-/// Error of a quotient of doubles, relative: 2^-43, and room.
+/// Relative error of a quotient of doubles: 2^-43, and slack.
 const QUOTIENT_NOISE: f32 = 4.547_473_5e-13; // 2^-41
 /// Least error of a distance that is not exactly zero, for what flushing may take.
 const DISTANCE_NOISE: f32 = 7.703_72e-34; // 2^-110
-/// What a distance loses as a single float, and room: 4 roundings.
+/// Error of a distance as a single float, and slack: 4 roundings.
 const FLOAT_NOISE: f32 = 2.384_185_8e-7; // 2^-22
 /// Components of a direction below this, but not zero, are not known to be without error.
 const DIRECTION_KNOWN: f32 = 7.888_609e-31; // 2^-100
 /// Distances from 2 to the power of this up are left undecided, so that nothing overflows.
 const GREATEST_EXPONENT: i32 = 60;
 
-/// A number known within an error. An error of zero means that the number is zero, exactly.
+/// A number that is known within an error. An error of zero means that the number is exactly zero.
 #[derive(Clone, Copy, Debug)]
 struct Known {
     value: Double,
@@ -100,7 +102,7 @@ fn dot<A: Arithmetic>(normal: &Normal, other: &[Double; 3]) -> Known {
 pub struct Certain {
     /// Inner `t`.
     pub t: Double,
-    /// The exact one differs from it by no more than this. Zero only where both are zero.
+    /// The exact `t` differs from it by no more than this. Zero only where both are zero.
     pub error: f32,
     /// Weight of the second corner.
     pub u: f32,
@@ -124,7 +126,7 @@ impl Certain {
     }
 }
 
-/// What is certain of a ray and a triangle.
+/// What is certain about a ray and a triangle.
 #[derive(Clone, Copy, Debug)]
 pub enum Verdict {
     /// Not met between the limits, or not of interest.
@@ -135,7 +137,7 @@ pub enum Verdict {
     InDoubt(f32),
 }
 
-/// Whether a ray made ready is still the one that was given, and in the range in which the bounds hold.
+/// Whether preparation left a ray unchanged, and the ray is in the range in which the bounds hold.
 #[inline]
 fn is_as_given(ray: &Ray, prepared: &PreparedRay) -> bool {
     let mut same = !prepared.wide && prepared.offset == 0.0;
@@ -147,8 +149,8 @@ fn is_as_given(ray: &Ray, prepared: &PreparedRay) -> bool {
     same
 }
 
-/// What is certain of a ray and a triangle (snapped corners) of a scene that is not wide. Of what is
-/// farther than `farthest`, an inner `t`, nothing need be said.
+/// What is certain about a ray and a triangle (snapped corners) of a scene that is not wide.
+/// Triangles farther than `farthest`, an inner `t`, need not be decided.
 #[inline]
 pub fn examine<A: Arithmetic>(
     ray: &PreparedRay,
@@ -208,7 +210,7 @@ fn edge<A: Arithmetic>(p: &[f32; 2], q: &[f32; 2]) -> f32 {
 }
 
 /// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are
-/// still open, and the distance.
+/// still undecided, and the distance.
 #[allow(clippy::too_many_arguments, reason = "all of it is at hand in registers")]
 fn decide<A: Arithmetic>(
     ray: &PreparedRay,
@@ -301,7 +303,7 @@ fn decide_edge<A: Arithmetic>(
     (A::product(known.value.high, unit), A::product(known.error, unit))
 }
 
-/// The quotient of two numbers that are known, the second to within half of itself; `None` where it is
+/// The quotient of two known numbers, the second to within half of itself; `None` where it is
 /// out of range.
 fn quotient<A: Arithmetic>(numerator: &Known, denominator: &Known) -> Option<(Double, f32)> {
     if numerator.error == 0.0 {
@@ -342,8 +344,8 @@ fn compare_limit<A: Arithmetic>(ray: &PreparedRay, met: &Certain, which: usize) 
             Compared::Equal
         };
     }
-    // The inner limits of a ray that was not moved are the given ones but for clamping far beyond all
-    // distances, and flushing, which the error covers.
+    // The inner limits of a ray that was not moved are the given ones, except for clamping far
+    // beyond all distances, and flushing, which the error covers.
     let limit = if which == 0 { ray.t_min } else { ray.t_max };
     let beyond = met.t.minus::<A>(Double::from_float(limit)).high;
     sign_of(beyond, met.error)
@@ -383,7 +385,7 @@ fn in_one_plane(a: &Triangle, b: &Triangle) -> bool {
 #[derive(Clone, Copy, Debug)]
 struct Search {
     best: Option<(Certain, u32)>,
-    /// Inner `t`: nothing that is in doubt is nearer.
+    /// Inner `t`: nothing undecided is nearer.
     doubt: f32,
     /// No leaf farther than this is of interest.
     stop: f32,
@@ -452,7 +454,7 @@ pub fn trace<A: Arithmetic>(
     trace_with::<A>(tree, triangles, scene, ray, options, query, in_one_plane)
 }
 
-/// [`trace`], with another rule for triangles in one plane: tests plant wrong ones.
+/// [`trace`], with another rule for triangles in one plane: tests inject wrong ones.
 fn trace_with<A: Arithmetic>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -479,7 +481,7 @@ fn trace_with<A: Arithmetic>(
             let verdict = examine::<A>(&prepared, &corners, options.culling, search.stop);
             search.note::<A>(verdict, triangle, |other| same(&corners, &triangles.corners(other)));
             if query == Query::Any && search.best.is_some() {
-                // Whatever is in doubt, this is hit.
+                // Whatever is undecided, this is hit.
                 search.doubt = f32::INFINITY;
                 return ControlFlow::Break(());
             }

@@ -1,4 +1,4 @@
-//! Build configuration: everything besides the mesh that shapes a tree.
+//! Build configuration: all settings that shape a tree.
 
 use thiserror::Error;
 
@@ -97,7 +97,7 @@ pub struct BuildConfig {
     /// Whether references are clipped to the cells they go to: their bounds then hold only the part
     /// of the triangle inside. Without it a build is faster and the tree is larger.
     pub clip: bool,
-    /// How much of its cost a split with an empty side is forgiven, in 256ths; 0 to 255.
+    /// The part of its cost by which a split with an empty side is discounted, in 256ths; 0 to 255.
     /// [`Preset::Best`] only; the others cut empty space by `empty_cutoff`.
     pub empty_bonus: u32,
     /// How many splits in a row that cost more than a leaf are tried before the node becomes a leaf;
@@ -219,8 +219,8 @@ impl BuildConfig {
     }
 
     /// The configuration as words: what files hold. The first nine are the fields up to
-    /// `nodes_per_triangle`, in their order; the others say what came later, so that zeros stand for
-    /// what there was before: bins, 1 for no clipping, empty bonus, bad splits. Knobs that the
+    /// `nodes_per_triangle`, in their order; the others hold later additions, so that zeros mean
+    /// the earlier behaviour: bins, 1 for no clipping, empty bonus, bad splits. Knobs that the
     /// preset does not have are zero.
     pub const fn words(&self) -> [u32; 13] {
         let (bins, empty_bonus, bad_splits) = match self.preset {
@@ -297,7 +297,7 @@ impl BuildConfig {
 struct KdCaps;
 
 impl KdCaps {
-    /// Leaves room for what small roots add, so that addresses stay within 32 bits.
+    /// Leaves space for what small roots add, so that addresses stay within 32 bits.
     const REFERENCES: u32 = 1 << 30;
     /// A quarter of the 30-bit child index.
     const NODES: u32 = 1 << 28;
@@ -350,7 +350,7 @@ mod tests {
         assert_eq!(BuildConfig { preset: Preset::Best, ..heavy }.validate(), Ok(()));
     }
 
-    /// The bound behind [`BuildConfig::MAX_COST`].
+    /// The derivation of [`BuildConfig::MAX_COST`].
     #[test]
     fn the_greatest_cost_fits_32_bits() {
         let area = 3 * 1023u64 * 1023;

@@ -1,5 +1,5 @@
-//! What is done with a large node: cuts of empty space, then a split or a transfer to the small list. The
-//! rules of `split_median` and `split_binned`, for one node by itself.
+//! The decision on a large node: cuts of empty space, then a split or a transfer to the small list.
+//! The rules of `split_median` and `split_binned`, for one node by itself.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::Arithmetic;
@@ -55,7 +55,7 @@ pub fn cut_empty_space<A: Arithmetic>(
 }
 
 impl Decision {
-    /// The decision with a split at this plane; as it is where there is none.
+    /// The decision with a split at this plane; unchanged where there is none.
     #[inline(always)]
     #[must_use]
     pub fn split_at(mut self, plane: Option<SplitPlane>) -> Decision {
@@ -71,7 +71,8 @@ impl Decision {
 /// best of a sampled sweep where the plane that made the node separated nothing. That a median does
 /// not separate does not mean that no plane does.
 ///
-/// `references` gives the node's references, for the sweep; `go_on` is as for [`sampled_sweep_while`].
+/// `references` returns the node's references, for the sweep; `go_on` is as for
+/// [`sampled_sweep_while`].
 pub fn median_or_sweep_while<'a, A: Arithmetic>(
     node: &LargeNode,
     cell: &Aabb,
@@ -124,7 +125,7 @@ mod tests {
         assert_eq!((decision.cut_count, &decision.cuts[..3]), (3, &[3.0, 5.0, 1.0][..]));
         assert_eq!([0, 1, 2].map(|index| decision.cut_side(index)), [0, 1, 5]);
         assert_eq!((decision.axis, decision.source_first), (Decision::TRANSFER, 7));
-        // As many levels as cuts are left, or fewer, or none.
+        // As many levels are left as there are cuts, or fewer, or none.
         for (depth, cuts) in [(6, 3), (7, 3), (8, 2), (10, 0)] {
             let (decision, cell) = cut(100, depth);
             assert_eq!((decision.cut_count, cell.is_some()), (cuts, depth < 7));

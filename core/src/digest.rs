@@ -18,8 +18,8 @@ const PRIME_3: u64 = 0x1656_67b1_9e37_79f9;
 const PRIME_4: u64 = 0x85eb_ca77_c2b2_ae63;
 const PRIME_5: u64 = 0x27d4_eb2f_1656_67c5;
 
-/// Streaming XXH64 after the xxHash specification (Collet). Not cryptographic: it tells accidents
-/// apart, not forgeries.
+/// Streaming XXH64 after the xxHash specification (Collet). Not cryptographic: it detects
+/// accidents, not forgeries.
 #[derive(Clone, Debug)]
 pub struct Xxh64 {
     lanes: [u64; 4],

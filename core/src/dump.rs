@@ -6,9 +6,9 @@ use crate::tree::KdTreeView;
 use alloc::string::String;
 use core::fmt::{self, Write};
 
-/// The tree as text: a head with configuration, bounds, counts and digest, then one line a node in
-/// preorder, indented by depth; floats as decimal and as bits. At most `most_nodes` nodes; a last
-/// line says how many were left out.
+/// The tree as text: a header with configuration, bounds, counts and digest, then one line per node
+/// in preorder, indented by depth; floats as decimal and as bits. At most `most_nodes` nodes; a
+/// last line says how many were left out.
 pub fn dump(tree: &KdTreeView<'_>, most_nodes: usize) -> String {
     let mut out = String::new();
     // Writing to a string cannot fail.

@@ -1,6 +1,6 @@
 //! The tree file: a tree as bytes that can be read back without copying, from untrusted sources.
 //!
-//! Little-endian throughout. A head of 128 bytes, then the nodes (8 bytes each), then the
+//! Little-endian throughout. A header of 128 bytes, then the nodes (8 bytes each), then the
 //! references (4 bytes each):
 //!
 //! | bytes | what |
@@ -18,11 +18,11 @@
 //! | 104..120 | configuration: the other 4 words |
 //! | 120..128 | XXH64 of all other bytes of the file, with seed [`VERSION`] |
 //!
-//! Nodes and references are as [`KdTreeView`] has them, which [`validate`] checks: preorder, leaves that
-//! name consecutive ranges of the references, and in each leaf the triangles in ascending order, none
-//! twice. A triangle in a split plane is named on one side of it whole. Whether a tree is one of a mesh
-//! is not known before both are there: [`crate::validate::validate_mesh`], which every backend asks
-//! when it loads one, refuses each tree that loses something.
+//! Nodes and references are as [`KdTreeView`] has them, which [`validate`] checks: preorder, leaves
+//! that name consecutive ranges of the references, and in each leaf the triangles in ascending
+//! order, none twice. A triangle in a split plane is named completely on one side of it. Whether a
+//! tree belongs to a mesh can only be checked with both: [`crate::validate::validate_mesh`], which
+//! every backend calls when it loads a tree, refuses each tree that loses something.
 
 use crate::aabb::Aabb;
 use crate::config::BuildConfig;
@@ -51,12 +51,12 @@ pub enum FileError {
         /// The version it claims.
         found: u32,
     },
-    /// Fewer or more bytes than the head says.
+    /// Fewer or more bytes than the header says.
     #[error("the file has {found} bytes, but its head says {expected}; it was cut or extended")]
     Length {
-        /// Bytes there are.
+        /// Actual number of bytes.
         found: u64,
-        /// Bytes there should be.
+        /// Expected number of bytes.
         expected: u64,
     },
     /// The bytes are not those that were written.
@@ -74,7 +74,7 @@ pub enum FileError {
     /// This machine is big-endian, so the bytes cannot be read without copying.
     #[error("tree files are read in place on little-endian machines only")]
     Endianness,
-    /// The digest in the head is not that of the tree.
+    /// The digest in the header is not that of the tree.
     #[error("the file's digest is not that of its tree")]
     Digest,
 }
@@ -84,7 +84,7 @@ pub enum FileError {
 pub struct TreeFile<'a> {
     /// The tree.
     pub tree: KdTreeView<'a>,
-    /// The mesh it was built over, see [`mesh_digest`].
+    /// The mesh that it was built over, see [`mesh_digest`].
     pub mesh: Digest,
 }
 
@@ -196,7 +196,7 @@ pub fn mesh_digest(mesh: &Mesh<'_>) -> Digest {
     Digest(state.finish())
 }
 
-/// XXH64 of all bytes but those that hold it.
+/// XXH64 of all bytes except those that hold it.
 fn checksum(bytes: &[u8]) -> u64 {
     let mut state = Xxh64::new(u64::from(VERSION));
     state.write(&bytes[..CHECKSUM]);

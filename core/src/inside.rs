@@ -1,15 +1,15 @@
 //! Inside or outside: how often a closed surface winds around a point.
 //!
 //! A ray from the point counts the surfaces it leaves and enters, each once even where it runs
-//! through edges and vertices ([`crate::all_hits`]). All is decided exactly, so the answer does not
-//! depend on the ray's direction, nor on how near a surface the point lies; a point exactly on a
-//! surface is reported as such.
+//! through edges and vertices ([`crate::all_hits`]). Everything is decided exactly, so the answer
+//! does not depend on the ray's direction, nor on how near a surface the point lies; a point
+//! exactly on a surface is reported as such.
 //!
-//! That holds for surfaces that are *closed*: every edge is passed as often in one direction as in the
-//! other by the triangles around it. They may cross, touch, lie in one another and repeat. Triangles that
-//! a build drops (two equal corners) do not open a surface, since they have no inside to lose; a triangle with
-//! a coordinate that is not finite does. For an open surface the answer is that of one ray: whether it
-//! means anything depends on where the holes are.
+//! That holds for surfaces that are *closed*: every edge is passed as often in one direction as in
+//! the other by the triangles around it. They may cross, touch, lie in one another and repeat.
+//! Triangles that a build drops (two equal corners) do not open a surface, since they have no
+//! inside to lose; a triangle with a coordinate that is not finite does. For an open surface the
+//! answer is that of one ray: whether it is meaningful depends on where the holes are.
 //!
 //! Coordinates count as snapped (below 2^-126 as 0), those of points too.
 
@@ -41,7 +41,7 @@ pub enum Location {
 /// What counts as inside.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rule {
-    /// A winding number other than 0: what lies within any of several surfaces.
+    /// A winding number other than 0: points within any of several surfaces.
     #[default]
     NonZero,
     /// An odd winding number: an odd number of surfaces around the point. Ignores the orientation
@@ -52,21 +52,22 @@ pub enum Rule {
 /// Where the points of a batch lie.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Located {
-    /// How often the surface winds around each point; `None` for points on it. One surface whose corners run
-    /// counter-clockwise as seen from outside winds once around what is in it, one turned the other
-    /// way -1 times.
+    /// How often the surface winds around each point; `None` for points on it. A surface whose
+    /// corners run counter-clockwise as seen from outside winds once around the points in it, one
+    /// with the opposite orientation -1 times.
     pub windings: Vec<Option<i32>>,
-    /// Who answered. No device locates points: the CPU answers for it, from a copy of the tree.
+    /// Which backend answered. No device locates points: the CPU answers for it, from a copy of the
+    /// tree.
     pub report: QueryReport,
 }
 
-/// What limits the search for where points lie.
+/// Limits of the search for where points lie.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LocateOptions<'a> {
-    /// Most bytes that the answer may take, and what it is put together from; `None` for no limit.
+    /// Most bytes that the answer and its parts may take; `None` for no limit.
     pub max_memory: Option<u64>,
-    /// Is told how many points are done, and may end the batch, between points and within one; `None` for
-    /// nobody.
+    /// Receives the number of points that are done, and may cancel the batch, between points and
+    /// within one; `None` for no watch.
     pub watch: Option<&'a dyn Watch>,
 }
 
@@ -85,12 +86,12 @@ impl Located {
 /// The direction of rays that count windings: along no axis, so that few of them run through edges.
 pub const DIRECTION: [f32; 3] = [0.537_109_4, 0.291_015_6, 0.791_015_6];
 
-/// Tests a triangle that a ray may meet (snapped corners). Gives the `t` beyond which none is of interest any
-/// more.
+/// Tests a triangle that a ray may meet (snapped corners). Returns the `t` beyond which none is of
+/// interest any more.
 pub type Test<'a> = dyn FnMut(&ExactRay, &Triangle, u32) -> f64 + 'a;
 
-/// Finds the windings of points, one after the other. What it takes in memory grows with the triangles that
-/// one ray crosses, four bytes for each, and is kept between points.
+/// Finds the windings of points, one at a time. Its memory grows with the triangles that one ray
+/// crosses, four bytes for each, and is kept between points.
 #[derive(Clone, Debug, Default)]
 pub struct Locator {
     /// Triangles that the ray crosses, twice their index, and one more where it comes from the front.
@@ -101,8 +102,8 @@ pub struct Locator {
 impl Locator {
     /// The winding number of a point, `None` where it is on a triangle. `visit` hands all triangles
     /// that a ray may meet to a test, as often as it likes. Every few hundred triangles, and before
-    /// it takes more memory, asks `go_on` whether to go on holding so many bytes; after it returns
-    /// false, the result is invalid.
+    /// it takes more memory, calls `go_on` with the number of bytes held; after it returns false,
+    /// the result is invalid.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for the crossings; the bytes are those held
@@ -175,7 +176,7 @@ fn boundary_rays(point: [f32; 3]) -> [Ray; 3] {
     })
 }
 
-/// Bytes of the answer to so many points.
+/// Bytes of the answer to this many points.
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`] when they are more than allowed.
@@ -185,7 +186,8 @@ pub fn check_points(points: usize, max_memory: Option<u64>) -> Result<u64, Query
     Ok(bytes)
 }
 
-/// The windings of so many points, all of them 0 so far, for which [`check_points`] has accounted.
+/// The windings of this many points, all of them 0 so far, for which [`check_points`] has
+/// accounted.
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`] where the system has no memory for them.
@@ -197,7 +199,7 @@ pub fn no_windings(points: usize) -> Result<Vec<Option<i32>>, QueryError> {
     Ok(windings)
 }
 
-/// Where points lie, one after the other: the reference, which backends on devices answer from too.
+/// Where points lie, one at a time: the reference, which backends on devices use too.
 ///
 /// `tree` must be valid (see [`crate::validate`]).
 ///
@@ -236,8 +238,8 @@ pub fn one_by_one(
 
 /// Locates points using only an accelerator's hits: rays in this direction (finite, not zero),
 /// which makes no difference where the surface is closed. A point with a coordinate that is not
-/// finite is outside. Takes one point after the other, so holds the crossings of one ray at a time.
-/// `watch` is told how many points are done.
+/// finite is outside. Processes one point at a time, so it holds the crossings of one ray at a
+/// time. `watch` receives the number of points that are done.
 ///
 /// # Errors
 /// As for [`Accelerator::all_hits`].

@@ -29,18 +29,18 @@ pub trait KernelSet: Copy + Debug + PartialEq + 'static {
     type Kernel: Copy + Debug + PartialEq + 'static;
     /// The buffers they exchange.
     type Buffer: Copy + Debug + PartialEq + 'static;
-    /// What they are given and none of them changes.
+    /// Their inputs, which none of them changes.
     type Uniform: Copy + Debug + PartialEq + 'static;
     /// The numbers that end loops.
     type Counter: Copy + Debug + PartialEq + 'static;
 
     /// The name of the set.
     const NAME: &'static str;
-    /// The kernels, in the order of the schedule: a kernel stands at its own number.
+    /// The kernels, in the order of the schedule: a kernel's index is its number.
     const KERNELS: &'static [KernelRow<Self>];
-    /// The buffers: a buffer stands at its own number.
+    /// The buffers: a buffer's index is its number.
     const BUFFERS: &'static [BufferRow<Self>];
-    /// What every kernel binds before all else.
+    /// The buffers that every kernel binds first.
     const EVERY_KERNEL: &'static [Slot<Self>];
     /// Buffers that change places between two rounds of a loop, all of them before the next round.
     const EXCHANGED: &'static [(Self::Buffer, Self::Buffer)];
@@ -54,12 +54,12 @@ pub trait KernelSet: Copy + Debug + PartialEq + 'static {
     /// The name of a uniform in shaders.
     fn uniform_name(uniform: Self::Uniform) -> &'static str;
 
-    /// What the table says of a kernel.
+    /// A kernel's row in the table.
     fn kernel(kernel: Self::Kernel) -> &'static KernelRow<Self> {
         &Self::KERNELS[Self::kernel_index(kernel)]
     }
 
-    /// What the table says of a buffer.
+    /// A buffer's row in the table.
     fn buffer(buffer: Self::Buffer) -> &'static BufferRow<Self> {
         &Self::BUFFERS[Self::buffer_index(buffer)]
     }
@@ -91,7 +91,7 @@ pub trait KernelSet: Copy + Debug + PartialEq + 'static {
         Self::EVERY_KERNEL.iter().any(same)
     }
 
-    /// The buffer that a name stands for when the lists of this round and the next have changed
+    /// The buffer that a name refers to when the lists of this round and the next have changed
     /// places.
     fn exchanged(buffer: Self::Buffer) -> Self::Buffer {
         let pair = |&(a, b): &(Self::Buffer, Self::Buffer)| match buffer {
@@ -102,9 +102,9 @@ pub trait KernelSet: Copy + Debug + PartialEq + 'static {
         Self::EXCHANGED.iter().find_map(pair).unwrap_or(buffer)
     }
 
-    /// What a device binds for a kernel: the number of a slot is that of its binding. First what every
-    /// kernel binds, then the kernel's own; buffers that share a storage ([`KernelSet::storage`])
-    /// are bound once, by its name, where the first of them stands.
+    /// What a device binds for a kernel: the number of a slot is that of its binding. First what
+    /// every kernel binds, then the kernel's own; buffers that share a storage
+    /// ([`KernelSet::storage`]) are bound once, by its name, in the place of the first of them.
     fn slots(kernel: Self::Kernel) -> impl Iterator<Item = Slot<Self>> {
         let row = Self::kernel(kernel).slots;
         let every = Self::EVERY_KERNEL.iter().map(move |slot| match slot {
@@ -131,7 +131,7 @@ pub trait KernelSet: Copy + Debug + PartialEq + 'static {
     }
 }
 
-/// What is done with a storage by all of these slots together; `None` where none of them names it.
+/// The access of all of these slots together to a storage; `None` where none of them names it.
 fn combined<K: KernelSet>(slots: &[Slot<K>], storage: K::Buffer) -> Option<Access> {
     let accesses = slots.iter().filter_map(|slot| match slot {
         Slot::Storage(binding) if K::storage(binding.buffer) == storage => Some(binding.access),
@@ -140,21 +140,21 @@ fn combined<K: KernelSet>(slots: &[Slot<K>], storage: K::Buffer) -> Option<Acces
     accesses.reduce(|a, b| if a == b { a } else { Access::ReadWrite })
 }
 
-/// What the table says of a kernel.
+/// A kernel's row in the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KernelRow<K: KernelSet> {
     /// The kernel.
     pub kernel: K::Kernel,
     /// The name of its file.
     pub name: &'static str,
-    /// What its workgroups stand for.
+    /// What its workgroups represent.
     pub grid: Grid<K::Counter>,
     /// What it reads and writes in addition to [`KernelSet::EVERY_KERNEL`], in the order of
     /// bindings. It names what every kernel binds only to say that it writes that.
     pub slots: &'static [Slot<K>],
 }
 
-/// What the table says of a buffer.
+/// A buffer's row in the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BufferRow<K: KernelSet> {
     /// The buffer.
@@ -169,29 +169,29 @@ pub struct BufferRow<K: KernelSet> {
     pub storage: K::Buffer,
 }
 
-/// What stands at a binding of a kernel.
+/// The resource at a binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Slot<K: KernelSet> {
-    /// What no kernel changes.
+    /// A uniform, which no kernel changes.
     Uniform(K::Uniform),
     /// A buffer.
     Storage(Binding<K::Buffer>),
 }
 
-/// How many workgroups a dispatch means. Grids are fixed on devices; each workgroup loops until the
-/// counter is reached.
+/// The number of workgroups of a dispatch. Grids are fixed on devices; each workgroup loops until
+/// the counter is reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Grid<C> {
-    /// One workgroup does it all.
+    /// One workgroup for everything.
     One,
-    /// One workgroup for each thing counted.
+    /// One workgroup for each counted item.
     Each(C),
-    /// One invocation for each thing counted, so many a workgroup.
+    /// One invocation for each counted item, with this many per workgroup.
     Invocations(C, u32),
 }
 
 impl<C> Grid<C> {
-    /// Workgroups that so many things ask for.
+    /// The number of workgroups for this many items.
     pub const fn workgroups(&self, things: u32) -> u32 {
         match self {
             Grid::One => 1,
@@ -206,7 +206,7 @@ impl<C> Grid<C> {
 pub enum Access {
     /// Reads.
     Read,
-    /// Writes every live element. What it reads of them it has written itself.
+    /// Writes every live element. It reads only those that it has written itself.
     Write,
     /// Writes some elements, or parts of them, and keeps the rest; reads none.
     Scatter,

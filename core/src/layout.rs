@@ -9,8 +9,8 @@ use bytemuck::{Pod, Zeroable};
 
 pub use queries::{BatchUniform, CheckParameters, SceneUniform, TriangleCount};
 
-/// A reference to a triangle from one node: the triangle's bounds, clipped to what lies in the
-/// node. 32 bytes, half a cache line: it is moved whole.
+/// A reference to a triangle from one node: the bounds of the triangle's part in the node. 32
+/// bytes, half a cache line: it is moved whole.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Reference {
@@ -128,7 +128,7 @@ impl ChunkSides {
     }
 }
 
-/// What is done with an active node: up to six cuts of empty space, then a split or a transfer.
+/// The decision on an active node: up to six cuts of empty space, then a split or a transfer.
 ///
 /// `split_median` writes the planes, `count_children` the counts, `allocate_children` the rest.
 #[repr(C)]
@@ -170,7 +170,7 @@ impl Decision {
     }
 }
 
-/// A node of the top tree: what the large-node stage makes.
+/// A node of the top tree, which the large-node stage makes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct TopNode {
@@ -234,7 +234,7 @@ pub struct Extent {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct ChunkBounds {
-    /// Bounds of what went left, and of what went right.
+    /// Bounds of the references that went left, and of those that went right.
     pub sides: [Aabb; 2],
 }
 
@@ -257,7 +257,7 @@ pub struct Counters {
 }
 
 /// The uniform that a device's kernels read. The configuration, limits that follow from it, and the
-/// room in each list that grows; a list that would outgrow its room sets its bit in
+/// capacity of each list that grows; a list that would outgrow its capacity sets its bit in
 /// [`crate::kernel::Counter::Overflow`].
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -289,25 +289,25 @@ pub struct Parameters {
     pub node_cap: u32,
     /// Word of the input where indices begin; `u32::MAX` for a soup.
     pub first_index: u32,
-    /// Room for chunks.
+    /// Capacity for chunks.
     pub chunk_room: u32,
-    /// Room for active nodes.
+    /// Capacity for active nodes.
     pub node_room: u32,
-    /// Room for references of active nodes.
+    /// Capacity for references of active nodes.
     pub reference_room: u32,
-    /// Room for small roots.
+    /// Capacity for small roots.
     pub small_root_room: u32,
-    /// Room for references of small roots.
+    /// Capacity for references of small roots.
     pub small_reference_room: u32,
-    /// Room for nodes of the top tree.
+    /// Capacity for nodes of the top tree.
     pub top_node_room: u32,
-    /// Room for levels.
+    /// Capacity for levels.
     pub level_room: u32,
-    /// Room for nodes of the tree.
+    /// Capacity for nodes of the tree.
     pub tree_node_room: u32,
-    /// Room for references of the tree.
+    /// Capacity for references of the tree.
     pub leaf_reference_room: u32,
-    /// Room for subtrees.
+    /// Capacity for subtrees.
     pub subtree_room: u32,
     /// Bins of each axis.
     pub bins: u32,

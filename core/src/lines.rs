@@ -1,8 +1,9 @@
-//! What random rays cost, counted, beside what [`crate::stats`] expects of them.
+//! The counted cost of random rays, for comparison with what [`crate::stats`] expects.
 //!
 //! Rays are drawn uniformly among the lines that meet the tree's bounds, once as lines that pass
 //! through everything, which is what the surface area heuristic is about, and once up to their
-//! closest hit. Sums are whole numbers, so how rays are shared among threads shows in no figure.
+//! closest hit. Sums are whole numbers, so no figure depends on how rays are distributed among
+//! threads.
 
 use crate::aabb::{Aabb, sqrt};
 use crate::arithmetic::Strict;
@@ -72,7 +73,7 @@ impl Lines {
     }
 }
 
-/// Numbers that look random: SplitMix64 (Steele, Lea and Flood 2014).
+/// Pseudorandom numbers: SplitMix64 (Steele, Lea and Flood 2014).
 struct Draws(u64);
 
 impl Draws {
@@ -192,14 +193,14 @@ impl Tally {
         self
     }
 
-    /// What a ray did on average; zeros without rays.
+    /// The average over rays; zeros without rays.
     pub fn mean(&self) -> RayCost {
         let rays = self.rays.max(1) as f64;
         RayCost::from_array(self.sums.map(|sum| sum as f64 / rays))
     }
 
     /// The standard errors of [`Tally::mean`]: the root of the sample variance over the number of
-    /// rays. Zeros for fewer than two rays, which say nothing about it.
+    /// rays. Zeros for fewer than two rays, which do not determine it.
     pub fn standard_error(&self) -> RayCost {
         if self.rays < 2 {
             return RayCost::default();
@@ -216,7 +217,7 @@ impl Tally {
     }
 }
 
-/// What the same lines did in two ways.
+/// The counts of the same lines, traced in two ways.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Measured {
     /// Passing through everything: what [`crate::stats::TreeStats::expected`] predicts, up to the
@@ -260,7 +261,7 @@ pub fn trace_lines(
     measured
 }
 
-/// What queries need to know of the triangles that a tree refers to.
+/// The data of the triangles that a tree refers to, as queries need it.
 pub fn scene_scale(tree: &KdTreeView<'_>, triangles: &(impl Triangles + ?Sized)) -> SceneScale {
     let corners = tree.references.iter().map(|&triangle| triangles.corners(triangle));
     let limits = corners.fold(Limits::NONE, |limits, c| limits.union(Limits::of(&c)));
@@ -338,7 +339,8 @@ mod tests {
         // Within one half: the other is not visited.
         assert_eq!(visits([0.5, 0.0, 1.0], along_y, true), ([1, 1, 1, 0, 0], false));
         assert_eq!(visits([1.2, 0.0, 1.0], along_y, true), ([1, 1, 0, 2, 2], false));
-        // From the wall's side the empty half comes behind the hit, and only the passing ray sees it.
+        // From the wall's side the empty half comes after the hit, and only the passing ray sees
+        // it.
         let (high, back) = ([2.0, 1.0, 1.0], [-1.0, 0.0, 0.0]);
         assert_eq!(visits(high, back, true), ([1, 2, 1, 2, 2], false));
         assert_eq!(visits(high, back, false), ([1, 1, 0, 2, 2], true));

@@ -65,7 +65,7 @@ impl fmt::Display for Difference {
 pub enum LockstepError<A, B> {
     /// The first executor failed.
     First(A),
-    /// The second failed.
+    /// The second executor failed.
     Second(B),
     /// They differ.
     Differs(Difference),

@@ -1,4 +1,4 @@
-//! The triangles a tree is built over, as the caller holds them.
+//! The triangles over which a tree is built, as the caller holds them.
 
 use thiserror::Error;
 
@@ -13,7 +13,7 @@ pub struct Mesh<'a> {
     indices: Option<&'a [[u32; 3]]>,
 }
 
-/// Why arrays are not a mesh.
+/// Errors of arrays that are not a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum MeshError {
     /// A corner names a position that does not exist.

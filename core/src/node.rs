@@ -40,7 +40,7 @@ impl Axis {
 /// | interior | split plane, bits of an `f32` | index of the right child | axis, 0 to 2 |
 /// | leaf | index of the first reference | number of references | 3 |
 ///
-/// Nodes stand in preorder: the left child of node `i` is node `i + 1`.
+/// Nodes are stored in preorder: the left child of node `i` is node `i + 1`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct KdNode {
@@ -48,7 +48,7 @@ pub struct KdNode {
     tagged: u32,
 }
 
-/// What a node says, decoded.
+/// The content of a node, decoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum NodeKind {
     /// A split plane with two children.

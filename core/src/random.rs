@@ -1,4 +1,4 @@
-//! Numbers that look random and depend on nothing but what is hashed.
+//! Pseudorandom numbers that depend on nothing but the hashed input.
 
 /// A hash of a seed and some whole numbers (the finaliser of SplitMix64, Steele et al. 2014, once a
 /// number).

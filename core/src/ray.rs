@@ -70,8 +70,8 @@ impl Hit {
     /// [`Undecided::Flag`].
     pub const UNDECIDED: u32 = crate::certify::UNDECIDED_HIT;
 
-    /// True for a triangle that was hit: neither for a miss, nor for a mark that a device leaves in place
-    /// of an answer, such as [`Hit::UNDECIDED`].
+    /// True for a triangle that was hit: neither for a miss, nor for a mark that a device stores in
+    /// place of an answer, such as [`Hit::UNDECIDED`].
     pub fn is_hit(&self) -> bool {
         self.triangle < Hit::UNDECIDED
     }
@@ -124,7 +124,7 @@ pub enum Accuracy {
 }
 
 impl Accuracy {
-    /// All of them, the one that promises least first.
+    /// All of them, in ascending order of their guarantees.
     pub const ALL: [Accuracy; 3] = [Accuracy::Fast, Accuracy::Watertight, Accuracy::Exact];
 
     /// The name on the command line and in reports.
@@ -157,9 +157,10 @@ pub struct QueryOptions<'a> {
     pub culling: Culling,
     /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
     pub ignore: Option<u32>,
-    /// What becomes of rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
+    /// How to treat rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
     pub undecided: Undecided,
-    /// Is told how many rays are done, and may end the batch; `None` for nobody. Answers do not depend on it.
+    /// Receives the number of rays that are done, and may cancel the batch; `None` for no watch.
+    /// Answers do not depend on it.
     pub watch: Option<&'a dyn Watch>,
 }
 

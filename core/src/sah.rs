@@ -1,12 +1,13 @@
 //! The surface area heuristic: the paper's equations, and the integer form that decides.
 //!
-//! Equations are numbered as in Martin's survey of Zhou et al. 2008: 1 is the surface of a box, 2 what a node
-//! costs by its children, 3 the sum of that over a tree, 4 the sum for the tree of its Figure 8 (`report::worked` of
-//! the program), 5 the cost of a tree with triangles in its leaves, 6 the greedy cost of a split. They are here in `f64`
-//! to explain and to report; no tree of the schedule depends on them. Those trees are decided by
-//! [`Extents`], [`split_cost`] and [`expected_quarters`], the same heuristic in whole numbers on
-//! extents quantised to 10 bits, which gives the same answer on every device. Preset `best` is built
-//! on CPUs only and computes its costs in `f64`.
+//! Equations are numbered as in Martin's survey of Zhou et al. 2008: 1 is the surface of a box, 2
+//! the cost of a node by its children, 3 the sum of that over a tree, 4 the sum for the tree of its
+//! Figure 8 (`report::worked` of the program), 5 the cost of a tree with triangles in its leaves, 6
+//! the greedy cost of a split. They are here in `f64` to explain and to report; no tree of the
+//! schedule depends on them. Those trees are decided by [`Extents`], [`split_cost`] and
+//! [`expected_quarters`], the same heuristic in whole numbers on extents quantised to 10 bits,
+//! which gives the same answer on every device. Preset `best` is built on CPUs only and computes
+//! its costs in `f64`.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, power_of_two, truncated};
@@ -79,9 +80,9 @@ pub fn equation_5(
     (traversal * interior_area + intersection * leaf_area) / root_area
 }
 
-/// Equation 5 as the survey prints it: areas relative to the node's *parent*, the root its own, and K_I once a leaf, however
-/// many triangles it has. It grows with the number of nodes and says little of what rays cost. Nodes whose parent has
-/// no area count nothing.
+/// Equation 5 as the survey prints it: areas relative to the node's *parent*, the root its own, and
+/// K_I once per leaf, however many triangles it has. It grows with the number of nodes and says
+/// little about the cost of rays. Nodes whose parent has no area count nothing.
 pub fn equation_5_printed(traversal: f64, intersection: f64, tree: &KdTreeView<'_>) -> f64 {
     let cost = |index: usize| {
         let leaf = tree.nodes.get(index).is_some_and(KdNode::is_leaf);
@@ -186,13 +187,14 @@ pub fn leaf_cost(config: &BuildConfig, area: u32, triangles: u32) -> u32 {
     config.intersection_cost * triangles.div_ceil(config.block_width) * area
 }
 
-/// What a subtree over so many blocks is expected to cost, in quarters of a block: as many as there
-/// are up to four blocks, beyond them `4 (b / 4)^(3/4)` for b blocks.
+/// The expected cost of a subtree over this many blocks, in quarters of a block: their number up to
+/// four blocks, beyond them `4 (b / 4)^(3/4)` for b blocks.
 ///
 /// The greedy heuristic (Equation 6) takes both children of a split for leaves. A child of many
-/// triangles will be split again and then costs far less than a leaf of them; taking it for a leaf
-/// makes planes too dear that leave many triangles in a small part. Between powers of two this is
-/// linear, rounded down, so that it is exact in whole numbers on every device. At most 2^30 blocks.
+/// triangles will be split again and then costs far less than a leaf of them. Taking it for a leaf
+/// makes planes too expensive that leave many triangles in a small part. Between powers of two this
+/// is linear, rounded down, so that it is exact in whole numbers on every device. At most 2^30
+/// blocks.
 #[inline]
 pub fn expected_quarters(blocks: u32) -> u32 {
     if blocks <= 4 {

@@ -8,13 +8,13 @@ use crate::layout::Counters;
 /// Runs the kernels of one set, in order. Generic over the set, so that one executor can run the
 /// tree builder and a renderer.
 pub trait Executor<K: KernelSet> {
-    /// What can go wrong while running.
+    /// The errors of running.
     type Error;
 
     /// Runs a kernel over its grid. Later dispatches see all that it wrote.
     ///
     /// # Errors
-    /// Whatever the executor cannot do: memory, device.
+    /// The executor's, such as those of memory or device.
     fn dispatch(&mut self, kernel: K::Kernel) -> Result<(), Self::Error>;
 
     /// Exchanges two buffers of the same type, and the counters of their live lengths.
@@ -23,9 +23,9 @@ pub trait Executor<K: KernelSet> {
     /// As for [`Executor::dispatch`].
     fn swap(&mut self, a: K::Buffer, b: K::Buffer) -> Result<(), Self::Error>;
 
-    /// Whether a loop must go on: whether `counter` is above zero after `rounds` rounds. An
-    /// executor whose counters are out of reach may answer `true` without looking as long as it
-    /// likes: kernels do nothing where there is nothing to do.
+    /// Whether a loop must continue: whether `counter` is above zero after `rounds` rounds. An
+    /// executor whose counters are out of reach may answer `true` without looking at them, any
+    /// number of times: kernels do nothing where there is nothing to do.
     ///
     /// # Errors
     /// As for [`Executor::dispatch`].
@@ -33,8 +33,8 @@ pub trait Executor<K: KernelSet> {
 }
 
 impl Counters {
-    /// The counters before the first kernel of [`build`], for a mesh of so many triangles: chunks are those
-    /// of the input.
+    /// The counters before the first kernel of [`build`], for a mesh of this many triangles; the
+    /// chunks are those of the input.
     pub fn at_start(triangles: u32) -> Counters {
         let mut counters = Counters::default();
         counters[Counter::Triangles] = triangles;
@@ -58,7 +58,7 @@ pub fn build<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Resu
 }
 
 /// The rest of a build whose large-node stage has begun: what [`build`] does after its start. An
-/// executor that cannot look at its counters runs a number of levels and then the other stages; when
+/// executor that cannot read its counters runs a number of levels and then the other stages; when
 /// it turns out that active nodes are left, it runs this again, and the later stages overwrite what
 /// they did before.
 ///
@@ -74,8 +74,8 @@ pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Res
     preorder_traversal(executor)
 }
 
-/// Triangle bounds, scene bounds, the root: what every builder starts with, those too that do not run
-/// the rest of the schedule.
+/// Triangle bounds, scene bounds, the root: the start of every builder, including those that do not
+/// run the rest of the schedule.
 ///
 /// # Errors
 /// The first error of the executor.
@@ -108,7 +108,7 @@ fn process_large_nodes<E: Executor<TreeBuilder>>(
     executor.dispatch(Kernel::CountChildren)?;
     executor.dispatch(Kernel::AllocateChildren)?;
     executor.dispatch(Kernel::ScatterReferences)?;
-    // What was next is active.
+    // The next list becomes the active one.
     executor.swap(Buffer::ActiveNodes, Buffer::NextNodes)?;
     executor.swap(Buffer::References, Buffer::NextReferences)
 }
@@ -126,7 +126,7 @@ fn preorder_traversal<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), 
     executor.dispatch(Kernel::EmitSmall)
 }
 
-/// Writes what a schedule does, a line a step, and passes it on. Its text is pinned by a snapshot.
+/// Writes each step of a schedule as a line, and passes it on. A snapshot pins its text.
 #[derive(Debug)]
 pub struct Trace<'a, E> {
     inner: E,

@@ -48,7 +48,7 @@ impl Aabb {
             let [lo, hi, origin, direction] = [lo, hi, origin, direction].map(f64::from);
             let ends = [(lo - origin) / direction, (hi - origin) / direction];
             let [near, far] = if direction > 0.0 { ends } else { [ends[1], ends[0]] };
-            // A NaN of the box takes part in no comparison, so it is looked for.
+            // A NaN of the box affects no comparison, so it is checked for.
             if near.is_nan() || far.is_nan() {
                 return None;
             }

@@ -1,5 +1,5 @@
-//! What a tree is like: counts, histograms, and what a random ray is expected to cost. What rays do
-//! cost is counted in [`crate::lines`].
+//! Statistics of a tree: counts, histograms, and the expected cost of a random ray. The actual cost
+//! of rays is counted in [`crate::lines`].
 
 use crate::config::MAX_DEPTH;
 use crate::node::NodeKind;
@@ -9,7 +9,7 @@ use crate::tree::KdTreeView;
 /// Classes of [`TreeStats::leaf_sizes`]: 0, 1, 2, 3-4, 5-8, ... and everything above 2^14.
 pub const LEAF_SIZE_CLASSES: usize = 17;
 
-/// What one ray does on its way through a tree, or many do on average.
+/// The work of one ray on its way through a tree, or the average of many.
 ///
 /// *Expected*, it is for a uniform line (see [`crate::lines::Lines`]) through the bounds that passes
 /// through everything. Such a line meets a convex cell inside the bounds with probability
@@ -20,9 +20,9 @@ pub const LEAF_SIZE_CLASSES: usize = 17;
 /// sum over the nodes of the class: A(node) / A(root)
 /// ```
 ///
-/// times on average, and meets `sum over leaves: n(leaf) A(leaf) / A(root)` references. Aila, Karras
-/// and Laine 2013 take the tree's SAH cost apart in the same way, and show what it does not say: rays
-/// end at what they hit, and rarely are uniform.
+/// times on average, and meets `sum over leaves: n(leaf) A(leaf) / A(root)` references. Aila,
+/// Karras and Laine 2013 decompose the tree's SAH cost in the same way, and show what it does not
+/// say: rays end at what they hit, and rarely are uniform.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RayCost {
     /// Traversal steps: interior nodes visited.
@@ -41,7 +41,7 @@ impl RayCost {
     /// The names of the quantities, in the order of [`RayCost::to_array`].
     pub const NAMES: [&'static str; 5] = ["interior", "leaves", "empty_leaves", "tests", "blocks"];
 
-    /// The quantities in the order in which they stand.
+    /// The quantities in the order of their declaration.
     pub const fn to_array(self) -> [f64; 5] {
         [self.interior, self.leaves, self.empty_leaves, self.tests, self.blocks]
     }
@@ -56,7 +56,7 @@ impl RayCost {
         cost_ratio * self.interior + self.tests
     }
 
-    /// The same with W triangles a test.
+    /// The same with W triangles per test.
     pub fn by_blocks(&self, cost_ratio: f64) -> f64 {
         cost_ratio * self.interior + self.blocks
     }
@@ -82,12 +82,12 @@ pub struct TreeStats {
     /// Equation 5, corrected (see [`equation_5`]), in units of K_I: the expected cost of a random
     /// ray that meets the bounds and hits nothing.
     pub sah_cost: f64,
-    /// The same with a leaf of n costed as ceil(n / W) blocks: what builders make small. Compares trees
-    /// of equal K_T, K_I and W only.
+    /// The same with a leaf of n costed as ceil(n / W) blocks, which builders minimise. Compares
+    /// trees of equal K_T, K_I and W only.
     pub block_cost: f64,
-    /// What a uniform line through the bounds is expected to do if it passes through everything.
-    /// `sah_cost` is [`RayCost::by_tests`] of it, `block_cost` is [`RayCost::by_blocks`]. Zero where
-    /// the bounds have no area, so that no line meets them.
+    /// The expected work of a uniform line through the bounds that passes through everything.
+    /// `sah_cost` is [`RayCost::by_tests`] of it, `block_cost` is [`RayCost::by_blocks`]. Zero
+    /// where the bounds have no area, so that no line meets them.
     pub expected: RayCost,
     /// Leaves at each depth.
     pub leaves_by_depth: [u32; MAX_DEPTH as usize + 1],
@@ -116,7 +116,7 @@ impl TreeStats {
             leaf_sizes: [0; LEAF_SIZE_CLASSES],
             bytes: (size_of_val(tree.nodes) + size_of_val(tree.references)) as u64,
         };
-        // Sums of half areas, each times what a visit counts for.
+        // Sums of half areas, each times the weight of a visit.
         let mut areas = RayCost::default();
         tree.walk(|_, kind, cell, depth| {
             let area = half_area_of(cell);

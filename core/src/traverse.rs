@@ -1,5 +1,5 @@
 //! The reference traversal: closest hit and any hit by one search, without allocation. Faster
-//! traversals are held to its answers.
+//! traversals must give the same answers.
 
 use core::marker::PhantomData;
 use core::ops::ControlFlow;
@@ -73,8 +73,8 @@ pub trait Observer {
     fn node(&mut self);
     /// A triangle was tested.
     fn triangle(&mut self);
-    /// The node just visited is a leaf with so many references. Gives whether its triangles are to
-    /// be tested; where no leaf's are, the ray passes through everything.
+    /// The node just visited is a leaf with this many references. Returns whether its triangles are
+    /// tested; where no leaf's are, the ray passes through everything.
     #[inline(always)]
     fn leaf(&mut self, _references: u32) -> bool {
         true
@@ -119,9 +119,9 @@ pub fn trace<A: Arithmetic>(
     trace_observed::<A, _>(tree, triangles, scene, ray, options, query, &mut ())
 }
 
-/// One ray, in any arithmetic; for accuracy `exact` that of [`exact::trace`], which is in `f64`. Triangles are
-/// tested against the whole ray, not the part in their leaf; the walk stops when the next leaf begins beyond the
-/// best hit and its error.
+/// Traces one ray, in any arithmetic; for accuracy `exact` in that of [`exact::trace`], which is
+/// `f64`. Triangles are tested against the whole ray, not the part in their leaf; the walk stops
+/// when the next leaf begins beyond the best hit and its error.
 pub fn trace_observed<A: Arithmetic, O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -159,7 +159,7 @@ impl<A> Clone for InnerRay<'_, A> {
 impl<A> Copy for InnerRay<'_, A> {}
 
 impl<'a, A: Arithmetic> InnerRay<'a, A> {
-    /// The ray, to be walked with.
+    /// The ray, as the walk needs it.
     #[inline]
     pub fn new(ray: &'a PreparedRay) -> InnerRay<'a, A> {
         InnerRay { ray, arithmetic: PhantomData }
@@ -250,7 +250,7 @@ impl Best {
     }
 }
 
-/// Bytes of the traversal's stack, for those who embed it on small machines.
+/// Bytes of the traversal's stack, for use on small machines.
 pub const STACK_BYTES: usize = (MAX_DEPTH as usize + 1) * 12;
 
 const _: () = assert!(size_of::<KdNode>() == 8);

@@ -1,4 +1,4 @@
-//! Triangles: what is kept of the input, and clipping to one side of a split plane.
+//! Triangles: which ones of the input are kept, and clipping to one side of a split plane.
 
 use crate::aabb::{Aabb, max, min};
 use crate::arithmetic::{Arithmetic, snap};
@@ -6,7 +6,7 @@ use crate::arithmetic::{Arithmetic, snap};
 /// Three corners.
 pub type Triangle = [[f32; 3]; 3];
 
-/// What the builder made of one input triangle.
+/// One input triangle as the builder prepared it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Prepared {
     /// The corners, every coordinate snapped.
@@ -19,7 +19,8 @@ pub struct Prepared {
     pub snapped: bool,
 }
 
-/// Snaps a triangle and decides whether it is kept. Without branches: every triangle comes by here.
+/// Snaps a triangle and decides whether it is kept. Without branches: every triangle passes through
+/// here.
 #[inline]
 pub fn prepare(input: &Triangle) -> Prepared {
     let mut corners = *input;
@@ -49,7 +50,7 @@ pub const LEAST_CLIPPED: f32 = 7.888_609e-31; // 2^-100
 /// Each intersection point is off by at most 12 roundings (2^-24 each) of the greater end of its edge
 /// (ends of opposite signs double the difference); it is pushed outward by a third more.
 pub const OUTWARD: f32 = 9.536_743e-7; // 2^-20
-/// What a flushed product may have lost.
+/// The greatest loss of a flushed product.
 pub const OUTWARD_LEAST: f32 = 7.523_164e-37; // 2^-120
 
 /// Bounds of the parts of a triangle left and right of a plane, within the reference's old bounds
@@ -210,7 +211,7 @@ mod tests {
         let [_, right] = clip::<Strict>(&corners, &bounds, 0, 3.0);
         assert_eq!(right.lo[0], 3.0);
         assert!(right.hi[1] >= 1.0 && right.hi[1] < 1.0001);
-        // Within old bounds that the part does not reach, nothing is left.
+        // Within old bounds that the part does not reach, nothing remains.
         let far = Aabb { lo: [0.0, 2.0, 0.0], hi: [4.0, 4.0, 0.0] };
         assert!(clip::<Strict>(&corners, &far, 0, 3.0)[1].is_empty());
         assert!(!corners_on_both_sides(&corners, &far, 0, 3.0));

@@ -15,12 +15,13 @@
 //! - At any other plane it goes to each child that has a part of it inside, which is at least one.
 //! - A leaf must name it.
 //!
-//! *No tree passes that loses something.* Let the check pass, and take a point of the triangle that lies
-//! in no plane of the tree across an axis where the triangle is not flat. It is inside the root's cell.
-//! If it is inside the cell of a node, it is inside that of a child where the check went, and where
-//! both children have it, of the one that loses nothing. So it ends in a leaf that names the triangle.
-//! Those planes have no more than a line of the triangle each (of a segment, a point): such points are
-//! everywhere on it, and as closed cells hold the limits of their points, the leaves cover all of it.
+//! *A tree that loses something does not pass.* Let the check pass, and take a point of the
+//! triangle that lies in no plane of the tree across an axis where the triangle is not flat. It is
+//! inside the root's cell. If it is inside the cell of a node, it is inside that of a child where
+//! the check went, and where both children have it, of the one that loses nothing. So it ends in a
+//! leaf that names the triangle. Those planes have no more than a line of the triangle each (of a
+//! segment, a point): such points are everywhere on it, and as closed cells hold the limits of
+//! their points, the leaves cover all of it.
 //!
 //! *All trees of our builders pass.* They keep, with each reference, bounds that hold all points that the
 //! triangle has in the node's closed cell: cuts are at planes of the cell or rounded outward, or left
@@ -59,9 +60,9 @@ pub enum Violation {
     NotPreorder {
         /// The interior node.
         node: usize,
-        /// What it names.
+        /// The right child that it names.
         right: u32,
-        /// What it should name.
+        /// The right child that it should name.
         expected: usize,
     },
     /// Nodes after the root's subtree.
@@ -128,7 +129,7 @@ pub enum Violation {
         /// Triangles of the mesh.
         triangles: u32,
     },
-    /// Bounds that are infinite, or no numbers.
+    /// Bounds that are infinite or NaN.
     #[error("the bounds of the tree are not finite")]
     Bounds,
     /// Leaves name their triangles in ascending order.
@@ -294,8 +295,9 @@ pub fn validate_mesh(tree: &KdTreeView<'_>, mesh: &Mesh<'_>) -> Result<(), Viola
     validate_mesh_while(tree, mesh, |_| true).map(|_| ())
 }
 
-/// As [`validate_mesh`]; `go_on` is told every thousand triangles or so how many more were looked at, 0 for
-/// work of that length on the tree. Once it says no, the answer is `false`: the tree was not checked to the end.
+/// As [`validate_mesh`]; `go_on` is called about every thousand triangles with the number checked
+/// since the last call, and with 0 for work of that length on the tree. Once it returns false, the
+/// answer is `false`: the tree was not checked to the end.
 ///
 /// # Errors
 /// As for [`validate_mesh`].
@@ -359,7 +361,7 @@ pub fn validate_mesh_while(
     Ok(going)
 }
 
-/// Triangles between two questions whether to go on.
+/// Triangles between two checks for cancellation.
 const BETWEEN: u32 = 1024;
 
 /// A triangle on its way down a tree.
@@ -397,7 +399,7 @@ impl Cover<'_> {
             } else if hi[axis] <= split {
                 false
             } else if lo[axis] >= split || !self.body.has_part_inside(&left_cell) {
-                // What is inside the node's cell is inside one of both, or has its parts in both.
+                // A part inside the node's cell is inside one of the two, or divided between both.
                 true
             } else if self.body.has_part_inside(&right_cell) {
                 if let Some(lost) = self.lost(node + 1, left_cell) {

@@ -1,10 +1,11 @@
 //! The walk of a ray down a tree: from leaf to leaf, near ones first, without recursion or allocation.
 //!
-//! This is the one loop over the nodes of a tree that follows a ray (Havran 2000). The reference traversal
-//! ([`crate::traverse`]), the exact one ([`crate::exact`]), what a device is certain of ([`crate::certify`]) and
-//! users' own queries ([`KdTreeView::visit_along`](crate::tree::KdTreeView::visit_along)) are visitors of it. They
-//! differ in how distances are computed, which is a [`WalkRay`], and in what is done at a leaf, which is a
-//! [`Visitor`]. Both are static: a walk is compiled for each pair.
+//! This is the one loop over the nodes of a tree that follows a ray (Havran 2000). The reference
+//! traversal ([`crate::traverse`]), the exact one ([`crate::exact`]), the one of a certain device
+//! ([`crate::certify`]) and users' own queries
+//! ([`KdTreeView::visit_along`](crate::tree::KdTreeView::visit_along)) are visitors of it. They
+//! differ in how distances are computed, which is a [`WalkRay`], and in what is done at a leaf,
+//! which is a [`Visitor`]. Both are static: a walk is compiled for each pair.
 
 use core::ops::ControlFlow;
 
@@ -19,8 +20,8 @@ pub trait WalkRay {
     /// Whether the ray comes to the upper side of a plane across this axis first.
     fn is_backwards(&self, axis: usize) -> bool;
 
-    /// The least and greatest `t` at which the ray may be at a plane. They hold the exact one, with as much room as
-    /// whoever tests triangles needs.
+    /// The least and greatest `t` at which the ray may be at a plane. They enclose the exact one,
+    /// with as much slack as the triangle tests need.
     ///
     /// For a plane that the ray never reaches, both lie beyond the whole walk: above it where the ray stays on the
     /// near side, below it where it stays on the far side. For a plane that the ray lies in, the interval holds the
@@ -39,17 +40,18 @@ pub struct Leaf<T> {
     pub count: u32,
     /// Where the ray enters the leaf's cell, or a little before.
     pub enter: T,
-    /// Where the ray leaves it, or a little behind; not less than `enter`.
+    /// Where the ray leaves it, or a little after; not less than `enter`.
     pub exit: T,
 }
 
-/// What a walk is for.
+/// The purpose of a walk.
 pub trait Visitor<T> {
     /// The walk has come to a node, interior or leaf.
     #[inline(always)]
     fn node(&mut self) {}
 
-    /// The walk has come to a leaf. Gives the `t` beyond which no more leaves are of interest, or ends the walk.
+    /// The walk has come to a leaf. Returns the `t` beyond which no more leaves are of interest, or
+    /// ends the walk.
     fn leaf(&mut self, leaf: Leaf<T>) -> ControlFlow<(), T>;
 }
 
@@ -63,10 +65,11 @@ impl<T, F: FnMut(Leaf<T>) -> ControlFlow<(), T>> Visitor<T> for F {
 /// Hands the leaves that a ray may pass within an interval to a visitor, near ones first. Both children of a
 /// node are visited where the ray may be at their plane within the interval.
 ///
-/// Leaves that begin at the `t` which the visitor gave last are still visited, those beyond are not: what ties
-/// with the best hit may lie there.
+/// Leaves that begin at the `t` that the visitor returned last are still visited, since they may
+/// hold ties with the best hit; those beyond are not.
 ///
-/// The nodes must be those of a valid tree (see [`crate::validate`]); what their leaves name makes no difference.
+/// The nodes must be those of a valid tree (see [`crate::validate`]); the contents of their leaves
+/// make no difference.
 ///
 /// # Panics
 /// Where nodes name children that do not exist, or are deeper than [`MAX_DEPTH`]. Nodes that name themselves or
@@ -78,7 +81,7 @@ pub fn walk<R: WalkRay, V: Visitor<R::T>>(
     (mut enter, mut exit): (R::T, R::T),
     visitor: &mut V,
 ) {
-    // A node that waits leaves the path to the node at hand at a level of its own.
+    // Each waiting node leaves the path to the current node at a level of its own.
     let mut stack = [(0u32, R::T::default(), R::T::default()); MAX_DEPTH as usize + 1];
     let mut top = 0;
     let mut node = 0u32;

@@ -7,8 +7,8 @@ use core::ops::ControlFlow;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Stage {
-    /// Bounds and references of all triangles; `done` counts triangles, each twice. Of a tree that is
-    /// loaded: whether it belongs to the mesh.
+    /// Bounds and references of all triangles; `done` counts triangles, each twice. For a loaded
+    /// tree: the check whether it belongs to the mesh.
     Start,
     /// The large-node stage; `done` counts levels, whose number is not known before the end.
     LargeNodes,
@@ -52,21 +52,20 @@ pub struct Progress {
     pub stage: Stage,
     /// How much of the stage is done, in the stage's unit.
     pub done: u64,
-    /// How much there is to do; 0 where that is not known.
+    /// The total amount of work; 0 where that is not known.
     pub total: u64,
 }
 
 /// Observes the progress of a build or batch and may cancel it.
 ///
-/// Called from any of the threads that work, often (about every millisecond of work of a thread; on
-/// devices between submissions and while waiting for one): an answer should take little time.
-/// Backends of this project call it from one thread at a time for each build or batch: stages come
-/// in their order, and within one `done` never falls. After the first [`ControlFlow::Break`] the
-/// work ends with an error that says how far it got. Partial results are dropped, and all objects
-/// stay usable. The same holds when the watch panics; the panic is passed on to the caller of the
-/// build or batch.
+/// Called often (about every millisecond of work of a thread; on devices between submissions and
+/// while waiting for one), from any worker thread, so it should return quickly. Backends of this
+/// project call it from one thread at a time for each build or batch: stages come in their order,
+/// and within one `done` never falls. After the first [`ControlFlow::Break`] the work ends with an
+/// error that says how far it got. Partial results are dropped, and all objects stay usable. The
+/// same holds when the watch panics; the panic is passed on to the caller of the build or batch.
 pub trait Watch: Sync {
-    /// Work has come this far; `Break` ends it.
+    /// Receives the progress; `Break` cancels the work.
     fn progress(&self, progress: &Progress) -> ControlFlow<()>;
 }
 

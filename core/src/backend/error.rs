@@ -1,4 +1,4 @@
-//! Why a build or a query gave no answer.
+//! Errors of builds and queries.
 
 use crate::all_hits::refused;
 use crate::config::{ConfigError, Preset};
@@ -10,7 +10,7 @@ use thiserror::Error;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum DeviceError {
-    /// It failed in a way that has no name here; the text says more.
+    /// A failure of no other kind; the text says more.
     #[error("the device failed: {0}")]
     Failed(String),
     /// A limit of the device is too low for what was asked.
@@ -30,7 +30,7 @@ pub enum DeviceError {
     OutOfMemory {
         /// What was asked.
         what: String,
-        /// Bytes asked for.
+        /// Bytes requested.
         needed: u64,
     },
     /// The device is gone; whatever was on it is gone too.
@@ -62,7 +62,7 @@ pub enum BuildError {
         /// The limit; where the system refused more, as many as are `needed`.
         limit: u64,
     },
-    /// The watch ended the build.
+    /// The watch cancelled the build.
     #[error(
         "cancelled in the {} ({} of {} done)",
         progress.stage.name(), progress.done, Amount(progress.total)
@@ -146,8 +146,8 @@ impl core::fmt::Display for Crossings {
 }
 
 impl QueryError {
-    /// The error of a part of a batch, for the whole: so many bytes are held beside the part, under the limit
-    /// of the whole.
+    /// Turns the error of a part of a batch into one of the whole: `held` bytes are held beside the
+    /// part, under the limit of the whole.
     #[must_use]
     pub(crate) fn beside(self, held: u64, whole: Option<u64>) -> QueryError {
         match (self, whole) {
@@ -183,7 +183,7 @@ pub enum QueryError {
     LengthMismatch {
         /// Rays given.
         rays: usize,
-        /// Room for results.
+        /// Length of the results.
         results: usize,
     },
     /// The answers would take more memory than allowed, or than the system has.
@@ -194,7 +194,7 @@ pub enum QueryError {
         /// The limit; where the system refused more, as many as are `needed`.
         limit: u64,
     },
-    /// The watch ended the batch.
+    /// The watch cancelled the batch.
     #[error("cancelled after {done} of {total} rays")]
     Cancelled {
         /// Rays answered.

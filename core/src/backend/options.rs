@@ -1,4 +1,4 @@
-//! What a caller asks of a build besides the mesh.
+//! The settings of a build.
 
 use crate::config::BuildConfig;
 use crate::watch::Watch;
@@ -9,24 +9,25 @@ use crate::watch::Watch;
 pub struct BuildOptions<'a> {
     /// What shapes the tree.
     pub config: BuildConfig,
-    /// Most bytes that the build's buffers, the tree and the query layout may hold at once besides the
-    /// caller's mesh; `None` for no limit.
+    /// Most bytes that the build's buffers, the tree and the query layout may hold at once, in
+    /// addition to the caller's mesh; `None` for no limit.
     pub max_memory: Option<u64>,
     /// What queries read: speed or little memory. Hits do not depend on it, bit for bit, nor does the tree.
     pub layout: QueryLayout,
-    /// Is told how far the build is, and may end it; `None` for nobody. Trees do not depend on it.
+    /// Receives the progress of the build, and may cancel it; `None` for no watch. Trees do not
+    /// depend on it.
     pub watch: Option<&'a dyn Watch>,
 }
 
 impl<'a> BuildOptions<'a> {
-    /// To load a tree within the same limits, for the same layout, under the same watch.
+    /// Options for loading a tree within the same limits, for the same layout, with the same watch.
     #[must_use]
     pub const fn for_loading(&self) -> LoadOptions<'a> {
         let BuildOptions { max_memory, layout, watch, .. } = *self;
         LoadOptions { max_memory, layout, watch }
     }
 
-    /// The same without a watch, to be kept for as long as one likes.
+    /// The same without a watch, which can be kept for any time.
     #[must_use]
     pub const fn unwatched(&self) -> BuildOptions<'static> {
         let BuildOptions { config, max_memory, layout, .. } = *self;
@@ -40,15 +41,15 @@ impl From<BuildConfig> for BuildOptions<'_> {
     }
 }
 
-/// How to load a tree that was built earlier. What shaped it is part of the tree.
+/// How to load a tree that was built earlier. Its configuration is part of the tree.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LoadOptions<'a> {
-    /// Most bytes that the tree, the query layout and what they are made with may hold at once besides the
-    /// caller's mesh; `None` for no limit.
+    /// Most bytes that the tree, the query layout and what they are made with may hold at once, in
+    /// addition to the caller's mesh; `None` for no limit.
     pub max_memory: Option<u64>,
     /// What queries read; see [`BuildOptions::layout`].
     pub layout: QueryLayout,
-    /// Is told how far it is, and may end it; `None` for nobody.
+    /// Receives the progress, and may cancel the work; `None` for no watch.
     pub watch: Option<&'a dyn Watch>,
 }
 
@@ -60,8 +61,9 @@ pub enum QueryLayout {
     /// Leaves have copies of their triangles' corners, side by side as the triangle test reads them.
     #[default]
     Fast,
-    /// Leaves name their triangles, whose corners are read from one indexed copy of the mesh: a third
-    /// to a half of the memory, and slower rays. A mesh without indices takes 36 bytes a triangle.
+    /// Leaves name their triangles, whose corners are read from one indexed copy of the mesh: a
+    /// third to a half of the memory, and slower rays. A mesh without indices takes 36 bytes per
+    /// triangle.
     Compact,
 }
 

@@ -1,4 +1,5 @@
-//! What backends tell: who they are, what a build did with its input, what answers came from.
+//! The reports of backends: a description, what a build did with its input, and how a batch was
+//! answered.
 
 use super::error::QueryError;
 use crate::all_hits::refused;
@@ -23,7 +24,8 @@ pub struct QueryReport {
 }
 
 impl QueryReport {
-    /// Adds the report on a part of the batch that begins at ray `first`, behind all parts before.
+    /// Appends the report on a part of the batch that begins at ray `first`, after all earlier
+    /// parts.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`] where the system has no memory for the list of flagged rays; nothing is added
@@ -55,7 +57,7 @@ pub struct BackendInfo {
 }
 
 impl BackendInfo {
-    /// A backend of this name, with nothing else to say of itself.
+    /// A backend of this name, without further information.
     pub fn new(name: impl Into<String>) -> BackendInfo {
         BackendInfo { name: name.into(), ..BackendInfo::default() }
     }
@@ -75,6 +77,6 @@ pub struct BuildSummary {
     pub large_levels: u32,
     /// Roots handed to the small-node stage.
     pub small_roots: u32,
-    /// Most bytes the build held at once besides the caller's mesh.
+    /// Most bytes that the build held at once, in addition to the caller's mesh.
     pub peak_bytes: u64,
 }

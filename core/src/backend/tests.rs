@@ -1,4 +1,4 @@
-//! What backends of others get who leave the default functions as they are.
+//! The default functions, as backends of embedders get them.
 
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
@@ -30,7 +30,7 @@ fn mesh() -> Mesh<'static> {
     Mesh::indexed(&CORNERS, &FACES).expect("a mesh")
 }
 
-/// A backend with one leaf that has only what it must.
+/// A backend with one leaf that implements only what it must.
 struct OneLeaf;
 
 struct Leaf {
@@ -104,7 +104,8 @@ impl Accelerator for Leaf {
     }
 }
 
-/// Adds up what it is told, weighted by how often it was told before, and ends the work at one of its looks.
+/// Adds up the reported progress, weighted by the number of earlier calls, and cancels the work at
+/// one of its calls.
 struct Recorder {
     count: AtomicU64,
     sum: AtomicU64,
@@ -200,7 +201,7 @@ fn all_hits_keep_their_limit_and_their_watch() {
     let recorder = Recorder::until(u64::MAX, COUNT as u64);
     let watched = AllHitsOptions { watch: Some(&recorder), ..options };
     let all = leaf.all_hits(&rays, &watched).expect("memory");
-    // Few crossings a ray: the watch is asked between every 64 rays, and where lists grow.
+    // Few crossings per ray: the watch is called between every 64 rays, and where lists grow.
     assert!(recorder.count.load(Relaxed) >= 4);
     let expected = leaf.all_hits(&rays, &options).expect("memory");
     assert_eq!((&all.starts, &all.crossings), (&expected.starts, &expected.crossings));

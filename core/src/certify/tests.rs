@@ -1,5 +1,5 @@
-//! What is certain is so: against `crate::exact`, triangle by triangle and ray by ray, and with faults
-//! planted.
+//! Certain answers are right: against `crate::exact`, triangle by triangle and ray by ray, and with
+//! injected faults.
 
 use alloc::vec;
 use alloc::vec::Vec;
@@ -128,7 +128,7 @@ impl Scene {
     }
 }
 
-/// What came of many rays.
+/// The outcomes of many rays.
 #[derive(Debug, Default)]
 struct Tally {
     rays: u32,
@@ -137,7 +137,7 @@ struct Tally {
     wrong: u32,
 }
 
-/// Holds decided rays against the exact traversal, closest hit and any hit.
+/// Compares decided rays with the exact traversal, closest hit and any hit.
 fn tally<A: Arithmetic>(rounds: u32, same: impl Fn(&Triangle, &Triangle) -> bool + Copy) -> Tally {
     let mut tally = Tally::default();
     for round in 0..rounds {
@@ -158,7 +158,7 @@ fn tally<A: Arithmetic>(rounds: u32, same: impl Fn(&Triangle, &Triangle) -> bool
             tally.hits += u32::from(expected.is_hit());
             if found.triangle == UNDECIDED_HIT {
                 tally.undecided += 1;
-                // No hit lies before what is in doubt.
+                // No hit lies before anything undecided.
                 tally.wrong += u32::from(expected.is_hit() && expected.t < found.t);
             } else {
                 tally.wrong += u32::from(found.triangle != expected.triangle);
@@ -247,7 +247,7 @@ fn close_triangles_are_told_apart_or_left_open() {
     assert!((15..25).contains(&open), "{open}");
 }
 
-/// What is in doubt, taken for a miss, loses hits.
+/// Taking undecided triangles for misses loses hits.
 #[test]
 fn doubt_cannot_be_ignored() {
     let (mut lost, mut doubts) = (0, 0);

@@ -7,18 +7,19 @@
 //! covered by closed cells if and only if what these leave of it holds no part inside any other
 //! cell: see [`crate::validate`].
 //!
-//! *How.* Two convex sets, one of them with an inside, keep off each other (the triangle and the inside
-//! of the cell) if and only if the origin is not inside their Minkowski difference, that is, if some
-//! face of the difference has it outside or in its plane. Those faces stand across the axes, across the
-//! normal of the triangle, and across the products of an edge and an axis (separating axes: Gottschalk,
-//! Lin and Manocha 1996). With a flat axis all happens in the plane across it: there only the products
-//! of edges and that axis are left; with two, on a line, where the axes suffice. Segments, the kept
-//! triangles whose corners are collinear, have no normal, and their products are the same three times.
+//! *How.* Two convex sets, one of them with an inside, are disjoint (the triangle and the inside of
+//! the cell) if and only if the origin is not inside their Minkowski difference, that is, if some
+//! face of the difference has it outside or in its plane. Those faces are perpendicular to the
+//! axes, to the normal of the triangle, and to the products of an edge and an axis (separating
+//! axes: Gottschalk, Lin and Manocha 1996). With a flat axis everything happens in the plane across
+//! it: there only the products of edges and that axis are left; with two, on a line, where the axes
+//! suffice. Segments, the kept triangles whose corners are collinear, have no normal, and their
+//! products are the same three times.
 //!
-//! Each of these questions is the sign of a polynomial in differences of floats, of the second degree
-//! for edges, of the third for the plane. `f64` with a bound on its error tells nearly all of them; for
-//! edges it also tells products apart without error where the differences have none. The rest is
-//! decided in whole numbers.
+//! Each of these questions is the sign of a polynomial in differences of floats, of the second
+//! degree for edges, of the third for the plane. `f64` with a bound on its error decides nearly all
+//! of them; for edges it also compares products without error where the differences have none. The
+//! rest is decided in whole numbers.
 
 use core::cmp::Ordering;
 
@@ -27,7 +28,7 @@ use super::meeting::{EPSILON, difference_exactly, minus, triple, triple_exactly}
 use crate::aabb::Aabb;
 use crate::triangle::Triangle;
 
-/// A triangle as cells are compared with it.
+/// A triangle, prepared for comparison with cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body {
     corners: Triangle,
@@ -139,8 +140,8 @@ fn turn(p: [f32; 2], q: [f32; 2], r: [f32; 2]) -> Ordering {
     let wide = |x: [f32; 2]| x.map(f64::from);
     let ([px, py], [qx, qy], [rx, ry]) = (wide(p), wide(q), wide(r));
     let (left, right) = ((qx - px) * (ry - py), (qy - py) * (rx - px));
-    // Three roundings a product (two differences, itself), and those of their difference and of this;
-    // nothing that floats give is so small or large that `f64` would lose more.
+    // Three roundings per product (two differences, itself), and those of their difference and of
+    // this; no result of floats is so small or large that `f64` would lose more.
     let error = 4.0 * EPSILON * (left.abs() + right.abs());
     let difference = left - right;
     if difference > error {

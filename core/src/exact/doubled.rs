@@ -1,5 +1,6 @@
-//! Sums of two `f64` that do not overlap: about 104 bits (Dekker 1971). For what `f64` alone leaves open and whole
-//! numbers would take long over, such as the weights of hits that are far away.
+//! Sums of two `f64` that do not overlap: about 104 bits (Dekker 1971). For cases that `f64` alone
+//! cannot decide and for which whole numbers would take long, such as the weights of hits that are
+//! far away.
 //!
 //! Nothing here overflows or underflows for triple products of differences of floats.
 
@@ -8,12 +9,13 @@
 pub(super) struct Doubled {
     /// The rounded value.
     pub high: f64,
-    /// What is left.
+    /// The remainder.
     pub low: f64,
 }
 
-/// Parts of a triple product's terms, by magnitude, that it may err by: a difference errs not at all, a product
-/// by 2^-102 and a sum by 2^-104 of the greater operand; two products and three sums a term.
+/// Error of a triple product, as a part of its terms' magnitudes: a difference has no error, a
+/// product 2^-102 and a sum 2^-104 of the greater operand; there are two products and three sums
+/// per term.
 pub(super) const DOUBLED_ERROR: f64 = 1.0 / (1u128 << 98) as f64;
 
 /// `a + b` without error (Knuth).

@@ -20,12 +20,12 @@ use crate::triangle::Triangle;
 
 /// Half a unit in the last place of 1 in `f64`.
 pub(super) const EPSILON: f64 = f64::EPSILON / 2.0;
-/// Relative to the sum of the magnitudes of its terms, a triple product of three vectors that were each
-/// rounded once errs by less than this: at most eight roundings a term (one for each of three
-/// factors, two products, a difference, two sums), and their products.
+/// Relative to the sum of the magnitudes of its terms, a triple product of three vectors that were
+/// each rounded once errs by less than this: at most eight roundings per term (one for each of
+/// three factors, two products, a difference, two sums), and their products.
 const TRIPLE_ERROR: f64 = 10.0 * EPSILON;
 
-/// A number known in `f64`, and how far off it may be.
+/// A number known in `f64`, and the bound on its error.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Approximate {
     pub value: f64,
@@ -33,7 +33,7 @@ pub(super) struct Approximate {
 }
 
 impl Approximate {
-    /// The sign, if the error leaves no doubt of it.
+    /// The sign, if the error does not affect it.
     #[inline(always)]
     pub fn sign(self) -> Option<Ordering> {
         if self.value > self.error {
@@ -53,8 +53,8 @@ pub(super) fn minus(a: &[f32; 3], b: &[f32; 3]) -> [f64; 3] {
     core::array::from_fn(|i| f64::from(a[i]) - f64::from(b[i]))
 }
 
-/// `d . (p x q)`, all three known to within one rounding a component, with as tight an error as there
-/// is: none where every term is zero.
+/// `d . (p x q)`, all three known to within one rounding per component, with the tightest error:
+/// none where every term is zero.
 pub(super) fn triple(d: &[f64; 3], p: &[f64; 3], q: &[f64; 3]) -> Approximate {
     let (mut value, mut magnitude) = (0.0, 0.0);
     for k in 0..3 {
@@ -180,11 +180,11 @@ impl<'a> Edges<'a> {
         } else {
             f64::INFINITY
         };
-        // A quotient of subnormal numbers is no estimate; nothing above gets there.
+        // A quotient of subnormal numbers is no estimate; no other case gets here.
         Approximate { value, error: if value.is_finite() { error } else { f64::INFINITY } }
     }
 
-    /// N.A and N.d with tight errors: a ray may start in the plane, and know it.
+    /// N.A and N.d with tight errors: they show when a ray starts in the plane.
     #[cold]
     fn plane_closely(&self) -> (Approximate, Approximate) {
         let [a, b, c] = self.corners;
@@ -204,7 +204,7 @@ pub struct Meeting {
     weights: [f64; 2],
     /// That sum, -N.d.
     sum: f64,
-    /// What each of these three may be off by.
+    /// The bounds on the errors of these three.
     error: f64,
     front: bool,
 }
@@ -263,7 +263,7 @@ impl Meeting {
         (numerator, denominator)
     }
 
-    /// An interval of `f64` that holds the distance; unbounded where `f64` cannot tell.
+    /// An interval of `f64` that holds the distance; unbounded where `f64` cannot decide.
     #[inline]
     pub fn t_interval(&self) -> (f64, f64) {
         if self.t.error.is_finite() {
@@ -363,7 +363,7 @@ impl Meeting {
         })
     }
 
-    /// A weight from sums of two `f64`, or where they do not tell it from whole numbers.
+    /// A weight from sums of two `f64`, or, where these do not decide it, from whole numbers.
     #[cold]
     pub(super) fn weight_closely(&self, i: usize) -> f32 {
         let edge = |[p, q]: [usize; 2]| {
@@ -400,7 +400,8 @@ impl Meeting {
     }
 }
 
-/// To which part of the sum weights must be known in `f64`, or whole numbers are asked: 2^-27.
+/// The precision, as a part of the sum, to which `f64` must know weights; otherwise whole numbers
+/// are used: 2^-27.
 const WEIGHT_ERROR: f64 = 1.0 / (1u64 << 27) as f64;
 
 #[cfg(all(test, feature = "alloc"))]

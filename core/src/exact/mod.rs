@@ -1,9 +1,9 @@
 //! Hits as real arithmetic has them: accuracy [`Exact`](crate::ray::Accuracy::Exact), and all hits.
 //!
-//! What is decided exactly is the mesh and the ray as given: coordinates after snapping (see
-//! [`crate::arithmetic::snap`]), nothing else rounded. Each question is first asked in `f64` with a
-//! bound on its error (after Shewchuk 1997); where that leaves it open, in whole numbers (`integer.rs`),
-//! which round nothing.
+//! Decisions are exact for the mesh and the ray as given: coordinates after snapping (see
+//! [`crate::arithmetic::snap`]), nothing else rounded. Each question is first decided in `f64` with
+//! a bound on its error (after Shewchuk 1997); where that does not suffice, in whole numbers
+//! (`integer.rs`), which round nothing.
 //!
 //! Conventions: triangles are closed. A triangle without area, and one in whose plane the ray lies,
 //! is met nowhere. Limits are closed and compared with the exact distance; the distance reported is

@@ -1,12 +1,12 @@
 //! Crossings of surfaces, each counted once: the ray is moved by less than anything.
 //!
 //! A ray through a shared edge meets two closed triangles, one through a vertex many. To count the
-//! surface and not the triangles, the ray is moved by (e, e^2) in the plane across it, e being smaller
-//! than any number (Simulation of Simplicity: Edelsbrunner and Muecke 1990). Where an edge function is
-//! zero, the first of its derivatives that is not decides. Two triangles that share an edge derive
-//! the same from the same two corners, so exactly one of them has the ray where the surface goes on to the other
-//! side, and both or neither where it turns back. A triangle that the ray meets from the side is not
-//! crossed.
+//! surface and not the triangles, the ray is moved by (e, e^2) in the plane across it, e being
+//! smaller than any number (Simulation of Simplicity: Edelsbrunner and Muecke 1990). Where an edge
+//! function is zero, the first of its derivatives that is not decides. Two triangles that share an
+//! edge derive the same from the same two corners, so exactly one of them has the ray where the
+//! surface continues on the other side, and both or neither where it turns back. A triangle that
+//! the ray meets from the side is not crossed.
 
 use core::cmp::Ordering;
 

@@ -1,5 +1,5 @@
-//! The reference traversal of accuracy `exact`: intervals in `f64`, whose range and precision leave
-//! nothing to scale, to move or to make slack for.
+//! The reference traversal of accuracy `exact`: intervals in `f64`, whose range and precision make
+//! scaling, moving and slack unnecessary.
 
 use core::ops::ControlFlow;
 
@@ -83,7 +83,7 @@ pub fn closest_hit(
     trace(tree, triangles, ray, options, Query::Closest, &mut ()).some()
 }
 
-/// One ray, exactly; whatever accuracy the options name.
+/// Traces one ray exactly, whatever accuracy the options name.
 pub fn trace<O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -107,7 +107,8 @@ pub struct Best {
 }
 
 impl Best {
-    /// Tests a triangle (snapped corners). Gives the `t` beyond which no leaf is of interest any more.
+    /// Tests a triangle (snapped corners). Returns the `t` beyond which no leaf is of interest any
+    /// more.
     #[inline]
     pub fn test(
         &mut self,
@@ -154,8 +155,9 @@ impl Best {
     }
 }
 
-/// Calls `test` for the triangles of all leaves that the ray may pass, near ones first, a triangle as
-/// often as it has references there. `test` gives the `t` beyond which no more leaves are of interest.
+/// Calls `test` for the triangles of all leaves that the ray may pass, near ones first, a triangle
+/// as often as it has references there. `test` returns the `t` beyond which no more leaves are of
+/// interest.
 pub(crate) fn visit<O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
@@ -183,7 +185,7 @@ struct Tested<'a, S: ?Sized, O, F> {
     options: &'a QueryOptions<'a>,
     observer: &'a mut O,
     test: F,
-    /// What the test gave last.
+    /// The last result of the test.
     stop: f64,
 }
 

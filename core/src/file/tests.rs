@@ -66,7 +66,7 @@ fn files_are_as_the_format_says() {
     let file = parse(&words).expect("a file");
     assert_eq!(file.tree, tree());
     assert_eq!(file.mesh, mesh_digest(&Mesh::soup(&QUAD).expect("a mesh")));
-    // A tree without nodes and references is none, but its head is long enough to say so.
+    // Without nodes and references there is no tree, but the header is long enough to say so.
     let mut head = words[..32].to_vec();
     (head[20], head[21]) = (0, 0);
     seal(&mut head);
@@ -113,7 +113,7 @@ fn every_word_counts() {
     }
 }
 
-/// Where the checksum is right again, all but the mesh's digest is still checked.
+/// With a corrected checksum, everything except the mesh's digest is still checked.
 #[test]
 fn forged_files_are_refused() {
     let good = words();

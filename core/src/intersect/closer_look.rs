@@ -8,24 +8,26 @@ use crate::aabb::{max, min};
 use crate::arithmetic::{Arithmetic, Double, exponent, snap};
 use crate::triangle::Triangle;
 
-/// Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself. Images err by at most
-/// 4.1 u R + u P on either axis (u = 2^-24), which changes an edge function by 4 P times that; with its own
-/// roundings, 4.1 u P^2, and P <= 2.1 R that is 34 u R P. This is 64 u.
+/// With edge functions from here on, per R P, the ray certainly meets the triangle itself. Images
+/// err by at most 4.1 u R + u P on either axis (u = 2^-24), which changes an edge function by 4 P
+/// times that; with its own roundings, 4.1 u P^2, and P <= 2.1 R that is 34 u R P. This is 64 u.
 pub const ROBUST: f32 = 3.814_697_3e-6; // 2^-18
 
-/// Sheared coordinates from here on need no scaling. A normal is then at least 2^-17 of 2^-32, its product with a corner
-/// 2^-65, and what rounding leaves of that 2^-113: normal numbers, unless a coordinate is far smaller still.
+/// Sheared coordinates from here on need no scaling. A normal is then at least 2^-17 of 2^-32, its
+/// product with a corner 2^-65, and the rounding error of that 2^-113: normal numbers, unless a
+/// coordinate is far smaller still.
 pub const WIDTH_LEAST: f32 = 1.525_878_9e-5; // 2^-16
 /// Smaller ones are brought near this power of two. Distances are at most 2^19 of them, or the triangle would not be
 /// [`ROBUST`]; so products of three are below 2^120.
 const WIDTH_POWER: i32 = 30;
 
-/// Distances from a plane, times its normal, count as 0 below this: they are less than what rounding leaves of them where
-/// widths are [`WIDTH_LEAST`] or more, and a device that flushes subnormal numbers would leave something else.
+/// Distances from a plane, times its normal, count as 0 below this: they are less than their
+/// rounding error where widths are [`WIDTH_LEAST`] or more, and a device that flushes subnormal
+/// numbers would leave something else.
 pub const DISTANCE_LEAST: f32 = 8.077_936e-28; // 2^-90
 
-/// Images deeper than this many times their greatest sheared coordinate are needles along the ray, and taken as
-/// they are: the planes of such triangles are not known well enough.
+/// Images deeper than this many times their greatest sheared coordinate are needles along the ray,
+/// and taken unchanged: the planes of such triangles are not known well enough.
 pub const NEEDLE: f32 = 7.0;
 
 /// Images with less area than this, where coordinates are near 1 on both axes, are taken for their longest
@@ -52,8 +54,9 @@ pub(super) fn is_robust<A: Arithmetic>([u, v, w]: [f32; 3], area: f32) -> bool {
 ///
 /// - With u = 2^-24, the rounded edge functions sum to at least 192 u R P. The triangle's own, which sum to N.d / d_z,
 ///   differ from that by at most 76 u R P: 8 P times an image's error, and roundings. So |N.d| >= 116 u R P d_z; and L <= 2 P + 2 * 7 P = 16 P.
-/// - A product of doubled floats errs by less than 8 u^2 of its factors. A component of N is below 2 L^2 and errs by
-///   30 u^2 L^2; a dot product with N errs by less than 208 u^2 L^2 times the greatest component of the other factor.
+/// - A product of double-float numbers errs by less than 8 u^2 of its factors. A component of N is
+///   below 2 L^2 and errs by 30 u^2 L^2; a dot product with N errs by less than 208 u^2 L^2 times
+///   the greatest component of the other factor.
 /// - `t` = N.a / N.d: the numerator moves it by 208 u^2 L^2 R / |N.d| < 1.8 u L^2 / (P d_z) <= 29 u L / d_z, and so the ray's point by
 ///   29 u L on any axis; the denominator by 208 u^2 L^2 d_z / |N.d| < 1.8 u L^2 / (R P) <= 58 u < 2^-18 of itself, as L <= 2 R.
 /// - Weights: d x a is below 4 R and errs by 60 u^2 R; by a corner's edge, 416 u^2 R L. Over |N.d| that is less than

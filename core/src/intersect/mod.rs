@@ -1,8 +1,8 @@
-//! Rays made ready for queries, and the ray/triangle tests.
+//! Prepared rays for queries, and the ray/triangle tests.
 //!
-//! The watertight test is that of Woop, Benthin and Wald 2013 on exact signs, in guarded arithmetic (see
-//! [`crate::arithmetic`]). What it answers is a function of the ray and the mesh alone, whatever tree,
-//! traversal or backend asks; [`watertight`] says which.
+//! The watertight test is that of Woop, Benthin and Wald 2013 on exact signs, in guarded arithmetic
+//! (see [`crate::arithmetic`]). Its answer is a function of the ray and the mesh alone, independent
+//! of tree, traversal and backend; [`watertight`] says which function.
 
 mod closer_look;
 mod moeller_trumbore;
@@ -32,9 +32,10 @@ const SCENE_SLACK: f32 = 2.328_306_4e-10; // 2^-32
 /// A traversal may stop when the next entry lies beyond the best `t` by more than this part of it:
 /// twice the bound on the error of an interpolated `t` (see [`watertight`]).
 pub const STOP_SLACK: f32 = 1.220_703_1e-4; // 2^-13
-/// What adding a moved ray's offset may round away, per unit of the offset: four roundings.
+/// Rounding error of adding a moved ray's offset, per unit of the offset: four roundings.
 pub const OFFSET_SLACK: f32 = 2.384_185_8e-7; // 2^-22
-/// Edge functions below this are looked at again: their products may be subnormal, which a device need not keep.
+/// Edge functions below this get a closer look: their products may be subnormal, which a device
+/// need not keep.
 pub const EDGE_LEAST: f32 = 3.155_443_6e-30; // 2^-98
 /// Slopes below this are zero, so that slope times distance is never subnormal in range.
 pub const SLOPE_LEAST: f32 = 9.094_947e-13; // 2^-40
@@ -47,8 +48,8 @@ const COORDINATE_LEAST: f32 = 1.292_469_7e-26; // 2^-86
 pub const COORDINATE_MOST: f32 = 2.748_779e11; // 2^38
 /// In range: no scene smaller than this.
 const EXTENT_LEAST: f32 = 9.094_947e-13; // 2^-40
-/// Origin coordinates below this are taken for one value, in scenes that are in range: 2^-60 is less than
-/// rounding makes of the scene's extent.
+/// Origin coordinates below this are taken for one value, in scenes that are in range: 2^-60 is
+/// less than the rounding error of the scene's extent.
 pub const ORIGIN_LEAST: f32 = 8.673_617_4e-19; // 2^-60
 /// Origins further than this many scene extents away are first moved along the ray.
 const FAR: f32 = 100.0;

@@ -1,4 +1,4 @@
-//! Rays made ready: scaled, moved near the scene, sheared.
+//! Prepared rays: scaled, moved near the scene, sheared.
 
 use super::scale::longest_extent;
 use super::{
@@ -9,7 +9,7 @@ use crate::aabb::{Aabb, max, min};
 use crate::arithmetic::{Arithmetic, exponent, power_of_two, snap};
 use crate::ray::Ray;
 
-/// A ray made ready: scaled, moved near the scene, sheared.
+/// A prepared ray: scaled, moved near the scene, sheared.
 ///
 /// Internally the direction is scaled by a power of two so that its largest component is in
 /// `[1, 2)`; *inner* `t` counts in those units from the (possibly moved) inner origin.
@@ -33,7 +33,7 @@ pub struct PreparedRay {
     pub t_min: f32,
     /// See `t_min`.
     pub t_max: f32,
-    /// The limits as given, both included: those that decide.
+    /// The limits as given, both included; these decide.
     pub limits: [f32; 2],
     /// Inner `t` of the given origin, negated: given = (inner + offset) * 2^-exponent.
     pub offset: f32,
@@ -56,7 +56,7 @@ pub(crate) fn scale(x: f32, exponent: i32) -> f32 {
 }
 
 impl PreparedRay {
-    /// Makes a ray ready; `None` when it can hit nothing whatever the scene holds: a component that
+    /// Prepares a ray; `None` when it can hit nothing whatever the scene holds: a component that
     /// is not finite, a zero direction, a NaN limit, or no `t` between the limits.
     pub fn new<A: Arithmetic>(ray: &Ray, scene: &SceneScale) -> Option<PreparedRay> {
         // One comparison each, without branches; false for NaN and infinities.
@@ -179,7 +179,7 @@ impl PreparedRay {
 
     /// The inner interval in which the ray may be inside the bounds; `None` when it is nowhere.
     pub fn enter<A: Arithmetic>(&self, bounds: &Aabb) -> Option<(f32, f32)> {
-        // Widened, since the `t` of a hit may err on either side of what its cell says.
+        // Widened, since the `t` of a hit may lie outside its cell's interval on either side.
         let (mut enter, mut exit) =
             (self.t_min - self.t_min.abs() * STOP_SLACK, stop_after(self.t_max));
         for axis in 0..3 {
@@ -221,8 +221,8 @@ fn plane_before_far_origin(
 }
 
 /// Moves an origin along the direction to a plane: how far, and where it comes to lie. Scaled by a
-/// power of two so that the origin is near 1, and without error but for the last rounding, since
-/// the way is long.
+/// power of two so that the origin is near 1, and without error except for the last rounding, since
+/// the distance is long.
 fn move_origin<A: Arithmetic>(
     origin: &[f32; 3],
     direction: &[f32; 3],
@@ -233,7 +233,7 @@ fn move_origin<A: Arithmetic>(
     let power = -exponent(largest) - 1;
     let from = origin.map(|x| scale(x, power));
     let way = A::difference(scale(side, power), from[axis]);
-    // The way divided by a slope may be long beyond any float: then nothing is near.
+    // The distance divided by a slope may be longer than any float: then nothing is near.
     let shift = A::quotient(way, direction[axis]).clamp(-1e30, 1e30);
     let mut moved = [0.0; 3];
     for k in 0..3 {
@@ -244,8 +244,8 @@ fn move_origin<A: Arithmetic>(
     (scale(shift, -power), moved)
 }
 
-/// An inner `t`, and as much as interpolation may err: all of [`PreparedRay::stop_after`] for a ray that was not
-/// moved and a hit whose `t` is neither 0 nor clamped.
+/// An inner `t`, plus the error of interpolation: all of [`PreparedRay::stop_after`] for a ray that
+/// was not moved and a hit whose `t` is neither 0 nor clamped.
 #[inline(always)]
 pub fn stop_after(t: f32) -> f32 {
     t + t.abs() * STOP_SLACK

@@ -1,4 +1,4 @@
-//! The range of a scene's coordinates and sizes, and what queries make of it.
+//! The range of a scene's coordinates and sizes, and the scale that queries derive from it.
 
 use super::{
     COORDINATE_LEAST, COORDINATE_MOST, EXTENT_LEAST, FAR, ORIGIN_LEAST, ORIGIN_SLACK, SCENE_SLACK,
@@ -7,7 +7,7 @@ use super::{
 use crate::aabb::{Aabb, max, min};
 use crate::triangle::Triangle;
 
-/// What queries must know of all triangles: the range of their coordinates and sizes.
+/// The data of all triangles that queries need: the range of their coordinates and sizes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
     /// Greatest magnitude of a coordinate.
@@ -70,8 +70,9 @@ pub struct SceneScale {
     pub slack: f32,
     /// The same without the part that triangles' sizes need: for boxes that are [`widened`] by their own triangles'.
     pub base_slack: f32,
-    /// What origin coordinates below [`ORIGIN_LEAST`] are taken for: 0, or where corners have coordinates so small
-    /// that their distance from 0 might vanish in a product, that least value itself. Not in wide scenes.
+    /// The value for which origin coordinates below [`ORIGIN_LEAST`] are taken: 0, or where corners
+    /// have coordinates so small that their distance from 0 might vanish in a product, that least
+    /// value itself. Not in wide scenes.
     pub origin_least: f32,
     /// Origins within are not far: no closer look is needed.
     pub near: Aabb,

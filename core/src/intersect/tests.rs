@@ -115,8 +115,8 @@ fn rays_that_can_hit_nothing() {
     assert!(!none(good.with_limits(f32::NEG_INFINITY, f32::INFINITY)));
 }
 
-/// Rays that start in the planes of triangles with coordinates of very different magnitude: what is left of the distance is
-/// subnormal in part, which devices may flush.
+/// Rays that start in the planes of triangles with coordinates of very different magnitude: the
+/// remainder of the distance is subnormal in part, which devices may flush.
 #[test]
 fn what_devices_flush_decides_nothing() {
     let unit = [[1.0, 1.0, 1.0], [2.0, 1.0, 1.0], [1.0, 2.0, 1.0]];

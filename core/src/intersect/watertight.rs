@@ -34,13 +34,13 @@ pub const SLIVER: f32 = 0.003_906_25; // 2^-8
 /// Determinants from here on are known: edge functions that count as 0, below [`EDGE_LEAST`], are 2^-24 of it or less.
 pub const DET_LEAST: f32 = 5.293_956e-23; // 2^-74
 
-/// Sums of products of edge functions and depths from here on, times 8, are known: what is lost of a product that
-/// is subnormal is 2^-33 of it or less.
+/// Sums of products of edge functions and depths from here on, times 8, are known: the loss in a
+/// subnormal product is 2^-33 of the sum or less.
 pub const SUM_LEAST: f32 = 8.077_936e-28; // 2^-90
 
-/// A `t` from a closer look counts as 0 below this: what is left of it may be subnormal, which a device need not keep.
-/// It is less than the slack that every traversal allows for, `ORIGIN_SLACK`. Wide scenes are scaled, and there it is
-/// 2^-102 of the triangle's size.
+/// A `t` from a closer look counts as 0 below this: its lower part may be subnormal, which a device
+/// need not keep. It is less than the slack that every traversal allows for, `ORIGIN_SLACK`. Wide
+/// scenes are scaled, and there it is 2^-102 of the triangle's size.
 pub const T_LEAST: f32 = 5.421_011e-20; // 2^-64
 
 /// The power of two near which the largest distance is brought in wide scenes: that of [`super::COORDINATE_MOST`].
@@ -65,11 +65,11 @@ pub fn watertight<A: Arithmetic>(
     finish::<A>(ray, &ray.origin, triangle, &seen, edges, front, [ray.t_min, ray.t_max])
 }
 
-/// The test where exponents leave the range of the plain one. Each corner is scaled by a power of two so that its
-/// distance is near
-/// 1: its image then depends on ray and corner alone, and in an edge function the scales of two corners are one factor.
-/// What follows takes the triangle scaled as a whole, to be as large as scenes that are not wide may be; what that flushes
-/// moves `t` by nothing that counts.
+/// The test where exponents leave the range of the plain one. Each corner is scaled by a power of
+/// two so that its distance is near 1: its image then depends on ray and corner alone, and in an
+/// edge function the scales of two corners are one factor. The remaining steps take the triangle
+/// scaled as a whole, to the greatest size in scenes that are not wide; the effect of that flushing
+/// on `t` is negligible.
 fn watertight_wide<A: Arithmetic>(
     ray: &PreparedRay,
     triangle: &Triangle,
@@ -100,12 +100,12 @@ fn watertight_wide<A: Arithmetic>(
     let edges = seen.edges::<A>();
     let origin = ray.origin.map(|x| scale(x, power));
     let scaled = triangle.map(|corner| corner.map(|x| scale(x, power)));
-    // Scaling back may underflow or clamp: what is reported is held to the limits, by `outer_t`.
+    // Scaling back may underflow or clamp: `outer_t` holds the reported `t` to the limits.
     let limits = [-f32::MAX, f32::MAX];
     let mut hit = finish::<A>(ray, &origin, &scaled, &seen, edges, front, limits)?;
     hit.t = scale(hit.t, -power);
-    // Held to the inner limits as well, like that of the plain test: scaled to the caller's units, a
-    // `t` before the ray's start may become 0, and whether its leaf is visited is a matter of luck.
+    // Held to the inner limits as well, like that of the plain test: scaled to the caller's units,
+    // a `t` before the ray's start may become 0, and whether its leaf is visited is not determined.
     (ray.t_min <= hit.t && hit.t <= ray.t_max).then_some(hit)
 }
 
@@ -211,12 +211,14 @@ impl Seen {
 /// With u = 2^-24, R the greatest distance of a corner on any axis, P the greatest sheared coordinate (at most 2.1 R)
 /// and spread the difference of the corners' depths:
 ///
-/// 1. *Interpolated* from the corners' depths by the rounded edge functions, where that is good. An image's corner stands
-///    6.2 u R or less from where it would stand without rounding, on either axis. Depth changes by at most 4 P spread / |det| per unit of either
-///    axis, so the plane of the image differs from that of the triangle by 50 u R P spread / |det| where the ray passes.
-///    The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at most 4 u of the greatest
-///    depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|, `t` is off the image by less than 2^-15 |t|, and
-///    off the triangle's plane by less than 2^-14 |t|.
+/// 1. *Interpolated* from the corners' depths by the rounded edge functions, where that is good. An
+///    image's corner stands 6.2 u R or less from where it would be without rounding, on either
+///    axis. Depth changes by at most 4 P spread / |det| per unit of either axis, so the plane of
+///    the image differs from that of the triangle by 50 u R P spread / |det| where the ray passes.
+///    The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at
+///    most 4 u of the greatest depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|,
+///    `t` is off the image by less than 2^-15 |t|, and off the triangle's plane by less than 2^-14
+///    |t|.
 /// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by more
 ///    than the images err. It then meets the triangle itself, and all three numbers are the triangle's.
 /// 3. *Careful* ([`careful`]): the same beside an edge, within rounding, and needles along the ray. The numbers are

@@ -13,9 +13,9 @@ kernel_set! {
     every kernel: uniform Parameters, reads Counters;
     exchanged: ActiveNodes with NextNodes, References with NextReferences;
 
-    /// What kernels are given and do not change.
+    /// The inputs of kernels, which do not change.
     uniforms Uniform {
-        /// Configuration and rooms: [`crate::layout::Parameters`].
+        /// Configuration and capacities: [`crate::layout::Parameters`].
         Parameters "parameters";
     }
 
@@ -44,7 +44,7 @@ kernel_set! {
         ChunkCounts "chunk_counts", size_of::<Sides>(), live Chunks, in ChunkState;
         /// [`ChunkBounds`].
         ChunkBounds "chunk_bounds", size_of::<ChunkBounds>(), live Chunks, in ChunkState;
-        /// What a chunk is known by, under one binding: chunk counts, reference sides and chunk
+        /// The state of a chunk, under one binding: chunk counts, reference sides and chunk
         /// bounds.
         ChunkState "chunk_state",
             size_of::<Sides>() + size_of::<ChunkSides>() + size_of::<ChunkBounds>(), live Chunks;
@@ -62,8 +62,8 @@ kernel_set! {
         SmallRoots "small_roots", size_of::<SmallRoot>(), live SmallRoots;
         /// [`Extent`] of each small root's subtree.
         SmallSizes "small_sizes", size_of::<Extent>(), live SmallRoots;
-        /// Subtrees that `build_small` keeps for `emit_small`, as far as a backend likes and in a form
-        /// of its own: not compared.
+        /// Subtrees that `build_small` keeps for `emit_small`, as many as the backend chooses and
+        /// in a form of its own: not compared.
         Subtrees "subtrees", 4 * SUBTREE_WORDS as usize;
         /// [`Extent`] of each top node's subtree.
         TopSizes "top_sizes", size_of::<Extent>(), live TopNodes;
@@ -148,7 +148,7 @@ kernel_set! {
 pub const SUBTREE_NODES: u32 = 24;
 /// References of such a subtree.
 pub const SUBTREE_REFERENCES: u32 = 80;
-/// Words of a subtree that is kept: two a node, then one a reference.
+/// Words of a subtree that is kept: two per node, then one per reference.
 pub const SUBTREE_WORDS: u32 = 128;
 
 const _: () = assert!(SUBTREE_WORDS == 2 * SUBTREE_NODES + SUBTREE_REFERENCES);
@@ -191,7 +191,7 @@ pub enum Counter {
     Overflow,
 }
 
-/// The bits of [`Counter::Overflow`]: lists that outgrew their room on a device.
+/// The bits of [`Counter::Overflow`]: lists that outgrew their capacity on a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Overflow {

@@ -3,12 +3,12 @@
 use crate::kernel_set;
 
 kernel_set! {
-    /// What a device is asked about its arithmetic.
+    /// Checks of a device's arithmetic.
     set DeviceChecks "device checks", counted by CheckCounter;
     every kernel: ;
     exchanged: ;
 
-    /// What checks are given.
+    /// The inputs of checks.
     uniforms CheckUniform {
         /// How many pairs: [`crate::layout::CheckParameters`].
         CheckParameters "parameters";
@@ -18,7 +18,7 @@ kernel_set! {
     buffers CheckBuffer {
         /// Pairs of operands: 2 `f32`.
         Operands "operands", 8, live Pairs;
-        /// What comes of each pair, as bits: 8 words.
+        /// The results of each pair, as bits: 8 words.
         Results "results", 32, live Pairs;
     }
 

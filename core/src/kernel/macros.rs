@@ -1,7 +1,8 @@
-//! The macro that makes a kernel set of its table.
+//! The macro that makes a kernel set from its table.
 
-/// Declares a kernel set: the type that stands for it, its kernels, buffers and uniforms, and its
-/// [`KernelSet`](crate::kernel::KernelSet). See [`TreeBuilder`](crate::kernel::TreeBuilder) for one.
+/// Declares a kernel set: its type, its kernels, buffers and uniforms, and its
+/// [`KernelSet`](crate::kernel::KernelSet). See [`TreeBuilder`](crate::kernel::TreeBuilder) for
+/// one.
 ///
 /// - `set NAME "name", counted by COUNTER;`: the set, and the enum of its counters, which is
 ///   declared apart. Then `every kernel:` what all of them bind first, and `exchanged:` the buffers
@@ -110,12 +111,13 @@ macro_rules! kernel_set {
                 Self::ROWS[self as usize].name
             }
 
-            /// What the kernel's workgroups stand for.
+            /// What the kernel's workgroups represent.
             pub const fn grid(self) -> $crate::kernel::Grid<$Counter> {
                 Self::ROWS[self as usize].grid
             }
 
-            /// The buffers the kernel reads and writes, besides those that every kernel binds.
+            /// The buffers that the kernel reads and writes, in addition to those that every kernel
+            /// binds.
             pub fn bindings(self) -> impl Iterator<Item = $crate::kernel::Binding<$Buffer>> {
                 use $crate::kernel::{KernelSet, Slot};
                 Self::ROWS[self as usize].slots.iter().filter_map(|slot| match slot {

@@ -1,5 +1,5 @@
-//! The kernel set of the queries that run on a device, and of what it must know of triangles first.
-//! There is no schedule: each is one dispatch over what the host counts.
+//! The kernel set of the queries that run on a device, and of the data of triangles that they need
+//! first. There is no schedule: each is one dispatch over what the host counts.
 
 use crate::kernel_set;
 use crate::node::KdNode;
@@ -11,7 +11,7 @@ kernel_set! {
     every kernel: ;
     exchanged: ;
 
-    /// What query kernels are given.
+    /// The inputs of query kernels.
     uniforms QueryUniform {
         /// The scene as a whole: [`crate::layout::SceneUniform`].
         Scene "scene";
@@ -31,7 +31,7 @@ kernel_set! {
         Triangles "triangles", 36, live Triangles;
         /// The rays of a batch: [`Ray`].
         Rays "rays", size_of::<Ray>(), live Rays;
-        /// What each of them hits first: [`Hit`].
+        /// The closest hit of each of them: [`Hit`].
         Hits "hits", size_of::<Hit>(), live Rays;
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;

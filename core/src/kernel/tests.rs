@@ -44,8 +44,8 @@ fn storage(buffer: Buffer, access: Access) -> Slot<TreeBuilder> {
     Slot::Storage(Binding { buffer, access })
 }
 
-/// Parameters and counters come first, counters as the kernel's row says; what shares a storage is
-/// bound once, where the first of it stands, for all that is done with it.
+/// Parameters and counters come first, counters as the kernel's row says; buffers that share a
+/// storage are bound once, in the place of the first of them, with all their accesses.
 #[test]
 fn slots_follow_from_the_table() {
     use Access::{Read, ReadWrite, Scatter, Write};

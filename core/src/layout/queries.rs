@@ -5,8 +5,8 @@ use bytemuck::{Pod, Zeroable};
 use crate::intersect::SceneScale;
 use crate::ray::{Culling, QueryOptions};
 
-/// What every traversal reads of the scene as a whole: [`SceneScale`] in the layout of the WGSL struct
-/// `Scene` of `intersect.wgsl`. 64 bytes, no padding.
+/// The data of the whole scene that every traversal reads: [`SceneScale`] in the layout of the WGSL
+/// struct `Scene` of `intersect.wgsl`. 64 bytes, no padding.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct SceneUniform {
@@ -24,7 +24,7 @@ pub struct SceneUniform {
     pub zero: u32,
     /// Upper corner of the box in which an origin is not far.
     pub near_hi: [f32; 3],
-    /// What origin coordinates next to 0 are taken for.
+    /// The value for which origin coordinates next to 0 are taken.
     pub origin_least: f32,
 }
 
@@ -58,7 +58,7 @@ pub struct BatchUniform {
 }
 
 impl BatchUniform {
-    /// So many rays under these options.
+    /// This many rays with these options.
     pub fn new(count: u32, options: &QueryOptions<'_>) -> BatchUniform {
         let culling = match options.culling {
             Culling::None => 0,
@@ -70,8 +70,8 @@ impl BatchUniform {
     }
 }
 
-/// What the kernel that finds the range of the triangles is given: the WGSL struct `TriangleCount` of
-/// `triangle_limits.wgsl`.
+/// The input of the kernel that finds the range of the triangles: the WGSL struct `TriangleCount`
+/// of `triangle_limits.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct TriangleCount {
@@ -81,7 +81,7 @@ pub struct TriangleCount {
     pub zero: u32,
 }
 
-/// What the self-test's kernel is given: the WGSL struct of the same name.
+/// The input of the self-test's kernel: the WGSL struct of the same name.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 pub struct CheckParameters {

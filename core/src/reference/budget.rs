@@ -1,4 +1,4 @@
-//! What may end a build before its end: a limit of memory, and a watch.
+//! What may end a build early: a limit of memory, and a watch.
 
 use alloc::vec::Vec;
 
@@ -7,21 +7,22 @@ use bytemuck::Zeroable;
 use crate::backend::{BuildError, go_on};
 use crate::watch::{Progress, Stage, Watch};
 
-/// The memory that a build takes and how far it has come, held against a limit and told to a watch.
+/// The memory and the progress of a build: the one is compared with a limit, the other reported to
+/// a watch.
 pub struct Budget<'w> {
     held: u64,
     peak: u64,
     limit: Option<u64>,
     watch: Option<&'w dyn Watch>,
     progress: Progress,
-    /// Work since the watch was last asked, in references read and written once.
+    /// Work since the last call of the watch, in references read and written once.
     work: u64,
 }
 
-/// References read and written between two questions to the watch: some tenths of a millisecond.
+/// References read and written between two calls of the watch: some tenths of a millisecond.
 const DUE: u64 = 1 << 13;
 
-/// Bytes that are cleared as fast as a reference is read and written.
+/// Bytes that can be cleared in the time of reading and writing one reference.
 const CLEARED: usize = 32;
 
 impl core::fmt::Debug for Budget<'_> {
@@ -34,15 +35,15 @@ impl core::fmt::Debug for Budget<'_> {
 }
 
 impl Default for Budget<'_> {
-    /// No limit, and nobody watches.
+    /// No limit and no watch.
     fn default() -> Self {
         Budget::new(None, None)
     }
 }
 
 impl<'w> Budget<'w> {
-    /// At most so many bytes at once, where there is a limit, and as long as the watch lets it go on, where
-    /// there is one.
+    /// A budget of at most `limit` bytes at once, if there is a limit, which the watch may cancel,
+    /// if there is one.
     pub fn new(limit: Option<u64>, watch: Option<&'w dyn Watch>) -> Budget<'w> {
         let progress = Progress { stage: Stage::Start, done: 0, total: 0 };
         Budget { held: 0, peak: 0, limit, watch, progress, work: 0 }
@@ -83,7 +84,7 @@ impl<'w> Budget<'w> {
         Ok(())
     }
 
-    /// Begins a stage and tells the watch; `total` is 0 where it is not known.
+    /// Begins a stage and reports it to the watch; `total` is 0 where it is not known.
     ///
     /// # Errors
     /// [`BuildError::Cancelled`] by the watch. So everywhere below.
@@ -92,13 +93,13 @@ impl<'w> Budget<'w> {
         self.ask()
     }
 
-    /// So much more of the stage is done, in its unit. The watch hears of it when it is next asked.
+    /// Adds to the progress of the stage, in its unit. The watch receives it at its next call.
     pub fn advance(&mut self, done: u64) {
         self.progress.done += done;
     }
 
-    /// Work was done that took as long as reading and writing so many references. Asks the watch when
-    /// it is time.
+    /// Records work that took as long as reading and writing this many references. Calls the watch
+    /// when it is due.
     ///
     /// # Errors
     /// As for [`Budget::begin`].
@@ -111,7 +112,7 @@ impl<'w> Budget<'w> {
         self.ask()
     }
 
-    /// Ends a stage and tells the watch.
+    /// Ends a stage and reports it to the watch.
     ///
     /// # Errors
     /// As for [`Budget::begin`].
@@ -132,7 +133,7 @@ mod tests {
 
     use super::*;
 
-    /// Lets work go on so many times.
+    /// Lets work continue this many times.
     struct Times(AtomicU64);
 
     impl Watch for Times {

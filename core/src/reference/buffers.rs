@@ -19,8 +19,8 @@ use crate::node::KdNode;
 use crate::tree::KdTree;
 use crate::triangle::Triangle;
 
-/// A vector for each [`Buffer`] that has elements of its own. Vectors only grow: how much of one is
-/// live stands in the counters, see [`Buffer::live`].
+/// A vector for each [`Buffer`] that has elements of its own. Vectors only grow: the counters say
+/// how much of one is live, see [`Buffer::live`].
 #[derive(Clone, Debug, Default)]
 pub struct Buffers {
     /// [`Buffer::Triangles`].
@@ -70,7 +70,7 @@ pub struct Buffers {
 }
 
 impl Buffers {
-    /// Nothing but the counters that [`crate::schedule::build`] asks for, for a mesh of so many
+    /// Only the counters that [`crate::schedule::build`] asks for, for a mesh of this many
     /// triangles.
     pub fn new(triangles: u32) -> Buffers {
         Buffers { counters: Counters::at_start(triangles), ..Buffers::default() }
@@ -81,8 +81,8 @@ impl Buffers {
         self.counters[counter] as usize
     }
 
-    /// Makes room for all that a kernel will write, at most. To be called just before the kernel, since
-    /// room follows from the counters.
+    /// Makes space for everything that a kernel may write. Must be called just before the kernel,
+    /// since the lengths follow from the counters.
     ///
     /// # Errors
     /// As for [`Budget::grow`]; and [`BuildError::TooLarge`] before [`Kernel::SubtreeSizes`], for a tree that

@@ -9,11 +9,11 @@ use crate::tree::KdTree;
 
 /// Builds a tree on the calling thread, with nothing but the core: the same bytes as every backend.
 ///
-/// Of the options the layout is left out of account: it says what queries read, and the reference
-/// traversal ([`crate::traverse`]) reads the tree itself.
+/// Ignores the layout in the options: it says what queries read, and the reference traversal
+/// ([`crate::traverse`]) reads the tree itself.
 ///
 /// # Errors
-/// A configuration out of range, a limit that binds, a watch that ends the build, and
+/// A configuration out of range, a limit that binds, a watch that cancels the build, and
 /// [`BuildError::PresetNotOnDevice`] for preset `best`, which the schedule does not build.
 pub fn build(
     mesh: &Mesh<'_>,

@@ -1,4 +1,4 @@
-//! Runs the kernels one item after the other.
+//! Runs the kernels one item at a time.
 
 use core::marker::PhantomData;
 
@@ -19,7 +19,7 @@ use crate::tree::KdTree;
 use crate::watch::Stage;
 
 /// The reference executor: one build over one mesh, on the calling thread, in the arithmetic `A`:
-/// [`Strict`] but in tests.
+/// [`Strict`] except in tests.
 #[derive(Debug)]
 pub struct ReferenceExecutor<'a, A = Strict> {
     mesh: Mesh<'a>,
@@ -52,12 +52,12 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
         &self.buffers
     }
 
-    /// The buffers, for whoever runs a kernel by other means.
+    /// The buffers, for callers that run a kernel by other means.
     pub fn buffers_mut(&mut self) -> &mut Buffers {
         &mut self.buffers
     }
 
-    /// What the build has taken.
+    /// The memory and the progress of the build.
     pub fn budget(&self) -> &Budget<'a> {
         &self.budget
     }
@@ -296,8 +296,9 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
     }
 }
 
-/// How much work the subtree of a small root is, in references read and written: each of its planes is held
-/// against each of its references, on all levels. A leaf that is too large is copied.
+/// The work of building the subtree of a small root, in references read and written: each of its
+/// planes is compared with each of its references, on all levels. A leaf that is too large is
+/// copied.
 fn small_work(config: &BuildConfig, count: u32) -> u64 {
     if count > config.small_node_limit { u64::from(count) } else { 2 * u64::from(count * count) }
 }

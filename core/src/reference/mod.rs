@@ -1,11 +1,11 @@
 //! The reference builder: every kernel of the schedule, serial and written to be read.
 //!
 //! [`kernels`] is the specification. Each kernel is a function over one item of its grid. It reads
-//! whole buffers, live ranges only, and gives or fills what that item writes. The backends' kernels
-//! are twins of these: they may do the work in any order, and must leave the same bytes.
-//! [`crate::lockstep::Lockstep`] holds them to it, dispatch by dispatch.
+//! whole buffers, live ranges only, and returns or fills what that item writes. The backends'
+//! kernels are twins of these: they may do the work in any order, and must leave the same bytes.
+//! [`crate::lockstep::Lockstep`] checks that, dispatch by dispatch.
 //!
-//! [`ReferenceExecutor`] runs the kernels one item after the other over [`Buffers`], and [`build`]
+//! [`ReferenceExecutor`] runs the kernels one item at a time over [`Buffers`], and [`build`]
 //! makes a tree with it. That takes a few times as long as the CPU backend on one thread, but needs
 //! neither threads nor `std`:
 //!
@@ -28,8 +28,8 @@
 //! # }
 //! ```
 //!
-//! Without the feature `alloc` the kernels are here all the same: they work on slices, wherever
-//! these lie.
+//! The kernels are available without the feature `alloc` too: they work on slices, wherever these
+//! are stored.
 
 #[cfg(feature = "alloc")]
 mod budget;

@@ -14,13 +14,13 @@ pub struct Parts<'a, T> {
 }
 
 impl<'a, T> Parts<'a, T> {
-    /// All of a slice, to be handed out.
+    /// A whole slice, whose parts will be handed out.
     pub fn new(slice: &'a mut [T]) -> Parts<'a, T> {
         Parts { rest: slice, start: 0 }
     }
 
-    /// The elements of `range`, which is in terms of the whole slice. What lies before it is not
-    /// handed out any more. An empty range is no part, and may lie anywhere.
+    /// The elements of `range`, which is in terms of the whole slice. Elements before it can no
+    /// longer be handed out. An empty range is no part, and may lie anywhere.
     ///
     /// # Panics
     /// If `range` begins before the end of an earlier one, or ends beyond the slice.

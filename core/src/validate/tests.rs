@@ -1,4 +1,4 @@
-//! Planted faults, and what is no fault.
+//! Injected faults, and cases that are not faults.
 
 use super::*;
 use crate::config::BuildConfig;
@@ -15,7 +15,7 @@ fn split(right: u32) -> KdNode {
     KdNode::interior(Axis::X, 1.0, right)
 }
 
-/// Each violation of the structure is found on a planted fault.
+/// Each violation of the structure is found with an injected fault.
 #[test]
 fn every_fault_is_named() {
     let leaf = KdNode::leaf;
@@ -135,7 +135,7 @@ fn halves(
     validate_mesh(&KdTreeView { nodes: &nodes, references, bounds, triangles: 1, config }, &mesh)
 }
 
-/// However small what is missing is beside the coordinates.
+/// However small the missing part is relative to the coordinates.
 #[test]
 fn no_part_is_too_thin() {
     let lost = |node| Err(Violation::Lost { node, triangle: 0 });
@@ -150,7 +150,7 @@ fn no_part_is_too_thin() {
                 assert_eq!(halves(turned, plane, [true; 2]), Ok(()));
                 assert_eq!(halves(turned, plane, [false, true]), lost(1));
                 assert_eq!(halves(turned, plane, [true, false]), lost(2));
-                // What only touches the plane has no part there.
+                // A triangle that only touches the plane has no part there.
                 let touching = turned.map(|mut corner| {
                     corner[axis.index()] = corner[axis.index()].max(split);
                     corner
@@ -209,9 +209,9 @@ fn one_side_has_all_that_lies_in_a_plane() {
     assert_eq!(check([1, 0, 0, 1]), Err(Violation::Lost { node: 3, triangle: 0 }));
 }
 
-/// How long it takes is a matter of references, told by how often it asks whether to go on: also where
-/// a triangle lies in a plane with strips on one side that have none of it, and others across them on the
-/// other that all have it.
+/// The time depends on the number of references, as the number of checks for cancellation shows:
+/// also where a triangle lies in a plane with strips on one side that have none of it, and others
+/// across them on the other that all have it.
 #[test]
 fn work_is_bounded_by_references() {
     const LEVELS: u32 = 12;
@@ -254,7 +254,7 @@ fn work_is_bounded_by_references() {
     assert_eq!(checked, Ok(true));
     // References once by leaves and once by triangles, in parts.
     assert!(calls <= 2 * references.len() as u32 / BETWEEN + 4, "{calls}");
-    // Told to stop, it does.
+    // It stops when it is told to.
     let mut left = 5;
     let stopped = validate_mesh_while(&tree, &mesh, |_| {
         left -= 1;

@@ -3,8 +3,8 @@ use crate::config::{BuildConfig, CHUNK};
 use crate::kernel::Counter;
 use crate::layout::{Counters, Decision, LargeNode, Sides, SmallRoot, TopNode};
 
-/// The lists that grow by a level. Each has room for what [`allocate_children_most`] says besides what is
-/// live.
+/// The lists that grow by a level. In addition to its live part, each has space for what
+/// [`allocate_children_most`] says.
 #[derive(Debug)]
 pub struct Lists<'a> {
     /// The next list, written from its start.
@@ -17,7 +17,7 @@ pub struct Lists<'a> {
     pub level_starts: &'a mut [u32],
 }
 
-/// What a level adds to lists at most, whatever caps do.
+/// The most that a level adds to lists, whatever caps do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Most {
     /// Next nodes and small roots together.
@@ -26,7 +26,7 @@ pub struct Most {
     pub top_nodes: usize,
 }
 
-/// What [`allocate_children`] adds to lists at most for nodes with these decisions.
+/// The most that [`allocate_children`] adds to lists for nodes with these decisions.
 pub fn allocate_children_most(decisions: &[Decision]) -> Most {
     let children = 2 * decisions.len();
     let cuts: usize = decisions.iter().map(|decision| 2 * decision.cut_count as usize).sum();
@@ -86,7 +86,7 @@ fn transfer(node: &LargeNode, decision: &mut Decision) {
     decision.counts = Sides { left: node.count, right: 0 };
 }
 
-/// What one active node adds to the lists.
+/// The additions of one active node to the lists.
 struct Emission<'a, 'b> {
     config: &'a BuildConfig,
     node: &'a LargeNode,
@@ -131,7 +131,7 @@ impl Emission<'_, '_> {
         };
     }
 
-    /// Appends two top nodes, empty leaves until something else is known; gives the first one's place.
+    /// Appends two top nodes, empty leaves for now. Returns the first one's place.
     fn pair(&mut self) -> u32 {
         let first = self.counters[Counter::TopNodes];
         let empty = TopNode { kind: TopNode::EMPTY, split: 0, left: 0, right: 0 };
@@ -140,7 +140,7 @@ impl Emission<'_, '_> {
         first
     }
 
-    /// Makes a part interior, and gives the parts left and right of the plane.
+    /// Makes a part interior, and returns the parts left and right of the plane.
     fn interior(
         &mut self,
         part: Part,
@@ -157,7 +157,7 @@ impl Emission<'_, '_> {
         parts
     }
 
-    /// A child of a split on the list of its class. Gives the place of its first reference.
+    /// Puts a child of a split on the list of its class. Returns the place of its first reference.
     fn child(&mut self, part: Part, count: u32, side: u32, inseparable: bool) -> u32 {
         if count <= self.config.small_node_limit {
             return self.small(part, count);
@@ -183,7 +183,7 @@ impl Emission<'_, '_> {
         first
     }
 
-    /// A part on the small list, unless it is empty. Gives the place of its first reference.
+    /// Puts a part on the small list, unless it is empty. Returns the place of its first reference.
     fn small(&mut self, part: Part, count: u32) -> u32 {
         let first = self.counters[Counter::SmallReferences];
         if count == 0 {
@@ -213,7 +213,7 @@ mod tests {
 
     use super::*;
 
-    /// A level of nodes of one triangle's configuration, and lists with room for it.
+    /// A level of nodes of one triangle's configuration, and lists with space for it.
     struct Level<const N: usize> {
         config: BuildConfig,
         nodes: [LargeNode; N],
@@ -225,7 +225,7 @@ mod tests {
     }
 
     impl<const N: usize> Level<N> {
-        /// Nodes of 100 references each, whose splits send so many to each side.
+        /// Nodes of 100 references each, whose splits send this many to each side.
         fn new(splits: [[u32; 2]; N]) -> Level<N> {
             let cell = Aabb { lo: [0.0; 3], hi: [8.0; 3] };
             let mut counters = Counters::default();
@@ -288,7 +288,7 @@ mod tests {
         assert_eq!((level.small[0].lo, level.small[0].hi), ([0.0, 2.0, 0.0], [8.0; 3]));
     }
 
-    /// Cuts make empty leaves, and what is left keeps the rest of the cell.
+    /// Cuts make empty leaves, and the remaining node keeps the rest of the cell.
     #[test]
     fn cuts_come_before_the_split() {
         let mut level = Level::new([[100, 50]]);

@@ -5,8 +5,8 @@ use crate::config::{BuildConfig, MAX_DEPTH};
 use crate::layout::{Extent, Reference, SmallRoot};
 use crate::node::{Axis, KdNode};
 
-/// Writes the subtree of a small root: nodes in preorder, and the triangles of its leaves in the order
-/// in which the leaves stand, each leaf's in the order of the root's references.
+/// Writes the subtree of a small root: nodes in preorder, and the triangles of its leaves in the
+/// order of the leaves, each leaf's in the order of the root's references.
 ///
 /// `nodes` and `leaf_references` are the subtree's own parts of the output: they begin at the address of
 /// its top node and are as long as [`super::build_small`] says.
@@ -67,7 +67,8 @@ mod tests {
     use crate::arithmetic::Strict;
     use crate::node::NodeKind;
 
-    /// `count` boxes of length 1 on the x axis, at 2, 4, 6 ..., behind one reference of another root.
+    /// `count` boxes of length 1 on the x axis, at 2, 4, 6 ..., after one reference of another
+    /// root.
     fn row(count: usize) -> (SmallRoot, [Reference; 64]) {
         let cell = Aabb { lo: [0.0; 3], hi: [2.0 * count as f32 + 2.0, 1.0, 1.0] };
         let references = core::array::from_fn(|i| {

@@ -1,8 +1,8 @@
 use crate::layout::{Extent, TopNode};
 use crate::node::{Axis, KdNode};
 
-/// A node of the top tree as it stands in the tree, and where: an interior node or an empty leaf. `None`
-/// for small roots, which [`super::emit_small`] writes.
+/// A node of the top tree as stored in the tree, and its place: an interior node or an empty leaf.
+/// `None` for small roots, which [`super::emit_small`] writes.
 pub fn emit_top(
     node: usize,
     top_nodes: &[TopNode],

@@ -17,7 +17,7 @@ pub fn gather_references(chunk: usize, triangles: &[Triangle], references: &mut 
     }
 }
 
-/// Where the references of an input chunk stand, when so many triangles are kept in all.
+/// Where the references of an input chunk are stored, when this many triangles are kept in all.
 pub fn gathered(chunk: usize, chunk_counts: &[Sides], kept: usize) -> Range<usize> {
     let end = chunk_counts.get(chunk + 1).map_or(kept, |next| next.left as usize);
     chunk_counts[chunk].left as usize..end

@@ -1,4 +1,5 @@
-//! The kernels, one a file, named as in [`crate::kernel::Kernel`]: what one item of each grid does.
+//! The kernels, one per file, named as in [`crate::kernel::Kernel`]: what one item of each grid
+//! does.
 //!
 //! | kernel | an item of its grid |
 //! |---|---|
@@ -61,7 +62,7 @@ pub use split_median::{split_median, split_median_while};
 pub use subtree_sizes::subtree_sizes;
 pub use triangle_bounds::triangle_bounds;
 
-/// The triangles of an input chunk, of so many in all.
+/// The triangles of an input chunk, of this many in all.
 pub fn triangles_of(chunk: usize, triangles: usize) -> Range<usize> {
     let first = chunk * CHUNK as usize;
     first..triangles.min(first + CHUNK as usize)

@@ -1,7 +1,7 @@
 use crate::layout::{Extent, TopNode};
 
-/// Where every subtree of the top tree begins in the output: the left one just behind its parent, the
-/// right one behind the left one.
+/// Where every subtree of the top tree begins in the output: the left one just after its parent,
+/// the right one after the left one.
 pub fn preorder_addresses(
     top_nodes: &[TopNode],
     top_sizes: &[Extent],

@@ -4,10 +4,11 @@ use crate::layout::{ChunkBounds, Counters, LargeNode, Sides, TopNode};
 
 /// Makes the root from the chunks of the input.
 ///
-/// `ChunkCounts` become the exclusive scan of the triangles kept, on the left; the right stays. Gives
-/// the root as the first of `ActiveNodes`, its cell the bounds of all triangles kept, and as the first
-/// of `TopNodes`. Where nothing is kept, the list of active nodes stays empty and the root an empty
-/// leaf. Counts triangles dropped and snapped, active nodes and references, and top nodes.
+/// `ChunkCounts` become the exclusive scan of the triangles kept, on the left; the right stays.
+/// Writes the root as the first of `ActiveNodes`, its cell being the bounds of all triangles kept,
+/// and as the first of `TopNodes`. Where nothing is kept, the list of active nodes stays empty and
+/// the root an empty leaf. Counts triangles dropped and snapped, active nodes and references, and
+/// top nodes.
 pub fn scan_triangles(
     chunk_bounds: &[ChunkBounds],
     chunk_counts: &mut [Sides],
@@ -34,7 +35,7 @@ pub fn scan_triangles(
         count: kept,
         node: 0,
         depth: 0,
-        // The chunks of the input stand for those of a parent.
+        // The chunks of the input take the place of those of a parent.
         source: 0,
         source_chunks: chunk_bounds.len() as u32,
         side: 0,

@@ -6,8 +6,9 @@ use crate::config::BuildConfig;
 use crate::layout::{Chunk, ChunkBounds, ChunkSides, Decision, Reference, Sides};
 use crate::triangle::{Triangle, clip};
 
-/// Moves the references of a chunk to the children of its node, in their order, cut at the plane. Gives
-/// the chunk's `ChunkBounds`: the bounds of what went left and of what went right.
+/// Moves the references of a chunk to the children of its node, in their order, cut at the plane.
+/// Writes the chunk's `ChunkBounds`: the bounds of the references that went left and of those that
+/// went right.
 ///
 /// `children` are the chunk's places in `NextReferences` and `SmallReferences`: see [`destinations`].
 /// References of a node that is transferred stay as they are; their bounds are not needed, and are empty.
@@ -76,9 +77,10 @@ fn cut<A: Arithmetic>(
 
 /// Where the references of every chunk go, chunk by chunk: its places on the left and on the right.
 ///
-/// The references of a child stand together, in `NextReferences` where the child has more than T and its
-/// node is split, else in `SmallReferences`; `allocate_children` says where they begin. Within them each
-/// chunk has as many places as references that go to the child, in the order of the chunks.
+/// The references of a child are stored together, in `NextReferences` where the child has more than
+/// T and its node is split, else in `SmallReferences`; `allocate_children` says where they begin.
+/// Within them each chunk has as many places as references that go to the child, in the order of
+/// the chunks.
 pub fn destinations<'a>(
     config: &'a BuildConfig,
     chunks: &'a [Chunk],
@@ -88,7 +90,7 @@ pub fn destinations<'a>(
     small_references: &'a mut [Reference],
 ) -> impl Iterator<Item = [&'a mut [Reference]; 2]> {
     let (mut next, mut small) = (Parts::new(next_references), Parts::new(small_references));
-    // The places of the two children of the node at hand that no chunk has yet.
+    // The places of the two children of the current node that no chunk has yet.
     let mut node = None;
     let mut left = Parts::new(&mut []);
     let mut right = Parts::new(&mut []);

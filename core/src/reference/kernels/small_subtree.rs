@@ -12,18 +12,18 @@ use crate::split::{Rank, SplitPlane, goes_left, goes_right, strictly_inside};
 /// The small-node stage (Zhou et al. 2008) of one root of at most T references: its subtree, node by
 /// node in preorder.
 ///
-/// A node is a set of the root's references. Its candidates are the faces of its references' bounds, as
-/// these stand in the root, that lie strictly inside the node's cell. The candidate of least cost by the
-/// integer heuristic ([`split_cost`]) splits the node, on a tie the one of the lowest axis, then of the
-/// lowest position. A reference goes where its bounds say ([`goes_left`], [`goes_right`]); it is not
-/// clipped again.
+/// A node is a set of the root's references. Its candidates are the faces of its references'
+/// bounds, as they are in the root, that lie strictly inside the node's cell. The candidate of
+/// least cost by the integer heuristic ([`split_cost`]) splits the node, on a tie the one of the
+/// lowest axis, then of the lowest position. A reference goes where its bounds say ([`goes_left`],
+/// [`goes_right`]); it is not clipped again.
 ///
 /// A node is a leaf
 /// - where no candidate costs less than a leaf ([`leaf_cost`]);
 /// - at the greatest depth;
 /// - where its children would make the subtree exceed [`SMALL_ROOT_NODES`] nodes or
-///   [`SMALL_ROOT_REFERENCES`] references. What counts is all that was decided before, nodes that are
-///   not yet visited included, in preorder.
+///   [`SMALL_ROOT_REFERENCES`] references. Everything that was decided before counts, nodes that
+///   are not yet visited included, in preorder.
 #[derive(Debug)]
 pub struct SmallSubtree<'a, A> {
     config: &'a BuildConfig,

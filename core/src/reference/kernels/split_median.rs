@@ -21,8 +21,9 @@ pub fn split_median<A: Arithmetic>(
     split_median_while::<A>(config, node, tight, references, |_| true)
 }
 
-/// As [`split_median`], for a node by itself. `go_on` is told now and then what the last part of the work
-/// was like: the reading and writing of so many references. Once it says no, the decision is of no use.
+/// As [`split_median`], for a node by itself. `go_on` is called at intervals with the amount of
+/// work since the last call, in references read and written. Once it returns false, the decision is
+/// invalid.
 pub fn split_median_while<A: Arithmetic>(
     config: &BuildConfig,
     node: &LargeNode,

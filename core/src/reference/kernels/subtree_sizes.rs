@@ -4,7 +4,7 @@ use crate::layout::{Counters, Extent, TopNode};
 /// The nodes and references of every subtree of the top tree, from the last node to the first:
 /// children come after their parents. Counts those of the tree.
 ///
-/// Sums are of 32 bits. Whoever runs the kernel has made sure that the tree fits its format, as
+/// Sums are of 32 bits. The executor must have made sure that the tree fits its format, as
 /// [`super::super::Buffers::make_room`] does.
 pub fn subtree_sizes(
     top_nodes: &[TopNode],

@@ -6,9 +6,9 @@ use crate::triangle::{Triangle, prepare};
 
 /// Snaps the triangles of an input chunk and decides which are kept, see [`prepare`].
 ///
-/// Writes the chunk's part of `Triangles`, corners of dropped triangles included. Gives the chunk's
-/// `ChunkCounts`, triangles kept on the left and triangles snapped on the right, and its `ChunkBounds`:
-/// the bounds of the triangles kept on the left, nothing on the right.
+/// Writes the chunk's part of `Triangles`, corners of dropped triangles included. Writes the
+/// chunk's `ChunkCounts`, triangles kept on the left and triangles snapped on the right, and its
+/// `ChunkBounds`: the bounds of the triangles kept on the left, nothing on the right.
 pub fn triangle_bounds(
     chunk: usize,
     mesh: &Mesh<'_>,
