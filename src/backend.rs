@@ -60,9 +60,9 @@ pub struct OpenOptions {
     /// together; and for each one that is made later. When `None`, a minute, half an hour for
     /// Mesa's llvmpipe, and 20 seconds for drivers that [`OpenOptions::probe`] tries.
     ///
-    /// A driver that takes longer ends in `OpenError::DriverLimit`, and [`BackendKind::Auto`] passes over it.
-    /// But it compiles inside the process, in a thread that nothing can end, which goes on taking time and memory
-    /// until it is done or the process ends. A probe keeps it out.
+    /// A driver that takes longer ends in `OpenError::DriverLimit`, and [`BackendKind::Auto`]
+    /// passes over it. But it compiles inside the process, in a thread that nothing can end, which
+    /// continues to take time and memory until it is done or the process ends. A probe avoids that.
     pub driver_time: Option<Duration>,
     /// By how many bytes the memory that this process has for itself may grow while the driver does so.
     /// When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no limit. On

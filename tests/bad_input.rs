@@ -291,11 +291,11 @@ fn ray(random: &mut Random, mesh: &Mesh<'_>) -> Ray {
     }
 }
 
-/// Rays in a batch, one by one and with room for more or fewer answers.
+/// Rays in a batch, one by one and with space for more or fewer answers.
 fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, random: &mut Random, tally: &mut Tally) {
     let mut count = |what| *tally.entry(what).or_default() += 1;
     let rays: Vec<Ray> = (0..random.pick(&[0, 1, 3, 3])).map(|_| ray(random, mesh)).collect();
-    // Rays are made ready 16 at a time, so 34 are two full groups and a short one.
+    // Rays are prepared 16 at a time, so 34 are two full groups and a short one.
     let batch: Vec<Ray> =
         if rays.is_empty() { Vec::new() } else { rays.iter().copied().cycle().take(34).collect() };
     let any_index = random.bits();

@@ -81,7 +81,8 @@ fn check_greedy(name: &str, mesh: &Mesh<'_>, config: BuildConfig) {
     assert!(tree == expected, "{name}, {config:?}: {}", difference(&tree, &expected));
 }
 
-/// At most so many triangles of a scene: what goes through all configurations is kept small.
+/// At most this many triangles of a scene: scenes that go through all configurations are kept
+/// small.
 fn shortened(scene: &Scene, most: usize) -> Vec<Triangle> {
     let mesh = scene.mesh();
     (0..mesh.len().min(most)).map(|index| mesh.triangle(index)).collect()

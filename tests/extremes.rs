@@ -163,8 +163,8 @@ mod suite {
         built
     }
 
-    /// One accuracy over one batch: the same bits by every way there is to ask, on every tree and
-    /// instruction set; gives the hits.
+    /// One accuracy over one batch: the same bits from every kind of query, on every tree and
+    /// instruction set. Returns the hits.
     fn one_answer(
         scene: &Scene,
         all: &[Vec<CpuAccelerator>],

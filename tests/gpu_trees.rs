@@ -46,7 +46,7 @@ fn check_tree(
     assert_eq!(facts(&built.summary), facts(&expected.1), "{name}");
 }
 
-/// One submission, one readback, nothing repeated; gives the dispatches.
+/// One submission, one readback, nothing repeated. Returns the dispatches.
 fn dispatches(effort: Effort, name: &str) -> u32 {
     let Effort { submissions, readbacks, dispatches, repeats, .. } = effort;
     assert_eq!((submissions, readbacks, repeats), (1, 1, 0), "{name}");
@@ -202,8 +202,8 @@ fn pinned(name: &str, preset: Preset) -> Option<String> {
     Some(digest.expect("a snapshot of a tree").to_owned())
 }
 
-/// What the snapshots of the CPU's trees pin is what the device builds, one scene after the other with
-/// the buffers of the one before; also where the estimate of the room is too low.
+/// The device builds the trees that the snapshots of the CPU pin, one scene at a time with the
+/// buffers of the one before; also where the estimated capacity is too low.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn awkward_scenes_have_the_pinned_digests() {
@@ -225,8 +225,9 @@ fn check_pinned(preset: Preset) {
         assert_eq!(tree.digest().to_string(), pinned, "{}", scene.name);
         let Effort { submissions, readbacks, repeats, .. } = built.effort;
         assert_eq!(submissions, readbacks, "{}", scene.name);
-        // As many levels as the scene before took, if that had as many triangles, and some more: when
-        // these do not suffice there is a second submission, unless room is lacking sooner.
+        // As many levels as the scene before took, if that had as many triangles, and some more:
+        // when these do not suffice there is a second submission, unless a capacity is exceeded
+        // sooner.
         let summary = built.summary;
         let deeper = summary.triangles == triangles && summary.large_levels > levels + 2;
         let more = submissions - repeats - 1;

@@ -13,8 +13,8 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuExecutor, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
 
-/// Builds in the arithmetic of Rust and in the hostile one, which must give the same tree; gives the
-/// former.
+/// Builds in the arithmetic of Rust and in the hostile one, which must give the same tree. Returns
+/// the former.
 fn build(scene: &Scene, config: BuildConfig) -> CpuAccelerator {
     let mesh = scene.mesh();
     let strict =
@@ -72,7 +72,7 @@ fn awkward_scenes_keep_digest_and_hits() {
         let name = &scene.name;
         let strict = build(&scene, config);
         let tree = strict.tree();
-        // Twenty thousand triangles in one leaf make each ray dear.
+        // Twenty thousand triangles in one leaf make each ray expensive.
         let each = if mesh.len() >= 20_000 { 5 } else { 60 };
         if strict.summary().dropped == strict.summary().triangles {
             continue;

@@ -28,7 +28,7 @@ fn take(bytes: usize) {
     PEAK.fetch_max(held, Relaxed);
 }
 
-/// The most bytes that some work holds besides what is held before.
+/// The most bytes that some work holds, in addition to those held before.
 fn peak<T>(work: impl FnOnce() -> T) -> (usize, T) {
     let before = HELD.load(Relaxed);
     PEAK.store(before, Relaxed);
@@ -78,7 +78,7 @@ struct Ends {
     at: usize,
     panics: bool,
     calls: AtomicUsize,
-    /// What it was told.
+    /// The progress that it received.
     told: Mutex<Vec<Progress>>,
 }
 
@@ -355,8 +355,8 @@ fn batches_end_at_any_call() {
     assert_eq!(error, QueryError::LengthMismatch { rays: 40_000, results: 1 });
 }
 
-/// The stages told to a watch are these, with these totals; in each, what is done never falls, and in the end
-/// it is all.
+/// A watch receives these stages, with these totals; in each, `done` never falls, and equals the
+/// total at the end.
 fn stages_in_order(watch: &Ends, expected: &[(Stage, Option<u64>)]) {
     let told = watch.told.lock().unwrap();
     let mut stages: Vec<Vec<Progress>> = Vec::new();
@@ -546,7 +546,7 @@ fn all_hits_stay_within_their_limit() {
         }
         assert!(HELD.load(Relaxed) <= before + SLACK);
     }
-    // Twice the bytes, since all is copied together, and the room of parts on their way.
+    // Twice the bytes, since everything is copied together, and the memory of parts under way.
     assert!((8..=21).contains(&refused), "{refused}");
 
     // One ray that crosses a hundred thousand triangles is stopped before it has found them all.

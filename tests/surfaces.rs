@@ -124,7 +124,8 @@ fn passes(verdict: Result<(), String>) {
     verdict.unwrap_or_else(|report| panic!("{report}"));
 }
 
-/// Both limits count as within: whoever asks for what is not before a hit, or not behind it, gets that hit again.
+/// Both limits are included: a query for hits that are not before a hit, or not after it, returns
+/// that hit again.
 #[test]
 fn limits_at_a_hit_include_it() {
     let mut asked = 0;

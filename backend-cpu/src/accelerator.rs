@@ -38,8 +38,8 @@ const TASK: usize = 4096;
 const FEW: usize = 64;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
-/// What takes longer under a watch is followed by half as many rays, what takes half of it by twice as
-/// many.
+/// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
+/// half of it by one of twice as many.
 const TOO_LONG: Duration = Duration::from_millis(2);
 
 /// A tree over a mesh on the CPU.
@@ -52,7 +52,8 @@ pub struct CpuAccelerator {
 }
 
 impl CpuAccelerator {
-    /// Bytes that tree and layout have room for, for a limit that this and another one must keep together.
+    /// Capacity of tree and layout in bytes, for a limit that this and another one must keep
+    /// together.
     pub(crate) fn bytes(&self) -> u64 {
         self.layout.held()
     }
@@ -212,7 +213,7 @@ impl CpuAccelerator {
         let meter = &ProgressMeter::of(options.watch);
         let query = &options.query();
         meter.begin_stage(Stage::Rays, rays.len() as u64);
-        // The starts of all, and what is told of each part.
+        // The starts of all, and the report on each part.
         let tasks = rays.len().div_ceil(FEW);
         let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
         let held = AtomicU64::new(lists);
@@ -389,7 +390,8 @@ impl Accelerator for CpuAccelerator {
         self.layout.bytes()
     }
 
-    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
+    /// Calls the watch about every two milliseconds, from one thread at a time, and never within a
+    /// ray.
     fn closest_hits(
         &self,
         rays: &[Ray],
@@ -399,7 +401,8 @@ impl Accelerator for CpuAccelerator {
         self.answer(rays, hits, options)
     }
 
-    /// Asks the watch about every two milliseconds, one thread at a time, and never within a ray.
+    /// Calls the watch about every two milliseconds, from one thread at a time, and never within a
+    /// ray.
     fn any_hits(
         &self,
         rays: &[Ray],

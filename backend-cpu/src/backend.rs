@@ -21,14 +21,14 @@ use crate::memory::{Memory, boxed, extend};
 use crate::simd::InstructionSet;
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
-/// between builds, counts towards their limits, and is given back where they leave no room for it.
+/// between builds, counts towards their limits, and is freed where they leave no space for it.
 #[derive(Debug)]
 pub struct CpuBackend {
     scratch: Mutex<Option<Box<(BuildScratch, LayoutScratch)>>>,
     set: InstructionSet,
 }
 
-/// A tree in the memory that the backend keeps, and what its query layout is made with.
+/// A tree in the memory that the backend keeps, and the scratch memory for its query layout.
 struct BuiltTree<'a> {
     tree: KdTreeView<'a>,
     summary: BuildSummary,
@@ -58,7 +58,7 @@ impl CpuBackend {
         CpuBackend { scratch: Mutex::new(None), set }
     }
 
-    /// Builds the canonical tree alone, without what queries need.
+    /// Builds only the canonical tree, without the query layout.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -73,7 +73,7 @@ impl CpuBackend {
         })
     }
 
-    /// Builds, and also makes the query layout; the accelerator by its own type.
+    /// Builds, and also makes the query layout. Returns the accelerator by its concrete type.
     ///
     /// # Errors
     /// As for [`Backend::build`].
@@ -85,7 +85,7 @@ impl CpuBackend {
         self.build_beside(mesh, options, 0)
     }
 
-    /// Builds, while an accelerator of `old` bytes is held that is to be replaced.
+    /// Builds while an accelerator of `old` bytes is held that will be replaced.
     fn build_beside(
         &self,
         mesh: &Mesh<'_>,
@@ -203,10 +203,10 @@ impl Backend for CpuBackend {
         info
     }
 
-    /// Asks the watch after every few thousand triangles' worth of work, one thread at a time, so `done`
-    /// never falls within a stage. Where a limit leaves no room for memory kept from earlier builds, that is
-    /// given back, and the stages begin anew. A watch that panics takes its panic to the caller; backend, pool
-    /// and accelerators stay fit for use.
+    /// Calls the watch after every few thousand triangles' worth of work, from one thread at a
+    /// time, so `done` never falls within a stage. Where a limit leaves no space for memory kept
+    /// from earlier builds, that memory is freed, and the stages begin again. A panic of the watch
+    /// is passed on to the caller; backend, pool and accelerators stay usable.
     fn build(
         &self,
         mesh: &Mesh<'_>,
@@ -239,7 +239,7 @@ impl Backend for CpuBackend {
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError> {
         let meter = &ProgressMeter::of(options.watch);
-        // Each triangle is checked, then made ready.
+        // Each triangle is checked, then prepared.
         meter.begin_stage(Stage::Start, 2 * mesh.len() as u64);
         let wrong = |reason: String| BuildError::WrongMesh { reason };
         validate_mesh_while(&tree.view(), mesh, |triangles| {
@@ -310,7 +310,7 @@ fn begin_layout(meter: &ProgressMeter<'_>, tree: &KdTreeView<'_>) {
     meter.begin_stage(Stage::Layout, (tree.nodes.len() + tree.references.len()) as u64);
 }
 
-/// A tree of its own, which `memory` has accounted for where that is to be done.
+/// A tree of its own, for which `memory` accounts where needed.
 ///
 /// # Errors
 /// Less memory than that, or the end of the work.

@@ -14,9 +14,9 @@ pub(crate) const WORK_BETWEEN_CHECKS: u64 = 1 << 13;
 /// Adds up the progress of all threads, reports it to a [`Watch`], and tells all threads when the watch has cancelled the
 /// work.
 ///
-/// One thread calls the watch at a time. A thread that would have to wait for another one's call goes on with its work
-/// instead. So a watch that is slow, or that runs work of its own in the same pool, delays no other thread, and `done`
-/// never decreases within a stage.
+/// One thread calls the watch at a time. A thread that would have to wait for another one's call
+/// continues its work instead. So a watch that is slow, or that runs work of its own in the same
+/// pool, delays no other thread, and `done` never decreases within a stage.
 #[derive(Debug)]
 pub(crate) struct ProgressMeter<'w> {
     /// Without a watch every call costs one test of this `Option`, about once every few hundred references.
@@ -145,7 +145,8 @@ impl Watched<'_> {
             match self.stage.try_lock() {
                 Ok(progress) => self.report(progress),
                 Err(TryLockError::WouldBlock) => {}
-                // The watch has panicked on another thread, which takes the panic to the caller.
+                // The watch has panicked on another thread, which passes the panic on to the
+                // caller.
                 Err(TryLockError::Poisoned(_)) => self.is_cancelled.store(true, Relaxed),
             }
         }

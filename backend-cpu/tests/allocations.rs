@@ -104,12 +104,12 @@ fn rebuilds_allocate_nothing() {
     }
 }
 
-/// Preset `best` keeps its lists of references and its subtrees; what is above the subtrees, and how nodes
-/// of many references are divided among tasks, is in new memory: some lists, not one a node.
+/// Preset `best` keeps its lists of references and its subtrees; the nodes above the subtrees, and
+/// the division of large nodes among tasks, are in new memory: some lists, not one per node.
 fn best_allocates_little() {
     let scene = scenes::sizes(30_000, 10, 9);
     let mesh = scene.mesh();
-    // Several threads have room for all that each may do only after some builds.
+    // Several threads have the memory for everything that each may do only after some builds.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for layout in [QueryLayout::Fast, QueryLayout::Compact] {
         let options =

@@ -35,7 +35,7 @@ fn a_small_tree_after_a_large_one() {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for set in InstructionSet::available() {
         let backend = CpuBackend::with_instruction_set(set);
-        // Of 10 rays fewer are under way than there is room for.
+        // With 10 rays, fewer are under way than the capacity allows.
         for (triangles, count) in [(&scenes[0], 400), (&scenes[1], 10), (&scenes[0], 400)] {
             let mesh = Mesh::soup(triangles).unwrap();
             let rays = &rays[..count];
@@ -65,7 +65,7 @@ fn rays(count: usize) -> Vec<Ray> {
         .collect()
 }
 
-/// However a batch is cut, and whoever traces it.
+/// However a batch is cut, and whichever thread traces it.
 #[test]
 fn batches_of_all_lengths_give_what_single_rays_give() {
     let triangles = soup(3_000);

@@ -198,7 +198,7 @@ fn a_compact_layout_takes_at_most_45_bytes_a_triangle() {
 
 #[test]
 fn the_compact_layout_keeps_to_a_limit() {
-    // What threads hold besides depends on who does what.
+    // What threads hold in addition depends on how work is distributed.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
     pool.install(keeps_to_a_limit);
 }
@@ -285,7 +285,7 @@ fn rebuilt_and_loaded_ones_are_like_new() {
     }
 }
 
-/// Ends the work at a question, and remembers what it was told.
+/// Cancels the work at one of its calls, and remembers the progress that it received.
 struct Ends {
     at: usize,
     told: Mutex<Vec<Progress>>,
@@ -333,8 +333,8 @@ fn a_watch_sees_layouts_made_and_may_end_them() {
         let total = nodes + references;
         assert!(layout.len() > 5 && layout.is_sorted() && layout.last() == Some(&(total, total)));
         assert!(layout.iter().all(|&(_, told)| told == total));
-        // Packing is as many steps as there are references, planning one for every second node, and so
-        // is writing: this was told while nodes were written, of which planning was half.
+        // Packing is as many steps as there are references, planning one for every second node, and
+        // so is writing: this was reported while nodes were written, of which planning was half.
         let (planned, rest) = (references + nodes / 2, layout.len() - 1);
         assert!(layout[..rest].iter().any(|&(done, _)| done > planned), "{layout:?}");
         assert!(layout.iter().filter(|&&(done, _)| 0 < done && done < references).count() > 2);

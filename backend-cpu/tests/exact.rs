@@ -229,8 +229,8 @@ fn crowds(scene: &Scene, seed: u64) -> Vec<Ray> {
     rays
 }
 
-/// Rays from up to the end of the floats, whose direction is, but for one component, of the scene's size: what is lost
-/// of it when a ray is made ready decides what it hits.
+/// Rays from up to the end of the floats, whose direction is, except for one component, of the
+/// scene's size: the precision that preparation loses decides what it hits.
 fn from_afar(scene: &Scene, random: &mut Random) -> Vec<Ray> {
     let mesh = scene.mesh();
     (0..600)

@@ -188,7 +188,7 @@ fn the_nearest_corner_is_found() {
     assert!(found > 300 && fewer > 300, "{found} {fewer}");
 }
 
-/// The lowest and the highest triangle along each axis, by bounds without any room; many tie.
+/// The lowest and the highest triangle along each axis, by bounds without any slack; many tie.
 #[test]
 fn the_extreme_triangles_are_found() {
     for (scene, tree) in trees() {

@@ -11,8 +11,8 @@ use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_test_support::watch::goes_on;
 
-/// Counts bytes that are allocated now, and the most that were; and refuses large requests, once so many
-/// have been granted.
+/// Counts bytes that are allocated now, and the most that were; and refuses large requests, once a
+/// given number has been granted.
 struct Counting;
 
 static HELD: AtomicI64 = AtomicI64::new(0);
@@ -268,7 +268,7 @@ fn hits_of(built: &CpuAccelerator, rays: &[Ray]) -> Vec<Hit> {
     hits
 }
 
-/// An accelerator counts with all that it has room for, however little of it is in use.
+/// An accelerator counts with its whole capacity, however little of it is in use.
 #[test]
 fn a_smaller_tree_counts_with_its_room() {
     let _alone = alone();

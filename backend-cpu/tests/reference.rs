@@ -126,7 +126,8 @@ fn built(scene: &Scene, config: BuildConfig) -> (splitplane_core::tree::KdTree, 
         .unwrap_or_else(|error| panic!("{}, {config:?}: {error}", scene.name))
 }
 
-/// Builds by both builders. The CPU's is the one with tasks, which does not run the schedule as it stands.
+/// Builds by both builders. The CPU's is the one with tasks, which does not run the schedule
+/// itself.
 fn equal(scene: &Scene, config: BuildConfig) {
     let (tree, summary) = built(scene, config);
     let (expected, its_summary) =
@@ -270,7 +271,7 @@ fn the_limit_of_memory_binds_where_the_summary_says() {
     }
 }
 
-/// Goes on so many times, and remembers what it was told last.
+/// Continues this many times, and remembers the last progress that it received.
 struct Ends {
     left: AtomicU64,
     calls: AtomicU64,

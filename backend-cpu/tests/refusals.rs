@@ -46,7 +46,7 @@ const PRESETS: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
 const LAYOUTS: [QueryLayout; 2] = [QueryLayout::Fast, QueryLayout::Compact];
 const ACCURACIES: [Accuracy; 3] = [Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact];
 
-/// The system's allocator, which refuses what it is told to.
+/// The system's allocator, which refuses requests on demand.
 struct Refusing;
 
 static ARMED: AtomicBool = AtomicBool::new(false);
@@ -54,7 +54,7 @@ static ARMED: AtomicBool = AtomicBool::new(false);
 static LEAST: AtomicUsize = AtomicUsize::new(0);
 /// Such requests that are granted still.
 static GRANTED: AtomicI64 = AtomicI64::new(0);
-/// Whether only one is refused, or all behind it too.
+/// Whether only one is refused, or all after it too.
 static ONCE: AtomicBool = AtomicBool::new(false);
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 
@@ -108,7 +108,8 @@ fn alone() -> MutexGuard<'static, ()> {
     ONE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// A pool whose threads' requests are refused, but for what they need to end: they do after the pool is gone.
+/// A pool whose threads' requests are refused, except those that they need to end: they do after
+/// the pool is gone.
 fn pool(threads: usize) -> ThreadPool {
     let pool = ThreadPoolBuilder::new().num_threads(threads);
     let pool = pool.start_handler(|_| COUNTS.set(true)).exit_handler(|_| COUNTS.set(false));
@@ -157,9 +158,9 @@ impl Error for QueryError {
     }
 }
 
-/// Does some work with its first request refused, its second and so on, alone or with all that follow, until
-/// there are no more: each time it ends in an error, or gives what it gives else. Then it is asked whether all
-/// is as it was. Returns how many requests there are.
+/// Does some work with its first request refused, its second and so on, alone or with all that
+/// follow, until there are no more: each time it ends in an error, or gives the usual result. Then
+/// it checks that everything is unchanged. Returns how many requests there are.
 fn refusals<T, E: Error>(
     what: &str,
     threads: usize,
@@ -177,7 +178,7 @@ fn refusals<T, E: Error>(
                 let out = work(&refuse);
                 let was_refused = REFUSED.load(Relaxed) > 0;
                 match &out {
-                    // Where it did without, or tried once more.
+                    // Where it did without, or tried again.
                     Ok(out) => assert!(is_right(out), "{what}: {refuse:?}"),
                     Err(error) => {
                         assert!(was_refused && error.is_refusal(), "{what}: {refuse:?}: {error:?}");
@@ -250,7 +251,7 @@ fn builds_say_so() {
         let mesh = scene.mesh();
         for (preset, layout) in PRESETS.into_iter().flat_map(|p| LAYOUTS.map(|layout| (p, layout)))
         {
-            // With one cap on references that binds, so that the schedule builds the tree as it stands.
+            // With one cap on references that binds, so that the schedule itself builds the tree.
             for references_per_triangle in [1, 8] {
                 let mut options = options(preset, layout);
                 options.config.references_per_triangle = references_per_triangle;
@@ -280,7 +281,8 @@ fn builds_say_so() {
                     || true,
                 );
                 assert!(requests > if mesh.is_empty() { 5 } else { 30 }, "{what}: {requests}");
-                // A backend that has built before, which gives back what it kept and tries once more.
+                // A backend that has built before, which frees the memory that it kept and tries
+                // again.
                 if few && layout == QueryLayout::Fast {
                     let backend = Mutex::new(CpuBackend::new());
                     refusals(
@@ -503,7 +505,8 @@ fn points_say_so() {
     }
 }
 
-/// The first batch of a thread, which makes what the thread keeps, and one ray a call, which does without.
+/// The first batch of a thread, which allocates the memory that the thread keeps, and one ray per
+/// call, which needs none.
 #[test]
 fn first_batches_say_so() {
     let _alone = alone();

@@ -1,5 +1,5 @@
-//! Visits along a ray, held against all leaves of a tree, one by one, in whole numbers: which leaves a ray
-//! meets, from where to where, and in which order.
+//! Visits along a ray, compared with all leaves of a tree, one by one, in whole numbers: which
+//! leaves a ray meets, from where to where, and in which order.
 
 use core::ops::ControlFlow;
 
@@ -176,7 +176,8 @@ fn all_leaves_on_the_way_are_visited_near_to_far() {
             let holds = |&(axis, split, _): &(usize, f32, bool)| {
                 ray.direction[axis] == 0.0 && ray.origin[axis] == split
             };
-            // Each side of a plane before the other, as the direction has it: no two leaves stand otherwise.
+            // Each side of a plane before the other, as the direction has it: no two leaves are
+            // ordered otherwise.
             let mut order: Vec<&Cell> = leaves.iter().collect();
             order.sort_by_key(|cell| {
                 let side =

@@ -56,8 +56,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let indices = [[0, 2, 1], [0, 3, 2], [4, 5, 8], [5, 6, 8], [6, 7, 8], [7, 4, 8]];
     let mesh = Mesh::indexed(&positions, &indices)?;
 
-    // The tree is built on the host's device and stays there. Each frame may ask whether it is done;
-    // here is nothing else to do.
+    // The tree is built on the host's device and stays there. Each frame may poll whether it is
+    // done; here there is nothing else to do.
     let backend = WgpuBackend::new(Gpu::borrow(device.clone(), queue.clone()))?;
     let mut build = backend.submit_build(&mesh, &BuildOptions::default())?;
     let tree = loop {

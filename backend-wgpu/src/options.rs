@@ -22,8 +22,8 @@ pub struct OpenOptions {
     /// `None`, a minute, and half an hour for Mesa's llvmpipe. No time at all lets it compile nothing.
     ///
     /// A driver compiles inside the process, and nothing can end the thread in which it does: after
-    /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread goes on taking time and
-    /// memory until it is done or the process ends. To avoid that, try the adapter in a child
+    /// [`GpuError::DriverLimit`](crate::GpuError::DriverLimit) that thread continues to take time
+    /// and memory until it is done or the process ends. To avoid that, try the adapter in a child
     /// process first, which can be killed. Adapters of the known vendors need none of this
     /// ([`Adapter::is_trusted`](crate::device::adapters::Adapter::is_trusted)).
     pub driver_time: Option<Duration>,

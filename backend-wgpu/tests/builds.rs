@@ -1,4 +1,4 @@
-//! Builds under way, one after the other and at once: whatever came before, the tree is the CPU's.
+//! Builds under way, consecutive and concurrent: whatever came before, the tree is the CPU's.
 
 mod common;
 
@@ -125,7 +125,7 @@ fn the_old_tree_answers_while_the_new_one_is_built() {
     let mut last = first;
     for round in 0..2 {
         let mut pending = backend.submit_build(&new.mesh(), &BuildOptions::default()).unwrap();
-        // Queued behind the build, and polled in between.
+        // Queued after the build, and polled in between.
         for _ in 0..3 {
             old_rays.check_tree(&backend, &last.tree, "the old tree meanwhile");
         }
@@ -203,11 +203,11 @@ fn what_outgrows_its_room_is_built_again() {
         let effort = check(&backend, &scene, BuildConfig::default());
         assert!(effort.repeats > 0, "{}: {effort:?}", scene.name);
         assert_eq!(effort.submissions, 1 + effort.repeats, "{}", scene.name);
-        // The room is there now.
+        // The capacity is there now.
         let effort = check(&backend, &scene, BuildConfig::default());
         assert_eq!((effort.submissions, effort.repeats), (1, 0), "{}", scene.name);
     }
-    // Without waiting, and with other scenes' room.
+    // Without waiting, and with other scenes' capacities.
     let scene = scenes::fan(9_000);
     let backend = fresh();
     let mut pending = backend.submit_build(&scene.mesh(), &BuildOptions::default()).unwrap();

@@ -23,7 +23,7 @@ fn the_same_tree_as_from_host_memory() {
     let gpu = backend.gpu();
     let options = BuildOptions::default();
     let mut repeats = 0;
-    // The last one outgrows the room estimated for it: the mesh must outlast the repeat.
+    // The last one outgrows the capacity estimated for it: the mesh must outlast the repeat.
     for scene in [scenes::grid_boxes(4), scenes::soup(3000, 0.3, 8), scenes::fan(20_000)] {
         let mesh = scene.mesh();
         let (expected, _) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");

@@ -1,4 +1,4 @@
-//! Drivers that compile without end: planted ones, which stall until the test lets go of them.
+//! Drivers that compile without end: simulated ones, which stall until the test releases them.
 
 mod common;
 

@@ -189,7 +189,7 @@ fn twins_decide_alike() {
     }
 }
 
-/// Hosts without a host copy are told, too.
+/// Hosts without a host copy are notified, too.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn undecided_rays_are_an_error_where_nothing_can_mark_them() {

@@ -1,4 +1,4 @@
-//! Builds and batches on a device end when their watch says so, and everything stays fit for use.
+//! Builds and batches on a device end when their watch cancels them, and everything stays usable.
 
 mod common;
 
@@ -39,7 +39,7 @@ impl Watch for Ends {
     }
 }
 
-/// Keeps how many rays it was told are done.
+/// Keeps the reported number of finished rays.
 struct Told(Mutex<Vec<u64>>);
 
 impl Watch for Told {
@@ -90,7 +90,7 @@ fn builds_end_at_any_call_and_the_next_one_is_whole() {
                 Ok(built)
             };
             assert!(ends_anywhere(build, cancelled) >= 2);
-            // What was given up is behind this in the queue, in the same buffers.
+            // The cancelled build follows this in the queue, in the same buffers.
             assert_eq!(*backend.build_accelerator(&mesh, &options).unwrap().tree(), expected);
             let load = |watch: &dyn Watch| {
                 backend.load(
@@ -141,7 +141,7 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
         Ok(())
     };
     assert!(ends_anywhere(any, cancelled) >= 2);
-    // Exact answers are the host's in the end: what is told to be done never falls, and is true.
+    // The host makes answers exact in the end: the reported progress never falls, and is true.
     let exactly = QueryOptions { accuracy: Accuracy::Exact, ..options };
     on_cpu.closest_hits(&rays, &mut expected, &exactly).unwrap();
     let closest = |watch: &dyn Watch| {

@@ -256,7 +256,7 @@ fn in_the_middle_of_a_batch() {
         }
         assert_query_lost(&again, "the batch after it");
     }
-    // The first loss comes at once; no device traces so many rays before it.
+    // The first loss comes at once; no device traces this many rays before it.
     assert!(losses > 0);
 }
 

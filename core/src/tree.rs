@@ -13,7 +13,7 @@ use alloc::vec::Vec;
 ///
 /// `nodes[0]` is the root; a tree is never without one. The left child of node `i` is `i + 1`, the
 /// whole left subtree is stored before the right one. Leaves name ranges of `references`, which
-/// hold triangle indices in the order the leaves stand.
+/// hold triangle indices in the order of the leaves.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KdTreeView<'a> {
     /// The nodes in preorder.

@@ -60,7 +60,7 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// The view the scene was made for; files have none, see [`Placement::of`].
     pub camera: Option<Camera>,
-    /// Its lights, besides surfaces that shine; files have none, see [`Placement::of`].
+    /// Its lights, in addition to surfaces that shine; files have none, see [`Placement::of`].
     pub lights: Vec<Light>,
     /// What was left out or looked odd while reading.
     pub notes: Notes,
@@ -132,7 +132,7 @@ fn quoted_spec(spec: &OsStr) -> String {
 }
 
 impl Scene {
-    /// What stands for a normal or a texture coordinate at a corner that has none.
+    /// The index of a normal or a texture coordinate at a corner that has none.
     pub const NONE: u32 = u32::MAX;
 
     /// Opens a scene by what a user writes: the path of an .obj file, or `builtin:NAME[:SIZE]`. A path

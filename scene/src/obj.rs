@@ -53,13 +53,13 @@ pub fn read_with(path: &Path, options: &SceneOptions) -> Result<Scene, ObjError>
 /// Reads OBJ text. Files it names are not opened: its materials have names, and are clay.
 ///
 /// # Errors
-/// The text is not OBJ; `name` stands for the file in the error.
+/// The text is not OBJ; `name` names the file in the error.
 pub fn parse(text: &str, name: &str) -> Result<Scene, ObjError> {
     let located = |(line, problem)| ObjError { file: name.into(), line, problem };
     Ok(reader::read(text, name, Scene::default()).map_err(located)?.0)
 }
 
-/// Gives the materials of a scene read from `path` what their libraries say.
+/// Sets the materials of a scene read from `path` as their libraries say.
 pub(super) fn paint(scene: &mut Scene, libraries: &[String], path: &Path, options: &SceneOptions) {
     library::paint(scene, libraries, path.parent().unwrap_or(Path::new("")), options);
 }

@@ -10,9 +10,9 @@ pub struct SceneOptions {
     /// Most bytes that the texels of all textures together may take, four a texel. Textures are
     /// halved, the largest first, until they fit.
     pub texture_limit: u64,
-    /// Most bytes that decoding one texture may take besides; the header of its file says how many it
-    /// will. All textures of a scene together may decode to [`SceneOptions::DECODES`] times as many. A
-    /// texture past either is left out, with a note.
+    /// Most additional bytes that decoding one texture may take; the header of its file says how
+    /// many it will. All textures of a scene together may decode to [`SceneOptions::DECODES`] times
+    /// as many. A texture past either is left out, with a note.
     pub decode_limit: u64,
     /// Most bytes of a file that is read whole; `None` is half of the machine's memory, and 16 GiB where
     /// that is not known.
@@ -27,7 +27,8 @@ impl SceneOptions {
     /// 512 MiB for one texture: 13,000 x 13,000 texels of 8-bit colour, or 16,384 x 16,384 of grey.
     pub const DECODE_LIMIT: u64 = 512 << 20;
 
-    /// How many times as much all textures may decode to as one, one after the other: 8 GiB as it is.
+    /// How many times the limit of one texture all textures together may decode to, one at a time:
+    /// 8 GiB by default.
     pub const DECODES: u64 = 16;
 }
 

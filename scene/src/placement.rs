@@ -80,10 +80,10 @@ impl Placement {
     /// sight, much detail, nothing right before the lens. `aspect` is the picture's width over its
     /// height.
     ///
-    /// `lights`, from 1 to [`Placement::MAX_LIGHTS`], is how many point lights are placed. The first
-    /// is above and to the left of the eye, inside at a place that reaches what the eye sees.
-    /// Further ones stand outside at equal angles around the point looked at, inside where they
-    /// reach most of what is seen and not yet lit; there may be fewer then. Together they give
+    /// `lights`, from 1 to [`Placement::MAX_LIGHTS`], is how many point lights are placed. The
+    /// first is above and to the left of the eye, inside at a place that reaches what the eye sees.
+    /// Further ones are placed, outside at equal angles around the point looked at, inside where
+    /// they reach most of what is seen and not yet lit; there may be fewer then. Together they give
     /// [`Light::DAYLIGHT`] to a surface that faces them: outside at the point looked at, inside at
     /// the median of the seen points that a light reaches; [`Placement::FIRST_LIGHT`] of it comes
     /// from the first, the rest in equal parts from the others.

@@ -15,12 +15,12 @@ pub enum TriangleTest {
     Watertight,
     /// Moeller and Trumbore 1997: a little faster; rays may leak at edges.
     MoellerTrumbore,
-    /// The hit of real arithmetic, told with bounds on every error: where they leave it open, the hit's
-    /// `triangle` is `UNDECIDED_HIT`.
+    /// The hit of real arithmetic, decided with bounds on every error: where these do not suffice,
+    /// the hit's `triangle` is `UNDECIDED_HIT`.
     Certain,
 }
 
-/// How many bindings a traversal takes, one after the other: nodes, leaf references, triangles
+/// How many consecutive bindings a traversal takes: nodes, leaf references, triangles
 /// (storage, read only) and the scene (uniform, 64 bytes).
 pub const TRAVERSAL_BINDING_COUNT: u32 = 4;
 

@@ -2,7 +2,7 @@
 
 use crate::{QUERIES, Shader, TriangleTest};
 
-/// What the name of a shader ends in, behind the kernel's.
+/// The ending of a shader's name, after the kernel's.
 const fn ending(test: TriangleTest) -> &'static str {
     match test {
         TriangleTest::Watertight => "",

@@ -158,8 +158,8 @@ shaders! {
     }
 }
 
-/// The part that stands in for another where a scene does not need what it does; `None` where nothing
-/// must stand there.
+/// The part that replaces another where a scene does not need that one; `None` where no replacement
+/// is needed.
 pub(crate) struct Substitutes {
     pub textures: [(Part, Option<Part>); 1],
     pub smooth_normals: [(Part, Option<Part>); 1],
@@ -180,8 +180,8 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
     watertight: [(SHEARED, None), (CLOSER_LOOK, None), (WATERTIGHT, Some(MOELLER_TRUMBORE))],
 };
 
-/// What a host's own shader needs for tracing rays, but for the bindings, the triangle test
-/// and the traversal that goes with it.
+/// What a host's own shader needs for tracing rays, except the bindings, the triangle test and the
+/// traversal that goes with it.
 pub(crate) const TRAVERSAL: [Part; 5] = [ARITHMETIC, RAY, MESH, INTERSECT, OBSERVER];
 pub(crate) const TRAVERSAL_BINDINGS: Part = BINDINGS;
 pub(crate) const TRAVERSAL_TESTS: [&[Part]; 3] = [

@@ -54,8 +54,8 @@ fn passed_over(doing: &str, limit: DriverLimit) -> String {
     format!("its driver did not finish {doing} within {limit}")
 }
 
-/// Opens the device that [`super::BackendKind::Wgpu`] would, without a backend over it: for whoever
-/// wants [`splitplane_wgpu`]'s own types.
+/// Opens the device that [`super::BackendKind::Wgpu`] would, without a backend over it: for callers
+/// that want [`splitplane_wgpu`]'s own types.
 ///
 /// # Errors
 /// There is no such device, or it cannot be used.

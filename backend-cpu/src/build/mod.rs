@@ -101,7 +101,7 @@ pub(crate) fn build(
         memory = executor.memory();
         (scratch.buffers, scratch.depth_first) = executor.finish();
         if is_void {
-            // A cap might have bound: the schedule as it stands says where.
+            // A cap might have bound: the schedule itself determines where.
             memory = scratch.begin(max_memory)?;
         } else {
             finished = Some((stages, memory));

@@ -14,7 +14,7 @@ use crate::simd::MOST_LANES;
 
 /// Vertices that are snapped between two calls of the watch.
 const PIECE: usize = 1 << 13;
-/// Where gathered triangles are put together to a block, with what vector loads read behind it.
+/// Space in which gathered triangles form a block, with the words that vector loads read after it.
 #[repr(align(64))]
 pub(crate) struct GatherBuffer([f32; 11 * MOST_LANES]);
 
@@ -23,8 +23,8 @@ impl GatherBuffer {
     pub const EMPTY: GatherBuffer = GatherBuffer([0.0; 11 * MOST_LANES]);
 }
 
-/// A mesh with snapped coordinates. Vertices are those of the caller; a mesh with as many vertices as
-/// twice its triangles, or without indices, takes less as three corners a triangle.
+/// A mesh with snapped coordinates. Vertices are those of the caller; a mesh with as many vertices
+/// as twice its triangles, or without indices, takes less as three corners per triangle.
 #[derive(Debug, Default)]
 pub(crate) struct IndexedMesh {
     vertices: Vec<[f32; 3]>,
@@ -55,12 +55,12 @@ impl IndexedMesh {
         (size_of_val(&self.vertices[..]) + size_of_val(&self.indices[..])) as u64
     }
 
-    /// Bytes that there is room for.
+    /// Capacity in bytes.
     pub fn held(&self) -> u64 {
         bytes_of(&self.vertices) + bytes_of(&self.indices)
     }
 
-    /// Bytes that this one has room for once it also has room for the copy of a mesh.
+    /// Capacity in bytes once it also holds the copy of a mesh.
     pub fn held_with(&self, mesh: &Mesh<'_>) -> u64 {
         let [vertices, indices] = lengths(mesh);
         let vertices = vertices.max(self.vertices.capacity()) * size_of::<[f32; 3]>();
@@ -68,7 +68,7 @@ impl IndexedMesh {
         (vertices + indices) as u64
     }
 
-    /// Makes room for the copy of a mesh, which has been accounted for.
+    /// Makes space for the copy of a mesh, which has been accounted for.
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
@@ -78,8 +78,8 @@ impl IndexedMesh {
         memory.reserve(&mut self.indices, indices)
     }
 
-    /// Becomes the copy of a mesh with these snapped corners, for which there is room. After cancellation
-    /// it is incomplete and must not be used.
+    /// Becomes the copy of a mesh with these snapped corners, for which there is space. After
+    /// cancellation it is incomplete and must not be used.
     pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) {
         let IndexedMesh { vertices, indices } = self;
         vertices.clear();

@@ -1,8 +1,9 @@
-//! What queries read: layouts made from a finished tree.
+//! Layouts for queries, made from a finished tree.
 //!
-//! [`tree_layout::TreeLayout`] is the whole: wide nodes ([`wide`]) and packed blocks of triangles ([`packed_block`]), and
-//! for the few rays that vectors are not made for the tree's own nodes ([`walk_node`]). In the compact layout the tree
-//! and a copy of the mesh ([`indexed`]) take the place of blocks.
+//! [`tree_layout::TreeLayout`] is the whole: wide nodes ([`wide`]) and packed blocks of triangles
+//! ([`packed_block`]), and, for the few rays that the vector code does not handle, the tree's own
+//! nodes ([`walk_node`]). In the compact layout the tree and a copy of the mesh ([`indexed`]) take
+//! the place of blocks.
 //!
 //! *Codecs.* Each format is encoded and decoded in one file: wide nodes in `wide_node.rs`, blocks in `packed_block.rs`,
 //! the tree's own nodes by [`splitplane_core::node::KdNode`]. A test reads the sources and fails where another file shifts

@@ -58,7 +58,7 @@ mod tests {
 
     /// Children in a plane's order, by recursion.
     fn far_to_near(cells: &[(usize, usize, usize, usize)], octant: usize, count: usize) -> Vec<u8> {
-        // One child is behind another when the plane between them says so.
+        // The plane between two children says which one is behind the other.
         let farther = |a: usize, b: usize| {
             let between = |&&(_, start, middle, end): &&(usize, usize, usize, usize)| {
                 start <= a.min(b) && a.min(b) < middle && middle <= a.max(b) && a.max(b) < end

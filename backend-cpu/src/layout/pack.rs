@@ -35,7 +35,7 @@ pub(crate) struct Packer<'a> {
     seen: [u64; SLOTS],
     /// The number of the block's first corner.
     start: u64,
-    /// The block's corners: x and y, z, and where they stand.
+    /// The block's corners: x and y, z, and their places.
     xy: [u64; MOST_CORNERS],
     z: [u32; MOST_CORNERS],
     places: [u8; MOST_CORNERS],
@@ -75,8 +75,8 @@ impl<'a> Packer<'a> {
         Packer { large: true, ..Packer::new(lanes, triangles) }
     }
 
-    /// Packs as many as fit of the first `left` of some references, one at least, into a block. The references
-    /// behind those are what is packed next; `out` has room for [`MOST_WORDS`].
+    /// Packs as many as fit of the first `left` of some references, one at least, into a block. The
+    /// references after those are packed next; `out` has space for [`MOST_WORDS`].
     #[inline(never)]
     pub fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> PackedSize {
         let mut count = left.min(self.lanes);
@@ -110,7 +110,7 @@ impl<'a> Packer<'a> {
     /// different corners there are; or how many triangles fit where these have too many.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn place(&mut self, references: &[u32], count: usize, out: &mut [u32]) -> Result<usize, usize> {
-        // What an earlier block left in the table is behind the first corner.
+        // The table's entries of earlier blocks come after the first corner.
         self.start += MOST_CORNERS as u64;
         let start = self.start;
         let place_words = (3 * count).div_ceil(4);
@@ -165,8 +165,8 @@ mod tests {
 
     use super::*;
 
-    /// Triangles whose corners are some of so many points: all coordinates are from a few, so that points
-    /// often differ in one only.
+    /// Triangles whose corners are among this many points: all coordinates are from a few, so that
+    /// points often differ in only one.
     fn mesh(count: usize, points: usize, random: &mut Random) -> Vec<Triangle> {
         let coordinates = [0.0, 1.0, -1.0, 0.5, 1e-30, 3e30];
         let mut coordinate = || random.pick(&coordinates);

@@ -21,7 +21,7 @@ use crate::simd::MOST_LANES;
 
 /// Words at whose multiples blocks begin.
 pub(crate) const UNIT_WORDS: usize = 4;
-/// Words behind the last block that vector loads may read.
+/// Words after the last block that vector loads may read.
 pub(crate) const TAIL: usize = 3 * MOST_LANES;
 
 /// A block.

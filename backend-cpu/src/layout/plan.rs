@@ -72,7 +72,7 @@ const NONE: u32 = u32::MAX;
 pub(crate) struct PlaceCosts {
     /// The branch that it is.
     branch: u32,
-    /// More places than these bring nothing; 0 where there is no branch.
+    /// More places than this gain nothing; 0 if there is no branch.
     useful: u32,
     /// For each number of places, one less than it and behind as many that say no places: the surface area of
     /// the nodes made of the subtree.
@@ -107,7 +107,7 @@ impl PlaceCosts {
     }
 }
 
-/// What planning needs to know besides branches.
+/// The other data that planning needs, in addition to branches.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Planner {
     /// Places of a node.

@@ -1,9 +1,10 @@
 //! Making the layout that queries read from a tree.
 //!
-//! A layout is made in two steps. *Planning* touches nothing but scratch: each task packs the leaves of one subtree and
-//! plans its wide nodes; then the few nodes above the tasks are planned. Now the size of everything is known
-//! to the byte and compared with the limit. Then room is made for all of it, and *filling* writes
-//! to that. It cannot fail, so an old layout is replaced only by a complete one.
+//! A layout is made in two steps. *Planning* touches nothing but scratch: each task packs the
+//! leaves of one subtree and plans its wide nodes; then the few nodes above the tasks are planned.
+//! Now the size of everything is known to the byte and compared with the limit. Then all of it is
+//! allocated, and *filling* writes to that. It cannot fail, so an old layout is replaced only by a
+//! complete one.
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
 
@@ -34,7 +35,7 @@ const TASK: u32 = 1 << 11;
 /// Words that a triangle takes at first guess.
 const GUESS: usize = 6;
 
-/// What a layout is made of besides a tree.
+/// The parts of a layout, in addition to a tree.
 #[derive(Clone, Copy)]
 pub(crate) struct LayoutSource<'a> {
     pub mesh: &'a Mesh<'a>,
@@ -53,7 +54,7 @@ pub(crate) struct LayoutScratch {
     pub tasks: Vec<PackTask>,
     /// What the tasks have packed.
     pub parts: Vec<PackedWords>,
-    /// The blocks of large triangles, behind all others.
+    /// The blocks of large triangles, after all others.
     large: PackedWords,
 }
 
@@ -83,7 +84,7 @@ pub(crate) struct PackedWords {
 /// How large a planned layout is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayoutSize {
-    /// Words of blocks, without what vector loads may read behind them.
+    /// Words of blocks, without those that vector loads may read after them.
     pub words: usize,
     /// Wide nodes.
     pub wide: usize,
@@ -117,15 +118,15 @@ impl PackedWords {
         (self.used, self.room, self.lost) = (0, self.words.len(), false);
     }
 
-    /// Room for one more block. Where there is too little, room for `triangles` triangles is made. `None` where there is no
-    /// memory for it, which the budget records.
+    /// Space for one more block. Where there is too little, it grows to hold `triangles` triangles.
+    /// `None` where there is no memory for that, which the budget records.
     fn next(&mut self, triangles: usize, budget: &Budget) -> Option<&mut [u32]> {
         if self.used + MOST_WORDS > self.room {
             let needed = self.used + MOST_WORDS + GUESS * triangles;
             let more = needed.max(self.room + self.room / 2) - self.room;
             self.lost |= !budget.take((more * size_of::<u32>()) as u64);
             self.room += more;
-            // Where there is no memory for the blocks, all go to the room of one.
+            // Where there is no memory for the blocks, all are written to the space of one.
             let room = if self.lost { self.words.len().max(MOST_WORDS) } else { self.room };
             if self.words.try_reserve_exact(room - self.words.len()).is_err() {
                 budget.failed.store(true, Relaxed);
@@ -272,7 +273,7 @@ fn nodes_above(nodes: &[KdNode], node: u32, end: u32) -> usize {
     }
 }
 
-/// Divides the tree below a node, of which `end` is the first node behind, into tasks.
+/// Divides the tree below a node, of which `end` is the first node after it, into tasks.
 fn divide(
     nodes: &[KdNode],
     node: u32,
@@ -377,8 +378,8 @@ impl LayoutPlanning<'_> {
         Some(Branch::leaf(within, unit, blocks))
     }
 
-    /// Packs some triangles, the first of these references, with room for more to come. Gives their bounds, and how
-    /// many blocks they take; `None` where there is no memory for them.
+    /// Packs some triangles, the first of these references, with space for more to come. Returns
+    /// their bounds, and how many blocks they take; `None` where there is no memory for them.
     fn pack(
         &self,
         references: &[u32],

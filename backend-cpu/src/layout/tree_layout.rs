@@ -118,7 +118,7 @@ impl TreeLayout {
         let size = scratch.plan(tree, source, self.set, meter, memory)?;
         let of = |length: usize, each: usize| (length * each) as u64;
         let wide = self.wide.bytes_for(size.wide).max(self.wide.held());
-        // What the other layout has is held until there is room for this one.
+        // The memory of the other layout is held until this one has its own.
         let (mut nodes, mut words) = (bytes_of(&self.nodes), bytes_of(&self.words));
         let mut mesh = self.mesh.as_ref().map_or(0, IndexedMesh::held);
         match source.layout {
@@ -135,8 +135,8 @@ impl TreeLayout {
         Ok(size)
     }
 
-    /// Makes room for a planned layout of `nodes` nodes. After an error the layout is what it was; else it must be
-    /// filled.
+    /// Makes space for a planned layout of `nodes` nodes. After an error the layout is unchanged;
+    /// otherwise it must be filled.
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
@@ -165,7 +165,8 @@ impl TreeLayout {
         }
     }
 
-    /// Writes the layout of the tree that is here, which the scratch has planned, to the room made for it.
+    /// Writes the layout of the tree that is here, which the scratch has planned, to the space made
+    /// for it.
     fn fill(
         &mut self,
         source: LayoutSource<'_>,
@@ -188,7 +189,8 @@ impl TreeLayout {
                 if meter.is_cancelled() {
                     return;
                 }
-                // A block without triangles, and what vector loads may read behind the last one.
+                // A block without triangles, and the words that vector loads may read after the
+                // last one.
                 words[size.words..].fill(0);
                 scratch.write(&tree.view(), nodes, &mut words[..size.words]);
                 wide::LeafChildren::TreeLayout {
@@ -203,7 +205,7 @@ impl TreeLayout {
         }
     }
 
-    /// Bytes that tree and layout have room for.
+    /// Capacity of tree and layout in bytes.
     pub fn held(&self) -> u64 {
         let KdTree { nodes, references, .. } = &self.tree;
         let tree = bytes_of(nodes) + bytes_of(references);
@@ -211,7 +213,7 @@ impl TreeLayout {
         tree + bytes_of(&self.nodes) + bytes_of(&self.words) + self.wide.held() + mesh
     }
 
-    /// Bytes of what queries read besides the tree.
+    /// Bytes that queries read, in addition to the tree.
     pub fn bytes(&self) -> u64 {
         let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
         let blocks = size_of_val(&self.nodes[..]) + size_of_val(&self.words[..]);
@@ -233,7 +235,7 @@ impl TreeLayout {
     #[inline]
     pub(crate) fn walk_nodes(&self) -> &[WalkNode] {
         match self.mesh {
-            // Of the same format but for what a leaf names.
+            // In the same format, except for the contents of leaves.
             Some(_) => WalkNode::of_tree(&self.tree.nodes),
             None => &self.nodes,
         }

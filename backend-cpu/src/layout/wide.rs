@@ -7,8 +7,9 @@
 //! known for every octant when the node is made, and nothing is sorted while a ray is under way.
 //! Empty leaves and the planes beside them vanish in the boxes.
 //!
-//! Which levels go together has been planned ([`super::plan`]), and how many nodes a subtree becomes: so all
-//! are written where they stay, by many tasks. A node's subtrees follow it one after the other.
+//! Which levels go together has been planned ([`super::plan`]), and how many nodes a subtree
+//! becomes: so all are written where they stay, by many tasks. A node's subtrees follow it
+//! consecutively.
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
@@ -42,7 +43,7 @@ pub(crate) struct WideNodes {
     depth: usize,
 }
 
-/// What stands for the leaves of a tree as children of nodes.
+/// How leaves of a tree are represented as children of nodes.
 #[derive(Clone, Copy)]
 pub(crate) enum LeafChildren<'a> {
     /// Blocks: the tree's nodes that name them, the words, and the unit of a block without triangles.
@@ -58,7 +59,8 @@ struct Writer<'a> {
     leaves: LeafChildren<'a>,
     branches: &'a [Branch],
     large: &'a Large,
-    /// What stands in places without a child. No ray goes there, and one that did would find a leaf without triangles.
+    /// The entry of places without a child. No ray goes there, and one that did would find a leaf
+    /// without triangles.
     nothing: u32,
     meter: &'a ProgressMeter<'a>,
     /// Progress that a node counts for.
@@ -100,13 +102,13 @@ impl WideNodes {
         wide_node::lines_of_node(self.lanes)
     }
 
-    /// The nodes, one after the other.
+    /// The nodes, stored consecutively.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub fn lines(&self) -> &[CacheLine] {
         &self.lines
     }
 
-    /// Bytes that there is room for.
+    /// Capacity in bytes.
     pub fn held(&self) -> u64 {
         bytes_of(&self.lines)
     }
@@ -116,7 +118,7 @@ impl WideNodes {
         (nodes * self.node_lines() * size_of::<CacheLine>()) as u64
     }
 
-    /// Makes room for the planned nodes, which has been accounted for.
+    /// Makes space for the planned nodes, which has been accounted for.
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
@@ -136,8 +138,8 @@ impl WideNodes {
         size_of_val(&self.lines[..]) as u64
     }
 
-    /// Makes the planned nodes of a tree of `nodes` nodes, for which there is room. After cancellation they are incomplete and must
-    /// not be used.
+    /// Makes the planned nodes of a tree of `nodes` nodes, for which there is space. After
+    /// cancellation they are incomplete and must not be used.
     pub fn fill(
         &mut self,
         leaves: LeafChildren<'_>,
@@ -281,7 +283,7 @@ impl Writer<'_> {
                     self.spread(self.child(other), places - left, false, made);
                     return made.order.separate(axis.into(), start, middle, made.count);
                 }
-                // It will be looked at soon.
+                // It will be read soon.
                 for &child in &branch.children {
                     prefetch(self.branches.as_ptr().wrapping_add(child as usize).cast());
                 }
@@ -325,8 +327,8 @@ impl Writer<'_> {
     }
 }
 
-/// Does each part as a task and returns the greatest result. A function apart from [`Writer::write`], so that tasks take
-/// room on the stack only where there are some.
+/// Does each part as a task and returns the greatest result. Separate from [`Writer::write`], so
+/// that tasks take stack space only where there are some.
 fn in_tasks<T: Send>(
     parts: impl Iterator<Item = T>,
     work: impl Fn(T) -> usize + Sync + Send,

@@ -15,9 +15,9 @@ use crate::simd::MOST_LANES;
 
 /// Set in a child that is a leaf.
 const LEAF_MARK: u32 = 1 << 31;
-/// What stands at the bottom of a stack of children: the ray is answered.
+/// The sentinel at the bottom of a stack of children: the ray is done.
 pub(crate) const DONE: u32 = u32::MAX;
-/// Leaves that children can name, but for [`DONE`].
+/// Leaves that children can address, except for [`DONE`].
 pub(crate) const MOST_LEAVES: usize = (1 << 31) - 1;
 
 /// 64 bytes.

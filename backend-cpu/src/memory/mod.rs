@@ -66,7 +66,7 @@ impl Memory {
         meter.check()
     }
 
-    /// Accounts for room for `length` elements in all, and makes it.
+    /// Accounts for space for `length` elements in all, and makes it.
     ///
     /// # Errors
     /// More memory than the limit allows, or than there is; the vector is then what it was.
@@ -80,7 +80,8 @@ impl Memory {
         self.reserve(vector, length)
     }
 
-    /// As [`Memory::make_room`], for lists that grow step by step: room that is too small is at least doubled.
+    /// As [`Memory::make_room`], for lists that grow step by step: a capacity that is too small is
+    /// at least doubled.
     ///
     /// # Errors
     /// As for [`Memory::make_room`].
@@ -95,7 +96,7 @@ impl Memory {
         self.make_room(vector, length.max(2 * vector.capacity()))
     }
 
-    /// Makes room for exactly `length` elements in all, which has been accounted for.
+    /// Makes space for exactly `length` elements in all, which has been accounted for.
     ///
     /// # Errors
     /// More memory than there is; the vector is then what it was.
@@ -123,7 +124,7 @@ pub(crate) fn boxed<T>(make: impl FnOnce() -> T) -> Result<Box<T>, TryReserveErr
     Ok(unsafe { Box::from_raw(one.cast::<T>()) })
 }
 
-/// Bytes that a vector has room for.
+/// Capacity of a vector in bytes.
 pub(crate) fn bytes_of<T>(vector: &Vec<T>) -> u64 {
     (vector.capacity() * size_of::<T>()) as u64
 }
@@ -147,8 +148,9 @@ pub(crate) fn lengthen<T: Copy>(
 /// Elements that are cleared between two calls of the watch.
 const PIECE: usize = 1 << 15;
 
-/// [`Vec::resize`] for vectors that have the room, by all threads, since the system takes most of the time to make
-/// pages. Under a watch piece by piece. Ends early when the work is cancelled.
+/// [`Vec::resize`] for vectors that have the capacity, by all threads, since most of the time is
+/// spent in the system's page allocation. With a watch it works piece by piece. Ends early when the
+/// work is cancelled.
 pub(crate) fn resize<T: Clone + Send + Sync>(
     meter: &ProgressMeter<'_>,
     vector: &mut Vec<T>,

@@ -12,7 +12,7 @@ use super::{Compiled, Direction, Simd};
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2;
 
-/// For each mask of eight its lanes, one after the other.
+/// For each mask of eight its lanes, consecutively.
 static LANES_OF: [[u8; 8]; 256] = lanes_of();
 
 const fn lanes_of() -> [[u8; 8]; 256] {
@@ -142,7 +142,7 @@ impl Simd for Avx2 {
             let mut end = 0;
             let mut i = 0;
             while i < count {
-                // What lies behind may never have been written.
+                // The memory after it may never have been written.
                 let there = _mm256_set1_epi32((count - i).min(8) as i32);
                 let there = _mm256_cmpgt_epi32(there, _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7));
                 let x = _mm256_maskload_ps(t.add(i), there);

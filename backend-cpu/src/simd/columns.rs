@@ -25,7 +25,7 @@ pub(crate) struct ReferenceRow {
 }
 
 impl Columns {
-    /// Rows there is room for.
+    /// Capacity in rows.
     #[inline]
     pub fn room(&self) -> usize {
         self.triangles.len()
@@ -37,7 +37,7 @@ impl Columns {
         4 * (faces + self.triangles.capacity()) as u64
     }
 
-    /// Makes room for `rows` rows in all; those that are there stay.
+    /// Makes space for `rows` rows in all; existing rows stay.
     ///
     /// # Errors
     /// Less memory than that.
@@ -54,7 +54,7 @@ impl Columns {
         Ok(())
     }
 
-    /// Copies references to the front, where there must be room for them.
+    /// Copies references to the front, where there must be space for them.
     pub fn load(&mut self, references: &[Reference]) {
         let count = references.len();
         let [lx, ly, lz, hx, hy, hz] = &mut self.faces;

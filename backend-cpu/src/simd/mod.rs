@@ -1,16 +1,16 @@
 //! Vector instructions: what an instruction set can do, said once, so that builders and queries are written once for
 //! all sets.
 //!
-//! [`Simd`] is an instruction set. A vector has [`Simd::N`] lanes. A node's children, a block's triangles, and the
-//! rays of a packet's group are lanes. Sums, differences, products and quotients round each by itself, as
-//! scalar code does: only [`Simd::mul_sub`] may round differently from set to set, and nothing that
-//! decides a hit is made with it. So every set gives the same hits.
+//! [`Simd`] is an instruction set. A vector has [`Simd::N`] lanes. A node's children, a block's
+//! triangles, and the rays of a packet's group are lanes. Sums, differences, products and quotients
+//! round each by itself, as scalar code does: only [`Simd::mul_sub`] may round differently from set
+//! to set, and no decision on a hit depends on it. So every set gives the same hits.
 //!
 //! Two more vocabularies belong to a set, since builders need what lanes of changing number cannot say:
 //! [`Simd::F32x16`], sixteen floats on any set, and the loops over references of [`references::ReferenceOps`].
 //!
-//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `portable.rs`. Intrinsics are used nowhere else but
-//! for [`F32x4`], which is SSE2.
+//! Each set is in a file of its own: `avx512/`, `avx2.rs`, `neon.rs`, `portable.rs`. Intrinsics are
+//! used nowhere else, except for [`F32x4`], which is SSE2.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -109,11 +109,11 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     unsafe fn keep(mask: Self::Mask, a: Self::Floats) -> Self::Floats;
     /// `a` where the mask says so, else `b`.
     unsafe fn select(mask: Self::Mask, a: Self::Floats, b: Self::Floats) -> Self::Floats;
-    /// A bit a lane, the first lane lowest.
+    /// A bit per lane, the first lane lowest.
     unsafe fn bits(mask: Self::Mask) -> u32;
     /// The mask of these bits.
     unsafe fn mask(bits: u32) -> Self::Mask;
-    /// The number in a lane, which there must be.
+    /// The number in a lane, which must exist.
     #[cfg_attr(not(unoptimised), inline(always))]
     unsafe fn lane(of: Self::Floats, lane: usize) -> f32 {
         let mut row = [0.0; MOST_LANES];
@@ -145,9 +145,10 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     /// apart.
     unsafe fn transpose(from: *const f32, stride: usize, to: *mut f32, to_stride: usize);
     /// Writes the children of a mask to the end of a stack, in the order that `order` gives their
-    /// places in (read in the order of `direction`), with the `t` of each. `N` elements are written in all,
-    /// of which as many count as the mask has lanes: `t` must be less than infinity there. Gives the last one
-    /// that counts, or anything where none does: reading it back would wait for the stores.
+    /// places in (read in the order of `direction`), with the `t` of each. `N` elements are written
+    /// in all, of which as many count as the mask has lanes: `t` must be less than infinity there.
+    /// Returns the last one that counts, or anything where none does: reading it back would wait
+    /// for the stores.
     unsafe fn push(
         children: *const u32,
         t: Self::Floats,
@@ -218,9 +219,9 @@ pub(crate) trait Compiled {
     /// What comes of it.
     type Output;
 
-    /// Does it. This, and all that it calls with the set, must be inlined always, unless nothing is
-    /// optimised (`build.rs`): a function of its own is compiled for no set, and each of its operations would be a
-    /// call.
+    /// Does the work. This, and everything that it calls with the set, must always be inlined,
+    /// unless nothing is optimised (`build.rs`): a separate function is compiled for no set, and
+    /// each of its operations would be a call.
     ///
     /// # Safety
     /// The processor must have the set.

@@ -12,7 +12,7 @@ use super::columns::{Columns, ReferenceRow};
 
 /// References divided at a time: their cuts stay in cache.
 pub(crate) const TILE: usize = 1024;
-/// Room for whole stores behind them.
+/// Space for whole stores after them.
 pub(crate) const TILE_ROOM: usize = TILE + WIDTH;
 
 /// Bounds of up to 64 references on one axis.
@@ -29,10 +29,11 @@ impl AxisFaces {
     pub const NONE: AxisFaces = AxisFaces { lo: [0.0; 64], hi: [0.0; 64] };
 }
 
-/// Places in a tile, and room for a whole store behind them.
+/// Places in a tile, and space for a whole store after them.
 pub(crate) type TilePlaces = [u32; TILE_ROOM];
 
-/// Candidate planes of a node on one axis: some of its faces, and room for a whole store behind them.
+/// Candidate planes of a node on one axis: some of its faces, and space for a whole store after
+/// them.
 pub(crate) type PlaneList = [f32; 2 * 64 + WIDTH];
 
 /// The outermost faces of some references on one axis.
@@ -101,9 +102,10 @@ pub(crate) trait ReferenceOps {
         [left, right]
     }
 
-    /// Moves the faces that a mask names to the front of `out`, in order, and to `planes` those that lie
-    /// strictly between `low` and `high`; of planes that follow each other closely and are the same, some
-    /// are left out. Returns the number of planes. Faces behind the moved ones may be overwritten.
+    /// Moves the faces that a mask names to the front of `out`, in order, and to `planes` those
+    /// that lie strictly between `low` and `high`; of planes that follow each other closely and are
+    /// the same, some are left out. Returns the number of planes. Faces after the moved ones may be
+    /// overwritten.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn gather(
         faces: &AxisFaces,
@@ -161,8 +163,8 @@ pub(crate) trait ReferenceOps {
         out
     }
 
-    /// Lists the places of references from `lo` to `hi` that a plane crosses, in order. At most [`TILE`]
-    /// references. Returns how many there are; what stands behind them is undefined.
+    /// Lists the places of references from `lo` to `hi` that a plane crosses, in order. At most
+    /// [`TILE`] references. Returns how many there are; the entries after them are undefined.
     #[cfg_attr(not(unoptimised), inline(always))]
     fn crossing(lo: &[f32], hi: &[f32], plane: f32, out: &mut TilePlaces) -> usize {
         let mut crossing = 0;

@@ -67,8 +67,9 @@ pub(crate) fn bind<'a, K: DeviceSet>(
     }))
 }
 
-/// The bind groups of a set's kernels that were made so far: while the lists of this round and the next
-/// stand in their places, and while they have changed them. They hold as long as the buffers do.
+/// The bind groups of a set's kernels that were made so far: while the lists of this round and the
+/// next are in their original places, and while they have changed places. They hold as long as the
+/// buffers do.
 #[derive(Debug)]
 pub struct BindGroups<K> {
     /// By kernel.

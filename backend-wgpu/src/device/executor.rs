@@ -27,8 +27,8 @@ pub trait Job {
     /// Which of its texts a kernel has.
     fn variant(&self) -> &<Self::Set as DeviceSet>::Variant;
 
-    /// The buffer of a name while lists stand in their places; `None` when there is none. Asked for
-    /// storages only ([`KernelSet::storage`]).
+    /// The buffer of a name while lists are in their original places; `None` when there is none.
+    /// Asked for storages only ([`KernelSet::storage`]).
     fn buffer(&self, buffer: SetBuffer<Self>) -> Option<&wgpu::Buffer>;
 
     /// A uniform; `None` when there is none.

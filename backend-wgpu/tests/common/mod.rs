@@ -50,7 +50,7 @@ pub fn is_llvmpipe() -> bool {
 }
 
 /// Runs a shader whose bindings are `input` (0, words), `output` (1, words) and a uniform of zeros
-/// (2), one invocation an item in workgroups of 64; gives the output.
+/// (2), one invocation per item in workgroups of 64. Returns the output.
 pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize) -> Vec<u32> {
     use wgpu::BufferUsages as Usage;
     let gpu = gpu();

@@ -6,7 +6,7 @@ use crate::all_hits::refused;
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// What a batch reports besides its answers.
+/// The report on a batch, in addition to its answers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QueryReport {

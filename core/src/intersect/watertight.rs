@@ -212,12 +212,12 @@ impl Seen {
 /// and spread the difference of the corners' depths:
 ///
 /// 1. *Interpolated* from the corners' depths by the rounded edge functions, where that is good. An
-///    image's corner stands 6.2 u R or less from where it would be without rounding, on either
-///    axis. Depth changes by at most 4 P spread / |det| per unit of either axis, so the plane of
-///    the image differs from that of the triangle by 50 u R P spread / |det| where the ray passes.
-///    The edge functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at
-///    most 4 u of the greatest depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|,
-///    `t` is off the image by less than 2^-15 |t|, and off the triangle's plane by less than 2^-14
+///    image's corner is 6.2 u R or less from its place without rounding, on either axis. Depth
+///    changes by at most 4 P spread / |det| per unit of either axis, so the plane of the image
+///    differs from that of the triangle by 50 u R P spread / |det| where the ray passes. The edge
+///    functions' own roundings, 4.1 u P^2 each, add 26 of these, and those of the sum, at most 4 u
+///    of the greatest depth where |det| <= 4 R P, add 16. Where R P spread <= 8 |t det|, `t` is off
+///    the image by less than 2^-15 |t|, and off the triangle's plane by less than 2^-14
 ///    |t|.
 /// 2. *Refined* ([`refined`]): grazing triangles, very near ones and slivers, where the ray passes the edges by more
 ///    than the images err. It then meets the triangle itself, and all three numbers are the triangle's.

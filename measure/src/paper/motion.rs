@@ -134,7 +134,7 @@ impl Mover {
         }
     }
 
-    /// Moves a scene to a frame of so many, and its camera where the frame has one.
+    /// Moves a scene to one of this many frames, and its camera where the frame has one.
     fn set(&mut self, frame: usize, frames: usize, placed: &mut Placed) -> Result<(), ReportError> {
         let scene = &mut placed.scene;
         match self {

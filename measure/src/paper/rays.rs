@@ -1,4 +1,4 @@
-//! The rays of a frame, for whoever is to trace the same ones.
+//! The rays of a frame, for backends that trace the same ones.
 
 use glam::DVec3;
 use rayon::prelude::*;

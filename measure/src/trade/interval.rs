@@ -15,8 +15,9 @@ pub struct Interval {
 
 /// Confidence that is aimed at; what so few rounds give may be less, see [`confidence`].
 const WANTED: f64 = 0.9;
-/// Times closer than this part are not told apart, however quiet the rounds: memory lies otherwise in the next run, and
-/// between runs medians of the same row were seen to move by 3 % in most cases and 5 % in nearly all, beyond their intervals.
+/// Times closer than this part are not distinguished, however quiet the rounds: memory lies
+/// otherwise in the next run, and between runs medians of the same row were seen to move by 3 % in
+/// most cases and 5 % in nearly all, beyond their intervals.
 pub const LEAST_APART: f64 = 0.05;
 /// Of one or two rounds nothing is known; they may be off by this factor.
 const UNKNOWN: f64 = 1.5;
@@ -37,7 +38,8 @@ fn outside(n: usize) -> usize {
     (1..n / 2).take_while(|&k| 1.0 - 2.0 * tail(n, k + 1) >= WANTED).last().unwrap_or(0)
 }
 
-/// The probability that the median lies in the interval of so many rounds: 0.9375 for five. 0 for fewer than three.
+/// The probability that the median lies in the interval of this many rounds: 0.9375 for five. 0 for
+/// fewer than three.
 pub fn confidence(rounds: usize) -> f64 {
     if rounds < 3 { 0.0 } else { 1.0 - 2.0 * tail(rounds, outside(rounds) + 1) }
 }
@@ -72,7 +74,7 @@ impl Interval {
         Interval { low: self.low + other.low, high: self.high + other.high }
     }
 
-    /// Which is less, beyond the noise of both; equal where they are not told apart.
+    /// Which is less, beyond the noise of both; equal where they cannot be distinguished.
     pub fn compare(self, other: Interval) -> Ordering {
         if self.high * (1.0 + LEAST_APART) < other.low {
             Ordering::Less

@@ -27,14 +27,14 @@ pub enum Payback {
     Base,
     /// It costs no more from the first ray on.
     Always,
-    /// It costs more up to so many rays, and no more from there on.
+    /// It costs more up to this many rays, and no more from there on.
     After {
         /// Rays, by the medians.
         rays: f64,
         /// The least and the most that the intervals of the times allow.
         within: [f64; 2],
     },
-    /// It costs less up to so many rays, and more from there on.
+    /// It costs less up to this many rays, and more from there on.
     Until {
         /// Rays, by the medians.
         rays: f64,
@@ -50,9 +50,9 @@ pub enum Payback {
 }
 
 impl Payback {
-    /// Compares a setting with a base by their two lines: `b + n r` against `b' + n r'`, which meet at
-    /// `n = (b - b') / (r' - r)`. `build` and `ray` say how the times compare beyond their noise; what is not
-    /// told apart counts as equal.
+    /// Compares a setting with a base by their two lines: `b + n r` against `b' + n r'`, which meet
+    /// at `n = (b - b') / (r' - r)`. `build` and `ray` say how the times compare beyond their
+    /// noise; times that cannot be distinguished count as equal.
     pub fn of(own: Line, base: Line, build: Ordering, ray: Ordering) -> Payback {
         let rays = 1e6 * (own.build_ms - base.build_ms) / (base.ns_per_ray - own.ns_per_ray);
         match (build, ray) {
@@ -113,7 +113,7 @@ pub fn count(rays: f64) -> String {
     format!("{rays:.1e}")
 }
 
-/// From so many rays on, this line is the least of all.
+/// From this many rays on, this line is the least of all.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reign {
     /// The place of the line.
@@ -176,7 +176,7 @@ mod tests {
         assert_eq!(of(line(150.0, 200.0)), Payback::Never);
         assert_eq!(of(line(150.0, 300.0)), Payback::Never);
         assert_eq!(of(line(100.0, 300.0)), Payback::Never);
-        // A build that is dearer, but not beyond the noise, needs no paying back.
+        // A build that is more expensive, but not beyond the noise, needs no paying back.
         let alike = Payback::of(line(101.0, 100.0), base, Ordering::Equal, Ordering::Less);
         assert_eq!(alike, Payback::Always);
     }

@@ -1,4 +1,4 @@
-//! Which setting to take for so many rays a build.
+//! Which setting to take for a number of rays per build.
 
 use super::payback::{Line, Reign, count, envelope};
 use super::row::Row;
@@ -59,7 +59,7 @@ pub struct Recommendation {
     pub words: String,
 }
 
-/// From so many rays a build on, a row is the one to take.
+/// From this many rays per build on, a row is the one to take.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Step {
@@ -275,7 +275,8 @@ mod tests {
         Wish { rays, frames: 1, still: false, least_accuracy, max_error: None }
     }
 
-    /// A cheap build, a dear one that pays after a million rays, and a leaky one that beats both.
+    /// A cheap build, an expensive one that pays after a million rays, and a leaky one that beats
+    /// both.
     fn rows() -> Vec<Row> {
         let mut rows = vec![
             row("fast", "watertight", 100.0, 200.0),

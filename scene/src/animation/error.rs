@@ -104,7 +104,7 @@ pub enum AnimationError {
         /// Vertices of the scene.
         scene: usize,
     },
-    /// The scene that is to be moved is not the one that was opened.
+    /// The scene to be moved is not the one that was opened.
     #[error("the scene has {found} vertices, but the animation was opened for one of {expected}")]
     AnotherScene {
         /// Vertices of the scene that was opened.

@@ -110,7 +110,7 @@ impl Ord for Natural {
         let (mut left, mut right) = (self.runs(), other.runs());
         loop {
             let order = match (left.next(), right.next()) {
-                // Equal but for leading zeros.
+                // Equal except for leading zeros.
                 (None, None) => return self.0.cmp(&other.0),
                 // Of two numbers without leading zeros the longer one is greater.
                 (Some((true, a)), Some((true, b))) => a.len().cmp(&b.len()).then(a.cmp(b)),

@@ -138,7 +138,7 @@ impl Builder {
         });
     }
 
-    /// Gives the part since `start` the normals that follow from its triangles, one a vertex.
+    /// Sets the normals of the part since `start` from its triangles, one per vertex.
     pub(super) fn smooth(&mut self, start: Mark) {
         self.give_normals(start, |_| [0.0, 1.0, 0.0]);
         normals::smooth(&mut self.scene, start.triangle, &mut Vec::new());
@@ -154,7 +154,7 @@ impl Builder {
         scene.normals.extend(scene.positions[start.vertex..].iter().map(|&point| normal(point)));
     }
 
-    /// Gives the corners since `start` texture coordinates by their positions.
+    /// Sets the texture coordinates of the corners since `start` by their positions.
     pub(super) fn give_texcoords(&mut self, start: Mark, of: impl Fn([f32; 3]) -> [f32; 2]) {
         let scene = &mut self.scene;
         let shift = |vertex: u32| vertex - start.vertex as u32 + scene.texcoords.len() as u32;

@@ -67,7 +67,7 @@ fn size(
     size.ok_or_else(|| BuiltinError::BadSize { scene, size: text.to_owned(), least, most })
 }
 
-/// The scene of this name in its first frame and how it moves; `None` for one that stands still.
+/// The scene of this name in its first frame and how it moves; `None` for one that does not move.
 #[cfg(feature = "animation")]
 pub(super) fn moving(name: &str) -> Result<Option<(Scene, carousel::Motion)>, BuiltinError> {
     let (known, size) = parts(name);

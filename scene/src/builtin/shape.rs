@@ -13,8 +13,8 @@ pub(super) struct Tube {
 }
 
 impl Builder {
-    /// A tube of round section. `curve` gives the point at a part of the way, and a direction away
-    /// from its inside that never points along it.
+    /// A tube of round section. `curve` returns the point at a part of the way, and a direction
+    /// away from its inside that never points along it.
     pub(super) fn tube(
         &mut self,
         material: u32,

@@ -29,7 +29,7 @@ impl Named {
 
     /// Counts one more.
     pub(super) fn add(&mut self) -> Result<(), ObjProblem> {
-        // The last value of 32 bits stands for none.
+        // The last value of 32 bits means none.
         if self.count >= Scene::NONE as usize {
             return Err(ObjProblem::TooMany(self.of));
         }

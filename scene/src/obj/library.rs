@@ -16,7 +16,7 @@ const MOST_OF_ALL: u64 = 256 << 20;
 /// Every entry with the folder of its file, from which it names textures.
 type Entries = HashMap<String, (Entry, PathBuf)>;
 
-/// Gives the scene's materials what the libraries say of them. `libraries` are what follows each
+/// Sets the scene's materials as the libraries say. `libraries` are what follows each
 /// `mtllib`, relative to `folder`. Whatever is missing becomes a warning.
 pub(super) fn paint(
     scene: &mut Scene,
@@ -152,7 +152,8 @@ pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
     turned.is_file().then_some(turned)
 }
 
-/// Gives what stands in a file, and what is to be said of it; `left` are the bytes that may be read yet.
+/// Returns the contents of a file, and the notes on it; `left` are the bytes that may still be
+/// read.
 fn entries_of(file: &Path, left: &mut u64, keep: impl FnMut(Entry)) -> Result<Vec<String>, String> {
     let bytes = from_file::read(file, MOST.min(*left)).map_err(|error| match error {
         ReadError::TooLong { limit: MOST } => format!("it is larger than {MOST} bytes"),

@@ -24,8 +24,8 @@ pub(super) struct Entry {
 /// Most notes on single materials of a file.
 const MOST_NOTES: usize = 16;
 
-/// Gives the materials of a text one after the other, and what was left out, a sentence each. Nothing is
-/// kept of a line, since a file may have millions of them.
+/// Returns the materials of a text one at a time, and what was left out, a sentence each. Nothing
+/// is kept of a line, since a file may have millions of them.
 pub(super) fn parse(text: &str, mut found: impl FnMut(Entry)) -> Vec<String> {
     let mut current: Option<Entry> = None;
     let mut bad: (u64, Option<(u64, String)>) = (0, None);
@@ -92,7 +92,7 @@ pub(super) fn parse(text: &str, mut found: impl FnMut(Entry)) -> Vec<String> {
     warnings
 }
 
-/// One to three numbers; one stands for all channels.
+/// One to three numbers; a single one is for all channels.
 fn colour(text: &str) -> Result<[f32; 3], String> {
     let mut parts = [0.0; 3];
     let mut words = text.split_ascii_whitespace();

@@ -201,7 +201,7 @@ impl Reader {
     }
 }
 
-/// Makes room in a list. A file of many elements takes many times its bytes, so that there is no memory
+/// Makes space in a list. A file of many elements takes many times its bytes, so a lack of memory
 /// must be an error, not the end of the program.
 fn room<T>(list: &mut Vec<T>, more: usize) -> Result<(), ObjProblem> {
     list.try_reserve(more).map_err(|_| ObjProblem::Memory)
@@ -234,7 +234,7 @@ fn numbers<const N: usize>(of: Element, rest: &str, least: usize) -> Result<[f32
     }
 }
 
-/// Brings the corners' indices to one entry a triangle, if there are any, and takes away those of
+/// Brings the corners' indices to one entry per triangle, if there are any, and removes those of
 /// values that cannot be used. Returns how many such values there are.
 fn leave_out<T>(
     values: &[T],

@@ -20,7 +20,7 @@ impl Said {
         }
     }
 
-    /// All that is to be said.
+    /// All notes.
     pub(super) fn sentences(mut self) -> Vec<String> {
         if self.more > 0 {
             self.sentences.push(format!("{} more notes like these are left out", self.more));

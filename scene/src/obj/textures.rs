@@ -45,7 +45,7 @@ impl Album {
         }
     }
 
-    /// The texture that a material names. What stands in the way is a warning.
+    /// The texture that a material names. Obstacles become warnings.
     pub(super) fn add(&mut self, material: &str, folder: &Path, name: &str) -> Option<u32> {
         let found = find(folder, name).or_else(|| {
             // Many files name a place on their author's disk.
@@ -77,7 +77,7 @@ impl Album {
         self.over_limit
     }
 
-    /// The textures, and what is to be said of them.
+    /// The textures, and the notes on them.
     pub(super) fn finish(self) -> (Vec<Texture>, Vec<String>) {
         let mut said = self.said.sentences();
         let count = self.halved.iter().filter(|halved| **halved).count();
@@ -97,7 +97,7 @@ impl Album {
         });
     }
 
-    /// Decodes a file at the size that there is room for, and halves those before it where they must be.
+    /// Decodes a file at the size that fits, and halves those before it where necessary.
     fn read(&mut self, path: &Path, name: &str) -> Result<u32, Refusal> {
         let picture = Picture::open(path, self.decode_limit)?;
         let decoded = picture.decoder.total_bytes();
@@ -126,8 +126,8 @@ impl Album {
     }
 }
 
-/// How often each texture of these sizes is to be halved until all fit, or nothing is left to halve: always
-/// the largest.
+/// How often each texture of these sizes must be halved until all fit, or nothing is left to halve:
+/// always the largest.
 fn fit(mut sizes: Vec<[u32; 2]>, limit: u64) -> Vec<u32> {
     let texels = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height);
     let mut levels = vec![0; sizes.len()];
@@ -212,8 +212,8 @@ impl Picture {
         Ok(Picture { decoder: Box::new(decoder), needed })
     }
 
-    /// The picture, halved so many times. Beside what the decoder gives there is never all of it at
-    /// full size.
+    /// The picture, halved this many times. Apart from the decoder's output, the whole picture
+    /// never exists at full size.
     fn decode(self, name: &str, level: u32) -> Result<Texture, String> {
         let memory = |bytes: u64| {
             let bytes = usize::try_from(bytes).ok()?;

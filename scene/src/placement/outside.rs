@@ -63,7 +63,7 @@ pub(super) fn lights(camera: &Camera, count: usize) -> Vec<Light> {
         .collect()
 }
 
-/// Positions near the end of the range of f32 leave no room for an eye outside; then any camera
+/// Positions near the end of the range of f32 leave no space for an eye outside; then any camera
 /// does.
 fn at(eye: DVec3, centre: DVec3) -> Camera {
     let [eye, at] = [eye, centre].map(|p| p.as_vec3().to_array());

@@ -48,8 +48,8 @@ fn centred(count: usize) -> Scene {
     scene
 }
 
-/// Closed spheres about one centre, from a radius of 1e-37 to one of 1e38: whoever starts inside one
-/// must hit it, and each ray from the middle crosses all.
+/// Closed spheres about one centre, from a radius of 1e-37 to one of 1e38: a ray that starts inside
+/// one must hit it, and each ray from the middle crosses all.
 pub fn shells() -> Scene {
     let mut whole = scenes::sphere(4, [0.0; 3], 1e-37);
     for power in (-33..=38).step_by(5) {
@@ -198,7 +198,7 @@ pub fn along(mesh: &Mesh<'_>, count: usize, seed: u64) -> Vec<Ray> {
                 1 => way.map(|x| -x),
                 // From a point of the edge's line to a corner: in a plane now and then.
                 2 => [0, 1, 2].map(|i| other[i] - origin[i]),
-                // Along the edge but for one component.
+                // Along the edge except for one component.
                 _ => {
                     let mut direction = way;
                     direction[aim.random().below(3)] = 0.0;

@@ -85,7 +85,7 @@ pub fn every_plane(mesh: &Mesh<'_>, config: &BuildConfig, clip: Option<&Clip>) -
     finish(&tree, bounds, mesh, config)
 }
 
-/// What a child of so many blocks is expected to cost.
+/// The expected cost of a child of this many blocks.
 fn expected(blocks: f64) -> f64 {
     let root = (blocks / 4.0).sqrt();
     if blocks <= 4.0 { blocks } else { 4.0 * (root * root.sqrt()) }
@@ -258,7 +258,7 @@ fn textbook_node(config: &BuildConfig, parts: Vec<Part>, cell: Aabb, depth: u32)
     let n = parts.len();
     let whole = half_area(&cell);
     let mut best = (test * n as f64 * whole, usize::MAX, 0.0f32);
-    // Too small a cell is a leaf whoever builds.
+    // Too small a cell is a leaf for every builder.
     let longest = extents(&cell).into_iter().fold(0.0, f64::max);
     if depth < config.max_depth && n > 0 && longest >= 2f64.powi(-116) {
         for axis in 0..3 {

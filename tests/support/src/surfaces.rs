@@ -249,7 +249,7 @@ pub struct Failure {
     pub ray: Ray,
     /// What was asked besides.
     pub options: QueryOptions<'static>,
-    /// Who was asked what, and said what.
+    /// Which backend was asked what, and its answer.
     pub text: String,
 }
 
@@ -410,11 +410,11 @@ impl fmt::Display for Tally {
     }
 }
 
-/// Who is asked, and how.
+/// Which backend is asked, and how.
 pub struct Asked<'a> {
     /// The name: preset, layout, instruction set.
     pub name: &'a [String],
-    /// Who is asked.
+    /// Which backend is asked.
     pub accelerator: &'a dyn Accelerator,
     /// In which ways.
     pub ways: &'a [Way],

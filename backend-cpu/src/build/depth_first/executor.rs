@@ -57,7 +57,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
         DepthFirstExecutor { twin, config, scratch, is_void: false }
     }
 
-    /// Whether a cap might have bound, so that the tree must be built by the schedule as it stands.
+    /// Whether a cap might have bound, so that the schedule itself must build the tree.
     pub fn is_void(&self) -> bool {
         self.is_void
     }
@@ -78,7 +78,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
         self.twin.memory()
     }
 
-    /// Gives the memory back, with the finished tree in the buffers.
+    /// Returns the memory, with the finished tree in the buffers.
     pub fn finish(self) -> (Buffers, DepthFirstScratch) {
         (self.twin.finish(), self.scratch)
     }

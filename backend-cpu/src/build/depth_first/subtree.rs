@@ -188,7 +188,7 @@ impl SubtreeTask<'_> {
                     }
                     Some(Next::Right { node, from, parent }) => {
                         self.right_child(parent);
-                        // The old contents are no longer needed: so a task needs little more room
+                        // The old contents are no longer needed: so a task needs little more space
                         // than its root.
                         self.worker.columns.move_down(from, node.count, node.first);
                         break node;

@@ -25,11 +25,11 @@ impl ScratchPool {
         self.spare.lock().map_or(0, |spare| spare.iter().map(|worker| worker.bytes()).sum())
     }
 
-    /// Makes scratch for each thread, with as much room as any thread has needed so far. So the
+    /// Makes scratch for each thread, with as much space as any thread has needed so far. So the
     /// next build of the kind allocates nothing, whichever thread takes which.
     ///
     /// # Errors
-    /// Less memory than that room.
+    /// Less memory than that.
     pub fn prepare(&mut self, threads: usize) -> Result<(), TryReserveError> {
         let Ok(spare) = self.spare.get_mut() else { return Ok(()) };
         spare.try_reserve_exact(threads.saturating_sub(spare.len()))?;
@@ -52,7 +52,7 @@ impl ScratchPool {
         spare.map_or_else(TaskScratch::new, Ok)
     }
 
-    /// Keeps scratch for later tasks. Where there is no room in the list, it is dropped.
+    /// Keeps scratch for later tasks. Drops it if the list has no space.
     pub fn give_back(&self, worker: Box<TaskScratch>) {
         if let Ok(mut spare) = self.spare.lock()
             && spare.try_reserve(1).is_ok()
@@ -102,7 +102,7 @@ impl TaskScratch {
 pub(super) struct ColumnNode {
     pub first: usize,
     pub count: usize,
-    /// From this row on, and [`crate::simd::WIDTH`] rows behind its own, the rows are free.
+    /// From this row on, and [`crate::simd::WIDTH`] rows after its own, the rows are free.
     pub free: usize,
     pub cell: Aabb,
     pub depth: u32,
@@ -115,7 +115,7 @@ pub(super) struct ColumnNode {
 /// What comes next in preorder.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Next {
-    /// The right child of the interior node `parent`, whose rows stand at `from`.
+    /// The right child of the interior node `parent`, whose rows begin at `from`.
     Right { node: ColumnNode, from: usize, parent: usize },
     /// An empty leaf, the right child of the interior node `parent`.
     Empty { parent: usize },

@@ -75,8 +75,8 @@ fn tasks_build_what_the_levels_build() {
     }
 }
 
-/// Where a cap binds, or might, the tasks' tree is void, and [`crate::CpuBackend`] builds that of the
-/// levels. With room to spare it is not.
+/// Where a cap binds, or might, the tasks' tree is void, and [`crate::CpuBackend`] builds that of
+/// the levels. With spare capacity it is not.
 #[test]
 fn caps_make_it_void() {
     let scene = scenes::medley(9000, 0.3, 5);

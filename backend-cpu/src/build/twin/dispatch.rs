@@ -193,7 +193,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 let next = b.counters[Counter::NextReferences] as usize;
                 let small = b.counters[Counter::SmallReferences] as usize;
                 m.grow_watched(&mut b.next_references, next, meter)?;
-                // The small references collect over all levels: room for more than this one.
+                // The small references collect over all levels: space for more than this one.
                 if b.small_references.len() < small {
                     m.grow_watched(&mut b.small_references, small + small / 4, meter)?;
                 }

@@ -142,7 +142,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         }
     }
 
-    /// Gives the buffers back, with the finished tree in them.
+    /// Returns the buffers, with the finished tree in them.
     pub fn finish(self) -> Buffers {
         self.buffers
     }

@@ -30,7 +30,7 @@ pub(crate) struct SmallRootBuilder {
     triangles: [u32; 64],
     faces: [AxisFaces; 3],
     stack: [Pending; MAX_DEPTH as usize + 2],
-    /// The faces of the node at hand.
+    /// The faces of the current node.
     gathered: AxisFaces,
     planes: PlaneList,
 }

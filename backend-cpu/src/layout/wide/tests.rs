@@ -12,7 +12,7 @@ use crate::memory::Memory;
 use crate::simd::InstructionSet;
 
 /// Goes through all nodes below one: they are in their order, boxes hold what is below them, and
-/// unused places are empty. Gives the levels, and what the leaves are.
+/// unused places are empty. Returns the number of levels, and the leaves.
 fn walk(
     blocks: &TreeLayout,
     node: usize,

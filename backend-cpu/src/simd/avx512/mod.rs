@@ -120,7 +120,7 @@ impl Simd for Avx512 {
             let mut i = 0;
             while i < count {
                 let (old_t, old) = (t.add(i), children.add(i));
-                // What lies behind may never have been written.
+                // The memory after it may never have been written.
                 let there = _bzhi_u32(0xffff, (count - i).min(16) as u32) as __mmask16;
                 let x = _mm512_maskz_loadu_ps(there, old_t);
                 let stop = _mm512_set1_ps(stop);

@@ -42,9 +42,9 @@ impl ReferenceOps for Avx512 {
         // Stores are whole: the last one may begin at the 48th face at most, so it goes by way of this.
         let mut moved = [[0.0f32; 64 + WIDTH]; 2];
         let (mut kept, mut found) = (0, 0);
-        // SAFETY: as above. `kept` counts set bits of `mask` below the part at hand, so it is at most 48
-        // when 16 floats are stored there; `found` at most 16 for each of 8 vectors, so it is at most 112
-        // when 16 are stored there.
+        // SAFETY: as above. `kept` counts set bits of `mask` below the current part, so it is at
+        // most 48 when 16 floats are stored there; `found` at most 16 for each of 8 vectors, so it
+        // is at most 112 when 16 are stored there.
         unsafe {
             let (low, high) = (_mm512_set1_ps(low), _mm512_set1_ps(high));
             for part in 0..4 {
@@ -135,8 +135,8 @@ impl ReferenceOps for Avx512 {
         let count = lo.len().min(hi.len());
         assert!(count <= TILE);
         let mut crossing = 0;
-        // SAFETY: the processor has AVX-512 by the type's contract. Loads are masked beyond the ends. At most
-        // TILE places are listed, and there is room for a whole store behind them.
+        // SAFETY: the processor has AVX-512 by the type's contract. Loads are masked beyond the
+        // ends. At most TILE places are listed, and there is space for a whole store after them.
         unsafe {
             let plane = _mm512_set1_ps(plane);
             let mut place = _mm512_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);

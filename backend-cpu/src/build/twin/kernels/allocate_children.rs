@@ -30,7 +30,7 @@ pub fn most(decisions: &[Decision]) -> [usize; 3] {
     [cuts + children, children, children]
 }
 
-/// Runs the kernel. The lists have room for what [`most`] says.
+/// Runs the kernel. The lists have space for what [`most`] says.
 pub fn run(
     config: &BuildConfig,
     active: &[LargeNode],

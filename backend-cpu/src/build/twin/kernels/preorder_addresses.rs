@@ -1,7 +1,7 @@
 //! `preorder_addresses`: one workgroup, level by level from the root.
 //!
 //! Reads: the top tree and the sizes of its subtrees. Writes: where each subtree starts in the
-//! output: a left subtree just behind its parent, a right one behind the left one.
+//! output: a left subtree just after its parent, a right one after the left one.
 
 use splitplane_core::layout::{Extent, TopNode};
 
