@@ -12,7 +12,7 @@
 @group(0) @binding(4) var<storage, read_write> small_sizes: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read_write> subtrees: array<u32>;
 
-// Where the subtree at hand is kept, and whether there is room for it.
+// Where the current subtree is kept, and whether there is space for it.
 var<private> slot: u32;
 var<private> kept: bool;
 

@@ -15,7 +15,7 @@
 @group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
 
-// Where the root at hand begins in the output.
+// Where the current root begins in the output.
 var<private> address: vec2<u32>;
 
 // A leaf's first reference counts from the subtree's start.

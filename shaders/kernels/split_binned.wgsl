@@ -14,7 +14,7 @@
 // One for each axis and bin.
 const LANES: u32 = 192u;
 
-// 1 while the node at hand is to be split.
+// 1 while the current node must be split.
 var<workgroup> open: u32;
 // The least cost among borders that pay, word by word, and the first lane that has it.
 var<workgroup> best_high: atomic<u32>;
@@ -56,7 +56,7 @@ struct Border {
     pays: bool,
 }
 
-// The border below bin `index` of an axis, with so many references left and right of it.
+// The border below bin `index` of an axis, with this many references left and right of it.
 fn evaluate(node: LargeNode, bins: BinAxis, axis: u32, index: u32, left: u32, right: u32) -> Border {
     let cell = Aabb(cell_lo, cell_hi);
     let extents = extents_of(cell);

@@ -63,8 +63,8 @@ fn weigh(node_area: u32, areas: vec2<u32>, traversal: u32, children: vec2<u32>) 
     return wide_sum(wide_product(traversal, node_area), wide_multiple(tests, parameters.intersection_cost));
 }
 
-// What a subtree over so many blocks is expected to cost, in quarters of a block: itself up to four, beyond
-// them 4 (b / 4)^(3/4); linear between powers of two.
+// The expected cost of a subtree over this many blocks, in quarters of a block: itself up to four,
+// beyond them 4 (b / 4)^(3/4); linear between powers of two.
 fn expected_quarters(blocks: u32) -> u32 {
     if blocks <= 4u {
         return 4u * blocks;

@@ -1,6 +1,6 @@
-// Twin of core/src/certify.rs but for the traversal: what is certain of a ray and a triangle, told in
-// f32 and doubled floats with bounds on every error. Needs watertight.wgsl for its shear and its
-// doubles. The bounds are derived in docs/design/exact.md.
+// Twin of core/src/certify.rs except for the traversal: what is certain about a ray and a triangle,
+// decided in f32 and double-float numbers with bounds on every error. Needs watertight.wgsl for its
+// shear and its doubles. The bounds are derived in docs/design/exact.md.
 
 // Error of a sheared coordinate, per unit of the corners' greatest distance on any axis.
 const BLUR: f32 = 0x1p-21f;
@@ -20,7 +20,7 @@ const DISTANCE_NOISE: f32 = 0x1p-110f;
 const FLOAT_NOISE: f32 = 0x1p-22f;
 // Components of a direction below this, but not zero, are not known to be without error.
 const DIRECTION_KNOWN: f32 = 0x1p-100f;
-// Distances from 2 to the power of this up are left in doubt, lest something overflow.
+// Distances from 2 to the power of this up are left undecided, so that nothing overflows.
 const GREATEST_EXPONENT: i32 = 60;
 
 // A number known within an error. An error of zero means that the number is zero, exactly.
@@ -125,7 +125,7 @@ fn is_known(given: f32, scaled: f32) -> bool {
     return snap(given) == 0.0 || abs(scaled) >= DIRECTION_KNOWN;
 }
 
-// Whether a ray made ready is still the one that was given, and in the range in which the bounds hold.
+// Whether preparation left a ray unchanged, and the ray is in the range in which the bounds hold.
 fn is_as_given(ray: Ray, prepared: PreparedRay) -> bool {
     return !prepared.wide && prepared.offset == 0.0
         && all(prepared.origin == snap3(ray.origin))
@@ -329,8 +329,8 @@ fn compare_limit(met: Certain, key: u32, limit: f32) -> u32 {
         let zero = 0x80000000u;
         return select(select(COMPARED_EQUAL, COMPARED_LESS, zero < key), COMPARED_GREATER, zero > key);
     }
-    // The inner limits of a ray that was not moved are the given ones but for clamping far beyond all
-    // distances, and flushing, which the error covers.
+    // The inner limits of a ray that was not moved are the given ones, except for clamping far
+    // beyond all distances, and flushing, which the error covers.
     return compared(double_minus(met.t, Double(limit, 0.0)).high, met.error);
 }
 

@@ -1,6 +1,6 @@
-// Twin of `Search` in core/src/certify.rs: a traversal looks for exact hits and tells those that are certain.
-// In place of search.wgsl, with the same functions for traverse.wgsl to call. The hit is `UNDECIDED_HIT` where
-// what is in doubt may precede it.
+// Twin of `Search` in core/src/certify.rs: a traversal looks for exact hits and tells those that
+// are certain. In place of search.wgsl, with the same functions for traverse.wgsl to call. The hit
+// is `UNDECIDED_HIT` where something undecided may precede it.
 
 // What a traversal has found.
 struct Search {
@@ -8,7 +8,7 @@ struct Search {
     // Of `best`, if it was found.
     triangle: u32,
     best: Certain,
-    // Inner `t`: nothing that is in doubt is nearer. GREATEST where nothing is in doubt.
+    // Inner `t`: nothing undecided is nearer. GREATEST where nothing is undecided.
     doubt: f32,
     // No leaf farther than this is of interest.
     stop: f32,
@@ -68,7 +68,7 @@ fn searched(
         noted(before, examine(ray, corners, culling, before.stop), triangle, corners);
     if any {
         if search.found {
-            // Whatever is in doubt, this is hit.
+            // Whatever is undecided, this is hit.
             search.doubt = GREATEST;
         }
         return search;

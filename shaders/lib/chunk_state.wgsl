@@ -1,4 +1,4 @@
-// What is known of each chunk: counts, sides and bounds, one array behind the other in the binding
+// The state of each chunk: counts, sides and bounds, one array after the other in the binding
 // `chunk_state`. Twins of Sides, ChunkSides and ChunkBounds in core/src/layout.rs.
 
 fn load_counts(chunk: u32) -> vec2<u32> {

@@ -1,4 +1,4 @@
-// Twin of core/src/intersect.rs but for the triangle tests: rays made ready, and the distance to
+// Twin of core/src/intersect.rs except for the triangle tests: prepared rays, and the distance to
 // planes. The tests are in watertight.wgsl and moeller_trumbore.wgsl; a shader has one of the two.
 //
 // Infinities and NaN do not exist here. Limits and components that may hold them are read as bits,
@@ -45,7 +45,7 @@ struct Scene {
     origin_least: f32,
 }
 
-// A ray made ready: scaled, moved near the scene, sheared. See `PreparedRay` in Rust.
+// A prepared ray: scaled, moved near the scene, sheared. See `PreparedRay` in Rust.
 struct PreparedRay {
     // False when the ray can hit nothing; then nothing else counts.
     some: bool,
@@ -192,8 +192,8 @@ fn moved_coordinate(start: f32, shift: f32, direction: f32, power: i32) -> f32 {
 }
 
 // Moves an origin along the direction to a plane: how far, and where it comes to lie. Scaled by a
-// power of two so that the origin is near 1, and without error but for the last rounding, since
-// the way is long.
+// power of two so that the origin is near 1, and without error except for the last rounding, since
+// the distance is long.
 fn move_origin(origin: vec3<f32>, direction: vec3<f32>, plane: FarPlane) -> MovedOrigin {
     let largest = most(most_of(abs(origin)), abs(plane.side));
     // One below, so that the difference of two cannot overflow.
@@ -234,7 +234,7 @@ fn reciprocal_of(d: f32) -> f32 {
     return free_reciprocal(select(d, limited, abs(d) < DIRECTION_LEAST));
 }
 
-// Makes a ray ready. `some` is false when it can hit nothing whatever the scene holds: a component
+// Prepares a ray. `some` is false when it can hit nothing whatever the scene holds: a component
 // that is not finite, a zero direction, a NaN limit, or no `t` between the limits.
 fn prepare_ray(ray: Ray) -> PreparedRay {
     var out: PreparedRay;

@@ -1,4 +1,4 @@
-// Takes no notice of what a traversal does: twin of the observer `()` in core/src/traverse.rs.
+// Observes nothing of a traversal: twin of the observer `()` in core/src/traverse.rs.
 
 fn observe_node() {}
 

@@ -1,4 +1,4 @@
-// What the batch queries share besides the traversal: rays, options, and which ray is whose.
+// What the batch queries share in addition to the traversal: rays, options, and which ray is whose.
 
 // A batch: how many rays, and the options.
 struct Batch {

@@ -21,7 +21,7 @@ struct Hit {
     v: f32,
 }
 
-// What a query asks for besides the ray.
+// Query settings.
 struct QueryOptions {
     // CULL_NONE, CULL_BACK or CULL_FRONT: the side to ignore.
     culling: u32,

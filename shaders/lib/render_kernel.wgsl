@@ -20,7 +20,7 @@ const COUNTER_TOTAL_SHADOW_RAYS_HIGH: u32 = 12u;
 const OVERFLOW_PATHS: u32 = 1u;
 const OVERFLOW_SHADOW_RAYS: u32 = 2u;
 
-// How many chunks so many things have.
+// The number of chunks of this many items.
 fn chunks_of(count: u32) -> u32 {
     return (count + CHUNK - 1u) / CHUNK;
 }

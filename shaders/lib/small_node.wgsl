@@ -28,7 +28,7 @@ const NO_PARENT: u32 = 0xffffffffu;
 var<workgroup> bounds_lo: array<vec3<f32>, 64>;
 var<workgroup> bounds_hi: array<vec3<f32>, 64>;
 var<workgroup> stack: array<Pending, MAX_DEPTH>;
-// The node at hand.
+// The current node.
 var<workgroup> pending: Pending;
 var<workgroup> stack_top: u32;
 // Emitted so far.

@@ -1,8 +1,8 @@
 // Twin of render/src/surface.rs but for clear bodies, which are in dielectrics.wgsl. Needs the binding
 // `frame`.
 
-// Where a ray starts that leaves the surface: on the side the path came from (1) or behind (-1), off
-// the triangle by more than all rounding, so that it does not meet it again.
+// The start of a ray that leaves the surface: on the side that the path came from (1) or behind
+// (-1), off the triangle by more than all rounding, so that it does not meet it again.
 fn start_of(surface: Surface, side: f32) -> vec3<f32> {
     return sum3(surface.point, scaled3(surface.geometric_normal, product(surface.offset, side)));
 }

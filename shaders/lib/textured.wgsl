@@ -12,7 +12,7 @@ struct TexelPair {
 
 // The coordinate repeats after 1.
 fn texel_pair(coordinate: f32, size: u32) -> TexelPair {
-    // What repeats too often to be told apart has no place in the picture.
+    // A coordinate that repeats too often to be resolved has no place in the picture.
     var within = 0.0;
     if abs(coordinate) < 4194304.0 {
         within = difference(coordinate, floor(coordinate));

@@ -1,4 +1,4 @@
-// Puts out the light of shadow rays that hit something.
+// Removes the light of shadow rays that hit something.
 // One invocation a shadow ray.
 // Reads: shadow rays; nodes, references, corners and scale of the scene.
 // Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray

@@ -1,4 +1,4 @@
-// Puts out the light of shadow rays that hit something opaque; clear surfaces only tint it.
+// Removes the light of shadow rays that hit something opaque; clear surfaces only tint it.
 // One invocation a shadow ray.
 // Reads: shadow rays; the materials; nodes, references, corners and scale of the scene.
 // Writes: what is left of the light; 1 in the last component where the driver did not follow the ray to
