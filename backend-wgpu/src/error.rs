@@ -139,7 +139,7 @@ impl GpuError {
 
 impl GpuError {
     /// The error of a build or a query, except for lack of system memory, for which those have
-    /// errors of their own: `bytes` were requested.
+    /// errors of their own: then `Err` with the bytes requested.
     fn into_device_error(self) -> Result<DeviceError, u64> {
         Ok(match self {
             GpuError::Lost { reason } => DeviceError::Lost { reason },

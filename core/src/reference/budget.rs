@@ -42,8 +42,8 @@ impl Default for Budget<'_> {
 }
 
 impl<'w> Budget<'w> {
-    /// A budget of at most `limit` bytes at once, if there is a limit, which the watch may cancel,
-    /// if there is one.
+    /// A budget of at most `limit` bytes at once, if there is a limit. The watch, if there is one,
+    /// may cancel the work.
     pub fn new(limit: Option<u64>, watch: Option<&'w dyn Watch>) -> Budget<'w> {
         let progress = Progress { stage: Stage::Start, done: 0, total: 0 };
         Budget { held: 0, peak: 0, limit, watch, progress, work: 0 }
