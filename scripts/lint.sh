@@ -72,11 +72,7 @@ step "links of the documents"
 scripts/check_links.py
 
 step "every package that is published can be packed"
-published=$(cargo metadata --locked --no-deps --format-version 1 |
-    python3 -c 'import json, sys
-for package in json.load(sys.stdin)["packages"]:
-    if package["publish"] is None:
-        print("-p", package["name"])')
+published=$(scripts/published.py)
 # shellcheck disable=SC2086 # one word each
 cargo package --locked --no-verify --allow-dirty --quiet $published
 echo "$(wc -l <<<"$published") packages"

@@ -10,7 +10,6 @@ pub mod options;
 pub mod parity;
 pub mod query;
 
-pub use builder as build;
 pub use device::{adapters, gpu, probe, selftest};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
