@@ -1,6 +1,6 @@
 //! Builds a tree over a height field and looks at what came out.
 
-use splitplane::core::stats::TreeStats;
+use splitplane::core::tree::stats::TreeStats;
 use splitplane::{Backend, BuildConfig, BuildOptions, CpuBackend, Mesh};
 
 /// Squares of the height field on a side.

@@ -10,14 +10,15 @@ use std::thread;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::backend::BuildError;
+use splitplane_core::build::lockstep::{Inspect, Lockstep};
+use splitplane_core::build::reference::kernels::Lists;
+use splitplane_core::build::reference::{Budget, Buffers, Parts, ReferenceExecutor, kernels as k};
+use splitplane_core::build::schedule::Executor;
+use splitplane_core::build::{reference, schedule};
 use splitplane_core::config::{BuildConfig, CHUNK, Preset};
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
-use splitplane_core::lockstep::{Inspect, Lockstep};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::reference::kernels::{self as k, Lists};
-use splitplane_core::reference::{self, Budget, Buffers, Parts, ReferenceExecutor};
-use splitplane_core::schedule::{self, Executor};
 
 /// One build over one mesh, by scoped threads.
 struct Threads<'a> {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use splitplane::core::exact::{ExactRay, meet};
-use splitplane::core::traverse::Triangles;
+use splitplane::core::query::traverse::Triangles;
 use splitplane::{Backend, BuildOptions, CpuBackend, Culling, KdTree, Mesh, Ray};
 
 /// From where the ray first enters a closed surface to where it first leaves one after that.

@@ -2,7 +2,7 @@
 # Plants faults, one at a time, and tells which no test notices: scripts/mutants.sh core|cpu [arguments of cargo mutants]
 #
 # `core` plants them in the core, `cpu` in the CPU backend but for its vector code, where a fault is seldom one of a line.
-# For instance `scripts/mutants.sh core --file 'core/src/validate.rs'`, or `--sharding round-robin --shard 0/48` for every 48th
+# For instance `scripts/mutants.sh core --file 'core/src/tree/validate.rs'`, or `--sharding round-robin --shard 0/48` for every 48th
 # fault. Needs cargo-mutants (cargo install cargo-mutants --locked). A fault in the core takes some ten seconds, one in the CPU backend two minutes:
 # all of them take days.
 #

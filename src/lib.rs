@@ -55,17 +55,16 @@ pub mod backend;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
-pub use splitplane_core::all_hits::{AllHits, AllHitsOptions, Crossing};
-pub use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, DeviceError,
-    LoadOptions, QueryError, QueryLayout, QueryReport,
-};
+pub use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
-pub use splitplane_core::digest::Digest;
-pub use splitplane_core::inside::{LocateOptions, Located, Location, Rule};
+pub use splitplane_core::error::{BuildError, DeviceError, QueryError};
 pub use splitplane_core::mesh::{Mesh, MeshError};
-pub use splitplane_core::node::{Axis, KdNode, NodeKind};
+pub use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Crossing};
+pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
+pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
+pub use splitplane_core::tree::digest::Digest;
+pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]

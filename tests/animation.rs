@@ -1,6 +1,6 @@
 //! Frames from files, broken in every way, and the built-in scene that moves.
 
-use splitplane::core::digest::Xxh64;
+use splitplane::core::tree::digest::Xxh64;
 use splitplane::scene::obj::ObjProblem;
 use splitplane::scene::{
     Animation, AnimationError, CameraError, Change, Scene, SceneError, SceneOptions,

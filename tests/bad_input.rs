@@ -6,7 +6,7 @@ use splitplane::{
     Accelerator, Accuracy, Backend, BackendKind, BuildConfig, BuildError, BuildOptions,
     ConfigError, CpuBackend, Culling, Hit, Mesh, MeshError, Preset, QueryError, QueryOptions, Ray,
 };
-use splitplane_core::validate::validate_mesh;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_test_support::exact::is_dropped;
 use splitplane_test_support::judge::Judge;
 use splitplane_test_support::oracle::{Oracle, OracleHit, ValidRay, snap};

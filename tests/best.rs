@@ -4,15 +4,16 @@
 use proptest::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::snap;
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::dump::dump;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::dump::dump;
+use splitplane_core::tree::stats::TreeStats;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::triangle::{Triangle, prepare};
-use splitplane_core::validate::validate_mesh;
 use splitplane_cpu::testing::clip;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::greedy;
@@ -414,7 +415,7 @@ fn every_scene_gives_one_valid_tree_on_any_threads() {
         }
         let leaf_of = |first: u32, count: u32| tree.view().leaf(first, count);
         tree.view().walk(|node, kind, _, _| {
-            if let splitplane_core::node::NodeKind::Leaf { first, count } = kind {
+            if let splitplane_core::tree::node::NodeKind::Leaf { first, count } = kind {
                 let list = leaf_of(first, count);
                 assert!(list.windows(2).all(|w| w[0] < w[1]), "{}: leaf {node}", scene.name);
             }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use splitplane::scene::builtin;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::validate::validate_mesh;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::judge::Judge;

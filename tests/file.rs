@@ -1,16 +1,17 @@
 //! Tree files: what is written is read back in place, and whatever is done to the bytes ends in a
 //! typed error.
 
-use splitplane_core::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::backend::{Backend, BuildError, BuildOptions};
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::digest::Xxh64;
-use splitplane_core::file::{FileError, TreeFile, VERSION, mesh_digest, write};
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
+use splitplane_core::tree::digest::Xxh64;
+use splitplane_core::tree::file::{FileError, TreeFile, VERSION, mesh_digest, write};
+use splitplane_core::tree::validate::{validate, validate_mesh};
 use splitplane_core::tree::{KdTree, KdTreeView};
-use splitplane_core::validate::{validate, validate_mesh};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::exact::ExactBackend;
@@ -185,8 +186,9 @@ fn forged_scenes() -> Vec<Scene> {
 /// All answers of a tree, by the reference traversal: closest hits, any hits, all crossings.
 fn answers(tree: &KdTreeView<'_>, mesh: &Mesh<'_>, rays: &[Ray]) -> (Vec<Hit>, Vec<bool>, AllHits) {
     let options = exact();
-    let trace =
-        |ray: &Ray, query| splitplane_core::exact::trace(tree, mesh, ray, &options, query, &mut ());
+    let trace = |ray: &Ray, query| {
+        splitplane_core::query::traverse::exact::trace(tree, mesh, ray, &options, query, &mut ())
+    };
     let closest = rays.iter().map(|ray| trace(ray, Query::Closest)).collect();
     let any = rays.iter().map(|ray| trace(ray, Query::Any).is_hit()).collect();
     (

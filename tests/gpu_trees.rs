@@ -5,10 +5,11 @@ mod device;
 use std::path::Path;
 use std::time::Duration;
 
-use splitplane_core::backend::{Backend, BuildOptions, BuildSummary};
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::BuildSummary;
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;

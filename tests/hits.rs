@@ -7,10 +7,9 @@
 use proptest::prelude::*;
 use proptest::test_runner::{RngSeed, TestRunner};
 use rayon::prelude::*;
-use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, LoadOptions, QueryError,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::config::BuildConfig;
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};

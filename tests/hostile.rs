@@ -3,11 +3,11 @@
 
 use splitplane_core::arithmetic::{Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Buffer;
+use splitplane_core::query::traverse::{Query, trace};
 use splitplane_core::ray::QueryOptions;
-use splitplane_core::schedule;
-use splitplane_core::traverse::{Query, trace};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuExecutor, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};

@@ -1,7 +1,8 @@
 //! Inside or outside, against whole numbers and closed forms: points on vertices, edges and faces, beside
 //! them by one float, far away, tiny and huge; the same in every direction.
 
-use splitplane::core::inside::{DIRECTION, locate_along};
+use splitplane::core::backend::locate_along;
+use splitplane::core::query::inside::DIRECTION;
 use splitplane::{Backend, BuildOptions, CpuBackend, LocateOptions, Located, Location, Rule};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::rational;

@@ -2,7 +2,8 @@
 //! left over; limits of memory end in errors and change nothing else; counts bind in the same place
 //! everywhere.
 
-use splitplane::core::inside::{DIRECTION, locate_along};
+use splitplane::core::backend::locate_along;
+use splitplane::core::query::inside::DIRECTION;
 use splitplane::{
     Accelerator, Accuracy, AllHits, AllHitsOptions, Backend, BuildConfig, BuildError, BuildOptions,
     CpuBackend, Hit, LoadOptions, LocateOptions, Preset, Progress, QueryError, QueryOptions, Ray,
@@ -14,7 +15,8 @@ use splitplane_test_support::watch::goes_on;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Bytes that the whole process holds.

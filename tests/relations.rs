@@ -13,9 +13,9 @@
 
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::{KdNode, NodeKind};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::extremes;

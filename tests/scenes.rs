@@ -1,7 +1,7 @@
 //! OBJ files, broken in every way, and the built-in scenes.
 
 use proptest::prelude::*;
-use splitplane::core::digest::Xxh64;
+use splitplane::core::tree::digest::Xxh64;
 use splitplane::scene::obj::{Element, ObjProblem, parse, read};
 use splitplane::scene::{Scene, SceneError};
 use std::collections::HashMap;

@@ -1,9 +1,9 @@
 //! The build schedule as its executor sees it, pinned.
 
-use splitplane_core::backend::{BuildError, DeviceError};
+use splitplane_core::build::schedule::{Executor, Trace, build};
 use splitplane_core::config::{BuildConfig, Planes, Preset};
+use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
-use splitplane_core::schedule::{Executor, Trace, build};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
 use splitplane_test_support::scenes;

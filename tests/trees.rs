@@ -2,14 +2,16 @@
 //! every run, and snapshots.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{Backend, BuildError, BuildOptions, BuildSummary};
+use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::dump::dump;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::NodeKind;
-use splitplane_core::stats::TreeStats;
+use splitplane_core::report::BuildSummary;
+use splitplane_core::tree::dump::dump;
+use splitplane_core::tree::node::NodeKind;
+use splitplane_core::tree::stats::TreeStats;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::tree::{KdTree, KdTreeView};
-use splitplane_core::validate::validate_mesh;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::exact::{ExactBackend, is_dropped};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};

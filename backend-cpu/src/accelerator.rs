@@ -1,22 +1,22 @@
 //! The built tree, ready for rays.
 
 use core::any::Any;
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
 use std::collections::TryReserveError;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{
-    AllHits, AllHitsOptions, Collector, Crossing, check_bytes, refused,
-};
-use splitplane_core::backend::{
-    Accelerator, BuildError, BuildSummary, QueryError, QueryLayout, QueryReport,
-};
-use splitplane_core::inside::{self, LocateOptions, Located, Locator};
-use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::backend::{Accelerator, QueryLayout};
+use splitplane_core::error::{BuildError, QueryError, check_bytes, refused};
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Collector, Crossing};
+use splitplane_core::query::inside;
+use splitplane_core::query::inside::{LocateOptions, Located, Locator};
+use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
+use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Stage;

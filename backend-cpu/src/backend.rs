@@ -3,14 +3,14 @@
 use std::sync::Mutex;
 
 use rayon::prelude::*;
-use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
-use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::Stage;
 
 use crate::accelerator::CpuAccelerator;

@@ -1,10 +1,11 @@
 //! Progress and cancellation of one build or batch, shared by the threads that work on it.
 
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use core::sync::atomic::Ordering::Relaxed;
+use core::sync::atomic::{AtomicBool, AtomicU64};
 use std::sync::{Mutex, MutexGuard, PoisonError, TryLockError};
 
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 /// Work between two calls of the watch, in references read and written once: some tenths of a millisecond of one

@@ -4,11 +4,12 @@
 use core::ops::ControlFlow;
 use std::sync::Mutex;
 
-use splitplane_core::all_hits::AllHitsOptions;
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::inside::LocateOptions;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::AllHitsOptions;
+use splitplane_core::query::inside::LocateOptions;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};

@@ -5,10 +5,10 @@ use std::cmp::Ordering;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::best_first::LeafCell;
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::node::NodeKind;
+use splitplane_core::query::best_first::LeafCell;
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::NodeKind;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::random::Random;

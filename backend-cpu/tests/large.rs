@@ -4,8 +4,8 @@
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::exact;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::triangle::Triangle;
 use splitplane_cpu::{CpuBackend, InstructionSet};

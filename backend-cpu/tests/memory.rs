@@ -1,11 +1,13 @@
 //! A limit on memory is held to the byte, and what counts against it is what is really allocated.
 
 use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicI64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicI64, AtomicUsize};
 use std::sync::{Mutex, MutexGuard};
 
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::BuildError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::scenes::{self, Scene};

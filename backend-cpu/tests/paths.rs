@@ -2,18 +2,17 @@
 
 use splitplane_core::arithmetic::{Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Buffer;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
-use splitplane_core::schedule;
-use splitplane_core::traverse;
 use splitplane_core::triangle::Triangle;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
-use splitplane_test_support::aim;
 use splitplane_test_support::random::Random;
-use splitplane_test_support::scenes;
+use splitplane_test_support::{aim, scenes};
 
 /// Rays of all kinds: through the scene, along axes, at corners, from far away, bounded, invalid.
 fn rays(triangles: &[Triangle], count: usize, random: &mut Random) -> Vec<Ray> {

@@ -1,16 +1,19 @@
 //! The CPU backend held to the reference builder: equal buffers after every dispatch, and equal trees.
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 
 use splitplane_core::arithmetic::{Arithmetic, Hostile, Strict};
-use splitplane_core::backend::{BuildError, BuildOptions, BuildSummary};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::build::lockstep::{Difference, Inspect, Lockstep, LockstepError};
+use splitplane_core::build::reference::{Budget, ReferenceExecutor};
+use splitplane_core::build::{reference, schedule};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Counter, Kernel, TreeBuilder};
-use splitplane_core::lockstep::{Difference, Inspect, Lockstep, LockstepError};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::reference::{self, Budget, ReferenceExecutor};
-use splitplane_core::schedule;
+use splitplane_core::report::BuildSummary;
 use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};

@@ -16,20 +16,21 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::fmt::Debug;
-use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicI64, AtomicUsize};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use splitplane_core::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, QueryError, QueryLayout,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout, locate_along};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::file::{self, TreeFile};
-use splitplane_core::inside::{self, DIRECTION, LocateOptions, locate_along};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::inside;
+use splitplane_core::query::inside::{DIRECTION, LocateOptions};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::tree::KdTree;
+use splitplane_core::tree::file::TreeFile;
+use splitplane_core::tree::{KdTree, file};
 use splitplane_core::watch::Watch;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim;

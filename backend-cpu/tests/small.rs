@@ -4,10 +4,10 @@
 //! `MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-tree-borrows -Zmiri-ignore-leaks" cargo +nightly miri test -p splitplane-cpu --test small`.
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
-use splitplane_core::exact;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse;
+use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::traverse;
 use splitplane_core::triangle::Triangle;
 use splitplane_cpu::{CpuBackend, InstructionSet};
 

@@ -3,15 +3,15 @@
 //! each value a place of its own: `cargo test --profile dev -p splitplane-cpu --test stack`. With 384 KiB it is seen to
 //! overflow there.
 
-use splitplane_core::all_hits::AllHitsOptions;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, Preset};
-use splitplane_core::exact;
-use splitplane_core::inside::LocateOptions;
+use splitplane_core::query::all_hits::AllHitsOptions;
+use splitplane_core::query::inside::LocateOptions;
+use splitplane_core::query::traverse;
+use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
-use splitplane_core::stats::TreeStats;
-use splitplane_core::traverse;
-use splitplane_core::validate::validate;
+use splitplane_core::tree::stats::TreeStats;
+use splitplane_core::tree::validate::validate;
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};

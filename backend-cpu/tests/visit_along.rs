@@ -4,14 +4,15 @@
 use core::ops::ControlFlow;
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::along::LeafAlong;
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::exact::{Best, ExactRay};
-use splitplane_core::node::NodeKind;
+use splitplane_core::exact::ExactRay;
+use splitplane_core::query::along::LeafAlong;
+use splitplane_core::query::traverse::exact::Best;
+use splitplane_core::query::traverse::{Query, Triangles};
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
-use splitplane_core::traverse::{Query, Triangles};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::NodeKind;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::oracle::Oracle;
 use splitplane_test_support::random::Random;

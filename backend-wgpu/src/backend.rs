@@ -4,15 +4,16 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
-use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions, go_on,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Kernel, TreeBuilder};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
-use splitplane_core::validate::validate_mesh_while;
 use splitplane_core::watch::{Progress, Stage};
 
 use crate::builder::buffers::Buffers;
@@ -20,10 +21,8 @@ use crate::builder::capacities::Capacities;
 use crate::builder::pending::{Pooled, first_counters};
 use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
-use crate::device::Pipelines;
 use crate::device::gpu::Gpu;
-use crate::device::host;
-use crate::device::selftest;
+use crate::device::{Pipelines, host, selftest};
 use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};
@@ -271,7 +270,7 @@ impl WgpuBackend {
     }
 
     /// Calls `run` with an executor over fresh buffers that submits every step and whose buffers
-    /// can be read in between: for [`splitplane_core::lockstep::Lockstep`]. The buffers have the
+    /// can be read in between: for [`splitplane_core::build::lockstep::Lockstep`]. The buffers have the
     /// capacity for everything that the configuration allows, within the limits of the device.
     ///
     /// # Errors

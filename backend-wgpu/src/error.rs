@@ -1,6 +1,6 @@
 //! What can go wrong on a device.
 
-use splitplane_core::backend::{BuildError, DeviceError, QueryError};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use thiserror::Error;
 
 use crate::device::bounded::DriverLimit;

@@ -24,8 +24,8 @@ pub use gpu::Gpu;
 pub use options::OpenOptions;
 pub use parity::Parity;
 pub use query::{
-    DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNDECIDED_HIT,
-    UNFINISHED, WgpuAccelerator,
+    DeviceQueryError, DeviceTree, Marked, Queries, SceneUniform, TreeParts, UNFINISHED,
+    WgpuAccelerator,
 };
 
 /// The version of wgpu that this crate is built with.

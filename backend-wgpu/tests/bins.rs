@@ -4,7 +4,7 @@ mod common;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Hostile, Strict, power_of_two, snap};
-use splitplane_core::bins::{BinAxis, expected_split_cost, wide_leaf_cost, wide_split_cost};
+use splitplane_core::build::bins::{BinAxis, expected_split_cost, wide_leaf_cost, wide_split_cost};
 use splitplane_core::config::{BuildConfig, MAX_BINS};
 use splitplane_test_support::random::Random;
 

@@ -4,13 +4,13 @@ mod common;
 
 use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, BuildSummary, DeviceError,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::BuildSummary;
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};

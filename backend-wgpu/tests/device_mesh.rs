@@ -2,7 +2,8 @@
 
 mod common;
 
-use splitplane_core::backend::{BuildError, BuildOptions};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::error::BuildError;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
 use splitplane_wgpu::{DeviceMesh, Gpu, WgpuBackend};

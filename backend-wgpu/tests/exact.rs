@@ -7,11 +7,11 @@ use std::sync::{Arc, OnceLock};
 
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::certify;
-use splitplane_core::exact;
-use splitplane_core::intersect::SceneScale;
+use splitplane_core::query::certify;
+use splitplane_core::query::intersect::SceneScale;
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
-use splitplane_core::traverse::Query;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
@@ -19,9 +19,7 @@ use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::{Oracle, OracleHit};
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{
-    DeviceQueryError, Marked, Parity, Queries, UNDECIDED_HIT, UNFINISHED, WgpuAccelerator,
-};
+use splitplane_wgpu::{DeviceQueryError, Marked, Parity, Queries, UNFINISHED, WgpuAccelerator};
 
 const EXACT: QueryOptions = QueryOptions {
     accuracy: Accuracy::Exact,
@@ -134,7 +132,7 @@ fn awkward_scenes() {
             };
             assert_eq!(redone[i].some().map(|hit| hit.triangle), first, "{name}: {ray:?}");
             if with_flags.flagged.binary_search(&i).is_ok() {
-                assert_eq!(flagged[i].triangle, UNDECIDED_HIT, "{name}: {ray:?}");
+                assert_eq!(flagged[i].triangle, Hit::UNDECIDED, "{name}: {ray:?}");
             } else {
                 assert_eq!(bits(&flagged[i]), bits(&expected), "{name}: {ray:?}");
                 decided += 1;
@@ -169,7 +167,7 @@ fn twins_decide_alike() {
             for (i, (ray, hit)) in rays.iter().zip(&hits).enumerate() {
                 let expected = case.twin(ray, &options, Query::Closest);
                 assert_eq!(bits(hit), bits(&expected), "{}: {ray:?}", case.name);
-                if expected.triangle == UNDECIDED_HIT {
+                if expected.triangle == Hit::UNDECIDED {
                     undecided.push(i);
                 }
             }
@@ -180,7 +178,7 @@ fn twins_decide_alike() {
             for (i, ray) in rays.iter().enumerate() {
                 let expected = case.twin(ray, &options, Query::Any);
                 let open = marked.undecided.binary_search(&i).is_ok();
-                assert_eq!(open, expected.triangle == UNDECIDED_HIT, "{}: {ray:?}", case.name);
+                assert_eq!(open, expected.triangle == Hit::UNDECIDED, "{}: {ray:?}", case.name);
                 assert!(open || any[i] == expected.is_hit(), "{}: {ray:?}", case.name);
             }
         }
@@ -274,7 +272,7 @@ fn planted_faults_are_seen() {
         for (case, rays) in &cases {
             for (ray, hit) in rays.iter().zip(traced_by(&pipeline, case, rays)) {
                 assert_ne!(hit.triangle, UNFINISHED);
-                if hit.triangle == UNDECIDED_HIT {
+                if hit.triangle == Hit::UNDECIDED {
                     undecided += 1;
                 } else {
                     wrong += u32::from(hit.triangle != case.exact(ray, &EXACT).triangle);
@@ -323,7 +321,7 @@ fn device_buffers_are_marked() {
     let mut marks = 0;
     for (i, ray) in rays.iter().enumerate() {
         let expected = case.exact(ray, &EXACT);
-        if hits[i].triangle == UNDECIDED_HIT {
+        if hits[i].triangle == Hit::UNDECIDED {
             marks += 1;
             assert!(!expected.is_hit() || hits[i].t <= expected.t, "{ray:?}");
         } else {

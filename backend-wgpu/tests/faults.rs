@@ -2,7 +2,7 @@
 //!
 //! Where a device need not compute anything, it is wgpu's `noop` one.
 
-use splitplane_core::backend::{BuildError, DeviceError, QueryError};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_wgpu::{Adapters, Gpu, GpuError, OpenError, OpenOptions, Parity, panic_is_caught};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;

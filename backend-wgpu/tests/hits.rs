@@ -5,11 +5,13 @@ mod common;
 use std::sync::{Arc, OnceLock};
 
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::backend::{Accelerator, BuildOptions, QueryError};
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::intersect::{self, Limits, SceneScale};
+use splitplane_core::error::QueryError;
+use splitplane_core::query::intersect;
+use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::traverse::{Query, trace};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
-use splitplane_core::traverse::{Query, trace};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;

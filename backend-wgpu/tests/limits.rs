@@ -4,14 +4,14 @@ mod common;
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::AtomicUsize;
+use std::sync::atomic::Ordering::Relaxed;
 
-use splitplane_core::all_hits::AllHitsOptions;
-use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, LoadOptions, QueryError,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::inside::LocateOptions;
+use splitplane_core::error::{BuildError, QueryError};
+use splitplane_core::query::all_hits::AllHitsOptions;
+use splitplane_core::query::inside::LocateOptions;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
 use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::CpuBackend;

@@ -3,11 +3,11 @@
 
 mod common;
 
+use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::Kernel;
-use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
 use splitplane_test_support::scenes::{self, Scene};

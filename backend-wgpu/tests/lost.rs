@@ -7,11 +7,11 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use splitplane_core::backend::{
-    Accelerator, Backend, BuildError, BuildOptions, DeviceError, QueryError, QueryReport,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::QueryReport;
 use splitplane_core::tree::KdTree;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};

@@ -2,13 +2,13 @@
 
 mod common;
 
-use splitplane_core::backend::BuildError;
+use splitplane_core::build::lockstep::{Difference, Inspect, Lockstep, LockstepError};
+use splitplane_core::build::reference::{Budget, ReferenceExecutor};
+use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Kernel, TreeBuilder};
-use splitplane_core::lockstep::{Difference, Inspect, Lockstep, LockstepError};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::reference::{Budget, ReferenceExecutor};
-use splitplane_core::schedule;
 use splitplane_test_support::scenes;
 use splitplane_test_support::wrong_kernel::{FAULTS, WrongKernel};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};

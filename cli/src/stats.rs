@@ -9,8 +9,8 @@ use clap::Args;
 use rayon::prelude::*;
 use serde::Serialize;
 use serde_json::{Map, Value};
-use splitplane::core::lines::{Lines, Measured, Tally, scene_scale, trace_lines};
-use splitplane::core::stats::{RayCost, TreeStats, leaf_sizes_of_class};
+use splitplane::core::query::lines::{Lines, Measured, Tally, scene_scale, trace_lines};
+use splitplane::core::tree::stats::{RayCost, TreeStats, leaf_sizes_of_class};
 use std::ffi::OsString;
 use std::fmt::Write;
 

@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::output;
 use serde::Serialize;
-use splitplane::core::{file, stats, validate};
+use splitplane::core::tree::{file, stats, validate};
 use splitplane::{Accelerator, Mesh};
 use std::path::Path;
 

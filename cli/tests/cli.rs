@@ -255,7 +255,7 @@ fn build_reports_its_fields_and_writes_the_tree() {
     assert_eq!((&report["backend"], &report["adapter"]), (&"cpu".into(), &Value::Null));
     assert_eq!(report["digest"].as_str().unwrap().len(), 16);
     let bytes = fs::read(folder.path().join("square.tree")).unwrap();
-    let file = splitplane::core::file::TreeFile::parse(&bytes).unwrap();
+    let file = splitplane::core::tree::file::TreeFile::parse(&bytes).unwrap();
     assert_eq!(file.tree.digest().to_string(), report["digest"].as_str().unwrap());
 }
 

@@ -1,21 +1,23 @@
 //! The seam between backends: object-safe traits at batch level.
 
-mod error;
+mod locate;
 mod options;
-mod report;
 
-use crate::all_hits::{AllHits, AllHitsOptions};
-use crate::inside::{self, LocateOptions, Located};
+use crate::cancel::go_on_tracing;
+use crate::error::{BuildError, QueryError};
 use crate::mesh::Mesh;
+use crate::query::all_hits::{AllHits, AllHitsOptions};
+use crate::query::inside;
+use crate::query::inside::{LocateOptions, Located};
 use crate::ray::{Hit, QueryOptions, Ray};
+use crate::report::{BackendInfo, BuildSummary, QueryReport};
 use crate::tree::KdTree;
-use crate::watch::{Progress, Stage, Watch};
+use crate::watch::Watch;
 use alloc::boxed::Box;
 use core::any::Any;
 
-pub use error::{BuildError, DeviceError, QueryError};
+pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
-pub use report::{BackendInfo, BuildSummary, QueryReport};
 
 /// Builds trees and the structures that answer rays through them. An embedder may implement it for
 /// a backend of its own.
@@ -62,31 +64,6 @@ pub trait Backend: Send + Sync {
         tree: KdTree,
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
-}
-
-/// Checks whether to continue a build.
-///
-/// # Errors
-/// [`BuildError::Cancelled`] where the watch cancels it.
-#[inline]
-pub fn go_on(watch: Option<&dyn Watch>, progress: Progress) -> Result<(), BuildError> {
-    match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {
-        true => Err(BuildError::Cancelled { progress }),
-        false => Ok(()),
-    }
-}
-
-/// Checks whether to continue a batch of rays.
-///
-/// # Errors
-/// [`QueryError::Cancelled`] where the watch cancels it.
-#[inline]
-pub fn go_on_tracing(watch: Option<&dyn Watch>, done: u64, total: u64) -> Result<(), QueryError> {
-    let progress = Progress { stage: Stage::Rays, done, total };
-    match watch.is_some_and(|watch| watch.progress(&progress).is_break()) {
-        true => Err(QueryError::Cancelled { done, total }),
-        false => Ok(()),
-    }
 }
 
 /// A built tree, ready for rays. Answers do not depend on the order of rays or the thread count.
@@ -149,14 +126,14 @@ pub trait Accelerator: Send + Sync {
     }
 
     /// All crossings of every ray with surfaces between its limits, in order along it: see
-    /// [`crate::all_hits`]. They are exact.
+    /// [`crate::query::all_hits`]. They are exact.
     ///
     /// # Errors
     /// More memory than the options allow or than the system has, a watch that cancels the batch,
     /// or a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError>;
 
-    /// Where points lie relative to the surface that the triangles form: see [`crate::inside`].
+    /// Where points lie relative to the surface that the triangles form: see [`crate::query::inside`].
     ///
     /// # Errors
     /// More memory than the options allow or than the system has, a watch that cancels the batch,
@@ -166,7 +143,7 @@ pub trait Accelerator: Send + Sync {
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
-        inside::locate_along(self, points, inside::DIRECTION, options)
+        locate_along(self, points, inside::DIRECTION, options)
     }
 }
 

@@ -138,7 +138,7 @@ pub struct Decision {
     pub cuts: [f32; 6],
     /// How many there are.
     pub cut_count: u32,
-    /// Their sides (0 to 5, see [`crate::split::empty_cutoff`]), 4 bits each, first lowest.
+    /// Their sides (0 to 5, see [`crate::build::split::empty_cutoff`]), 4 bits each, first lowest.
     pub cut_sides: u32,
     /// Axis of the split; [`Decision::TRANSFER`] when the node goes to the small list as it is.
     pub axis: u32,

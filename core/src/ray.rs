@@ -66,9 +66,9 @@ impl Hit {
     /// The record of a miss.
     pub const MISS: Hit = Hit { t: f32::INFINITY, triangle: u32::MAX, u: 0.0, v: 0.0 };
 
-    /// The `triangle` of a ray of accuracy `exact` that a device left undecided; see
-    /// [`Undecided::Flag`].
-    pub const UNDECIDED: u32 = crate::certify::UNDECIDED_HIT;
+    /// The `triangle` of a ray of accuracy `exact` that bounds of error left undecided; see
+    /// [`Undecided::Flag`]. Its `t` is no greater than that of anything undecided.
+    pub const UNDECIDED: u32 = 0xffff_fffd;
 
     /// True for a triangle that was hit: neither for a miss, nor for a mark that a device stores in
     /// place of an answer, such as [`Hit::UNDECIDED`].
@@ -138,7 +138,7 @@ impl Accuracy {
 }
 
 /// What to do with rays of accuracy [`Accuracy::Exact`] that a device cannot decide within its
-/// bounds of error. Either way their number is in the [`QueryReport`](crate::backend::QueryReport).
+/// bounds of error. Either way their number is in the [`QueryReport`](crate::report::QueryReport).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Undecided {
     /// Trace them again on the CPU.

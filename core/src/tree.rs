@@ -1,11 +1,20 @@
 //! The finished tree: one preorder array of nodes and one array of triangle references.
 
-use crate::aabb::Aabb;
+pub mod cost;
+pub mod digest;
 #[cfg(feature = "alloc")]
-use crate::backend::BuildError;
+pub mod dump;
+pub mod file;
+pub mod node;
+pub mod stats;
+pub mod validate;
+
+use crate::aabb::Aabb;
 use crate::config::BuildConfig;
-use crate::digest::{Digest, Xxh64};
-use crate::node::{KdNode, NodeKind};
+#[cfg(feature = "alloc")]
+use crate::error::BuildError;
+use crate::tree::digest::{Digest, Xxh64};
+use crate::tree::node::{KdNode, NodeKind};
 #[cfg(feature = "alloc")]
 use alloc::vec::Vec;
 

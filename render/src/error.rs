@@ -2,7 +2,7 @@
 
 use crate::plan::PlanError;
 use crate::scene_data::AppearanceError;
-use splitplane_core::backend::QueryError;
+use splitplane_core::error::QueryError;
 use thiserror::Error;
 
 /// Errors of frames.

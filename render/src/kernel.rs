@@ -2,8 +2,8 @@
 //! `splitplane_core::kernel` is the tree builder's.
 
 use splitplane_core::kernel_set;
-use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::tree::node::KdNode;
 
 use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 

@@ -1,7 +1,7 @@
 //! The ray tracer of `splitplane`: Whitted's shadows, reflections and refractions, in waves of rays.
 //!
 //! It is a kernel set of its own ([`RayTracer`]) with a schedule of its own ([`schedule::frame`]), which
-//! run on the same [`Executor`](splitplane_core::schedule::Executor) trait as the tree builder's. What
+//! run on the same [`Executor`](splitplane_core::build::schedule::Executor) trait as the tree builder's. What
 //! runs is decided by a [`Plan`]: a scene pays for what it uses.
 //!
 //! `tracer::Tracer` holds a backend, a tree and an appearance, and renders frames of them; start

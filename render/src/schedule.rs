@@ -3,7 +3,7 @@
 
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
 use crate::plan::Plan;
-use splitplane_core::schedule::Executor;
+use splitplane_core::build::schedule::Executor;
 
 /// Renders a frame.
 ///

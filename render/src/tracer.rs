@@ -16,9 +16,10 @@ pub use output::Output;
 use crate::frame::FrameInput;
 use crate::plan::Plan;
 use crate::scene_data::{Appearance, SceneData};
-use splitplane_core::backend::{Accelerator, BackendInfo, BuildOptions, BuildSummary};
-use splitplane_core::digest::Digest;
+use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::tree::digest::Digest;
 
 /// A backend that a [`Tracer`] can use, by its concrete type.
 #[derive(Debug)]

@@ -5,7 +5,7 @@ mod device;
 
 use device::scenes::{self, Scene};
 use device::{Both, both};
-use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::ray::Culling;
 use splitplane_render::cpu::{Buffers, CpuExecutor};
 use splitplane_render::kernel::{Counter, Kernel};

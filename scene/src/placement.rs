@@ -6,7 +6,8 @@ mod outside;
 use super::{Camera, Light, Scene};
 use crate::surface::Surface;
 use glam::DVec3;
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::random::unit;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 

@@ -251,7 +251,7 @@ fn power_of_two(power: i32) -> f32 {
 }
 
 // x * 2^power, clamped to finite values, subnormal results zero: by the exponent field alone, so that
-// nothing overflows or is flushed on the way. Twin of `scale` in core/src/intersect.rs.
+// nothing overflows or is flushed on the way. Twin of `scale` in core/src/query/intersect.
 fn scale(x: f32, power: i32) -> f32 {
     return scale_bits(bitcast<u32>(x), power);
 }

@@ -1,4 +1,4 @@
-// Twin of core/src/bins.rs: bins of a node's tight bounds, and what the planes between them cost. The
+// Twin of core/src/build/bins.rs: bins of a node's tight bounds, and what the planes between them cost. The
 // best of these planes is in the kernel that finds it. Needs the binding `parameters`.
 
 const MAX_BINS: u32 = 64u;

@@ -1,4 +1,4 @@
-// Twin of core/src/certify.rs except for the traversal: what is certain about a ray and a triangle,
+// Twin of core/src/query/certify.rs except for the traversal: what is certain about a ray and a triangle,
 // decided in f32 and double-float numbers with bounds on every error. Needs watertight.wgsl for its
 // shear and its doubles. The bounds are derived in docs/design/exact.md.
 

@@ -1,4 +1,4 @@
-// Twin of `Search` in core/src/certify.rs: a traversal looks for exact hits and tells those that
+// Twin of `Search` in core/src/query/certify.rs: a traversal looks for exact hits and tells those that
 // are certain. In place of search.wgsl, with the same functions for traverse.wgsl to call. The hit
 // is `UNDECIDED_HIT` where something undecided may precede it.
 

@@ -1,4 +1,4 @@
-// Twin of core/src/intersect/closer_look.rs: `t` and weights of triangles that interpolation by rounded edge
+// Twin of core/src/query/intersect/closer_look.rs: `t` and weights of triangles that interpolation by rounded edge
 // functions does not serve.
 
 // Edge functions from here on, per R P, leave no doubt that the ray meets the triangle itself.

@@ -1,4 +1,4 @@
-// Counts what a traversal does: twin of `Cost` in core/src/traverse.rs. In place of observer.wgsl.
+// Counts what a traversal does: twin of `Cost` in core/src/query/traverse.rs. In place of observer.wgsl.
 
 // Nodes visited and triangles tested since it was last zero.
 var<private> counted: vec2<u32>;

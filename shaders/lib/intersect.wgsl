@@ -1,4 +1,4 @@
-// Twin of core/src/intersect.rs except for the triangle tests: prepared rays, and the distance to
+// Twin of core/src/query/intersect except for the triangle tests: prepared rays, and the distance to
 // planes. The tests are in watertight.wgsl and moeller_trumbore.wgsl; a shader has one of the two.
 //
 // Infinities and NaN do not exist here. Limits and components that may hold them are read as bits,

@@ -1,4 +1,4 @@
-// Twin of core/src/intersect.rs: the fast test, Moeller and Trumbore 1997. Not watertight, and not
+// Twin of core/src/query/intersect: the fast test, Moeller and Trumbore 1997. Not watertight, and not
 // the same bits on every device: its operations may fuse.
 
 // The fast test: where the ray meets the triangle within its limits.

@@ -1,4 +1,4 @@
-// Twin of core/src/node.rs: the two words of a node.
+// Twin of core/src/tree/node.rs: the two words of a node.
 
 // Subtrees that `build_small` keeps for `emit_small`: two words a node, then one a reference.
 const SUBTREE_NODES: u32 = 24u;

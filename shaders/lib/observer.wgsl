@@ -1,4 +1,4 @@
-// Observes nothing of a traversal: twin of the observer `()` in core/src/traverse.rs.
+// Observes nothing of a traversal: twin of the observer `()` in core/src/query/traverse.rs.
 
 fn observe_node() {}
 

@@ -1,5 +1,5 @@
 // What a traversal looks for with a triangle test: the hit of least (t, triangle), or any. Twin of `Best` in
-// core/src/traverse.rs; certain_search.wgsl stands in its place where hits are to be certain.
+// core/src/query/traverse.rs; certain_search.wgsl stands in its place where hits are to be certain.
 
 // What a traversal has found.
 struct Search {

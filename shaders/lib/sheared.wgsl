@@ -1,4 +1,4 @@
-// Triangles as rays see them: twin of the images in core/src/intersect/watertight.rs.
+// Triangles as rays see them: twin of the images in core/src/query/intersect/watertight.rs.
 
 // Edge functions below this are looked at again: their products may be subnormal.
 const EDGE_LEAST: f32 = 0x1p-98f;

@@ -1,4 +1,4 @@
-// Twin of core/src/split.rs: where a node may be cut. `sampled_sweep` is in the kernel that uses it.
+// Twin of core/src/build/split.rs: where a node may be cut. `sampled_sweep` is in the kernel that uses it.
 
 struct SplitPlane {
     axis: u32,

@@ -1,4 +1,4 @@
-// Twin of core/src/walk.rs: the walk of a ray down the tree, for closest and any hits. Tree, triangles and
+// Twin of core/src/query/walk.rs: the walk of a ray down the tree, for closest and any hits. Tree, triangles and
 // scene are read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
 //
 // What is done with the triangles of leaves stands in search.wgsl or certain_search.wgsl: a struct `Search` with

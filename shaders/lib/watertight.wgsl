@@ -1,4 +1,4 @@
-// Twin of core/src/intersect/watertight.rs: a triangle is met where the ray meets its closed image, by exact
+// Twin of core/src/query/intersect/watertight.rs: a triangle is met where the ray meets its closed image, by exact
 // signs, and `t` never leaves the image by more than rounding. Ray and triangle alone decide, bit for bit.
 
 // The error of an interpolated `t` is at most this part of `disorder / |det|`.

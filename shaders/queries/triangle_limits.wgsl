@@ -1,4 +1,4 @@
-// The range of the triangles' coordinates and sizes; twin of `Limits` in core/src/intersect.rs.
+// The range of the triangles' coordinates and sizes; twin of `Limits` in core/src/query/intersect.
 // One invocation a triangle.
 // Reads: snapped corners and how many triangles there are.
 // Writes: four numbers. Least and greatest of numbers that are not negative are least and greatest of

@@ -29,7 +29,8 @@ pub mod reference;
 use bound::Bound;
 use rayon::prelude::*;
 use reference::{Hit64, Ray64, Reference};
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 

@@ -1,11 +1,12 @@
 //! Both backends over one scene: the build step by step, the finished trees, and rays.
 
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryError};
-use splitplane_core::digest::Digest;
-use splitplane_core::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::build::schedule;
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::schedule;
+use splitplane_core::tree::digest::Digest;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
 use splitplane_wgpu::{DeviceTree, Effort, Queries, WgpuBackend, WgpuExecutor};

@@ -1,8 +1,8 @@
 //! The boxes of a tree's nodes at one depth.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 /// Most boxes that are drawn: each is twelve lines, tessellated anew for every frame.
 pub(super) const MOST: usize = 1500;
@@ -84,7 +84,7 @@ pub(super) const EDGES: [[usize; 2]; 12] = [
 mod tests {
     use super::*;
     use splitplane_core::config::BuildConfig;
-    use splitplane_core::node::{Axis, KdNode};
+    use splitplane_core::tree::node::{Axis, KdNode};
 
     fn view<'a>(nodes: &'a [KdNode], references: &'a [u32]) -> KdTreeView<'a> {
         let bounds = Aabb { lo: [0.0; 3], hi: [4.0, 1.0, 1.0] };

@@ -1,6 +1,6 @@
 //! Builders of trees, each in a module named after its algorithm.
 //!
-//! - [`twin`] runs the schedule of [`splitplane_core::schedule`] kernel by kernel, as devices do.
+//! - [`twin`] runs the schedule of [`splitplane_core::build::schedule`] kernel by kernel, as devices do.
 //! - [`depth_first`] builds the same trees: it runs the upper levels on the twin and hands nodes of few references to tasks
 //!   that build a subtree each, depth first, in cache.
 //! - [`sweep`] is the offline builder of preset `best`.
@@ -9,10 +9,11 @@ pub(crate) mod depth_first;
 pub(crate) mod sweep;
 pub mod twin;
 
-use splitplane_core::backend::{BuildError, BuildOptions};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::build::schedule;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule;
 
 use crate::cancel::ProgressMeter;
 use crate::memory::Memory;

@@ -1,7 +1,7 @@
 //! Boxes of nodes and leaves while a layout is made.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::intersect::{longest_extent, widened};
+use splitplane_core::query::intersect::{longest_extent, widened};
 
 /// The two parts of a cell at a plane.
 pub(crate) fn halves(cell: &Aabb, axis: usize, split: f32) -> (Aabb, Aabb) {

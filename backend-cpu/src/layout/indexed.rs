@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::snap;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::triangle::Triangle;
 

@@ -1,16 +1,16 @@
 //! Triangles that are much larger than the leaves that name them, such as the ground under everything.
 //!
 //! The point of a hit may be off by a part of the triangle's size, so the boxes of leaves are widened by as much
-//! ([`splitplane_core::intersect::widened`]). For a ground of a thousand kilometres that is four metres: smaller leaves
+//! ([`splitplane_core::query::intersect::widened`]). For a ground of a thousand kilometres that is four metres: smaller leaves
 //! that name it would all overlap. So the few largest triangles become children of the root of the wide tree, and leaves
 //! are widened for their other triangles only. Leaves without other triangles vanish. The kd-tree itself stays as it is:
 //! its leaves still name the large triangles, and a ray may test one twice.
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::intersect::{SIZE_SLACK, longest_extent};
-use splitplane_core::node::NodeKind;
+use splitplane_core::query::intersect::{SIZE_SLACK, longest_extent};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 use splitplane_core::triangle::{Triangle, prepare};
 
 use super::cells::halves;

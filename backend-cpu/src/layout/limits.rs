@@ -2,7 +2,7 @@
 
 use splitplane_core::aabb::{max, min};
 use splitplane_core::arithmetic::snap;
-use splitplane_core::intersect::Limits;
+use splitplane_core::query::intersect::Limits;
 use splitplane_core::triangle::{Triangle, prepare};
 
 use crate::simd::every_set::for_every_set;

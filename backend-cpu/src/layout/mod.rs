@@ -6,7 +6,7 @@
 //! the place of blocks.
 //!
 //! *Codecs.* Each format is encoded and decoded in one file: wide nodes in `wide_node.rs`, blocks in `packed_block.rs`,
-//! the tree's own nodes by [`splitplane_core::node::KdNode`]. A test reads the sources and fails where another file shifts
+//! the tree's own nodes by [`splitplane_core::tree::node::KdNode`]. A test reads the sources and fails where another file shifts
 //! or masks their words.
 //!
 //! *Making one.* `plan.rs` decides which levels of the tree become one wide node, `pack.rs` puts triangles together to

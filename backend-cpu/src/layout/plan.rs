@@ -7,7 +7,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::MAX_DEPTH;
-use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::tree::node::{KdNode, NodeKind};
 
 use crate::simd::MOST_LANES;
 use crate::simd::every_set::for_every_set;

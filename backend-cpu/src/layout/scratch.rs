@@ -6,15 +6,17 @@
 //! allocated, and *filling* writes to that. It cannot fail, so an old layout is replaced only by a
 //! complete one.
 
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{BuildError, QueryLayout};
+use splitplane_core::backend::QueryLayout;
 use splitplane_core::config::MAX_DEPTH;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::{KdNode, NodeKind};
 use splitplane_core::triangle::Triangle;
 
 use super::cells::{halves, within};
@@ -26,8 +28,7 @@ use super::walk_node::WalkNode;
 use super::wide_node::MOST_LEAVES;
 use crate::build::MOST_NODES;
 use crate::cancel::ProgressMeter;
-use crate::memory::Scatter;
-use crate::memory::{Memory, bytes_of};
+use crate::memory::{Memory, Scatter, bytes_of};
 use crate::simd::InstructionSet;
 
 /// Subtrees of more nodes are divided among tasks.

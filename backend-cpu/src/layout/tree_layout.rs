@@ -3,9 +3,10 @@
 //! layout the tree itself and a copy of the mesh ([`super::indexed`]) stand for blocks.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::{BuildError, QueryLayout};
+use splitplane_core::backend::QueryLayout;
 use splitplane_core::config::BuildConfig;
-use splitplane_core::node::KdNode;
+use splitplane_core::error::BuildError;
+use splitplane_core::tree::node::KdNode;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 

@@ -1,7 +1,7 @@
 //! The tree's own nodes as scalar traversals read them: leaves name blocks of triangles, or references in the compact
 //! layout.
 
-use splitplane_core::node::KdNode;
+use splitplane_core::tree::node::KdNode;
 
 use super::packed_block::PackedBlock;
 

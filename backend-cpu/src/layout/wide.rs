@@ -13,8 +13,8 @@
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::BuildError;
-use splitplane_core::intersect::{longest_extent, widened};
+use splitplane_core::error::BuildError;
+use splitplane_core::query::intersect::{longest_extent, widened};
 
 use super::cells::part;
 use super::large::Large;

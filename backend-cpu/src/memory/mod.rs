@@ -5,7 +5,7 @@ mod scatter;
 use std::collections::TryReserveError;
 
 use rayon::prelude::*;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 
 use crate::cancel::{ProgressMeter, UNWATCHED};
 

@@ -5,7 +5,7 @@
 //! instructions expresses both. So [`ReferenceOps`] has the loops as default methods.
 
 use splitplane_core::aabb::{max, min};
-use splitplane_core::split::{goes_left, goes_right};
+use splitplane_core::build::split::{goes_left, goes_right};
 
 use super::WIDTH;
 use super::columns::{Columns, ReferenceRow};

@@ -1,8 +1,8 @@
 //! A batch of rays, and where its answers go.
 
-use splitplane_core::intersect::SceneScale;
+use splitplane_core::query::intersect::SceneScale;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 
 use super::packet::Packet;
 use crate::layout::tree_layout::TreeLayout;

@@ -4,11 +4,11 @@ use super::triangle_block::{TriangleBlock, Vectors};
 use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Strict, power_of_two, snap};
-use splitplane_core::intersect::{
+use splitplane_core::query::intersect::{
     Candidate, PreparedRay, moeller_trumbore, stop_after, watertight,
 };
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
-use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::fast;

@@ -2,10 +2,11 @@
 //! `f64`.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::Collector;
-use splitplane_core::exact::{Best, ExactRay, Walker};
+use splitplane_core::exact::ExactRay;
+use splitplane_core::query::all_hits::Collector;
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::traverse::exact::{Best, Walker};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 use splitplane_core::triangle::Triangle;
 
 use super::walk::walk;

@@ -1,5 +1,5 @@
 //! The fast test in vectors, a triangle and a ray per lane:
-//! [`splitplane_core::intersect::moeller_trumbore`] decides what passes it.
+//! [`splitplane_core::query::intersect::moeller_trumbore`] decides what passes it.
 
 use crate::simd::Simd;
 

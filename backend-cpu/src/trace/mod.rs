@@ -1,6 +1,6 @@
 //! Answering rays: traversals over what [`crate::layout`] has made.
 //!
-//! Every path gives the hits of [`splitplane_core::traverse`] bit for bit: the watertight test
+//! Every path gives the hits of [`splitplane_core::query::traverse`] bit for bit: the watertight test
 //! (`watertight.rs`, `refined.rs`) performs the operations of the reference in the same order, and
 //! the fast test (`fast.rs`) only rejects triangles and leaves the others to the reference. In
 //! accuracy `exact` triangles that are certainly no hit are rejected (`sieve.rs`), and the hits are

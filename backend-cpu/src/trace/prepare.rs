@@ -4,12 +4,12 @@
 //! rays that need more (moved origins, extreme exponents) are left to the scalar code.
 
 use splitplane_core::arithmetic::snap;
-use splitplane_core::intersect::{
+use splitplane_core::query::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, PreparedRay, SLOPE_LEAST,
     STOP_SLACK, SceneScale,
 };
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::Ray;
-use splitplane_core::traverse::Query;
 
 use super::ray_state::{
     AXES, EXIT_FACTOR, ORIGIN_SLACK, RAY_STATE_WORDS, RayState, behind, far_end_is_solid,

@@ -2,12 +2,12 @@
 //!
 //! The operations and their order are the same, and so are all bits; a test checks that.
 
-use splitplane_core::intersect::{
+use splitplane_core::query::intersect::{
     COORDINATE_MOST, DIRECTION_LEAST, ORIGIN_LEAST, PLANE_SLACK, SLOPE_LEAST, STOP_SLACK,
     SceneScale,
 };
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::Ray;
-use splitplane_core::traverse::Query;
 
 use super::ray_state::{AXES, EXIT_FACTOR, ORIGIN_SLACK, RayState, behind, far_end_is_solid};
 use crate::simd::F32x4;
@@ -125,7 +125,7 @@ impl RayState {
 mod tests {
     use splitplane_core::aabb::Aabb;
     use splitplane_core::arithmetic::power_of_two;
-    use splitplane_core::intersect::Limits;
+    use splitplane_core::query::intersect::Limits;
     use splitplane_test_support::random::Random;
 
     use super::*;

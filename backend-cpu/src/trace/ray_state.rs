@@ -1,9 +1,9 @@
 //! A ray under way, as steps at nodes and tests of blocks read it.
 
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
+use splitplane_core::query::intersect::{PLANE_SLACK, PreparedRay, SceneScale};
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, Ray};
-use splitplane_core::traverse::Query;
 
 /// A ray under way: the values that a step at a node and a test of a block need, in two cache
 /// lines.

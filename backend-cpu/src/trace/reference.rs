@@ -2,9 +2,9 @@
 //! code does not handle: moved ones, and extreme exponents.
 
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{PreparedRay, SceneScale};
+use splitplane_core::query::intersect::{PreparedRay, SceneScale};
+use splitplane_core::query::traverse::{InnerRay, Query};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::{InnerRay, Query};
 
 use super::block_test::{BestHit, test_one};
 use super::walk::walk;

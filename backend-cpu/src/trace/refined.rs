@@ -1,12 +1,12 @@
 //! Where rays meet the planes of triangles, a triangle and a ray per lane, for those that are seen
 //! at too grazing an angle or from too near for interpolation, and for slivers.
 //!
-//! The operations are those of [`splitplane_core::intersect::refined`] in its order, on sums
+//! The operations are those of [`splitplane_core::query::intersect::refined`] in its order, on sums
 //! of two floats that do not overlap (Dekker 1971), so the numbers are the same bit for bit. Left out
 //! is only what adds zero: a zero may have the other sign here, which no other number depends on, since
 //! divisors are not 0.
 
-use splitplane_core::intersect::{DISTANCE_LEAST, T_LEAST};
+use splitplane_core::query::intersect::{DISTANCE_LEAST, T_LEAST};
 
 use crate::simd::Simd;
 
@@ -198,13 +198,12 @@ impl<S: Simd> Double<S> {
 #[cfg(test)]
 mod tests {
     use splitplane_core::arithmetic::{Strict, power_of_two};
-    use splitplane_core::intersect::refined;
+    use splitplane_core::query::intersect::refined;
     use splitplane_core::triangle::Triangle;
     use splitplane_test_support::random::Random;
 
     use super::*;
-    use crate::simd::InstructionSet;
-    use crate::simd::{Compiled, MOST_LANES};
+    use crate::simd::{Compiled, InstructionSet, MOST_LANES};
 
     /// A power of two, with an exponent from one to another.
     fn power(random: &mut Random, from: i32, to: i32) -> f32 {

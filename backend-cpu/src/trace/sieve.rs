@@ -34,10 +34,11 @@
 //! takes 5 m spread / |D| and 32 u, and 2^-120 / |D| for products that underflow.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::exact::{Best, ExactRay};
-use splitplane_core::intersect::{EDGE_LEAST, STOP_SLACK};
+use splitplane_core::exact::ExactRay;
+use splitplane_core::query::intersect::{EDGE_LEAST, STOP_SLACK};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::traverse::exact::Best;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 
 use super::ray_state::RayState;
 use super::triangle_block::TriangleBlock;

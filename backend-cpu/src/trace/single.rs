@@ -2,9 +2,9 @@
 
 use core::mem::MaybeUninit;
 
-use splitplane_core::intersect::SceneScale;
+use splitplane_core::query::intersect::SceneScale;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;

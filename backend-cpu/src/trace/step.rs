@@ -1,8 +1,8 @@
 //! One step of a ray: a wide node, whose boxes are tested all at once, or the contents of a child
 //! that is not a node.
 
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::QueryOptions;
-use splitplane_core::traverse::Query;
 
 use super::block_test::BestHit;
 use super::leaves::Leaves;

@@ -9,8 +9,8 @@
 use core::cell::RefCell;
 use std::collections::TryReserveError;
 
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::Accuracy;
-use splitplane_core::traverse::Query;
 
 use super::batch::{Answers, RayBatch};
 use super::block_test::BestHit;

@@ -3,7 +3,8 @@
 
 use core::ops::ControlFlow;
 
-use splitplane_core::walk::{self, Leaf, WalkRay};
+use splitplane_core::query::walk;
+use splitplane_core::query::walk::{Leaf, WalkRay};
 
 use crate::layout::walk_node::WalkNode;
 

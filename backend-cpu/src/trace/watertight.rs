@@ -2,11 +2,11 @@
 //! a block ([`super::block_test`]), or the rays of a packet against one triangle
 //! ([`super::packet`]).
 //!
-//! The operations are those of [`splitplane_core::intersect::watertight`] in its order, so all numbers
+//! The operations are those of [`splitplane_core::query::intersect::watertight`] in its order, so all numbers
 //! are the reference's bit for bit. Rays must not be wide.
 
 use splitplane_core::arithmetic::snap;
-use splitplane_core::intersect::{
+use splitplane_core::query::intersect::{
     Candidate, DET_LEAST, EDGE_LEAST, INTERPOLATION_ERROR, NEEDLE, ROBUST, SLIVER, SUM_LEAST,
     T_LEAST, WIDTH_LEAST,
 };

@@ -3,9 +3,9 @@
 use std::num::NonZeroU32;
 use std::ops::Index;
 
+use splitplane_core::build::lockstep::Inspect;
+use splitplane_core::build::schedule::Executor;
 use splitplane_core::kernel::{KernelSet, Slot};
-use splitplane_core::lockstep::Inspect;
-use splitplane_core::schedule::Executor;
 
 use super::bindings::{BindGroups, bind};
 use super::pipelines::{Compiled, DeviceSet, Pipelines};

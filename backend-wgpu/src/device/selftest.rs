@@ -3,16 +3,17 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
-use splitplane_core::backend::{BuildError, BuildOptions, DeviceError};
-use splitplane_core::digest::Digest;
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::{CheckBuffer, CheckKernel, CheckUniform, DeviceChecks, Slot};
 use splitplane_core::layout::CheckParameters;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse::{Query, trace};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::{Query, trace};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::digest::Digest;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::triangle::{Triangle, prepare};
-use splitplane_core::validate::validate_mesh;
 use wgpu::BufferUsages as Usage;
 
 use crate::backend::WgpuBackend;

@@ -3,12 +3,13 @@
 use core::any::Any;
 use std::sync::Arc;
 
-use splitplane_core::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::backend::{Accelerator, BuildSummary, QueryError, QueryReport};
-use splitplane_core::certify::UNDECIDED_HIT;
-use splitplane_core::inside::{self, LocateOptions, Located};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::{inside, traverse};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
-use splitplane_core::traverse;
+use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::Watch;
@@ -123,7 +124,7 @@ impl WgpuAccelerator {
                 queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
             if options.accuracy == Accuracy::Exact {
                 if !queries.is_certain() {
-                    hits.fill(Hit { triangle: UNDECIDED_HIT, ..Hit::MISS });
+                    hits.fill(Hit { triangle: Hit::UNDECIDED, ..Hit::MISS });
                     marked = Marked::default();
                 }
                 marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;

@@ -6,10 +6,9 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::{Acquire, Relaxed};
 use std::time::{Duration, Instant};
 
-use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::layout::BatchUniform;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
@@ -107,7 +106,7 @@ impl Queries {
     /// in the batch. Their `hits` must not be used.
     ///
     /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
-    /// the device computed, see [`splitplane_core::certify`].
+    /// the device computed, see [`splitplane_core::query::certify`].
     ///
     /// # Errors
     /// `rays` and `hits` of different length, a device that fails, or accuracy `exact` on one whose
@@ -141,7 +140,7 @@ impl Queries {
             for (place, hit) in hits.iter().enumerate() {
                 match hit.triangle {
                     UNFINISHED => push(&mut out.unfinished, first + place)?,
-                    UNDECIDED_HIT => push(&mut out.undecided, first + place)?,
+                    Hit::UNDECIDED => push(&mut out.undecided, first + place)?,
                     _ => {}
                 }
             }

@@ -1,7 +1,6 @@
 //! Errors of queries on a device.
 
-use splitplane_core::all_hits::refused;
-use splitplane_core::backend::{DeviceError, QueryError};
+use splitplane_core::error::{DeviceError, QueryError, refused};
 use thiserror::Error;
 
 use crate::error::GpuError;

@@ -1,8 +1,8 @@
 //! The range of coordinates and sizes of triangles that lie on the device.
 
-use splitplane_core::intersect::Limits;
 use splitplane_core::kernel::{QueryBuffer, QueryKernel, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::TriangleCount;
+use splitplane_core::query::intersect::Limits;
 use splitplane_shaders::TriangleTest;
 
 use super::pipelines::Queries;

@@ -22,5 +22,5 @@ pub use error::DeviceQueryError;
 pub use pipelines::Queries;
 pub use record::UNFINISHED;
 pub use scene::SceneUniform;
-pub use splitplane_core::certify::UNDECIDED_HIT;
+pub use splitplane_core::ray::Hit;
 pub use tree::{DeviceTree, TreeParts};

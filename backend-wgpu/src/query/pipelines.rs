@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex};
 
 use splitplane_core::kernel::{QueryKernel, RayQueries};
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, QueryOptions};
-use splitplane_core::traverse::Query;
 use splitplane_shaders::TriangleTest;
 
 use super::batch::FIRST_RAYS;

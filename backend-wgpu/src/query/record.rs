@@ -1,11 +1,11 @@
 //! Queries over rays that are on the device, recorded into a host's commands.
 
-#[cfg(doc)]
-use splitplane_core::certify::UNDECIDED_HIT;
 use splitplane_core::kernel::{QueryBuffer, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::BatchUniform;
+use splitplane_core::query::traverse::Query;
+#[cfg(doc)]
+use splitplane_core::ray::Hit;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 
 use super::error::DeviceQueryError;
 use super::pipelines::{Queries, kernel_of};
@@ -40,7 +40,7 @@ impl Queries {
     /// bytes per [`Hit`]. Both need the usage `STORAGE`; the rays may be written by commands
     /// before. Nothing crosses to the host. Under llvmpipe a hit may be [`UNFINISHED`].
     ///
-    /// Under accuracy `exact` a hit whose triangle is [`UNDECIDED_HIT`] is undecided, whatever the
+    /// Under accuracy `exact` a hit whose triangle is [`Hit::UNDECIDED`] is undecided, whatever the
     /// options say about such rays: nothing that may be hit is nearer than its `t`. That of the
     /// other hits is the exact one; their `t` is within a unit in the last place of the distances
     /// involved (which is more than one of its own where the ray starts next to the triangle),
@@ -65,7 +65,7 @@ impl Queries {
     }
 
     /// Records, for the first `count` rays of a buffer, whether they hit anything: one `u32` per
-    /// ray, 1 for a hit and 0 for none (2 for [`UNFINISHED`], 3 for [`UNDECIDED_HIT`]). Otherwise
+    /// ray, 1 for a hit and 0 for none (2 for [`UNFINISHED`], 3 for [`Hit::UNDECIDED`]). Otherwise
     /// as [`Queries::record_closest_hits`].
     ///
     /// # Errors

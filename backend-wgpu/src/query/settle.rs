@@ -3,15 +3,15 @@
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use rayon::prelude::*;
-use splitplane_core::all_hits::refused;
-use splitplane_core::backend::QueryError;
-use splitplane_core::certify::UNDECIDED_HIT;
-use splitplane_core::exact::{self, ExactRay, meet};
+use splitplane_core::error::{QueryError, refused};
+use splitplane_core::exact::{ExactRay, meet};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Hit, QueryOptions, Ray, Undecided};
-use splitplane_core::traverse::Query;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::{Progress, Stage, Watch};
@@ -125,7 +125,7 @@ impl HostScene<'_> {
                 *hit = match options.undecided {
                     Undecided::Redo if asking.is_over() => break,
                     Undecided::Redo => self.trace(ray, options, Query::Closest),
-                    Undecided::Flag => Hit { triangle: UNDECIDED_HIT, ..Hit::MISS },
+                    Undecided::Flag => Hit { triangle: Hit::UNDECIDED, ..Hit::MISS },
                 };
             }
             asking.is_over();
@@ -195,8 +195,8 @@ mod tests {
     use super::*;
     use splitplane_core::aabb::Aabb;
     use splitplane_core::config::BuildConfig;
-    use splitplane_core::node::KdNode;
     use splitplane_core::tree::KdTree;
+    use splitplane_core::tree::node::KdNode;
 
     /// One triangle, one leaf.
     fn scene() -> (KdTree, [Triangle; 1]) {
@@ -219,7 +219,7 @@ mod tests {
         // Met, beside, met, unfinished, met, met.
         let rays = [at(1.0), at(2.5), at(0.5), at(0.5), at(1.0), at(0.5).with_limits(1.5, 2.0)];
         let said = |triangle| Hit { t: 7.0, triangle, u: 7.0, v: 7.0 };
-        let device = [0, 0, UNDECIDED_HIT, UNFINISHED, 5, 0].map(said);
+        let device = [0, 0, UNFINISHED, 5, 0].map(said);
         for undecided in [Undecided::Redo, Undecided::Flag] {
             let options = QueryOptions { undecided, ..QueryOptions::default() };
             let mut hits = device;
@@ -232,7 +232,7 @@ mod tests {
             for place in [1, 2, 4, 5] {
                 match undecided {
                     Undecided::Redo => assert_eq!(hits[place].some(), expected(&rays[place])),
-                    Undecided::Flag => assert_eq!(hits[place].triangle, UNDECIDED_HIT),
+                    Undecided::Flag => assert_eq!(hits[place].triangle, Hit::UNDECIDED),
                 }
             }
         }
@@ -255,7 +255,7 @@ mod tests {
         let (tree, triangles) = scene();
         let scene = HostScene { tree: tree.view(), triangles: &triangles };
         let rays = [Ray::new([0.5, 0.5, 0.0], [0.0, 0.0, 1.0]); 1_000];
-        let marked = Hit { triangle: UNDECIDED_HIT, ..Hit::MISS };
+        let marked = Hit { triangle: Hit::UNDECIDED, ..Hit::MISS };
         let options = QueryOptions::default();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let ended = QueryError::Cancelled { done: 5, total: 1_000 };

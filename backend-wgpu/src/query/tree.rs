@@ -2,7 +2,7 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
-use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
@@ -16,7 +16,7 @@ use crate::error::GpuError;
 /// The parts of a finished tree that are already on the device.
 #[derive(Clone, Debug)]
 pub struct TreeParts {
-    /// [Nodes](splitplane_core::node::KdNode) in preorder, 8 bytes each. Usages `STORAGE` and `COPY_SRC`.
+    /// [Nodes](splitplane_core::tree::node::KdNode) in preorder, 8 bytes each. Usages `STORAGE` and `COPY_SRC`.
     pub nodes: wgpu::Buffer,
     /// Triangle indices, named by leaves. Usages `STORAGE` and `COPY_SRC`.
     pub leaf_references: wgpu::Buffer,
@@ -48,7 +48,7 @@ impl DeviceTree {
     /// Takes over a tree that was made on the device. Reads all triangles once, on the device, for
     /// the range of their coordinates, and waits for that.
     ///
-    /// The tree must be valid (see [`splitplane_core::validate`]): a traversal trusts it.
+    /// The tree must be valid (see [`splitplane_core::tree::validate`]): a traversal trusts it.
     ///
     /// # Errors
     /// Buffers larger than a binding may be, or a device that fails.
@@ -84,7 +84,7 @@ impl DeviceTree {
 
     /// Uploads a tree built elsewhere. `triangles` are the snapped corners of the mesh (see
     /// [`splitplane_core::triangle::prepare`]), dropped triangles included. The tree must be valid
-    /// and belong to them (see [`splitplane_core::validate::validate_mesh`]).
+    /// and belong to them (see [`splitplane_core::tree::validate::validate_mesh`]).
     ///
     /// # Errors
     /// More triangles, nodes or references than the device can bind or hold, or a device that fails.
@@ -180,7 +180,7 @@ impl DeviceTree {
         })
     }
 
-    /// The nodes: [`KdNode`](splitplane_core::node::KdNode), 8 bytes each.
+    /// The nodes: [`KdNode`](splitplane_core::tree::node::KdNode), 8 bytes each.
     pub fn nodes(&self) -> &wgpu::Buffer {
         &self.parts.nodes
     }

@@ -1,7 +1,7 @@
 //! What the three accuracies cost on the device, and what `exact` leaves undecided there.
 
 use serde::Serialize;
-use splitplane::gpu::query::{UNDECIDED_HIT, UNFINISHED};
+use splitplane::gpu::query::UNFINISHED;
 use splitplane::{Accelerator, Accuracy, Hit, QueryOptions, Ray};
 
 use crate::Failure;
@@ -62,7 +62,7 @@ pub fn measure(built: &Built, set: &Set, options: &Options) -> Result<Vec<Figure
             set: set.name,
             accuracy: accuracy.name(),
             rays: rays.len(),
-            undecided: of(UNDECIDED_HIT),
+            undecided: of(Hit::UNDECIDED),
             unfinished: of(UNFINISHED),
             different,
             resident_s: Vec::new(),

@@ -7,8 +7,9 @@
 use std::collections::HashMap;
 
 use serde::Serialize;
+use splitplane::core::build::schedule;
+use splitplane::core::build::schedule::Executor;
 use splitplane::core::kernel::{Access, Buffer, Counter, Kernel, TreeBuilder};
-use splitplane::core::schedule::{self, Executor};
 use splitplane::gpu::KernelTime;
 use splitplane::{BuildConfig, BuildError, Mesh, Preset};
 use splitplane_cpu::buffers::Buffers;

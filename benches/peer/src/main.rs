@@ -23,8 +23,9 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
-use splitplane_core::backend::{Accelerator, BuildError, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};

@@ -2,7 +2,7 @@
 //!
 //!     splitplane-undecided SCENE.obj [RAYS...] [--every N] [--aimed N]
 //!
-//! The device's traversal is run on the CPU, by its twin in the core (`splitplane_core::certify`); on
+//! The device's traversal is run on the CPU, by its twin in the core (`splitplane_core::query::certify`); on
 //! a device with bitwise parity it decides the same. Each RAYS is a file of 32-byte records as the verb
 //! `query` reads them, of which every N-th ray is taken; `--aimed` adds N rays each at edges, at
 //! vertices and at random points. Every decided ray is held against the exact traversal: closest hit
@@ -13,11 +13,11 @@ use std::process::ExitCode;
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::certify::{self, UNDECIDED_HIT};
-use splitplane_core::exact;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::ray::{QueryOptions, Ray};
-use splitplane_core::traverse::Query;
+use splitplane_core::query::certify;
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::traverse::exact;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::{aim, scenes};
 
@@ -40,8 +40,8 @@ impl Counts {
         let any = found(Query::Any);
         let expected = exact::closest_hit(&tree, mesh, ray, &options);
         let expected_triangle = expected.map_or(u32::MAX, |hit| hit.triangle);
-        let undecided = closest.triangle == UNDECIDED_HIT;
-        let undecided_any = any.triangle == UNDECIDED_HIT;
+        let undecided = closest.triangle == Hit::UNDECIDED;
+        let undecided_any = any.triangle == Hit::UNDECIDED;
         let wrong = (!undecided && closest.triangle != expected_triangle)
             || (!undecided_any && any.is_hit() != expected.is_some());
         Counts {

@@ -2,10 +2,10 @@
 
 use splitplane_core::arithmetic::{Arithmetic, Hostile, Strict};
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::certify::{self, UNDECIDED_HIT};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::certify;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse::Query;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::{Oracle, OracleHit};
@@ -34,11 +34,11 @@ fn check(scene: &Scene, each: usize, seed: u64) -> [usize; 2] {
                 [Query::Closest, Query::Any].map(|q| trace::<Strict>(&built, &mesh, &ray, q)),
                 [Query::Closest, Query::Any].map(|q| trace::<Hostile>(&built, &mesh, &ray, q)),
             ] {
-                let undecided = closest.triangle == UNDECIDED_HIT;
+                let undecided = closest.triangle == Hit::UNDECIDED;
                 counts[usize::from(undecided)] += 1;
                 let right = undecided || closest.triangle == expected;
                 assert!(right, "{}, {kind:?}: {ray:?}: {closest:?}, not {expected}", scene.name);
-                let told = any.triangle != UNDECIDED_HIT;
+                let told = any.triangle != Hit::UNDECIDED;
                 let right = !told || any.is_hit() == (expected != u32::MAX);
                 assert!(right, "{}, {kind:?}: {ray:?}: any {any:?}, {expected}", scene.name);
             }
@@ -71,7 +71,7 @@ fn rays_at_random_are_decided() {
             let rays = aim::rays(&mesh, kind, 5_000, 8);
             let found = rays.iter().map(|ray| trace::<Strict>(&built, &mesh, ray, Query::Closest));
             let found: Vec<Hit> = found.collect();
-            let undecided = found.iter().filter(|hit| hit.triangle == UNDECIDED_HIT).count();
+            let undecided = found.iter().filter(|hit| hit.triangle == Hit::UNDECIDED).count();
             // One in a thousand.
             assert!(undecided <= 5, "{}, {kind:?}: {undecided}", scene.name);
             hits += found.iter().filter(|hit| hit.is_hit()).count();

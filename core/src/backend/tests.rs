@@ -2,16 +2,18 @@
 
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
 
 use super::*;
 use crate::aabb::Aabb;
 use crate::config::Preset;
-use crate::inside::{Location, Rule};
-use crate::intersect::{Limits, SceneScale};
-use crate::node::KdNode;
-use crate::traverse;
+use crate::query::inside::{Location, Rule};
+use crate::query::intersect::{Limits, SceneScale};
+use crate::query::traverse;
+use crate::tree::node::KdNode;
 use crate::triangle::Triangle;
+use crate::watch::Progress;
 
 /// The corners of a tetrahedron, wound so that fronts are outside.
 const CORNERS: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
@@ -256,19 +258,4 @@ fn a_rebuild_replaces_what_was_there() {
     OneLeaf.rebuild(&mut built, &mesh, &other).expect("a tree");
     assert!(!core::ptr::addr_eq(before, &*built));
     assert_eq!(built.tree().config, other.config);
-}
-
-#[test]
-fn a_closure_is_a_watch() {
-    let ends = |progress: &Progress| match progress.done {
-        0 => ControlFlow::Continue(()),
-        _ => ControlFlow::Break(()),
-    };
-    let at = |done| Progress { stage: Stage::Start, done, total: 4 };
-    assert_eq!(go_on(Some(&ends), at(0)), Ok(()));
-    assert_eq!(go_on(Some(&ends), at(1)), Err(BuildError::Cancelled { progress: at(1) }));
-    assert_eq!(go_on_tracing(Some(&ends), 0, 4), Ok(()));
-    let cancelled = QueryError::Cancelled { done: 3, total: 4 };
-    assert_eq!(go_on_tracing(Some(&ends), 3, 4), Err(cancelled));
-    assert_eq!(go_on(None, at(1)), Ok(()));
 }

@@ -14,13 +14,9 @@ mod doubled;
 mod integer;
 mod meeting;
 mod perturbed;
-mod traverse;
 
 pub use meeting::{Meeting, meet};
 pub use perturbed::cross;
-#[cfg(feature = "alloc")]
-pub(crate) use traverse::visit;
-pub use traverse::{Best, Walker, closest_hit, trace};
 
 use crate::arithmetic::snap;
 use crate::ray::Ray;

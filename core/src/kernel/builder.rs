@@ -5,7 +5,7 @@ use crate::layout::{
     Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
     Sides, SmallRoot, TopNode,
 };
-use crate::node::KdNode;
+use crate::tree::node::KdNode;
 
 kernel_set! {
     /// The tree builder (Zhou et al. 2008).

@@ -2,8 +2,8 @@
 //! first. There is no schedule: each is one dispatch over what the host counts.
 
 use crate::kernel_set;
-use crate::node::KdNode;
 use crate::ray::{Hit, Ray};
+use crate::tree::node::KdNode;
 
 kernel_set! {
     /// Rays through a finished tree on a device.
@@ -36,7 +36,7 @@ kernel_set! {
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
-        /// [`crate::intersect::Limits`].
+        /// [`crate::query::intersect::Limits`].
         Limits "limits", 16;
     }
 

@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::intersect::SceneScale;
+use crate::query::intersect::SceneScale;
 use crate::ray::{Culling, QueryOptions};
 
 /// The data of the whole scene that every traversal reads: [`SceneScale`] in the layout of the WGSL

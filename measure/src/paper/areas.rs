@@ -9,11 +9,11 @@ use serde::Serialize;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::NodeKind;
 use splitplane_core::random::unit;
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::sah::half_area_of;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 const SEED: u64 = 1990;
 

@@ -3,8 +3,8 @@
 use super::space::{Label, Paint, Panel, Solid, Space};
 use super::worked;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 /// By the way from the root: the first child is the left one, below the plane.
 const PAINTS: [[Paint; 2]; 2] = [[Paint::Red, Paint::Blue], [Paint::Yellow, Paint::Green]];

@@ -13,12 +13,12 @@ use splitplane::scene::Scene;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::lines::Lines;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::query::lines::Lines;
 use splitplane_core::random::unit;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::{KdNode, NodeKind};
 use splitplane_cpu::CpuBackend;
 
 const SEED: u64 = 2012;

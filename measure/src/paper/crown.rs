@@ -1,7 +1,7 @@
 //! The top of a tree as a diagram (the survey's Figure 8).
 
-use splitplane_core::node::{Axis, NodeKind};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::{Axis, NodeKind};
 
 /// A node of the diagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -61,7 +61,7 @@ impl Crown {
         depth: u32,
     ) -> usize {
         let number = self.nodes.len();
-        let kind = tree.nodes.get(index).map(splitplane_core::node::KdNode::kind);
+        let kind = tree.nodes.get(index).map(splitplane_core::tree::node::KdNode::kind);
         let references = references(tree, index);
         let axis = match kind {
             Some(NodeKind::Interior { axis, .. }) => Some(axis),
@@ -88,7 +88,7 @@ fn references(tree: &KdTreeView<'_>, index: usize) -> usize {
     let mut sum = 0;
     let mut stack = vec![index];
     while let Some(index) = stack.pop() {
-        match tree.nodes.get(index).map(splitplane_core::node::KdNode::kind) {
+        match tree.nodes.get(index).map(splitplane_core::tree::node::KdNode::kind) {
             Some(NodeKind::Interior { right, .. }) => stack.extend([right as usize, index + 1]),
             Some(NodeKind::Leaf { count, .. }) => sum += count as usize,
             None => {}

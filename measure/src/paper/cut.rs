@@ -5,10 +5,10 @@ use super::clip::{Corner, clip};
 use splitplane::scene::Scene;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
+use splitplane_core::build::split::{SplitPlane, empty_cutoff, spatial_median};
 use splitplane_core::config::MAX_SMALL;
-use splitplane_core::node::NodeKind;
-use splitplane_core::split::{SplitPlane, empty_cutoff, spatial_median};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 /// A node of the large-node stage with what was decided about it.
 #[derive(Clone, Debug, PartialEq)]

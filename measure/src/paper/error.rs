@@ -4,7 +4,7 @@ use splitplane::backend::OpenError;
 use splitplane::picture::PictureError;
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::MeshError;
 use splitplane_scene::from_file::quoted;
 use thiserror::Error;

@@ -2,7 +2,7 @@
 
 pub use super::builders::Knobs;
 use serde::Serialize;
-use splitplane_core::backend::BackendInfo;
+use splitplane_core::report::BackendInfo;
 
 /// The machine, the program and how it was called.
 #[derive(Clone, Debug, PartialEq, Serialize)]

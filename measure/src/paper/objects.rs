@@ -7,9 +7,9 @@ use super::space::{Paint, Panel, Path, Solid, Space};
 use serde::Serialize;
 use splitplane::scene::Scene;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::node::{KdNode, NodeKind};
 use splitplane_core::ray::Ray;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::{KdNode, NodeKind};
 use std::collections::HashSet;
 
 /// Triangles of an object, at least and at most: one can be seen and told from others.

@@ -3,7 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 use splitplane::scene::Scene;
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_render::{Light, Size};
 use splitplane_scene::surface::Surface;
@@ -57,7 +58,7 @@ impl FrameRays {
 
     /// A name of these rays: XXH64 over their bits, camera rays first. Equal rays have equal names.
     pub fn digest(&self) -> String {
-        let mut state = splitplane_core::digest::Xxh64::new(0);
+        let mut state = splitplane_core::tree::digest::Xxh64::new(0);
         state.write_words(&[self.camera.len() as u32, self.shadow.len() as u32]);
         for ray in self.camera.iter().chain(&self.shadow) {
             state.write_words(&ray.origin.map(f32::to_bits));

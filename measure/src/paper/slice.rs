@@ -4,8 +4,8 @@ use super::clip::section;
 use super::cut::across_and_up;
 use splitplane::scene::Scene;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::node::NodeKind;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 /// A cell that the plane meets.
 #[derive(Clone, Copy, Debug, PartialEq)]

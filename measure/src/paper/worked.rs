@@ -4,12 +4,10 @@ use super::table::{Cell, Table};
 use serde::Serialize;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
-use splitplane_core::node::{Axis, KdNode, NodeKind};
-use splitplane_core::sah::{
-    equation_1, equation_2, equation_3, equation_5, equation_5_printed, equation_6, half_area_of,
-    split_cost,
-};
+use splitplane_core::sah::{equation_1, equation_2, equation_6, half_area_of, split_cost};
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::cost::{equation_3, equation_5, equation_5_printed};
+use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 
 /// A node of Figure 8, as printed and as computed.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -376,7 +374,7 @@ mod tests {
             "figure-8",
             format!(
                 "{}\n{}\n{}\n{}",
-                splitplane_core::dump::dump(&figure_8(), usize::MAX),
+                splitplane_core::tree::dump::dump(&figure_8(), usize::MAX),
                 worked.table_1().markdown(),
                 worked.table_2().markdown(),
                 worked.table_of_forms().markdown()

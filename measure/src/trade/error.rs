@@ -2,7 +2,7 @@
 
 use crate::paper::ReportError;
 use splitplane::picture::PictureError;
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::MeshError;
 use splitplane_scene::from_file::quoted_path;
 use std::path::PathBuf;

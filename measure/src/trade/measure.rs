@@ -1,9 +1,7 @@
 //! The sweep: every tree is built and traced in turn, round by round, so that a machine whose speed
 //! drifts slows all settings alike.
 
-use super::TradeError;
 use super::budget::{Budget, Fixed, Pilot, divide};
-use super::bvh;
 use super::held::Held;
 use super::hierarchy::Beside;
 use super::interval::Interval;
@@ -14,15 +12,17 @@ use super::picture::PictureTrade;
 use super::plan::{Device, Station};
 use super::rays::{RaySets, judged, timed as timed_rays};
 use super::row::{Aims, Apart, Errors, KINDS, Row, Sets, Trace};
+use super::{TradeError, bvh};
 use crate::paper::scene::Placed;
 use crate::paper::timing::timed;
 use crate::paper::{median, pool};
-use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::BuildConfig;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
-use splitplane_core::stats::TreeStats;
+use splitplane_core::report::BackendInfo;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::stats::TreeStats;
 use splitplane_core::watch::Watch;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::Size;
@@ -229,7 +229,7 @@ fn in_turns(round: usize, count: usize) -> Box<dyn Iterator<Item = usize>> {
 
 /// XXH64 over nodes and references.
 fn name_of_nodes(tree: &KdTreeView<'_>) -> u64 {
-    let mut state = splitplane_core::digest::Xxh64::new(0);
+    let mut state = splitplane_core::tree::digest::Xxh64::new(0);
     for node in tree.nodes {
         state.write_words(&node.words());
     }
@@ -239,7 +239,7 @@ fn name_of_nodes(tree: &KdTreeView<'_>) -> u64 {
 
 /// XXH64 over all corners.
 fn name_of(mesh: &Mesh<'_>) -> String {
-    let mut state = splitplane_core::digest::Xxh64::new(0);
+    let mut state = splitplane_core::tree::digest::Xxh64::new(0);
     for index in 0..mesh.len() {
         let bits: Vec<u32> =
             mesh.triangle(index).as_flattened().iter().map(|x| x.to_bits()).collect();

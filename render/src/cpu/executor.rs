@@ -10,10 +10,10 @@ use crate::plan::Plan;
 use crate::scene_words::SceneWords;
 use rayon::prelude::*;
 use splitplane_core::backend::Accelerator;
-use splitplane_core::intersect::{Limits, SceneScale};
-use splitplane_core::lockstep::Inspect;
+use splitplane_core::build::lockstep::Inspect;
+use splitplane_core::build::schedule::Executor;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule::Executor;
+use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::triangle::prepare;
 use std::time::{Duration, Instant};
 

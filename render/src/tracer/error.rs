@@ -4,7 +4,7 @@ use super::Output;
 use crate::error::RenderError;
 use crate::plan::PlanError;
 use crate::scene_data::AppearanceError;
-use splitplane_core::backend::{BuildError, QueryError};
+use splitplane_core::error::{BuildError, QueryError};
 use thiserror::Error;
 
 /// Why there is no frame, or no tree to render it from.

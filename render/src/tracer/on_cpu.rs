@@ -5,9 +5,10 @@ use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
-use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
-use splitplane_core::digest::Digest;
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::tree::digest::Digest;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use std::borrow::Cow;
 

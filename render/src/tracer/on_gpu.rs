@@ -6,9 +6,10 @@ use crate::frame::{FrameInput, FrameStats};
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
 use crate::wgpu::WgpuRenderer;
-use splitplane_core::backend::{Accelerator, Backend, BackendInfo, BuildOptions, BuildSummary};
-use splitplane_core::digest::Digest;
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::tree::digest::Digest;
 use splitplane_wgpu::{DeviceTree, WgpuAccelerator, WgpuBackend};
 use std::borrow::Cow;
 

@@ -295,7 +295,7 @@ impl WgpuRenderer {
     }
 
     /// Calls `run` with an executor over fresh contents that submits every step and whose buffers
-    /// can be read in between: for [`splitplane_core::lockstep::Lockstep`].
+    /// can be read in between: for [`splitplane_core::build::lockstep::Lockstep`].
     ///
     /// # Errors
     /// As for [`WgpuRenderer::render`].

@@ -4,7 +4,8 @@ use super::share;
 use crate::surface::Surface;
 use crate::{Camera, Light, Scene};
 use glam::DVec3;
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 
 const FOV: f32 = 62.0;

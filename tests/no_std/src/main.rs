@@ -16,21 +16,23 @@ extern crate std;
 use core::panic::PanicInfo;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::snap;
+use splitplane_core::build::mask::TriangleMask;
+use splitplane_core::build::{schedule, split};
 use splitplane_core::config::{BuildConfig, MAX_SMALL, Planes};
-use splitplane_core::digest::Xxh64;
-use splitplane_core::file::{FileError, TreeFile};
-use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::layout::Reference;
-use splitplane_core::lines::{Lines, scene_scale, trace_lines};
-use splitplane_core::mask::TriangleMask;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::KdNode;
+use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::lines::{Lines, scene_scale, trace_lines};
+use splitplane_core::query::traverse;
 use splitplane_core::ray::{QueryOptions, Ray};
-use splitplane_core::stats::TreeStats;
 use splitplane_core::tree::KdTreeView;
-use splitplane_core::validate::validate_mesh;
-use splitplane_core::{sah, schedule, split, traverse, triangle};
+use splitplane_core::tree::digest::Xxh64;
+use splitplane_core::tree::file::{FileError, TreeFile};
+use splitplane_core::tree::node::KdNode;
+use splitplane_core::tree::stats::TreeStats;
+use splitplane_core::tree::validate::validate_mesh;
+use splitplane_core::{sah, triangle};
 
 #[link(name = "c")]
 unsafe extern "C" {
@@ -174,9 +176,8 @@ fn schedule_of_nothing() -> i32 {
 fn first_wrong_with_alloc() -> i32 {
     use alloc::vec;
     use splitplane_core::backend::BuildOptions;
-    use splitplane_core::dump::dump;
-    use splitplane_core::file;
-    use splitplane_core::tree::KdTree;
+    use splitplane_core::tree::dump::dump;
+    use splitplane_core::tree::{KdTree, file};
 
     let options = BuildOptions::default();
     let tree = KdTree {
@@ -200,9 +201,10 @@ fn first_wrong_with_alloc() -> i32 {
 /// Builds a tree over a ground of squares by both presets, and traces a ray onto every triangle.
 #[cfg(feature = "alloc")]
 fn first_wrong_of_a_build() -> i32 {
-    use splitplane_core::backend::{BuildError, BuildOptions};
+    use splitplane_core::backend::BuildOptions;
+    use splitplane_core::build::reference;
     use splitplane_core::config::Preset;
-    use splitplane_core::reference;
+    use splitplane_core::error::BuildError;
 
     const SIDE: usize = 12;
     let corner = |x: usize, y: usize| [x as f32, y as f32, ((x * x + 3 * y) % 5) as f32 / 4.0];

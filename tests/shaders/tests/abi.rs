@@ -136,7 +136,9 @@ fn lists_of_constants_have_nothing_needless() {
 /// What the scanner reads in the text is what the compiler reads.
 #[test]
 fn the_scanner_reads_the_core() {
-    use splitplane_core::{config, intersect, layout, node, sah};
+    use splitplane_core::query::intersect;
+    use splitplane_core::tree::node;
+    use splitplane_core::{config, layout, sah};
     let known = constants::of_core();
     let float = |x: f32| Number::F32(x.to_bits());
     for (name, number) in [

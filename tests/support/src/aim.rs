@@ -4,9 +4,9 @@ use crate::oracle::finite_bounds;
 use crate::random::Random;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::NodeKind;
 use splitplane_core::ray::Ray;
 use splitplane_core::tree::KdTreeView;
+use splitplane_core::tree::node::NodeKind;
 
 /// How rays of one batch are aimed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,15 +3,14 @@
 
 use crate::oracle::{Oracle, snap};
 use splitplane_core::aabb::Aabb;
-use splitplane_core::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
-    QueryError, QueryReport,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::KdNode;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::KdNode;
 
 /// The exact backend.
 #[derive(Clone, Copy, Debug, Default)]

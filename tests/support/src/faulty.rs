@@ -2,13 +2,12 @@
 //! catch: a check that cannot fail proves nothing.
 
 use crate::exact::{one_leaf, same_length};
-use splitplane_core::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::backend::{
-    Accelerator, Backend, BackendInfo, BuildError, BuildOptions, BuildSummary, LoadOptions,
-    QueryError, QueryReport,
-};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -90,7 +89,7 @@ impl<B: Backend> Backend for FaultyBackend<B> {
                 tree.references[end.saturating_sub(2)..].reverse();
             }
             Fault::LosesReference => {
-                use splitplane_core::node::{KdNode, NodeKind};
+                use splitplane_core::tree::node::{KdNode, NodeKind};
                 let last = tree.nodes.iter().rposition(
                     |node| matches!(node.kind(), NodeKind::Leaf { count, .. } if count > 0),
                 );

@@ -4,8 +4,8 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::snap;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::{Axis, KdNode, NodeKind};
 use splitplane_core::ray::Ray;
+use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 use splitplane_core::tree::{KdTree, KdTreeView};
 
 use crate::aim::{Aim, aimed};

@@ -4,8 +4,8 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::{Axis, KdNode};
 use splitplane_core::triangle::{Triangle, prepare};
 
 /// Bounds of a triangle's parts in a cell, within old bounds, left and right of a plane; `None` where it

@@ -7,10 +7,10 @@ use crate::grazing::{Grazer, Kind, Shape, Surface, Volley, length, minus, weight
 use crate::random::Random;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::intersect::{Limits, SceneScale};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::traverse;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
-use splitplane_core::traverse;
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
 use std::collections::{BTreeMap, BTreeSet};

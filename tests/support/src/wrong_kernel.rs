@@ -1,12 +1,12 @@
 //! Executors of which one kernel is wrong: planted faults that lockstep must find and name.
 
-use splitplane_core::backend::BuildError;
+use splitplane_core::build::lockstep::Inspect;
+use splitplane_core::build::reference::{Buffers, ReferenceExecutor};
+use splitplane_core::build::schedule::Executor;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_core::layout::Counters;
-use splitplane_core::lockstep::Inspect;
-use splitplane_core::node::KdNode;
-use splitplane_core::reference::{Buffers, ReferenceExecutor};
-use splitplane_core::schedule::Executor;
+use splitplane_core::tree::node::KdNode;
 
 /// What a kernel does wrong: a change to what the right one has just written.
 pub type Fault = fn(&mut Buffers);

@@ -8,21 +8,6 @@ use splitplane_test_support::sources::{packages, workspace};
 /// Circles that are known and are to go: the package's folder, the parent, its children. A circle among some of the children
 /// is covered; an entry that covers none fails the test.
 const KNOWN: &[(&str, &str, &[&str])] = &[
-    (
-        "core",
-        "",
-        &[
-            "all_hits",
-            "backend",
-            "certify",
-            "exact",
-            "inside",
-            "intersect",
-            "ray",
-            "traverse",
-            "tree",
-        ],
-    ),
     ("backend-wgpu", "", &["backend", "builder", "device", "error", "options", "query"]),
     ("backend-wgpu", "device", &["adapters", "compiler", "gpu"]),
     ("backend-wgpu", "device", &["bindings", "pipelines"]),

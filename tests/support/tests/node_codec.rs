@@ -7,7 +7,7 @@ use splitplane_test_support::sources::{code, rust_files, without_tests, workspac
 
 /// The codecs, and which format each has.
 const CODECS: &[(&str, &str)] = &[
-    ("core/src/node.rs", "the canonical node of 8 bytes"),
+    ("core/src/tree/node.rs", "the canonical node of 8 bytes"),
     ("backend-cpu/src/layout/wide_node.rs", "wide nodes and their children"),
     ("backend-cpu/src/layout/packed_block.rs", "blocks of triangles"),
 ];
@@ -15,12 +15,12 @@ const CODECS: &[(&str, &str)] = &[
 /// What is found by the rules and is no node: the file and a part of the statement.
 const INNOCENT: &[(&str, &str)] = &[
     // Counts of a chunk's bins: starts below, ends above.
-    ("core/src/bins.rs", "sum.ends[axis][bin] += word >> 16"),
+    ("core/src/build/bins.rs", "sum.ends[axis][bin] += word >> 16"),
     (
         "backend-cpu/src/build/twin/kernels/bin_references.rs",
         "*word = starts[bin] | ends[bin] << 16",
     ),
-    ("core/src/reference/kernels/bin_references.rs", "words[axis][end as usize] += 1 << 16"),
+    ("core/src/build/reference/kernels/bin_references.rs", "words[axis][end as usize] += 1 << 16"),
     // A mask of lanes.
     ("backend-cpu/src/simd/avx2.rs", "LANES_OF[kept as usize & 0xff]"),
 ];

@@ -2,14 +2,16 @@
 //! whose answers the exact oracle accepts.
 
 use crate::source::Source;
-use splitplane_core::all_hits::{AllHitsOptions, Crossing};
-use splitplane_core::backend::{Accelerator, Backend, BuildError, BuildOptions, QueryReport};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::digest::Digest;
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::{Mesh, MeshError};
+use splitplane_core::query::all_hits::{AllHitsOptions, Crossing};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
+use splitplane_core::report::QueryReport;
+use splitplane_core::tree::digest::Digest;
+use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::triangle::prepare;
-use splitplane_core::validate::validate_mesh;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::judge::Judge;
 use splitplane_test_support::oracle::{Oracle, OracleHit};

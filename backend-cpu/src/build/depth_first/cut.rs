@@ -200,7 +200,7 @@ mod tests {
     use crate::simd::portable::Portable;
     use crate::simd::references::TILE;
     use splitplane_core::arithmetic::Strict;
-    use splitplane_core::split::{goes_left, goes_right};
+    use splitplane_core::build::split::{goes_left, goes_right};
     use splitplane_test_support::random::Random;
 
     /// Numbers of a coarse grid, so that faces coincide and references are planar.

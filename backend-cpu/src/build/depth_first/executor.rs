@@ -1,10 +1,10 @@
 //! The executor: it wraps the twin, which runs the levels until tasks take over.
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
-use splitplane_core::backend::BuildError;
+use splitplane_core::build::schedule::Executor;
 use splitplane_core::config::BuildConfig;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
-use splitplane_core::schedule::Executor;
 use splitplane_core::watch::Stage;
 
 use super::caps::{Caps, hand_over_limit};

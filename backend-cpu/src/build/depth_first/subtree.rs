@@ -6,11 +6,11 @@ use std::collections::TryReserveError;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::bins::{BinAxis, NodeBins};
+use splitplane_core::build::bins::{BinAxis, NodeBins};
+use splitplane_core::build::decide::cut_empty_space;
 use splitplane_core::config::{BuildConfig, MAX_BINS, Planes};
-use splitplane_core::decide::cut_empty_space;
 use splitplane_core::layout::{Decision, Extent, LargeNode, Reference, SmallRoot};
-use splitplane_core::node::{Axis, KdNode};
+use splitplane_core::tree::node::{Axis, KdNode};
 use splitplane_core::triangle::Triangle;
 
 use super::caps::Caps;
@@ -21,10 +21,9 @@ use crate::build::twin::kernels::{split_binned, split_median};
 use crate::build::twin::small_root::SmallRootCosts;
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;
-use crate::simd::InstructionSet;
 use crate::simd::columns::Columns;
 use crate::simd::references::TILE;
-use crate::simd::{Compiled, Simd, WIDTH};
+use crate::simd::{Compiled, InstructionSet, Simd, WIDTH};
 
 /// What all tasks read.
 #[derive(Debug)]

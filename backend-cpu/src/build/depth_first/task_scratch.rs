@@ -4,7 +4,7 @@ use std::collections::TryReserveError;
 use std::sync::Mutex;
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::bins::NodeBins;
+use splitplane_core::build::bins::NodeBins;
 use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::layout::Reference;
 

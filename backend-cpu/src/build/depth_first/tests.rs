@@ -1,10 +1,10 @@
 //! Depth-first builds against the schedule.
 
 use splitplane_core::arithmetic::{Arithmetic, Hostile, Strict};
+use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
-use splitplane_core::schedule;
 use splitplane_test_support::scenes;
 
 use super::executor::{DepthFirstExecutor, DepthFirstScratch};

@@ -1,7 +1,8 @@
 //! Bytes counted against a limit, from many threads.
 
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
-use splitplane_core::backend::BuildError;
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
+use splitplane_core::error::BuildError;
 
 use crate::memory::Memory;
 

@@ -4,10 +4,11 @@
 //! in a bin after k ends behind them. So the counts of bins bound the numbers of references on
 //! either side of any plane in a bin, and the bin's borders bound the areas.
 
-use core::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
 
 use rayon::prelude::*;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
 
 use super::atomic_memory::AtomicMemory;

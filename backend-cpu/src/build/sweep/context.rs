@@ -1,11 +1,12 @@
 //! One build: the data that all its tasks read, and the memory that they share.
 
-use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use core::sync::atomic::AtomicUsize;
+use core::sync::atomic::Ordering::Relaxed;
 use std::collections::TryReserveError;
 use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Zeroable;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::triangle::Triangle;
 

@@ -3,8 +3,8 @@
 use core::ops::Range;
 use std::collections::TryReserveError;
 
-use splitplane_core::backend::BuildError;
-use splitplane_core::node::{Axis, KdNode, NodeKind};
+use splitplane_core::error::BuildError;
+use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 
 use super::thread_scratch::ThreadScratch;
 use crate::build::MOST_NODES;

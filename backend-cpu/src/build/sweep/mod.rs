@@ -59,8 +59,8 @@ mod top;
 use core::sync::atomic::AtomicUsize;
 
 use rayon::prelude::*;
-use splitplane_core::backend::BuildError;
 use splitplane_core::config::BuildConfig;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
 use splitplane_core::watch::Stage;
 
@@ -78,7 +78,7 @@ pub(super) use context::SweepScratch;
 /// References copied between two calls of the watch.
 const PIECE: usize = 1 << 13;
 
-/// Builds the tree over the references in `buffers`, which [`splitplane_core::schedule::start`] has made,
+/// Builds the tree over the references in `buffers`, which [`splitplane_core::build::schedule::start`] has made,
 /// into its nodes and leaf references. Returns how many there are of each.
 ///
 /// # Errors

@@ -2,15 +2,14 @@
 
 use splitplane_core::aabb::{Aabb, max, min};
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
 use splitplane_core::sah::Extents;
 
 use super::atomic_memory::AtomicMemory;
-use super::bins;
 use super::bins::Bins;
 use super::cost::{BestSplit, Cell, Split, SplitCosts};
-use super::small;
+use super::{bins, small};
 use crate::cancel::ProgressMeter;
 use crate::simd::InstructionSet;
 

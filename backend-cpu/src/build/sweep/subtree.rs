@@ -2,9 +2,9 @@
 
 use core::mem;
 
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
-use splitplane_core::node::{Axis, KdNode};
+use splitplane_core::tree::node::{Axis, KdNode};
 
 use super::context::BuildContext;
 use super::cost::Cell;

@@ -1,7 +1,7 @@
 //! Scratch of one thread.
 
 use splitplane_core::layout::Reference;
-use splitplane_core::node::KdNode;
+use splitplane_core::tree::node::KdNode;
 
 use super::bins::Bins;
 

@@ -4,9 +4,9 @@ use std::collections::TryReserveError;
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
-use splitplane_core::backend::BuildError;
+use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
-use splitplane_core::node::Axis;
+use splitplane_core::tree::node::Axis;
 
 use super::bins::CHUNK;
 use super::context::BuildContext;

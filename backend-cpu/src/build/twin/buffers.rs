@@ -5,7 +5,7 @@ use splitplane_core::layout::{
     Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
     Sides, SmallRoot, TopNode,
 };
-use splitplane_core::node::KdNode;
+use splitplane_core::tree::node::KdNode;
 use splitplane_core::triangle::Triangle;
 
 use super::subtrees::Subtrees;

@@ -2,7 +2,7 @@
 //! [`crate::build::depth_first`] for nodes.
 
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::bins::BinAxis;
+use splitplane_core::build::bins::BinAxis;
 use splitplane_core::config::MAX_BINS;
 
 use crate::simd::WIDTH;

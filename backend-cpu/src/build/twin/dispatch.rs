@@ -1,9 +1,9 @@
 //! The kernels of the schedule, dispatched over the executor's buffers.
 
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::backend::{BuildError, DeviceError};
+use splitplane_core::build::schedule::Executor;
+use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
-use splitplane_core::schedule::Executor;
 use splitplane_core::watch::Stage;
 
 use super::executor::CpuExecutor;

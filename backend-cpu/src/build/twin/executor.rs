@@ -3,11 +3,11 @@
 use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
-use splitplane_core::backend::BuildError;
+use splitplane_core::build::lockstep::Inspect;
 use splitplane_core::config::BuildConfig;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, TreeBuilder};
 use splitplane_core::layout::Counters;
-use splitplane_core::lockstep::Inspect;
 use splitplane_core::mesh::Mesh;
 
 use super::buffers::Buffers;
@@ -39,7 +39,7 @@ pub struct CpuExecutor<'a, A = Strict> {
 }
 
 impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
-    /// An executor ready for [`splitplane_core::schedule::build`]. `buffers` may come from an
+    /// An executor ready for [`splitplane_core::build::schedule::build`]. `buffers` may come from an
     /// earlier build; `set` must come from [`InstructionSet::available`], or the portable one serves.
     ///
     /// # Errors

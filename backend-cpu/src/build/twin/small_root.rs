@@ -11,12 +11,12 @@ use std::collections::TryReserveError;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, truncated};
+use splitplane_core::build::mask::TriangleMask;
+use splitplane_core::build::split::{Rank, SplitPlane};
 use splitplane_core::config::{BuildConfig, MAX_DEPTH, SMALL_ROOT_NODES, SMALL_ROOT_REFERENCES};
 use splitplane_core::layout::Reference;
-use splitplane_core::mask::TriangleMask;
-use splitplane_core::node::{Axis, KdNode};
 use splitplane_core::sah::Extents;
-use splitplane_core::split::{Rank, SplitPlane};
+use splitplane_core::tree::node::{Axis, KdNode};
 
 use super::subtrees::Subtrees;
 use crate::simd::WIDTH;

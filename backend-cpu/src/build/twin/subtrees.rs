@@ -2,7 +2,7 @@
 
 use std::collections::TryReserveError;
 
-use splitplane_core::node::KdNode;
+use splitplane_core::tree::node::KdNode;
 
 /// Consecutive subtrees, each in preorder. The caller says where indices count from.
 #[derive(Debug, Default)]

@@ -1,6 +1,6 @@
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
-use splitplane_core::node::NodeKind;
+use splitplane_core::tree::node::NodeKind;
 use splitplane_test_support::scenes;
 
 use super::*;

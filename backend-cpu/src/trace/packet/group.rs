@@ -1,7 +1,7 @@
 //! As many rays of a packet as a vector has lanes: which of them meet a box, and their tests of a block.
 
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
-use splitplane_core::traverse::Query;
 
 use super::row::{GroupRow, ZERO, load, store};
 use super::{FEW, PacketRays};

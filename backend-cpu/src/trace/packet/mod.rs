@@ -20,8 +20,8 @@ mod triangle;
 
 use std::collections::TryReserveError;
 
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions};
-use splitplane_core::traverse::Query;
 
 use self::bounds::{Bounds, greatest};
 use self::group::Group;

@@ -2,7 +2,7 @@
 
 use core::ops::Range;
 
-use splitplane_core::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
+use splitplane_core::query::intersect::{PLANE_SLACK, STOP_SLACK, SceneScale};
 use splitplane_core::ray::Hit;
 
 /*UNRES*/

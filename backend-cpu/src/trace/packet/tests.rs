@@ -1,7 +1,7 @@
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse;
 use splitplane_core::ray::{Culling, Ray};
-use splitplane_core::traverse;
 use splitplane_core::triangle::Triangle;
 use splitplane_test_support::random::Random;
 
@@ -10,8 +10,7 @@ use crate::CpuBackend;
 use crate::cancel::UNWATCHED;
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::memory::Memory;
-use crate::simd::Compiled;
-use crate::simd::InstructionSet;
+use crate::simd::{Compiled, InstructionSet};
 
 /// A bumpy sheet whose triangles share corners, small triangles about it, flat ones, and some of all
 /// twice: at equal `t` the lower index counts.

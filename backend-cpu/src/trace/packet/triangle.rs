@@ -1,8 +1,8 @@
 //! One triangle against all rays of a group.
 
-use splitplane_core::intersect::STOP_SLACK;
+use splitplane_core::query::intersect::STOP_SLACK;
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Culling, QueryOptions};
-use splitplane_core::traverse::Query;
 
 /*UNRES*/
 use super::PacketRays;

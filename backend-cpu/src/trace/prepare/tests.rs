@@ -1,11 +1,10 @@
 use super::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::Limits;
+use splitplane_core::query::intersect::Limits;
 use splitplane_test_support::random::Random;
 
-use crate::simd::Compiled;
-use crate::simd::InstructionSet;
+use crate::simd::{Compiled, InstructionSet};
 
 /// [`PreparedRays::fill`] and then [`PreparedRays::ways`].
 struct Fill<'a> {

@@ -1,11 +1,10 @@
 use super::*;
 
 use crate::layout::gathered_block::GatheredBlock;
-use crate::simd::Compiled;
-use crate::simd::InstructionSet;
+use crate::simd::{Compiled, InstructionSet};
 use crate::trace::prepare_one::Readiness;
 use splitplane_core::exact::meet;
-use splitplane_core::intersect::{Limits, SceneScale};
+use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::ray::Culling;
 use splitplane_core::triangle::Triangle;
 use splitplane_test_support::random::Random;

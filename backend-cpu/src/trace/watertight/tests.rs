@@ -1,13 +1,12 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::{Limits, PreparedRay, SceneScale, watertight};
+use splitplane_core::query::intersect::{Limits, PreparedRay, SceneScale, watertight};
 use splitplane_core::ray::Ray;
 use splitplane_core::triangle::Triangle;
 use splitplane_test_support::random::Random;
 
 use super::*;
-use crate::simd::Compiled;
-use crate::simd::InstructionSet;
+use crate::simd::{Compiled, InstructionSet};
 
 /// A ray towards a point of a large triangle, from nearby, at any angle.
 fn pair(round: usize, scene: &SceneScale, random: &mut Random) -> (PreparedRay, Triangle) {

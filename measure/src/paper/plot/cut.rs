@@ -8,7 +8,7 @@ use plotters::prelude::{DrawingBackend, Text};
 use plotters::style::Color;
 use plotters::style::text_anchor::{HPos, VPos};
 use splitplane_core::aabb::Aabb;
-use splitplane_core::split::SplitPlane;
+use splitplane_core::build::split::SplitPlane;
 
 /// Names of the axes.
 pub(super) const NAMES: [&str; 3] = ["x", "y", "z"];

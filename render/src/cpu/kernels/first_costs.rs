@@ -3,10 +3,10 @@
 use crate::layout::FirstCost;
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Strict;
-use splitplane_core::intersect::SceneScale;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::intersect::SceneScale;
+use splitplane_core::query::traverse::{Cost, Query, trace_observed};
 use splitplane_core::ray::{QueryOptions, Ray};
-use splitplane_core::traverse::{Cost, Query, trace_observed};
 use splitplane_core::tree::KdTreeView;
 
 pub(crate) struct Input<'a> {

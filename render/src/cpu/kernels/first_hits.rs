@@ -4,8 +4,8 @@ use crate::layout::{FirstHit, Path};
 use crate::surface::Plane;
 use crate::vector::{dot, negated, normalized};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse::Triangles;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::traverse::Triangles;
 
 pub(crate) fn run(
     mesh: Mesh<'_>,

@@ -6,8 +6,8 @@ use crate::scene_words::SceneWords;
 use crate::surface;
 use rayon::prelude::*;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse::Triangles;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::traverse::Triangles;
 
 pub(crate) struct Input<'a> {
     pub(crate) scene: SceneWords<'a>,

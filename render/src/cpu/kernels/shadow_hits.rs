@@ -1,7 +1,8 @@
 //! Removes the light of shadow rays that hit something.
 
 use rayon::prelude::*;
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::ray::{QueryOptions, Ray};
 
 pub(crate) fn run(

@@ -6,7 +6,8 @@ use crate::scene_data::SceneData;
 use crate::scene_words::SceneWords;
 use crate::surface::MOST_CLEAR_LAYERS;
 use crate::vector::{greatest, mul};
-use splitplane_core::backend::{Accelerator, QueryError};
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
 use splitplane_core::ray::{Hit, QueryOptions};
 
 pub(crate) fn run(

@@ -6,8 +6,8 @@ use crate::layout::{Path, Spawned, Surface};
 use crate::lighting::shadow_ray;
 use crate::scene_words::SceneWords;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::traverse::Triangles;
 use splitplane_core::ray::Ray;
-use splitplane_core::traverse::Triangles;
 
 pub(crate) struct Input<'a> {
     pub(crate) scene: SceneWords<'a>,

@@ -16,8 +16,8 @@ use splitplane_core::layout::{
     Extent, LargeNode, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
     TriangleCount,
 };
-use splitplane_core::node::KdNode;
 use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::tree::node::KdNode;
 
 use crate::source::Parsed;
 

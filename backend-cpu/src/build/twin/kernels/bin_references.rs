@@ -8,15 +8,14 @@ use core::marker::PhantomData;
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::bins::BinAxis;
+use splitplane_core::build::bins::BinAxis;
 use splitplane_core::config::{CHUNK, MAX_BINS};
 use splitplane_core::layout::{Chunk, ChunkBins, Reference};
 
 use super::GRAIN;
 use crate::build::twin::count_bins::count_axis;
 use crate::cancel::ProgressMeter;
-use crate::simd::InstructionSet;
-use crate::simd::{Compiled, Simd};
+use crate::simd::{Compiled, InstructionSet, Simd};
 
 /// Runs the kernel.
 pub fn run<A: Arithmetic>(

@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::build::split::{goes_left, goes_right};
 use splitplane_core::layout::{Chunk, ChunkSides, Decision, Reference, Sides};
-use splitplane_core::split::{goes_left, goes_right};
 use splitplane_core::triangle::{Triangle, clip, corners_on_both_sides};
 
 use super::GRAIN;

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::layout::{Extent, SmallRoot};
-use splitplane_core::node::{KdNode, NodeKind};
+use splitplane_core::tree::node::{KdNode, NodeKind};
 
 use crate::build::twin::subtrees::Subtrees;
 use crate::cancel::ProgressMeter;

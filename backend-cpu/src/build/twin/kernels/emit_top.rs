@@ -3,7 +3,7 @@
 //! Reads: the top tree and its addresses. Writes: its interior nodes and empty leaves in preorder.
 
 use splitplane_core::layout::{Extent, TopNode};
-use splitplane_core::node::{Axis, KdNode};
+use splitplane_core::tree::node::{Axis, KdNode};
 
 /// Runs the kernel. Serial: there is about one top node for 32 triangles.
 pub fn run(top: &[TopNode], addresses: &[Extent], nodes: &mut [KdNode]) {

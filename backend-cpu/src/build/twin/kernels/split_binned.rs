@@ -7,9 +7,9 @@
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
-use splitplane_core::bins::NodeBins;
+use splitplane_core::build::bins::NodeBins;
+use splitplane_core::build::decide::{border_or_median, cut_empty_space};
 use splitplane_core::config::{BuildConfig, CHUNK};
-use splitplane_core::decide::{border_or_median, cut_empty_space};
 use splitplane_core::layout::{ChunkBins, Decision, LargeNode};
 
 use crate::cancel::ProgressMeter;

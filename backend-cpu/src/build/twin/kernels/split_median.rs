@@ -7,9 +7,9 @@
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::build::reference::kernels::split_median_while;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::layout::{Decision, LargeNode, Reference};
-use splitplane_core::reference::kernels::split_median_while;
 
 use super::GRAIN;
 use crate::cancel::ProgressMeter;

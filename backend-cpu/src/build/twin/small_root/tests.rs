@@ -1,8 +1,8 @@
 use super::*;
 use crate::simd::portable::Portable;
 use splitplane_core::arithmetic::Strict;
+use splitplane_core::build::split::strictly_inside;
 use splitplane_core::sah::{leaf_cost, split_cost};
-use splitplane_core::split::strictly_inside;
 use splitplane_test_support::random::Random;
 
 /// The stage as the paper has it: every candidate of every triangle, costs by core's functions,

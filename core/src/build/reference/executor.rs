@@ -1,0 +1,310 @@
+//! Runs the kernels one item at a time.
+
+use core::marker::PhantomData;
+
+use alloc::vec::Vec;
+
+use super::kernels::{self as k, Lists};
+use super::{Budget, Buffers};
+use crate::aabb::Aabb;
+use crate::arithmetic::{Arithmetic, Strict};
+use crate::build::lockstep::Inspect;
+use crate::build::schedule::Executor;
+use crate::config::BuildConfig;
+use crate::error::BuildError;
+use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
+use crate::layout::Extent;
+use crate::mesh::Mesh;
+use crate::tree::KdTree;
+use crate::watch::Stage;
+
+/// The reference executor: one build over one mesh, on the calling thread, in the arithmetic `A`:
+/// [`Strict`] except in tests.
+#[derive(Debug)]
+pub struct ReferenceExecutor<'a, A = Strict> {
+    mesh: Mesh<'a>,
+    config: BuildConfig,
+    buffers: Buffers,
+    budget: Budget<'a>,
+    /// Bounds of all triangles kept.
+    bounds: Aabb,
+    arithmetic: PhantomData<A>,
+}
+
+impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
+    /// An executor ready for [`crate::build::schedule::build`].
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn new(
+        mesh: Mesh<'a>,
+        config: BuildConfig,
+        budget: Budget<'a>,
+    ) -> Result<ReferenceExecutor<'a, A>, BuildError> {
+        config.validate()?;
+        let buffers = Buffers::new(mesh.len() as u32);
+        let (bounds, arithmetic) = (Aabb::EMPTY, PhantomData);
+        Ok(ReferenceExecutor { mesh, config, buffers, budget, bounds, arithmetic })
+    }
+
+    /// The buffers as the last kernel left them.
+    pub fn buffers(&self) -> &Buffers {
+        &self.buffers
+    }
+
+    /// The buffers, for callers that run a kernel by other means.
+    pub fn buffers_mut(&mut self) -> &mut Buffers {
+        &mut self.buffers
+    }
+
+    /// The memory and the progress of the build.
+    pub fn budget(&self) -> &Budget<'a> {
+        &self.budget
+    }
+
+    /// The tree that [`crate::build::schedule::build`] has built.
+    pub fn into_tree(self) -> KdTree {
+        self.buffers.into_tree(self.bounds, self.config)
+    }
+
+    /// Begins the stage whose first kernel this is.
+    fn begin(&mut self, kernel: Kernel) -> Result<(), BuildError> {
+        let b = &self.buffers;
+        let small_roots = b.count(Counter::SmallRoots) as u64;
+        match kernel {
+            // Their bounds, then their references.
+            Kernel::TriangleBounds => self.budget.begin(Stage::Start, 2 * self.mesh.len() as u64),
+            Kernel::NodeBounds if b.count(Counter::Levels) == 0 => {
+                self.budget.begin(Stage::LargeNodes, 0)
+            }
+            Kernel::BuildSmall => self.budget.begin(Stage::SmallNodes, small_roots),
+            Kernel::SubtreeSizes => self.budget.begin(Stage::Output, small_roots),
+            _ => Ok(()),
+        }
+    }
+}
+
+impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
+    type Error = BuildError;
+
+    fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
+        self.begin(kernel)?;
+        self.buffers.make_room(kernel, &mut self.budget)?;
+        let (mesh, config, budget) = (&self.mesh, &self.config, &mut self.budget);
+        let b = &mut self.buffers;
+        let active = b.count(Counter::ActiveNodes);
+        let chunks = b.count(Counter::Chunks);
+        let input_chunks = b.count(Counter::InputChunks);
+        let small = b.count(Counter::SmallRoots);
+        let top = b.count(Counter::TopNodes);
+        match kernel {
+            Kernel::TriangleBounds => {
+                for chunk in 0..input_chunks {
+                    let triangles = &mut b.triangles[k::triangles_of(chunk, mesh.len())];
+                    (b.chunk_counts[chunk], b.chunk_bounds[chunk]) =
+                        k::triangle_bounds(chunk, mesh, triangles);
+                    budget.advance(triangles.len() as u64);
+                    budget.worked(triangles.len() as u64)?;
+                }
+            }
+            Kernel::ScanTriangles => {
+                (b.active_nodes[0], b.top_nodes[0]) = k::scan_triangles(
+                    &b.chunk_bounds[..input_chunks],
+                    &mut b.chunk_counts[..input_chunks],
+                    &mut b.counters,
+                );
+                self.bounds = b.active_nodes[0].cell();
+            }
+            Kernel::GatherReferences => {
+                let kept = b.count(Counter::ActiveReferences);
+                for chunk in 0..input_chunks {
+                    let own = k::gathered(chunk, &b.chunk_counts[..input_chunks], kept);
+                    let triangles = &b.triangles[..mesh.len()];
+                    k::gather_references(chunk, triangles, &mut b.references[own]);
+                    let done = k::triangles_of(chunk, mesh.len()).len() as u64;
+                    budget.advance(done);
+                    budget.worked(done)?;
+                }
+                budget.finish()?;
+            }
+            Kernel::NodeBounds => {
+                for node in 0..active {
+                    b.node_bounds[node] = k::node_bounds(node, &b.active_nodes, &b.chunk_bounds);
+                    budget.worked(u64::from(b.active_nodes[node].source_chunks))?;
+                }
+            }
+            Kernel::ChunkNodes => k::chunk_nodes(&mut b.active_nodes[..active], &mut b.counters),
+            Kernel::AssignChunks => {
+                for chunk in 0..chunks {
+                    b.chunks[chunk] = k::assign_chunks(chunk, &b.active_nodes[..active]);
+                }
+            }
+            Kernel::SplitMedian => {
+                for node in 0..active {
+                    let (this, tight) = (&b.active_nodes[node], &b.node_bounds[node]);
+                    let mut asked = budget.worked(4);
+                    let go_on = |work| {
+                        if asked.is_ok() {
+                            asked = budget.worked(work);
+                        }
+                        asked.is_ok()
+                    };
+                    b.decisions[node] =
+                        k::split_median_while::<A>(config, this, tight, &b.references, go_on);
+                    asked?;
+                }
+            }
+            Kernel::BinReferences => {
+                for chunk in 0..chunks {
+                    b.chunk_bins[chunk] = k::bin_references::<A>(
+                        config,
+                        chunk,
+                        &b.chunks,
+                        &b.node_bounds,
+                        &b.references,
+                    );
+                    budget.worked(u64::from(b.chunks[chunk].count))?;
+                }
+            }
+            Kernel::SplitBinned => {
+                for node in 0..active {
+                    b.decisions[node] = k::split_binned::<A>(
+                        config,
+                        node,
+                        &b.active_nodes,
+                        &b.node_bounds,
+                        &b.chunk_bins,
+                    );
+                    budget.worked(u64::from(b.active_nodes[node].count / 4))?;
+                }
+            }
+            Kernel::ClassifyReferences => {
+                for chunk in 0..chunks {
+                    (b.reference_sides[chunk], b.chunk_counts[chunk]) = k::classify_references::<A>(
+                        config,
+                        chunk,
+                        &b.chunks,
+                        &b.decisions,
+                        &b.references,
+                        &b.triangles,
+                    );
+                    budget.worked(u64::from(b.chunks[chunk].count))?;
+                }
+            }
+            Kernel::CountChildren => {
+                for node in 0..active {
+                    let chunks = k::chunks_of(&b.active_nodes[node]);
+                    b.decisions[node].counts = k::count_children(&mut b.chunk_counts[chunks]);
+                }
+            }
+            Kernel::AllocateChildren => {
+                let mut lists = Lists {
+                    next_nodes: &mut b.next_nodes,
+                    small_roots: &mut b.small_roots,
+                    top_nodes: &mut b.top_nodes,
+                    level_starts: &mut b.level_starts,
+                };
+                k::allocate_children(
+                    config,
+                    &b.active_nodes[..active],
+                    &mut b.decisions[..active],
+                    &mut lists,
+                    &mut b.counters,
+                );
+                budget.advance(1);
+                budget.worked(active as u64)?;
+            }
+            Kernel::ScatterReferences => {
+                let children = k::destinations(
+                    config,
+                    &b.chunks[..chunks],
+                    &b.decisions,
+                    &b.reference_sides,
+                    &mut b.next_references,
+                    &mut b.small_references,
+                );
+                for (chunk, children) in children.enumerate() {
+                    b.chunk_bounds[chunk] = k::scatter_references::<A>(
+                        config,
+                        chunk,
+                        &b.chunks,
+                        &b.decisions,
+                        &b.references,
+                        &b.triangles,
+                        &b.reference_sides,
+                        children,
+                    );
+                    budget.worked(2 * u64::from(b.chunks[chunk].count))?;
+                }
+            }
+            Kernel::BuildSmall => {
+                for root in 0..small {
+                    b.small_sizes[root] =
+                        k::build_small::<A>(config, root, &b.small_roots, &b.small_references);
+                    budget.advance(1);
+                    budget.worked(small_work(config, b.small_roots[root].count))?;
+                }
+                budget.finish()?;
+            }
+            Kernel::SubtreeSizes => k::subtree_sizes(
+                &b.top_nodes[..top],
+                &b.small_sizes,
+                &mut b.top_sizes,
+                &mut b.counters,
+            ),
+            Kernel::PreorderAddresses => {
+                k::preorder_addresses(&b.top_nodes[..top], &b.top_sizes, &mut b.top_addresses);
+            }
+            Kernel::EmitTop => {
+                for node in 0..top {
+                    if let Some((index, emitted)) =
+                        k::emit_top(node, &b.top_nodes, &b.top_addresses)
+                    {
+                        b.nodes[index] = emitted;
+                    }
+                }
+            }
+            Kernel::EmitSmall => {
+                for root in 0..small {
+                    let this = b.small_roots[root];
+                    let Extent { nodes, references } = b.top_addresses[this.node as usize];
+                    let size = b.small_sizes[root];
+                    k::emit_small::<A>(
+                        config,
+                        root,
+                        &b.small_roots,
+                        &b.small_references,
+                        &b.top_addresses,
+                        &mut b.nodes[nodes as usize..][..size.nodes as usize],
+                        &mut b.leaf_references[references as usize..][..size.references as usize],
+                    );
+                    budget.advance(1);
+                    budget.worked(small_work(config, this.count))?;
+                }
+                budget.finish()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn swap(&mut self, a: Buffer, b: Buffer) -> Result<(), BuildError> {
+        self.buffers.swap(a, b)
+    }
+
+    fn pending(&mut self, counter: Counter, _rounds: u32) -> Result<bool, BuildError> {
+        Ok(self.buffers.counters[counter] > 0)
+    }
+}
+
+/// The work of building the subtree of a small root, in references read and written: each of its
+/// planes is compared with each of its references, on all levels. A leaf that is too large is
+/// copied.
+fn small_work(config: &BuildConfig, count: u32) -> u64 {
+    if count > config.small_node_limit { u64::from(count) } else { 2 * u64::from(count * count) }
+}
+
+impl<A: Arithmetic> Inspect<TreeBuilder> for ReferenceExecutor<'_, A> {
+    fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, BuildError> {
+        self.buffers.copy_live(buffer)
+    }
+}

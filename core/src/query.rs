@@ -1,0 +1,15 @@
+//! Rays through trees: one walk, and the queries that are made of it.
+
+#[cfg(feature = "alloc")]
+pub mod all_hits;
+pub mod along;
+#[cfg(feature = "alloc")]
+pub mod best_first;
+pub mod certify;
+#[cfg(feature = "alloc")]
+pub mod inside;
+pub mod intersect;
+pub mod lines;
+mod slabs;
+pub mod traverse;
+pub mod walk;

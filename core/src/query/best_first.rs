@@ -1,0 +1,196 @@
+//! User-defined queries by cost: the leaves of a tree, those that may hold the least cost first.
+
+use alloc::collections::{BinaryHeap, TryReserveError};
+use core::cmp::Ordering;
+use core::ops::ControlFlow;
+
+use crate::aabb::Aabb;
+use crate::tree::node::NodeKind;
+use crate::tree::{KdTree, KdTreeView};
+
+/// A leaf and its box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LeafCell<'a> {
+    /// Its place among the nodes of the tree.
+    pub node: u32,
+    /// The triangles that have a part in the cell, by their index in the mesh, in ascending order; none for
+    /// empty space. A triangle is in all leaves that it has a part in, so it may come again.
+    pub triangles: &'a [u32],
+    /// The box of space.
+    pub cell: Aabb,
+    /// The greatest lower bound that was given for the cell or one that holds it; minus infinity where nothing is
+    /// known.
+    pub bound: f64,
+}
+
+/// A node that waits to be visited.
+#[derive(Clone, Copy, Debug)]
+struct Waiting {
+    bound: f64,
+    node: u32,
+    cell: Aabb,
+}
+
+/// The greatest is visited first: least bound, then lowest index. Bounds are never NaN.
+impl Ord for Waiting {
+    fn cmp(&self, other: &Waiting) -> Ordering {
+        let bounds = other.bound.partial_cmp(&self.bound).unwrap_or(Ordering::Equal);
+        bounds.then(other.node.cmp(&self.node))
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Waiting) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Waiting {
+    fn eq(&self, other: &Waiting) -> bool {
+        self.cmp(other).is_eq()
+    }
+}
+
+impl Eq for Waiting {}
+
+impl KdTreeView<'_> {
+    /// Searches for the least cost: visits leaves in the order of lower bounds (best-first branch
+    /// and bound, Hjaltason and Samet 1999) until no leaf is left that may improve on the best.
+    /// Returns the least cost found, or `within` where none was less.
+    ///
+    /// - `within`: costs above it are of no interest; infinity for no limit.
+    /// - `lower_bound` returns a cost for a box such that no part of a triangle in it costs less.
+    ///   Infinity says that nothing in it is of interest; such boxes are not visited. A NaN says
+    ///   that nothing is known about it. A bound that is too high loses candidates, so it should
+    ///   err on the low side.
+    /// - `visit` looks at the triangles of a leaf and returns the least cost found so far, or
+    ///   breaks off. The returned cost counts where it is less than before. `visit` keeps the hit
+    ///   itself.
+    ///
+    /// *What a cost may be.* Anything that is the least over the points of triangles: the distance
+    /// to a point, to a segment or to a plane, along one axis, within a class of triangles. The
+    /// parts of a triangle in the cells of its leaves make up the whole triangle, so `visit` may
+    /// take the cost of the whole triangle wherever it meets it. Costs and bounds may be in any
+    /// measure, such as squared distances.
+    ///
+    /// *Order.* Leaves come in the order of (bound, node index), where the bound of a node is the
+    /// greatest of those given for it and for the nodes above it. The search ends before the first
+    /// whose bound is greater than the best cost. One that equals it is still visited, since it may
+    /// hold ties; so `visit` can resolve ties in favour of the lowest triangle index, and the
+    /// answer does not depend on the tree. Leaves without triangles are visited too.
+    ///
+    /// *Time and memory.* No node is visited twice, so it ends, whatever the bounds are. There is no recursion. At
+    /// most as many nodes wait as the tree has leaves, 40 bytes each; with useful bounds, tens of them.
+    /// A tree without triangles has no leaf to visit.
+    ///
+    /// The tree must be valid (see [`crate::tree::validate`]), as built trees and those read from files are.
+    ///
+    /// # Errors
+    /// The system has no memory for the waiting nodes.
+    ///
+    /// # Panics
+    /// With a tree that is not valid it may panic, or not end.
+    ///
+    /// ```
+    /// use core::ops::ControlFlow;
+    /// # use splitplane_core::aabb::Aabb;
+    /// # use splitplane_core::config::BuildConfig;
+    /// # use splitplane_core::tree::node::Axis;
+    /// # use splitplane_core::tree::node::KdNode;
+    /// use splitplane_core::tree::KdTreeView;
+    ///
+    /// // The lowest point of a mesh: (height, triangle).
+    /// fn lowest(tree: &KdTreeView, triangles: &[[[f32; 3]; 3]]) -> Option<(f32, u32)> {
+    ///     let mut best: Option<(f32, u32)> = None;
+    ///     let bound = |cell: &Aabb| f64::from(cell.lo[2]);
+    ///     let found = tree.find_best(f64::INFINITY, bound, |leaf| {
+    ///         for &triangle in leaf.triangles {
+    ///             let [a, b, c] = triangles[triangle as usize].map(|corner| corner[2]);
+    ///             let height = (a.min(b).min(c), triangle);
+    ///             if best.is_none_or(|best| height < best) {
+    ///                 best = Some(height);
+    ///             }
+    ///         }
+    ///         ControlFlow::Continue(best.map_or(f64::INFINITY, |(height, _)| f64::from(height)))
+    ///     });
+    ///     found.expect("memory for a few nodes");
+    ///     best
+    /// }
+    /// # let triangles = [
+    /// #     [[0.0, 0.0, 3.0], [1.0, 0.0, 3.0], [0.0, 1.0, 2.0]],
+    /// #     [[2.0, 0.0, 1.0], [3.0, 0.0, 2.0], [2.0, 1.0, 3.0]],
+    /// # ];
+    /// # let tree = KdTreeView {
+    /// #     nodes: &[KdNode::interior(Axis::X, 1.5, 2), KdNode::leaf(0, 1), KdNode::leaf(1, 1)],
+    /// #     references: &[0, 1],
+    /// #     bounds: Aabb { lo: [0.0, 0.0, 1.0], hi: [3.0, 1.0, 3.0] },
+    /// #     triangles: 2,
+    /// #     config: BuildConfig::default(),
+    /// # };
+    /// # assert_eq!(lowest(&tree, &triangles), Some((1.0, 1)));
+    /// ```
+    pub fn find_best(
+        &self,
+        within: f64,
+        mut lower_bound: impl FnMut(&Aabb) -> f64,
+        mut visit: impl FnMut(LeafCell<'_>) -> ControlFlow<(), f64>,
+    ) -> Result<f64, TryReserveError> {
+        let mut best = within;
+        if self.bounds.is_empty() {
+            return Ok(best);
+        }
+        let mut waiting = BinaryHeap::new();
+        // A node with its bound, if it may be of interest.
+        let mut enter = |node: u32, cell: Aabb, least: f64, best: f64| {
+            let given = lower_bound(&cell);
+            // Not for a NaN.
+            let bound = if given > least { given } else { least };
+            (bound <= best && bound < f64::INFINITY).then_some(Waiting { bound, node, cell })
+        };
+        let mut next = enter(0, self.bounds, f64::NEG_INFINITY, best);
+        while let Some(Waiting { bound, node, cell }) = next {
+            // No waiting node has a lesser bound.
+            if bound > best {
+                break;
+            }
+            next = match self.nodes[node as usize].kind() {
+                NodeKind::Leaf { first, count } => {
+                    let triangles = self.leaf(first, count);
+                    match visit(LeafCell { node, triangles, cell, bound }) {
+                        ControlFlow::Continue(cost) if cost < best => best = cost,
+                        ControlFlow::Continue(_) => {}
+                        ControlFlow::Break(()) => break,
+                    }
+                    waiting.pop()
+                }
+                NodeKind::Interior { axis, split, right } => {
+                    let (mut below, mut above) = (cell, cell);
+                    below.hi[axis.index()] = split;
+                    above.lo[axis.index()] = split;
+                    let left = enter(node + 1, below, bound, best);
+                    let right = enter(right, above, bound, best);
+                    waiting.try_reserve(2)?;
+                    waiting.extend(left.into_iter().chain(right));
+                    waiting.pop()
+                }
+            };
+        }
+        Ok(best)
+    }
+}
+
+impl KdTree {
+    /// Shorthand for [`KdTreeView::find_best`] of the view.
+    ///
+    /// # Errors
+    /// As there.
+    #[inline]
+    pub fn find_best(
+        &self,
+        within: f64,
+        lower_bound: impl FnMut(&Aabb) -> f64,
+        visit: impl FnMut(LeafCell<'_>) -> ControlFlow<(), f64>,
+    ) -> Result<f64, TryReserveError> {
+        self.view().find_best(within, lower_bound, visit)
+    }
+}
