@@ -3,7 +3,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use splitplane::scene::builtin;
 use splitplane_core::backend::BuildOptions;
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_cpu::CpuBackend;
 
 /// What is built for every frame; the offline builder is another matter.
@@ -22,7 +22,7 @@ fn builds(criterion: &mut Criterion) {
             // One backend for all repeats: a rebuild reuses its buffers.
             let backend = CpuBackend::new();
             for preset in PRESETS {
-                let options = BuildOptions::from(BuildConfig::preset(preset));
+                let options = BuildOptions::from(preset.config());
                 let row = BenchmarkId::new(format!("{name}/{}", preset.name()), threads);
                 group.bench_function(row, |bench| {
                     bench.iter(|| pool.install(|| backend.build_accelerator(&mesh, &options)));

@@ -205,7 +205,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (positions, triangles) = hills(80);
     let mesh = Mesh::indexed(&positions, &triangles)?;
     for preset in [Preset::Fast, Preset::Balanced] {
-        let config = BuildConfig::preset(preset);
+        let config = preset.config();
         let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let buffers = Buffers::new(mesh.len() as u32);
         let own = Threads { mesh, config, buffers, budget: Budget::default(), bounds: Aabb::EMPTY };

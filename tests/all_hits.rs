@@ -2,8 +2,8 @@
 //! edges, vertices and planes included.
 
 use splitplane::{
-    Accelerator, AllHits, AllHitsOptions, Backend, BuildConfig, BuildOptions, CpuBackend, Culling,
-    Mesh, Preset, QueryOptions, Ray,
+    Accelerator, AllHits, AllHitsOptions, Backend, BuildOptions, CpuBackend, Culling, Mesh, Preset,
+    QueryOptions, Ray,
 };
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::oracle::Oracle;
@@ -13,7 +13,7 @@ use splitplane_test_support::scenes::{self, Scene};
 
 fn accelerators(mesh: &Mesh<'_>) -> Vec<Box<dyn Accelerator>> {
     let presets = [Preset::Fast, Preset::Balanced, Preset::Best];
-    let options = presets.map(|preset| BuildOptions::from(BuildConfig::preset(preset)));
+    let options = presets.map(|preset| BuildOptions::from(preset.config()));
     options.iter().map(|options| CpuBackend::new().build(mesh, options).unwrap()).collect()
 }
 

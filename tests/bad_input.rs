@@ -177,26 +177,29 @@ fn says(error: &dyn std::error::Error, parts: &[&str]) {
     assert!(message.len() < 300 && !message.contains('\n'), "{message}");
 }
 
-type Field = (&'static str, fn(&mut BuildConfig) -> &mut u32);
+type Field = (&'static str, fn(&mut BuildConfig) -> Option<&mut u32>);
 
 const FIELDS: [Field; 11] = [
-    ("traversal_cost", |c| &mut c.traversal_cost),
-    ("intersection_cost", |c| &mut c.intersection_cost),
-    ("block_width", |c| &mut c.block_width),
-    ("small_node_limit", |c| &mut c.small_node_limit),
-    ("empty_cutoff", |c| &mut c.empty_cutoff),
-    ("max_depth", |c| &mut c.max_depth),
-    ("references_per_triangle", |c| &mut c.references_per_triangle),
-    ("nodes_per_triangle", |c| &mut c.nodes_per_triangle),
-    ("bins", |c| &mut c.bins),
-    ("empty_bonus", |c| &mut c.empty_bonus),
-    ("bad_splits", |c| &mut c.bad_splits),
+    ("traversal_cost", |c| Some(&mut c.traversal_cost)),
+    ("intersection_cost", |c| Some(&mut c.intersection_cost)),
+    ("block_width", |c| Some(&mut c.block_width)),
+    ("max_depth", |c| Some(&mut c.max_depth)),
+    ("references_per_triangle", |c| Some(&mut c.references_per_triangle)),
+    ("small_node_limit", |c| Some(&mut c.stages_mut()?.small_node_limit)),
+    ("empty_cutoff", |c| Some(&mut c.stages_mut()?.empty_cutoff)),
+    ("nodes_per_triangle", |c| Some(&mut c.stages_mut()?.nodes_per_triangle)),
+    ("bins", BuildConfig::bins_mut),
+    ("empty_bonus", |c| Some(&mut c.sweep_mut()?.empty_bonus)),
+    ("bad_splits", |c| Some(&mut c.sweep_mut()?.bad_splits)),
 ];
 
 fn options(random: &mut Random) -> BuildOptions<'static> {
-    let mut config = BuildConfig::preset(random.pick(&Preset::ALL));
+    let mut config = random.pick(&Preset::ALL).config();
     if random.below(2) == 0 {
-        config.small_node_limit = 1 + random.below(8) as u32;
+        let limit = 1 + random.below(8) as u32;
+        if let Some(stages) = config.stages_mut() {
+            stages.small_node_limit = limit;
+        }
         config.block_width = 1 + random.below(4) as u32;
     }
     config.clip = random.below(4) > 0;
@@ -204,12 +207,17 @@ fn options(random: &mut Random) -> BuildOptions<'static> {
         let (_, field) = random.pick(&FIELDS);
         let value = random.bits();
         let near = random.below(70) as u32;
-        *field(&mut config) = random.pick(&[0, 1, 65, 97, 256, 1368, u32::MAX, value, near, near]);
+        let values = [0, 1, 65, 97, 256, 1368, u32::MAX, value, near, near];
+        if let Some(field) = field(&mut config) {
+            *field = random.pick(&values);
+        }
     }
     if random.below(64) == 0 {
         // Each in its range, together too much for 32 bits.
         (config.intersection_cost, config.block_width) = (100 + random.below(600) as u32, 1);
-        config.small_node_limit = 64;
+        if let Some(stages) = config.stages_mut() {
+            stages.small_node_limit = 64;
+        }
     }
     let small = random.below(60_000) as u64;
     let limits = [None, None, None, None, Some(0), Some(1), Some(small), Some(u64::MAX)];
@@ -231,7 +239,7 @@ fn build(
             match error {
                 ConfigError::OutOfRange { field, value, least, most } => {
                     let (_, get) = FIELDS.iter().find(|(name, _)| *name == field).expect(field);
-                    assert_eq!(*get(&mut options.config.clone()), value);
+                    assert_eq!(get(&mut options.config.clone()).copied(), Some(value));
                     assert!(value < least || value > most);
                     let words = [field, &value.to_string(), &least.to_string(), &most.to_string()];
                     says(&BuildError::Config(error), &words);
@@ -243,6 +251,7 @@ fn build(
                     says(&BuildError::Config(error), &words);
                     count("cost too large");
                 }
+                other => panic!("{other}"),
             }
             return None;
         }
@@ -393,10 +402,10 @@ fn the_limit_of_memory_is_exact() {
         let mut random = Random::new(case);
         let positions: Vec<[f32; 3]> = (0..60).map(|_| point(&mut random, 2)).collect();
         let mesh = Mesh::soup(positions.as_chunks::<3>().0).expect("a few triangles");
-        let config = BuildConfig {
-            small_node_limit: random.pick(&[4, 64]),
-            ..BuildConfig::preset(random.pick(&Preset::ALL))
-        };
+        let config = random
+            .pick(&Preset::ALL)
+            .config()
+            .with_stages(|stages| stages.small_node_limit = random.pick(&[4, 64]));
         let build = |max_memory| {
             // A new backend each time: kept memory counts.
             CpuBackend::new()

@@ -22,7 +22,7 @@ use splitplane_test_support::scenes::{self, Scene};
 use std::fmt::Write;
 
 fn best() -> BuildConfig {
-    BuildConfig::preset(Preset::Best)
+    Preset::Best.config()
 }
 
 /// The costs of Wald and Havran, 15 and 20, in lowest terms.
@@ -32,20 +32,30 @@ fn classic() -> BuildConfig {
 
 /// Configurations that reach every rule.
 fn configs() -> Vec<BuildConfig> {
-    let plain = BuildConfig { empty_bonus: 0, bad_splits: 0, ..classic() };
+    let plain = classic().with_sweep(|sweep| {
+        sweep.empty_bonus = 0;
+        sweep.bad_splits = 0;
+    });
     vec![
         best(),
         BuildConfig { clip: false, ..best() },
-        BuildConfig { empty_bonus: 0, bad_splits: 0, ..best() },
-        BuildConfig { bad_splits: 3, ..best() },
-        BuildConfig { intersection_cost: 4, block_width: 16, bad_splits: 1, ..best() },
+        best().with_sweep(|sweep| {
+            sweep.empty_bonus = 0;
+            sweep.bad_splits = 0;
+        }),
+        best().with_sweep(|sweep| sweep.bad_splits = 3),
+        BuildConfig { intersection_cost: 4, block_width: 16, ..best() }
+            .with_sweep(|sweep| sweep.bad_splits = 1),
         classic(),
         plain,
         BuildConfig { clip: false, ..plain },
-        BuildConfig { empty_bonus: 51, ..plain },
-        BuildConfig { bad_splits: 3, ..plain },
-        BuildConfig { bad_splits: 8, block_width: 3, ..plain },
-        BuildConfig { bad_splits: 3, empty_bonus: 255, max_depth: 5, clip: false, ..plain },
+        plain.with_sweep(|sweep| sweep.empty_bonus = 51),
+        plain.with_sweep(|sweep| sweep.bad_splits = 3),
+        BuildConfig { block_width: 3, ..plain }.with_sweep(|sweep| sweep.bad_splits = 8),
+        BuildConfig { max_depth: 5, clip: false, ..plain }.with_sweep(|sweep| {
+            sweep.bad_splits = 3;
+            sweep.empty_bonus = 255;
+        }),
         BuildConfig { max_depth: 1, ..plain },
         BuildConfig { traversal_cost: 1, intersection_cost: 40, block_width: 4, ..best() },
     ]
@@ -112,7 +122,11 @@ fn large_nodes_are_split_where_a_search_over_all_splits_them() {
     all.extend(scenes::real("bunny"));
     for scene in all {
         check_greedy(&scene.name, &scene.mesh(), best());
-        check_greedy(&scene.name, &scene.mesh(), BuildConfig { empty_bonus: 51, ..classic() });
+        check_greedy(
+            &scene.name,
+            &scene.mesh(),
+            classic().with_sweep(|sweep| sweep.empty_bonus = 51),
+        );
     }
 }
 
@@ -154,13 +168,15 @@ fn any_config() -> impl Strategy<Value = BuildConfig> {
                 traversal_cost,
                 intersection_cost,
                 block_width,
-                empty_bonus,
-                bad_splits,
                 clip,
                 max_depth,
                 references_per_triangle: references,
                 ..best()
             }
+            .with_sweep(|sweep| {
+                sweep.empty_bonus = empty_bonus;
+                sweep.bad_splits = bad_splits;
+            })
         },
     )
 }
@@ -181,8 +197,8 @@ proptest! {
     #[test]
     fn tries_never_raise_the_cost(triangles in soups(), config in any_config(), tries in 1u32..=8) {
         let mesh = Mesh::soup(&triangles).expect("a soup");
-        let without = cost(&build(&mesh, BuildConfig { bad_splits: 0, ..config }));
-        let with = cost(&build(&mesh, BuildConfig { bad_splits: tries, ..config }));
+        let without = cost(&build(&mesh, config.with_sweep(|sweep| sweep.bad_splits = 0)));
+        let with = cost(&build(&mesh, config.with_sweep(|sweep| sweep.bad_splits = tries)));
         prop_assert!(with <= without * (1.0 + 1e-12), "{with} and {without}");
     }
 
@@ -442,7 +458,7 @@ fn hits_are_those_of_the_other_presets() {
     for scene in all_scenes() {
         let mesh = scene.mesh();
         let trees = [Preset::Best, Preset::Fast].map(|preset| {
-            let options = BuildOptions::from(BuildConfig::preset(preset));
+            let options = BuildOptions::from(preset.config());
             backend.build(&mesh, &options).expect("no limit binds")
         });
         let bounds = trees[0].tree().bounds;

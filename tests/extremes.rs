@@ -119,7 +119,7 @@ extremes! {
 mod suite {
     use super::*;
     use splitplane_core::backend::Accelerator;
-    use splitplane_core::config::{BuildConfig, Preset};
+    use splitplane_core::config::Preset;
     use splitplane_core::ray::Accuracy;
     use splitplane_cpu::{CpuAccelerator, InstructionSet};
     use splitplane_test_support::aim::Aim;
@@ -145,7 +145,7 @@ mod suite {
     /// The accelerators of one preset on every instruction set, which must have one tree.
     fn build_all(scene: &Scene, preset: Preset) -> Vec<CpuAccelerator> {
         let mesh = scene.mesh();
-        let build = BuildOptions::from(BuildConfig::preset(preset));
+        let build = BuildOptions::from(preset.config());
         let built: Vec<CpuAccelerator> = InstructionSet::available()
             .into_iter()
             .map(|set| {
@@ -175,7 +175,7 @@ mod suite {
         let options = options(accuracy);
         let first = closest(&all[0][0], rays, &options);
         for (set, built) in all.iter().flat_map(|sets| sets.iter().enumerate()) {
-            let what = (built.tree().config.preset.name(), built.instruction_set().name());
+            let what = (built.tree().config.preset().name(), built.instruction_set().name());
             let batch = closest(built, rays, &options);
             let mut occluded = vec![false; rays.len()];
             built.any_hits(rays, &mut occluded, &options).expect("equal lengths");
@@ -371,12 +371,12 @@ mod stability {
 /// A million triangles at one place: no plane separates anything, and every preset must end.
 #[test]
 fn identical_1_000_000() {
-    use splitplane_core::config::{BuildConfig, Preset};
+    use splitplane_core::config::Preset;
     let scene = scenes::identical(1_000_000);
     let mesh = scene.mesh();
     let rays = aim::rays(&mesh, Kind::Faces, 2, 93);
     for preset in Preset::ALL {
-        let build = BuildOptions::from(BuildConfig::preset(preset));
+        let build = BuildOptions::from(preset.config());
         let built = CpuBackend::new().build(&mesh, &build).expect("a tree");
         validate_mesh(&built.tree().view(), &mesh).expect("a valid tree");
         let cap = build.config.reference_cap(mesh.len() as u32) as usize;

@@ -6,7 +6,7 @@ mod device;
 use splitplane::parity::{self, Comparison};
 use splitplane::verify;
 use splitplane_core::backend::BuildOptions;
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::kernel::Kernel;
 use splitplane_core::ray::QueryOptions;
 use splitplane_test_support::scenes::{self, Scene};
@@ -74,7 +74,7 @@ fn unfinished_rays_are_counted_and_not_compared() {
 fn a_preset_of_the_cpu_is_refused() {
     let backend = WgpuBackend::without_selftest(Gpu::clone(&device::gpu()));
     let scene = scenes::soup(300, 0.1, 18);
-    let options = BuildOptions::from(BuildConfig::preset(Preset::Best));
+    let options = BuildOptions::from(Preset::Best.config());
     let query = QueryOptions::default();
     let compared = parity::compare(&backend, &scene.mesh(), &options, &[], &query, &|_| ());
     let error = compared.expect_err("nothing to compare").to_string();

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use splitplane_core::backend::{Backend, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::BuildSummary;
@@ -69,7 +69,7 @@ fn check(mesh: &Mesh<'_>, name: &str) {
 const PRESETS: [Preset; 2] = [Preset::Fast, Preset::Balanced];
 
 fn check_preset(mesh: &Mesh<'_>, preset: Preset, name: &str) {
-    let options = BuildOptions::from(BuildConfig::preset(preset));
+    let options = BuildOptions::from(preset.config());
     let expected = CpuBackend::new().build_tree(mesh, &options).expect("a tree");
     let backend = backend();
 
@@ -99,12 +99,12 @@ fn check_rebuild(
     let few = dispatches(again.effort, name);
     // Two levels are to spare.
     // A root that is small takes one level and no more.
-    let one_level = mesh.len() <= config.small_node_limit as usize;
+    let one_level = mesh.len() <= config.small_node_limit() as usize;
     let recorded = if one_level { 1 } else { config.max_depth + 1 };
     let levels = recorded.min(expected.1.large_levels + 2);
     let spared = recorded - levels;
     assert!(spared > 0 || one_level, "{name}: too deep for this test");
-    let a_level = level_dispatches(config.preset);
+    let a_level = level_dispatches(config.preset());
     assert_eq!(all - few, a_level * spared, "{name}: {all} and {few} dispatches");
     // Before and after the levels: three and five kernels, slices of small roots, and the limits of
     // the triangles.
@@ -164,7 +164,7 @@ fn a_million_triangles() {
     let (name, scene) = open("city:1000000");
     let mesh = scene.mesh().expect("a mesh");
     for preset in PRESETS {
-        let options = BuildOptions::from(BuildConfig::preset(preset));
+        let options = BuildOptions::from(preset.config());
         let expected = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
         let fresh = backend();
         let built = fresh.build_on_device(&mesh, &options).expect("a tree");
@@ -214,7 +214,7 @@ fn awkward_scenes_have_the_pinned_digests() {
 }
 
 fn check_pinned(preset: Preset) {
-    let options = BuildOptions::from(BuildConfig::preset(preset));
+    let options = BuildOptions::from(preset.config());
     let backend = backend();
     let (mut seen, mut repeated) = (0, 0);
     let (mut triangles, mut levels) = (0, 0);

@@ -527,11 +527,15 @@ fn hits_do_not_depend_on_the_configuration(backend: &dyn Backend, effort: Effort
     let default = BuildConfig::default();
     let configs = [
         BuildConfig { max_depth: 1, ..default },
-        BuildConfig { max_depth: 12, small_node_limit: 8, ..default },
+        BuildConfig { max_depth: 12, ..default }.with_stages(|stages| stages.small_node_limit = 8),
         BuildConfig { traversal_cost: 3, intersection_cost: 2, block_width: 1, ..default },
         BuildConfig { traversal_cost: 1, intersection_cost: 10, block_width: 1, ..default },
-        BuildConfig { small_node_limit: 1, empty_cutoff: 16, ..default },
-        BuildConfig { references_per_triangle: 1, nodes_per_triangle: 1, ..default },
+        default.with_stages(|stages| {
+            stages.small_node_limit = 1;
+            stages.empty_cutoff = 16;
+        }),
+        BuildConfig { references_per_triangle: 1, ..default }
+            .with_stages(|stages| stages.nodes_per_triangle = 1),
     ];
     for scene in mixed_scenes() {
         let rays = mixed_rays(&scene, effort.rays(20, 400), 9);

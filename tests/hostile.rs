@@ -22,7 +22,7 @@ fn build(scene: &Scene, config: BuildConfig) -> CpuAccelerator {
     let set = InstructionSet::detect();
     let mut executor: CpuExecutor<'_, Hostile> =
         CpuExecutor::new(mesh, config, set, Buffers::default(), None).expect("no limit");
-    schedule::build(&mut executor, config.preset.planes().expect("a schedule")).expect("a tree");
+    schedule::build(&mut executor, config.preset().planes().expect("a schedule")).expect("a tree");
     let tree = strict.tree();
     let name = &scene.name;
     let same = |buffer, bytes: &[u8]| executor.live(buffer) == Some(bytes);
@@ -38,13 +38,15 @@ fn build(scene: &Scene, config: BuildConfig) -> CpuAccelerator {
 /// whatever the scale.
 #[test]
 fn balanced_trees_keep_their_digest() {
-    let balanced = BuildConfig::preset(Preset::Balanced);
+    let balanced = Preset::Balanced.config();
     let configs = [
         balanced,
         BuildConfig { clip: false, ..balanced },
-        BuildConfig { bins: 2, ..balanced },
-        BuildConfig { bins: 7, small_node_limit: 5, block_width: 1, ..balanced },
-        BuildConfig { bins: 64, empty_cutoff: 1, ..balanced },
+        balanced.with_bins(2),
+        BuildConfig { block_width: 1, ..balanced }
+            .with_stages(|stages| stages.small_node_limit = 5)
+            .with_bins(7),
+        balanced.with_stages(|stages| stages.empty_cutoff = 1).with_bins(64),
     ];
     for scene in scenes::awkward() {
         for config in configs {
@@ -57,8 +59,8 @@ fn balanced_trees_keep_their_digest() {
         let positions = scene.positions.iter().map(|p| p.map(|x| (2.0 * x - 1.0) * scale));
         let scene = Scene { positions: positions.collect(), ..scene };
         for config in configs {
-            build(&scene, BuildConfig { bins: config.bins, ..balanced });
-            build(&scene, BuildConfig { bins: 3, ..config });
+            build(&scene, balanced.with_bins(config.bins()));
+            build(&scene, config.with_bins(3));
         }
     }
 }

@@ -207,7 +207,7 @@ const DIGESTS: [(Preset, &str); 3] = [
 ];
 
 fn options(preset: Preset) -> BuildOptions<'static> {
-    BuildOptions::from(BuildConfig::preset(preset))
+    BuildOptions::from(preset.config())
 }
 
 #[test]
@@ -574,15 +574,16 @@ fn caps_bind_in_the_same_place_on_any_number_of_threads() {
     let scene = scenes::soup(6_000, 0.5, 11);
     let mesh = scene.mesh();
     for (preset, _) in DIGESTS {
-        let free = BuildConfig { max_depth: 40, ..BuildConfig::preset(preset) };
+        let free = BuildConfig { max_depth: 40, ..preset.config() };
         // The cap on nodes is one of the large-node stage.
-        let fine = BuildConfig { small_node_limit: 1, references_per_triangle: 100, ..free };
+        let fine = BuildConfig { references_per_triangle: 100, ..free }
+            .with_stages(|stages| stages.small_node_limit = 1);
         let mut pairs = vec![
             (free, BuildConfig { max_depth: 9, ..free }),
             (free, BuildConfig { references_per_triangle: 1, ..free }),
         ];
         if preset != Preset::Best {
-            pairs.push((fine, BuildConfig { nodes_per_triangle: 1, ..fine }));
+            pairs.push((fine, fine.with_stages(|stages| stages.nodes_per_triangle = 1)));
         }
         for (free, config) in pairs {
             let options = BuildOptions::from(config);

@@ -12,7 +12,7 @@
 //!   order of hits that are further apart than the rounding.
 
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::{KdNode, NodeKind};
@@ -25,7 +25,7 @@ use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 
 fn build(scene: &Scene, preset: Preset) -> CpuAccelerator {
-    let options = BuildOptions::from(BuildConfig::preset(preset));
+    let options = BuildOptions::from(preset.config());
     CpuBackend::new().build_accelerator(&scene.mesh(), &options).expect("a tree")
 }
 

@@ -1,7 +1,7 @@
 //! The build schedule as its executor sees it, pinned.
 
 use splitplane_core::build::schedule::{Executor, Trace, build};
-use splitplane_core::config::{BuildConfig, Planes, Preset};
+use splitplane_core::config::{Planes, Preset};
 use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use splitplane_cpu::buffers::Buffers;
@@ -9,7 +9,7 @@ use splitplane_cpu::{CpuExecutor, InstructionSet};
 use splitplane_test_support::scenes;
 
 fn trace(triangles: usize, preset: Preset) -> String {
-    let config = BuildConfig::preset(preset);
+    let config = preset.config();
     let scene = scenes::soup(triangles, 0.2, 11);
     let mesh = scene.mesh();
     let set = InstructionSet::detect();
@@ -17,7 +17,7 @@ fn trace(triangles: usize, preset: Preset) -> String {
         CpuExecutor::new(mesh, config, set, Buffers::default(), None).unwrap();
     let mut lines = String::new();
     let mut trace = Trace::new(executor, &mut lines);
-    build(&mut trace, config.preset.planes().unwrap()).unwrap();
+    build(&mut trace, config.preset().planes().unwrap()).unwrap();
     lines
 }
 

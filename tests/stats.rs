@@ -58,13 +58,9 @@ fn stretched_soup() -> impl Strategy<Value = (Scene, BuildConfig)> {
             }
         }
         let (traversal_cost, intersection_cost, block_width) = costs;
-        let config = BuildConfig {
-            traversal_cost,
-            intersection_cost,
-            block_width,
-            small_node_limit,
-            ..BuildConfig::preset(preset)
-        };
+        let config =
+            BuildConfig { traversal_cost, intersection_cost, block_width, ..preset.config() }
+                .with_stages(|stages| stages.small_node_limit = small_node_limit);
         (scene, config)
     })
 }

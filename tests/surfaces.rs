@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use splitplane_core::backend::{Backend, BuildOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
@@ -35,7 +35,7 @@ fn configurations() -> Vec<Configuration> {
             for preset in Preset::ALL {
                 all.push(Configuration {
                     backend: Box::new(CpuBackend::with_instruction_set(set)),
-                    options: BuildOptions { layout, ..BuildConfig::preset(preset).into() },
+                    options: BuildOptions { layout, ..preset.config().into() },
                     name: [
                         format!("preset {}", preset.name()),
                         format!("layout {}", layout.name()),
@@ -132,7 +132,7 @@ fn limits_at_a_hit_include_it() {
     for (number, shape) in Shape::ALL.into_iter().cycle().take(4 * Shape::ALL.len()).enumerate() {
         let surface = Surface::new(shape, seed_of(5, number as u64));
         let mesh = surface.scene.mesh();
-        let options = BuildOptions::from(BuildConfig::preset(Preset::ALL[number % 3]));
+        let options = BuildOptions::from(Preset::ALL[number % 3]);
         let tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
         for volley in volleys(&surface, 200) {
             let hits = ask(&tree, &volley.rays, &volley.options, Way::Together, 0);

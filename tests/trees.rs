@@ -13,6 +13,7 @@ use splitplane_core::tree::stats::TreeStats;
 use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_cpu::CpuBackend;
+use splitplane_test_support::configs::with_builder_of;
 use splitplane_test_support::exact::{ExactBackend, is_dropped};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::oracle::snap;
@@ -22,7 +23,7 @@ use std::fmt::Write;
 
 /// The presets that run the schedule, as they are tuned.
 fn presets() -> [BuildConfig; 2] {
-    [Preset::Fast, Preset::Balanced].map(BuildConfig::preset)
+    [Preset::Fast, Preset::Balanced].map(Preset::config)
 }
 
 fn build(backend: &dyn Backend, scene: &Scene, config: BuildConfig) -> (KdTree, BuildSummary) {
@@ -213,17 +214,18 @@ fn every_configuration_keeps_the_invariants(backend: &dyn Backend) {
     let default = BuildConfig::default();
     let configs = [
         BuildConfig { max_depth: 1, ..default },
-        BuildConfig { max_depth: 96, empty_cutoff: 1, ..default },
-        BuildConfig { empty_cutoff: 255, ..default },
-        BuildConfig { small_node_limit: 1, max_depth: 96, ..default },
+        BuildConfig { max_depth: 96, ..default }.with_stages(|stages| stages.empty_cutoff = 1),
+        default.with_stages(|stages| stages.empty_cutoff = 255),
+        BuildConfig { max_depth: 96, ..default }.with_stages(|stages| stages.small_node_limit = 1),
         BuildConfig { traversal_cost: 1, intersection_cost: 10, block_width: 1, ..default },
         BuildConfig { traversal_cost: 1367 - 128, intersection_cost: 1, block_width: 1, ..default },
-        BuildConfig { references_per_triangle: 1, nodes_per_triangle: 1, ..default },
+        BuildConfig { references_per_triangle: 1, ..default }
+            .with_stages(|stages| stages.nodes_per_triangle = 1),
         BuildConfig { clip: false, ..default },
     ];
-    let balanced = BuildConfig::preset(Preset::Balanced);
-    let of_balanced = configs.map(|config| BuildConfig { preset: balanced.preset, ..config });
-    let bins = [2, 7, 64].map(|bins| BuildConfig { bins, ..balanced });
+    let balanced = Preset::Balanced.config();
+    let of_balanced = configs.map(|config| with_builder_of(Preset::Balanced, config));
+    let bins = [2, 7, 64].map(|bins| balanced.with_bins(bins));
     let configs: Vec<BuildConfig> = configs.into_iter().chain(of_balanced).chain(bins).collect();
     let scenes = [
         scenes::none(),
@@ -251,11 +253,8 @@ fn every_configuration_keeps_the_invariants(backend: &dyn Backend) {
 fn the_caps_hold(backend: &dyn Backend) {
     for scene in scenes::awkward() {
         for (config, per_triangle) in presets().iter().flat_map(|c| [(c, 1), (c, 8)]) {
-            let config = BuildConfig {
-                references_per_triangle: per_triangle,
-                nodes_per_triangle: per_triangle,
-                ..*config
-            };
+            let config = BuildConfig { references_per_triangle: per_triangle, ..*config }
+                .with_stages(|stages| stages.nodes_per_triangle = per_triangle);
             let (tree, summary) = build(backend, &scene, config);
             // A small root adds at most 1,023 references and 511 nodes to what the cap allows.
             let roots = u64::from(summary.small_roots);

@@ -6,7 +6,7 @@
 //! counts. Printed are ratios to the base. With part of a variant's name behind `--`, only that one and its base.
 
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray};
 use splitplane_core::triangle::Triangle;
@@ -159,7 +159,7 @@ fn main() {
     let mut worst = 0.0f64;
     for preset in [Preset::Fast, Preset::Best] {
         let variants = variants();
-        let options = BuildOptions::from(BuildConfig::preset(preset));
+        let options = BuildOptions::from(preset.config());
         let trees: Vec<CpuAccelerator> = variants
             .iter()
             .map(|variant| {

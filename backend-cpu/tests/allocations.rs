@@ -4,7 +4,7 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::scenes;
 
@@ -66,8 +66,7 @@ fn rebuilds_allocate_nothing() {
         let layouts = [QueryLayout::Fast, QueryLayout::Compact];
         for (preset, layout) in presets.into_iter().flat_map(|p| layouts.map(|layout| (p, layout)))
         {
-            let options =
-                BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(preset)) };
+            let options = BuildOptions { layout, ..BuildOptions::from(preset.config()) };
             let what = format!("{preset:?}, {layout:?}, {threads} threads, {coincident} coincide");
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let backend = CpuBackend::new();
@@ -112,8 +111,7 @@ fn best_allocates_little() {
     // Several threads have the memory for everything that each may do only after some builds.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     for layout in [QueryLayout::Fast, QueryLayout::Compact] {
-        let options =
-            BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(Preset::Best)) };
+        let options = BuildOptions { layout, ..BuildOptions::from(Preset::Best.config()) };
         let backend = CpuBackend::new();
         pool.install(|| {
             let mut accelerator = backend.build_accelerator(&mesh, &options).unwrap();

@@ -161,7 +161,7 @@ fn random_meshes_give_the_same_hits() {
         let config = BuildConfig {
             // Leaves of many triangles too.
             max_depth: random.pick(&[2, 8, 50]),
-            ..BuildConfig::preset(random.pick(&presets))
+            ..random.pick(&presets).config()
         };
         let rays = rays(&mesh, 8, seed);
         let set = random.pick(&sets);
@@ -183,13 +183,13 @@ fn a_compact_layout_takes_at_most_45_bytes_a_triangle() {
     for set in InstructionSet::available() {
         for preset in [Preset::Fast, Preset::Balanced, Preset::Best] {
             let [fast, compact] = [QueryLayout::Fast, QueryLayout::Compact]
-                .map(|layout| build(&mesh, set, &options(BuildConfig::preset(preset), layout)));
+                .map(|layout| build(&mesh, set, &options(preset.config(), layout)));
             let of = |tree: &CpuAccelerator| tree.query_bytes() as f64 / mesh.len() as f64;
             let what = format!("{set:?}, {preset:?}: {} and {}", of(&fast), of(&compact));
             println!("{what}");
             assert!(of(&compact) <= 45.0 && 2.0 * of(&compact) < of(&fast), "{what}");
             // 18 bytes a triangle are the mesh; of a soup 36.
-            let apart = options(BuildConfig::preset(preset), QueryLayout::Compact);
+            let apart = options(preset.config(), QueryLayout::Compact);
             let apart = build(&soup, set, &apart);
             let more = (apart.query_bytes() - compact.query_bytes()) as f64 / mesh.len() as f64;
             assert!((17.9..18.1).contains(&more), "{what}: {more}");
@@ -208,7 +208,7 @@ fn keeps_to_a_limit() {
     let scene = scenes::sphere(40, [0.0; 3], 1.0);
     let mesh = scene.mesh();
     for preset in [Preset::Fast, Preset::Best] {
-        let free = options(BuildConfig::preset(preset), QueryLayout::Compact);
+        let free = options(preset.config(), QueryLayout::Compact);
         let mut built = build(&mesh, InstructionSet::detect(), &free);
         let peak = built.summary().peak_bytes;
         let tree = size_of_val(&built.tree().nodes[..]) + size_of_val(&built.tree().references[..]);

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::query::best_first::LeafCell;
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::NodeKind;
@@ -17,7 +17,7 @@ use splitplane_test_support::scenes::{self, Scene};
 const NONE: f64 = f64::INFINITY;
 
 fn build(scene: &Scene, preset: Preset) -> KdTree {
-    let options = BuildOptions { config: BuildConfig::preset(preset), ..Default::default() };
+    let options = BuildOptions { config: preset.config(), ..Default::default() };
     CpuBackend::new().build_accelerator(&scene.mesh(), &options).expect("a tree").tree().clone()
 }
 

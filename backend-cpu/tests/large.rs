@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::traverse::exact;
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
@@ -134,7 +134,7 @@ fn large_triangles_change_no_answer() {
         let layouts = [QueryLayout::Fast, QueryLayout::Compact];
         for (layout, preset) in layouts.into_iter().flat_map(|l| Preset::ALL.map(|p| (l, p))) {
             for set in InstructionSet::available() {
-                let build = BuildOptions { layout, ..BuildConfig::preset(preset).into() };
+                let build = BuildOptions { layout, ..preset.config().into() };
                 let backend = CpuBackend::with_instruction_set(set);
                 let tree = backend.build_accelerator(&mesh, &build).expect("a tree");
                 for (options, expected) in &questions {

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicI64, AtomicUsize};
 use std::sync::{Mutex, MutexGuard};
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::error::BuildError;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
@@ -88,7 +88,7 @@ fn scenes() -> [Scene; 4] {
 }
 
 fn options(preset: Preset, layout: QueryLayout) -> BuildOptions<'static> {
-    BuildOptions { layout, ..BuildConfig::preset(preset).into() }
+    BuildOptions { layout, ..preset.config().into() }
 }
 
 /// Everything that is built, with what it took.

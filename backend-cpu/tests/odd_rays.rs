@@ -29,7 +29,7 @@ fn samples() -> Vec<(Scene, CpuAccelerator, Vec<Ray>)> {
         scenes::zeros_and_subnormals(),
     ];
     let build = |scene: Scene| {
-        let config = BuildConfig { small_node_limit: 16, ..BuildConfig::default() };
+        let config = BuildConfig::default().with_stages(|stages| stages.small_node_limit = 16);
         let accelerator = CpuBackend::new()
             .build_accelerator(&scene.mesh(), &BuildOptions::from(config))
             .expect("a tree");

@@ -129,7 +129,7 @@ fn a_hostile_device_changes_neither_digest_nor_hits() {
         let backend = CpuBackend::new();
         let build = |config| backend.build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();
         for preset in [Preset::Balanced, Preset::Fast] {
-            let config = BuildConfig::preset(preset);
+            let config = preset.config();
             let strict = build(config);
             let tree = strict.tree();
             for set in InstructionSet::available() {

@@ -17,15 +17,12 @@ use splitplane_core::report::BuildSummary;
 use splitplane_core::watch::{Progress, Stage, Watch};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
+use splitplane_test_support::configs::by_every_staged_builder;
+use splitplane_test_support::configs::with_builder_of;
 use splitplane_test_support::extremes;
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_test_support::wrong_kernel::{FAULTS, WrongKernel};
-
-/// A configuration with each preset that the schedule builds.
-fn by_every_preset(config: BuildConfig) -> [BuildConfig; 2] {
-    [Preset::Fast, Preset::Balanced].map(|preset| BuildConfig { preset, ..config })
-}
 
 fn reference_of<'a, A: Arithmetic>(
     mesh: &Mesh<'a>,
@@ -44,7 +41,7 @@ fn in_step(
     let cpu: CpuExecutor<'_> =
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("no limit");
     let mut lockstep = Lockstep::new(cpu, second);
-    match schedule::build(&mut lockstep, config.preset.planes().expect("a schedule")) {
+    match schedule::build(&mut lockstep, config.preset().planes().expect("a schedule")) {
         Ok(()) => Ok(lockstep.dispatches()),
         Err(LockstepError::Differs(difference)) => Err(difference),
         Err(other) => panic!("{config:?}: {other}"),
@@ -61,7 +58,7 @@ fn check(scene: &Scene, config: &BuildConfig) {
 #[test]
 fn awkward_scenes_in_step() {
     for scene in scenes::awkward().into_iter().chain(extremes::scenes()) {
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             check(&scene, &config);
         }
     }
@@ -72,19 +69,19 @@ fn other_configurations_in_step() {
     let default = BuildConfig::default();
     let configs = [
         BuildConfig { traversal_cost: 3, intersection_cost: 2, block_width: 1, ..default },
-        BuildConfig { small_node_limit: 17, block_width: 7, ..default },
-        BuildConfig { small_node_limit: 1, block_width: 1, ..default },
-        BuildConfig { empty_cutoff: 1, ..default },
-        BuildConfig { empty_cutoff: 255, ..default },
+        BuildConfig { block_width: 7, ..default }
+            .with_stages(|stages| stages.small_node_limit = 17),
+        BuildConfig { block_width: 1, ..default }.with_stages(|stages| stages.small_node_limit = 1),
+        default.with_stages(|stages| stages.empty_cutoff = 1),
+        default.with_stages(|stages| stages.empty_cutoff = 255),
         BuildConfig { max_depth: 96, ..default },
         BuildConfig { clip: false, ..default },
-        BuildConfig { clip: false, block_width: 1, small_node_limit: 9, ..default },
-        BuildConfig { bins: 2, ..default },
-        BuildConfig { bins: 7, ..default },
-        BuildConfig { bins: 64, ..default },
+        BuildConfig { clip: false, block_width: 1, ..default }
+            .with_stages(|stages| stages.small_node_limit = 9),
     ];
+    let bins = [2, 7, 64].map(|bins| Preset::Balanced.config().with_bins(bins));
     let scenes = [scenes::soup(3000, 0.5, 5), scenes::fan(2500), scenes::nested_spheres()];
-    for config in configs.into_iter().flat_map(by_every_preset) {
+    for config in configs.into_iter().flat_map(by_every_staged_builder).chain(bins) {
         for scene in &scenes {
             check(scene, &config);
         }
@@ -94,14 +91,22 @@ fn other_configurations_in_step() {
 /// Each cap by itself and all together, in the middle of a level. That a cap binds shows in the tree.
 #[test]
 fn caps_that_bind_in_step() {
-    let free = BuildConfig { small_node_limit: 2, block_width: 1, ..BuildConfig::default() };
+    let free = BuildConfig { block_width: 1, ..BuildConfig::default() }
+        .with_stages(|stages| stages.small_node_limit = 2);
     let caps: [(&str, BuildConfig); 6] = [
-        ("nodes", BuildConfig { nodes_per_triangle: 1, ..free }),
+        ("nodes", free.with_stages(|stages| stages.nodes_per_triangle = 1)),
         ("references", BuildConfig { references_per_triangle: 1, ..free }),
-        ("both", BuildConfig { nodes_per_triangle: 1, references_per_triangle: 1, ..free }),
+        (
+            "both",
+            BuildConfig { references_per_triangle: 1, ..free }
+                .with_stages(|stages| stages.nodes_per_triangle = 1),
+        ),
         ("no depth", BuildConfig { max_depth: 1, ..free }),
         ("little depth", BuildConfig { max_depth: 5, ..free }),
-        ("depth among cuts", BuildConfig { max_depth: 9, empty_cutoff: 1, ..free }),
+        (
+            "depth among cuts",
+            BuildConfig { max_depth: 9, ..free }.with_stages(|stages| stages.empty_cutoff = 1),
+        ),
     ];
     // 4,096 more nodes or references than triangles are allowed: enough triangles to want more.
     let scenes = [
@@ -111,8 +116,8 @@ fn caps_that_bind_in_step() {
     ];
     for (cap, config) in caps {
         let mut binds = 0;
-        for config in by_every_preset(config) {
-            let free = BuildConfig { preset: config.preset, ..free };
+        for config in by_every_staged_builder(config) {
+            let free = with_builder_of(config.preset(), free);
             for scene in &scenes {
                 check(scene, &config);
                 let [capped, uncapped] = [config, free].map(|config| built(scene, config).0);
@@ -146,7 +151,7 @@ fn equal(scene: &Scene, config: BuildConfig) {
 #[test]
 fn the_same_trees_as_the_cpu() {
     for scene in scenes::awkward().into_iter().chain(extremes::scenes()) {
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             equal(&scene, config);
         }
     }
@@ -176,20 +181,23 @@ fn random_meshes_give_the_same_trees_as_the_cpu() {
             .map(|_| [0; 3].map(|_| random.below(vertices) as u32))
             .collect();
         let small_node_limit = 1 + random.below(64) as u32;
-        let config = BuildConfig {
-            preset: random.pick(&[Preset::Fast, Preset::Balanced]),
+        let mut config = BuildConfig {
             traversal_cost: 1 + random.below(5) as u32,
             intersection_cost: 1 + random.below(5) as u32,
             block_width: 1 + random.below(16) as u32,
-            small_node_limit,
-            empty_cutoff: 1 + random.below(255) as u32,
             max_depth: 1 + random.below(96) as u32,
             references_per_triangle: 1 + random.below(8) as u32,
-            nodes_per_triangle: 1 + random.below(4) as u32,
-            bins: 2 + random.below(63) as u32,
             clip: random.below(4) > 0,
-            ..BuildConfig::default()
-        };
+            ..random.pick(&[Preset::Fast, Preset::Balanced]).config()
+        }
+        .with_stages(|stages| {
+            stages.small_node_limit = small_node_limit;
+            stages.empty_cutoff = 1 + random.below(255) as u32;
+            stages.nodes_per_triangle = 1 + random.below(4) as u32;
+        });
+        if let Some(bins) = config.bins_mut() {
+            *bins = 2 + random.below(63) as u32;
+        }
         let scene = Scene { name: format!("round {round}"), positions, indices: Some(indices) };
         equal(&scene, config);
         large += u32::from(built(&scene, config).1.large_levels > 3);
@@ -201,10 +209,10 @@ fn random_meshes_give_the_same_trees_as_the_cpu() {
 #[test]
 fn the_hostile_arithmetic_gives_the_same_trees() {
     for scene in scenes::awkward().into_iter().filter(|scene| scene.mesh().len() <= 5_000) {
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             let mesh = scene.mesh();
             let mut hostile = reference_of::<Hostile>(&mesh, &config);
-            schedule::build(&mut hostile, config.preset.planes().expect("a schedule"))
+            schedule::build(&mut hostile, config.preset().planes().expect("a schedule"))
                 .expect("no limit");
             assert!(hostile.into_tree() == built(&scene, config).0, "{}", scene.name);
         }
@@ -222,7 +230,7 @@ fn planted_faults_are_named() {
     for &(kernel, what, fault) in FAULTS {
         missing.retain(|without| *without != kernel);
         let mut seen = 0;
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             let wrong = WrongKernel::new(reference_of(&mesh, &config), kernel, fault);
             match in_step(&mesh, &config, wrong) {
                 Err(difference) => {
@@ -245,7 +253,7 @@ fn planted_faults_are_named() {
 fn what_the_schedule_does_not_build_is_refused() {
     let scene = scenes::one();
     let refused = |config: BuildConfig| reference::build(&scene.mesh(), &config.into()).err();
-    let best = refused(BuildConfig::preset(Preset::Best)).expect("an error");
+    let best = refused(Preset::Best.config()).expect("an error");
     assert_eq!(best, BuildError::PresetNotOnDevice { preset: Preset::Best });
     assert!(best.to_string().contains("take that backend, or another preset"), "{best}");
     let invalid = refused(BuildConfig { block_width: 0, ..BuildConfig::default() });
@@ -256,7 +264,7 @@ fn what_the_schedule_does_not_build_is_refused() {
 #[test]
 fn the_limit_of_memory_binds_where_the_summary_says() {
     let scene = scenes::soup(3_000, 0.2, 8);
-    for config in by_every_preset(BuildConfig::default()) {
+    for config in by_every_staged_builder(BuildConfig::default()) {
         let (tree, summary) = built(&scene, config);
         let under = |limit| {
             let options = BuildOptions { max_memory: Some(limit), ..config.into() };
@@ -315,7 +323,7 @@ impl Watch for Ends {
 fn a_watch_ends_the_build() {
     // A crowd in which the sampled sweep takes most of the time.
     let scene = scenes::identical(3_000).joined(&scenes::soup(5_000, 0.1, 6), "watched");
-    for config in by_every_preset(BuildConfig::default()) {
+    for config in by_every_staged_builder(BuildConfig::default()) {
         let watch = Ends::after(u64::MAX);
         let watched =
             reference::build(&scene.mesh(), &BuildOptions { watch: Some(&watch), ..config.into() });
@@ -343,7 +351,8 @@ fn counters_of_a_finished_build() {
     let mesh = scene.mesh();
     let config = BuildConfig::default();
     let mut executor = reference_of::<Strict>(&mesh, &config);
-    schedule::build(&mut executor, config.preset.planes().expect("a schedule")).expect("no limit");
+    schedule::build(&mut executor, config.preset().planes().expect("a schedule"))
+        .expect("no limit");
     let count = |counter| executor.buffers().count(counter);
     assert!(count(Counter::Dropped) > 0);
     assert_eq!(count(Counter::Triangles), mesh.len());

@@ -22,7 +22,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout, locate_along};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::error::{BuildError, QueryError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
@@ -202,7 +202,7 @@ fn refusals<T, E: Error>(
 const LIMITS: LocateOptions<'_> = LocateOptions { max_memory: None, watch: None };
 
 fn options(preset: Preset, layout: QueryLayout) -> BuildOptions<'static> {
-    BuildOptions { layout, ..BuildOptions::from(BuildConfig::preset(preset)) }
+    BuildOptions { layout, ..BuildOptions::from(preset.config()) }
 }
 
 fn hits(built: &dyn Accelerator, rays: &[Ray]) -> Vec<Hit> {

@@ -107,7 +107,7 @@ fn everything_runs_on_little_stack() {
         let rays = rays(&scene);
         for set in InstructionSet::available() {
             for preset in Preset::ALL {
-                on_little_stack(|| check(&scene, set, BuildConfig::preset(preset), &rays));
+                on_little_stack(|| check(&scene, set, preset.config(), &rays));
             }
         }
     }
@@ -120,7 +120,7 @@ fn the_deepest_trees_need_no_more() {
     let scene = scenes::converging(9_000, 70, 9);
     let rays: Vec<Ray> = rays(&scene).into_iter().step_by(3).collect();
     for preset in Preset::ALL {
-        let config = BuildConfig { max_depth: MAX_DEPTH, ..BuildConfig::preset(preset) };
+        let config = BuildConfig { max_depth: MAX_DEPTH, ..preset.config() };
         let depth = on_little_stack(|| check(&scene, InstructionSet::detect(), config, &rays));
         assert_eq!(depth, MAX_DEPTH, "{preset:?}");
     }

@@ -283,7 +283,7 @@ impl WgpuBackend {
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
         config.validate()?;
-        let preset = config.preset;
+        let preset = config.preset();
         preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &self.shared.gpu;
         let triangles = mesh.len() as u32;

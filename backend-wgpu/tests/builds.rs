@@ -477,7 +477,7 @@ fn a_preset_of_the_cpu_is_refused() {
     let backend = fresh();
     let scene = scenes::soup(300, 0.1, 18);
     let mesh = scene.mesh();
-    let config = BuildConfig::preset(Preset::Best);
+    let config = Preset::Best.config();
     let options = BuildOptions::from(config);
     let positions = backend.gpu().buffer("positions", 12, wgpu::BufferUsages::COPY_SRC).unwrap();
     let on_device = DeviceMesh { positions: &positions, vertices: 0, indices: None, triangles: 0 };
@@ -501,10 +501,10 @@ fn a_preset_of_the_cpu_is_refused() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn presets_by_turns() {
     let scene = scenes::soup(3_000, 0.1, 19);
-    let [fast, balanced] = [Preset::Fast, Preset::Balanced].map(BuildConfig::preset);
+    let [fast, balanced] = [Preset::Fast, Preset::Balanced].map(Preset::config);
     let peak = |backend: &WgpuBackend, config: BuildConfig| {
         let built = backend.build_on_device(&scene.mesh(), &config.into()).expect("a tree");
-        assert_tree(backend, &built, &expected(&scene, config).0, config.preset.name());
+        assert_tree(backend, &built, &expected(&scene, config).0, config.preset().name());
         // What the other preset took says nothing of this one: no level is missing.
         assert_eq!((built.effort.submissions, built.effort.repeats), (1, 0), "{config:?}");
         built.summary.peak_bytes
@@ -516,8 +516,8 @@ fn presets_by_turns() {
     assert_eq!(peak(&backend, fast), alone);
     for _ in 0..2 {
         peak(&backend, balanced);
-        peak(&backend, BuildConfig { bins: 5, clip: false, ..balanced });
-        peak(&backend, BuildConfig { empty_cutoff: 128, ..balanced });
+        peak(&backend, BuildConfig { clip: false, ..balanced }.with_bins(5));
+        peak(&backend, balanced.with_stages(|stages| stages.empty_cutoff = 128));
         peak(&backend, fast);
     }
 }
@@ -630,7 +630,7 @@ fn threads_share_a_backend() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn every_kernel_is_timed() {
     for preset in [Preset::Fast, Preset::Balanced] {
-        check_times(BuildConfig::preset(preset));
+        check_times(preset.config());
     }
 }
 
@@ -645,7 +645,7 @@ fn check_times(config: BuildConfig) {
         return;
     };
     assert!(backend.gpu().has_timestamps());
-    let not_run: &[Kernel] = match config.preset {
+    let not_run: &[Kernel] = match config.preset() {
         Preset::Balanced => &[Kernel::SplitMedian],
         _ => &[Kernel::BinReferences, Kernel::SplitBinned],
     };

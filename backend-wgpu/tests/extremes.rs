@@ -6,7 +6,7 @@ mod common;
 use std::time::Duration;
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::Aim;
@@ -30,7 +30,7 @@ fn closest(built: &dyn Accelerator, rays: &[Ray]) -> Vec<Hit> {
 fn check(backend: &WgpuBackend, scene: &Scene, preset: Preset, each: usize) -> usize {
     let mesh = scene.mesh();
     let name = format!("{}, {}", scene.name, preset.name());
-    let options = BuildOptions::from(BuildConfig::preset(preset));
+    let options = BuildOptions::from(preset.config());
     let device = backend.build(&mesh, &options).expect("a tree of the device");
     let host = CpuBackend::new().build(&mesh, &options).expect("a tree of the CPU");
     assert_eq!(device.tree().digest(), host.tree().digest(), "{name}");

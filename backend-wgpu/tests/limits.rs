@@ -74,7 +74,7 @@ fn ends_anywhere<T, E: std::fmt::Debug>(
 fn builds_end_at_any_call_and_the_next_one_is_whole() {
     let backend = WgpuBackend::without_selftest((*common::gpu()).clone());
     let (small, large) = (scenes::soup(300, 0.1, 3), scenes::soup(6_000, 0.05, 4));
-    for config in [BuildConfig::default(), BuildConfig::preset(Preset::Balanced)] {
+    for config in [BuildConfig::default(), Preset::Balanced.config()] {
         let options = BuildOptions::from(config);
         for scene in [&large, &small, &large] {
             let mesh = scene.mesh();

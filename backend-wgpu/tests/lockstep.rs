@@ -10,6 +10,7 @@ use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
+use splitplane_test_support::configs::by_every_staged_builder;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
 
@@ -24,7 +25,7 @@ fn in_step(
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("memory");
     let run = |gpu: WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(cpu, gpu);
-        schedule::build(&mut lockstep, config.preset.planes().expect("a schedule"))
+        schedule::build(&mut lockstep, config.preset().planes().expect("a schedule"))
             .map(|()| lockstep.dispatches())
     };
     match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
@@ -45,15 +46,10 @@ fn check(backend: &WgpuBackend, scene: &Scene, config: &BuildConfig) {
 fn awkward_scenes() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
     for scene in scenes::awkward() {
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             check(&backend, &scene, &config);
         }
     }
-}
-
-/// A configuration with each preset that devices build.
-fn by_every_preset(config: BuildConfig) -> [BuildConfig; 2] {
-    [Preset::Fast, Preset::Balanced].map(|preset| BuildConfig { preset, ..config })
 }
 
 #[test]
@@ -63,21 +59,24 @@ fn other_configurations() {
     let default = BuildConfig::default();
     let configs = [
         BuildConfig { traversal_cost: 3, intersection_cost: 2, block_width: 1, ..default },
-        BuildConfig { small_node_limit: 17, block_width: 7, ..default },
-        BuildConfig { small_node_limit: 1, block_width: 1, ..default },
-        BuildConfig { empty_cutoff: 1, ..default },
-        BuildConfig { empty_cutoff: 255, ..default },
+        BuildConfig { block_width: 7, ..default }
+            .with_stages(|stages| stages.small_node_limit = 17),
+        BuildConfig { block_width: 1, ..default }.with_stages(|stages| stages.small_node_limit = 1),
+        default.with_stages(|stages| stages.empty_cutoff = 1),
+        default.with_stages(|stages| stages.empty_cutoff = 255),
         BuildConfig { max_depth: 5, ..default },
         BuildConfig { max_depth: 96, ..default },
         BuildConfig { max_depth: 1, ..default },
         BuildConfig { references_per_triangle: 1, ..default },
-        BuildConfig { nodes_per_triangle: 1, references_per_triangle: 2, ..default },
+        BuildConfig { references_per_triangle: 2, ..default }
+            .with_stages(|stages| stages.nodes_per_triangle = 1),
         BuildConfig { clip: false, ..default },
-        BuildConfig { clip: false, block_width: 1, small_node_limit: 9, ..default },
+        BuildConfig { clip: false, block_width: 1, ..default }
+            .with_stages(|stages| stages.small_node_limit = 9),
     ];
-    let configs = configs.into_iter().flat_map(by_every_preset);
-    let balanced = BuildConfig::preset(Preset::Balanced);
-    let bins = [2, 3, 7, 63, 64].map(|bins| BuildConfig { bins, ..balanced });
+    let configs = configs.into_iter().flat_map(by_every_staged_builder);
+    let balanced = Preset::Balanced.config();
+    let bins = [2, 3, 7, 63, 64].map(|bins| balanced.with_bins(bins));
     let scenes = [scenes::soup(3000, 0.5, 5), scenes::fan(2500), scenes::nested_spheres()];
     for config in configs.chain(bins) {
         for scene in &scenes {
@@ -92,22 +91,22 @@ fn other_configurations() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn binned_costs_and_places_at_their_limits() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
-    let balanced = BuildConfig::preset(Preset::Balanced);
+    let balanced = Preset::Balanced.config();
     let dear = BuildConfig {
         traversal_cost: 1,
         intersection_cost: 683,
         block_width: 1,
-        small_node_limit: 1,
         max_depth: 12,
         ..balanced
-    };
+    }
+    .with_stages(|stages| stages.small_node_limit = 1);
     check(&backend, &scenes::soup(12_000, 0.3, 6), &dear);
     for scale in [1e-36, 1e-33, 1e30, 3e37, 1.5e38] {
         let scene = scenes::soup(700, 0.2, 7);
         let positions = scene.positions.iter().map(|p| p.map(|x| (2.0 * x - 1.0) * scale));
         let scene = Scene { positions: positions.collect(), ..scene };
         for bins in [2, 3, 64] {
-            check(&backend, &scene, &BuildConfig { bins, ..balanced });
+            check(&backend, &scene, &balanced.with_bins(bins));
         }
     }
 }
@@ -117,15 +116,14 @@ fn binned_costs_and_places_at_their_limits() {
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn caps_that_bind() {
     let backend = WgpuBackend::new(Gpu::clone(&common::gpu())).expect("a backend");
-    let config = BuildConfig {
-        small_node_limit: 2,
-        block_width: 1,
-        nodes_per_triangle: 1,
-        references_per_triangle: 1,
-        ..BuildConfig::default()
-    };
+    let config =
+        BuildConfig { block_width: 1, references_per_triangle: 1, ..BuildConfig::default() }
+            .with_stages(|stages| {
+                stages.small_node_limit = 2;
+                stages.nodes_per_triangle = 1;
+            });
     // 4,096 more nodes than triangles are allowed: enough triangles to want more.
-    for config in by_every_preset(config) {
+    for config in by_every_staged_builder(config) {
         check(&backend, &scenes::soup(20_000, 0.02, 3), &config);
         check(&backend, &scenes::soup(12_000, 0.4, 4), &config);
     }
@@ -137,7 +135,7 @@ fn caps_that_bind() {
 fn planted_faults_are_named() {
     use Kernel as K;
     let fast = BuildConfig::default();
-    let balanced = BuildConfig::preset(Preset::Balanced);
+    let balanced = Preset::Balanced.config();
     let whole = BuildConfig { clip: false, ..fast };
     let plants = [
         (K::TriangleBounds, "magnitude < vec3<u32>(0x800000u)", "magnitude < vec3<u32>(1u)"),
@@ -175,7 +173,7 @@ fn planted_faults_are_named() {
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, balanced));
     let by_one = BuildConfig { block_width: 1, ..balanced };
-    let halves = BuildConfig { bins: 2, ..balanced };
+    let halves = balanced.with_bins(2);
     let of_others = [
         (K::SplitBinned, "low.y + a.y * b", "low.y", by_one),
         (K::SplitBinned, "bin < parameters.bins", "bin + 1u < parameters.bins", halves),
@@ -234,7 +232,7 @@ fn real_scenes() {
         ["horse", "bunny", "kitchen"].into_iter().filter_map(scenes::real).collect();
     assert!(!scenes.is_empty(), "the scenes folder holds none of the scenes");
     for scene in &scenes {
-        for config in by_every_preset(BuildConfig::default()) {
+        for config in by_every_staged_builder(BuildConfig::default()) {
             check(&backend, scene, &config);
         }
     }

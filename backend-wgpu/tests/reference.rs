@@ -9,6 +9,7 @@ use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Kernel, TreeBuilder};
 use splitplane_core::mesh::Mesh;
+use splitplane_test_support::configs::with_builder_of;
 use splitplane_test_support::scenes;
 use splitplane_test_support::wrong_kernel::{FAULTS, WrongKernel};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
@@ -22,7 +23,7 @@ fn in_step(
 ) -> Result<u32, Difference> {
     let run = |gpu: WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(first, gpu);
-        schedule::build(&mut lockstep, config.preset.planes().expect("a schedule"))
+        schedule::build(&mut lockstep, config.preset().planes().expect("a schedule"))
             .map(|()| lockstep.dispatches())
     };
     match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
@@ -40,15 +41,15 @@ fn reference_of<'a>(mesh: &Mesh<'a>, config: &BuildConfig) -> ReferenceExecutor<
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn the_gpu_leaves_what_the_reference_leaves() {
     let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
-    let capped = BuildConfig {
-        small_node_limit: 2,
-        block_width: 1,
-        nodes_per_triangle: 1,
-        references_per_triangle: 1,
-        ..BuildConfig::default()
-    };
-    let shallow = BuildConfig { max_depth: 5, empty_cutoff: 1, ..BuildConfig::default() };
-    let whole = BuildConfig { clip: false, bins: 7, ..BuildConfig::default() };
+    let capped =
+        BuildConfig { block_width: 1, references_per_triangle: 1, ..BuildConfig::default() }
+            .with_stages(|stages| {
+                stages.small_node_limit = 2;
+                stages.nodes_per_triangle = 1;
+            });
+    let shallow = BuildConfig { max_depth: 5, ..BuildConfig::default() }
+        .with_stages(|stages| stages.empty_cutoff = 1);
+    let whole = BuildConfig { clip: false, ..Preset::Balanced.config() }.with_bins(7);
     let default = BuildConfig::default();
     let runs = [
         (scenes::none(), default),
@@ -63,7 +64,7 @@ fn the_gpu_leaves_what_the_reference_leaves() {
     ];
     for (scene, config) in runs {
         for preset in [Preset::Fast, Preset::Balanced] {
-            let (mesh, config) = (scene.mesh(), BuildConfig { preset, ..config });
+            let (mesh, config) = (scene.mesh(), with_builder_of(preset, config));
             match in_step(&backend, &mesh, &config, reference_of(&mesh, &config)) {
                 // Three kernels begin a build and five end it.
                 Ok(dispatches) => assert!(dispatches >= 8, "{}", scene.name),
@@ -85,7 +86,7 @@ fn planted_faults_are_named() {
             Kernel::BinReferences | Kernel::SplitBinned => Preset::Balanced,
             _ => Preset::Fast,
         };
-        let config = BuildConfig::preset(preset);
+        let config = preset.config();
         let wrong = WrongKernel::new(reference_of(&mesh, &config), kernel, fault);
         let difference = in_step(&backend, &mesh, &config, wrong).expect_err(what);
         assert_eq!(difference.kernel, format!("{kernel:?}"), "{what}: {difference}");

@@ -6,7 +6,7 @@ mod common;
 use std::sync::Arc;
 
 use splitplane_core::backend::{Accelerator, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::ray::{Hit, QueryOptions};
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
@@ -22,7 +22,7 @@ const EACH: usize = 240;
 /// All rays at a surface in one batch for each setting: closest hits and any hit.
 fn examine_surface(queries: &Arc<Queries>, surface: &Surface, preset: Preset) -> Tally {
     let mesh = surface.scene.mesh();
-    let options = BuildOptions::from(BuildConfig::preset(preset));
+    let options = BuildOptions::from(preset.config());
     let built = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
     let (tree, summary) = (built.tree().clone(), *built.summary());
     let triangles: Vec<Triangle> =

@@ -4,6 +4,7 @@
 use super::failure::Failure;
 use clap::Args;
 use serde_json::{Map, Value};
+use splitplane::core::config::{Builder, Sweep};
 use splitplane::{BuildConfig, ConfigError, Preset};
 
 #[derive(Args, Clone, Debug, Default)]
@@ -51,44 +52,39 @@ pub(super) struct Knobs {
     bad_splits: Option<u32>,
 }
 
-/// One knob: its option, the field of [`BuildConfig`] it sets, the presets that have it.
+/// One knob: its option, the field of [`BuildConfig`] or of its builder that it sets, and that field; `None` where the
+/// builder does not have it.
 struct Knob {
     option: &'static str,
     field: &'static str,
-    presets: &'static [Preset],
-    get: fn(&BuildConfig) -> u32,
-    set: fn(&mut BuildConfig, u32),
+    of: fn(&mut BuildConfig) -> Option<&mut u32>,
 }
 
-const ALL: &[Preset] = &Preset::ALL;
-/// The presets that run the schedule of large and small nodes.
-const STAGED: &[Preset] = &[Preset::Fast, Preset::Balanced];
+impl Knob {
+    fn get(&self, config: &BuildConfig) -> Option<u32> {
+        (self.of)(&mut { *config }).copied()
+    }
+}
 
 macro_rules! knobs {
-    ($($option:literal $field:ident $presets:expr;)*) => {
-        [$(Knob {
-            option: $option,
-            field: stringify!($field),
-            presets: $presets,
-            get: |config| config.$field,
-            set: |config, value| config.$field = value,
-        }),*]
+    ($($option:literal $field:ident $of:expr;)*) => {
+        [$(Knob { option: $option, field: stringify!($field), of: $of }),*]
     };
 }
 
 /// All but --no-clip, in the order of [`Knobs::values`].
 const KNOBS: [Knob; 11] = knobs! {
-    "--traversal-cost" traversal_cost ALL;
-    "--intersection-cost" intersection_cost ALL;
-    "--block-width" block_width ALL;
-    "--small-node-limit" small_node_limit STAGED;
-    "--empty-cutoff" empty_cutoff STAGED;
-    "--bins" bins &[Preset::Balanced];
-    "--max-depth" max_depth ALL;
-    "--reference-cap" references_per_triangle ALL;
-    "--node-cap" nodes_per_triangle STAGED;
-    "--empty-bonus" empty_bonus &[Preset::Best];
-    "--bad-splits" bad_splits &[Preset::Best];
+    "--traversal-cost" traversal_cost |config| Some(&mut config.traversal_cost);
+    "--intersection-cost" intersection_cost |config| Some(&mut config.intersection_cost);
+    "--block-width" block_width |config| Some(&mut config.block_width);
+    "--small-node-limit" small_node_limit |config| Some(&mut config.stages_mut()?.small_node_limit);
+    "--empty-cutoff" empty_cutoff |config| Some(&mut config.stages_mut()?.empty_cutoff);
+    "--bins" bins BuildConfig::bins_mut;
+    "--max-depth" max_depth |config| Some(&mut config.max_depth);
+    "--reference-cap" references_per_triangle |config| Some(&mut config.references_per_triangle);
+    "--node-cap" nodes_per_triangle |config| Some(&mut config.stages_mut()?.nodes_per_triangle);
+    "--empty-bonus" empty_bonus |config| Some(&mut config.sweep_mut()?.empty_bonus);
+    "--bad-splits" bad_splits |config| Some(&mut config.sweep_mut()?.bad_splits);
 };
 
 impl Knobs {
@@ -97,18 +93,20 @@ impl Knobs {
     /// # Errors
     /// Wrong usage: a knob that the preset does not have, or a value out of range.
     pub(super) fn config(&self, preset: Preset) -> Result<BuildConfig, Failure> {
-        let mut config = BuildConfig::preset(preset);
+        let mut config = preset.config();
         for (knob, value) in KNOBS.iter().zip(self.values()) {
             let Some(value) = value else { continue };
-            if !knob.presets.contains(&preset) {
+            let Some(field) = (knob.of)(&mut config) else {
+                let has = |preset: &Preset| knob.get(&preset.config()).is_some();
+                let presets: Vec<Preset> = Preset::ALL.into_iter().filter(has).collect();
                 return Err(Failure::usage(format!(
                     "{} is a knob of {} only; preset {} does not have it",
                     knob.option,
-                    names(knob.presets),
+                    names(&presets),
                     preset.name()
                 )));
-            }
-            (knob.set)(&mut config, value);
+            };
+            *field = value;
         }
         config.clip &= !self.no_clip;
         config.validate().map_err(|error| Failure::usage(explain(&error)))?;
@@ -132,44 +130,35 @@ impl Knobs {
     }
 }
 
-/// The knobs that the configuration's preset has, by the names of [`BuildConfig`]'s fields.
+/// The knobs that the configuration has, by the names of its fields.
 pub(super) fn report(config: &BuildConfig) -> Map<String, Value> {
-    let has = KNOBS.iter().filter(|knob| knob.presets.contains(&config.preset));
-    let mut report: Map<String, Value> =
-        has.map(|knob| (knob.field.to_owned(), (knob.get)(config).into())).collect();
+    let of = |knob: &Knob| Some((knob.field.to_owned(), knob.get(config)?.into()));
+    let mut report: Map<String, Value> = KNOBS.iter().filter_map(of).collect();
     report.insert("clip".to_owned(), config.clip.into());
     report
 }
 
 /// The same in one line.
 pub(super) fn describe(config: &BuildConfig) -> String {
-    let has = |field| {
-        let knob = KNOBS.iter().find(|knob| knob.field == field);
-        knob.is_some_and(|knob| knob.presets.contains(&config.preset))
-    };
     let mut text = format!(
         "K_T {}, K_I {}, W {}",
         config.traversal_cost, config.intersection_cost, config.block_width
     );
-    if has("small_node_limit") {
-        text += &format!(", T {}", config.small_node_limit);
+    let stages = config.stages();
+    if let Some(stages) = stages {
+        let (limit, cutoff) = (stages.small_node_limit, of_256(stages.empty_cutoff));
+        text += &format!(", T {limit}, C_e {cutoff}");
     }
-    if has("empty_cutoff") {
-        text += &format!(", C_e {}", of_256(config.empty_cutoff));
+    if let Builder::Binned { bins, .. } = config.builder {
+        text += &format!(", {bins} bins");
     }
-    if has("bins") {
-        text += &format!(", {} bins", config.bins);
-    }
-    if has("empty_bonus") {
-        text += &format!(", empty bonus {}", of_256(config.empty_bonus));
-    }
-    if has("bad_splits") {
-        text += &format!(", bad splits {}", config.bad_splits);
+    if let Some(&Sweep { empty_bonus, bad_splits }) = config.sweep() {
+        text += &format!(", empty bonus {}, bad splits {bad_splits}", of_256(empty_bonus));
     }
     text += if config.clip { ", clipped" } else { ", not clipped" };
     text += &format!("; at most {} levels", config.max_depth);
-    if has("nodes_per_triangle") {
-        text += &format!(", {} nodes", config.nodes_per_triangle);
+    if let Some(stages) = stages {
+        text += &format!(", {} nodes", stages.nodes_per_triangle);
     }
     text + &format!(", {} references a triangle", config.references_per_triangle)
 }
@@ -194,6 +183,7 @@ fn explain(error: &ConfigError) -> String {
             "--traversal-cost + 2 * --intersection-cost * ceil(--small-node-limit / --block-width) \
              is {sum}, but must be at most {most}; only the ratio of the two costs matters"
         ),
+        error => error.to_string(),
     }
 }
 
@@ -247,47 +237,57 @@ mod tests {
         );
     }
 
-    /// A configuration as files hold it has zeros for what its preset does not have: no knob sets
-    /// one of those.
+    /// Every knob that a preset has shapes its trees; none other can be set.
     #[test]
     fn knobs_that_count_for_nothing_are_refused() {
         for preset in Preset::ALL {
-            for knob in &KNOBS {
-                let mut config = BuildConfig::preset(preset);
-                let value = (knob.get)(&config) + 1;
-                (knob.set)(&mut config, value);
-                let counts = config.words() != BuildConfig::preset(preset).words();
-                let has = knob.presets.contains(&preset);
-                assert!(counts || !has, "{} with preset {}", knob.option, preset.name());
+            for (index, knob) in KNOBS.iter().enumerate() {
+                let mut config = preset.config();
+                match (knob.of)(&mut config) {
+                    Some(field) => *field += 1,
+                    None => {
+                        let failure = with_value(index, 1).config(preset).expect_err(knob.option);
+                        assert!(format!("{failure:?}").contains(knob.option), "{failure:?}");
+                        continue;
+                    }
+                }
+                assert_ne!(config.words(), preset.config().words(), "{}", knob.option);
             }
+        }
+    }
+
+    /// One knob alone, by its place in [`KNOBS`].
+    fn with_value(index: usize, value: u32) -> Knobs {
+        let mut values = [None; 11];
+        values[index] = Some(value);
+        let [a, b, c, d, e, f, g, h, i, j, k] = values;
+        Knobs {
+            traversal_cost: a,
+            intersection_cost: b,
+            block_width: c,
+            small_node_limit: d,
+            empty_cutoff: e,
+            bins: f,
+            max_depth: g,
+            no_clip: false,
+            reference_cap: h,
+            node_cap: i,
+            empty_bonus: j,
+            bad_splits: k,
         }
     }
 
     #[test]
     fn each_knob_sets_its_own_field() {
         for (index, knob) in KNOBS.iter().enumerate() {
-            let preset = knob.presets[0];
+            let has = |preset: &Preset| knob.get(&preset.config()).is_some();
+            let preset = Preset::ALL.into_iter().find(has).expect("a preset that has it");
             // Another value than the default, which may be 0.
-            let value = (knob.get)(&BuildConfig::preset(preset)).checked_sub(1).unwrap_or(1);
-            let mut values = [None; 11];
-            values[index] = Some(value);
-            let [a, b, c, d, e, f, g, h, i, j, k] = values;
-            let knobs = Knobs {
-                traversal_cost: a,
-                intersection_cost: b,
-                block_width: c,
-                small_node_limit: d,
-                empty_cutoff: e,
-                bins: f,
-                max_depth: g,
-                no_clip: false,
-                reference_cap: h,
-                node_cap: i,
-                empty_bonus: j,
-                bad_splits: k,
-            };
-            let mut want = BuildConfig::preset(preset);
-            (knob.set)(&mut want, value);
+            let value =
+                knob.get(&preset.config()).and_then(|knob| knob.checked_sub(1)).unwrap_or(1);
+            let knobs = with_value(index, value);
+            let mut want = preset.config();
+            *(knob.of)(&mut want).expect("its field") = value;
             match knobs.config(preset) {
                 Ok(config) => assert_eq!(config, want, "{}", knob.option),
                 // K_T is 1 by default; the error names the option.
@@ -299,7 +299,7 @@ mod tests {
     #[test]
     fn without_knobs_a_preset_is_itself() {
         for preset in Preset::ALL {
-            assert_eq!(Knobs::default().config(preset).ok(), Some(BuildConfig::preset(preset)));
+            assert_eq!(Knobs::default().config(preset).ok(), Some(preset.config()));
         }
     }
 }

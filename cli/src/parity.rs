@@ -79,7 +79,7 @@ mod compare {
             return Err(Failure::usage(message));
         }
         let options = common.build_options()?;
-        let preset = options.config.preset;
+        let preset = options.config.preset();
         if preset.planes().is_none() {
             return Err(BuildError::PresetNotOnDevice { preset }.into());
         }

@@ -64,7 +64,7 @@ impl Prepared {
         let build_ms = milliseconds(start);
         drop(watch);
         note_dropped(common, &scene, accelerator.summary().dropped);
-        let preset = options.config.preset.name();
+        let preset = options.config.preset().name();
         Ok(Prepared { scene, info, accelerator, build_ms, preset, reason: opened.reason })
     }
 

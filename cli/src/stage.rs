@@ -88,7 +88,7 @@ impl Stage {
             info: &self.info,
             accelerator: host_tree(&self.tracer)?,
             build_ms: self.build_ms,
-            preset: self.options.config.preset.name(),
+            preset: self.options.config.preset().name(),
             reason: &self.reason,
         })
     }

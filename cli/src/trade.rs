@@ -379,7 +379,7 @@ impl Arguments {
 /// What a reader may look for and not find.
 fn left_out(stations: &[Station]) -> Vec<String> {
     let on = |device| stations.iter().filter(move |station| station.device == device);
-    let best = on(Device::Cpu).any(|station| station.config.preset == Preset::Best);
+    let best = on(Device::Cpu).any(|station| station.config.preset() == Preset::Best);
     let mut out = Vec::new();
     if best && on(Device::Gpu).next().is_some() {
         out.push("preset best on the GPU, since it is built on the CPU only".to_owned());

@@ -98,7 +98,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         size: [arguments.size.width(), arguments.size.height()],
         adapter: options.adapter.clone(),
         backend: common.backend,
-        preset: build.config.preset,
+        preset: build.config.preset(),
         accuracy: common.query_options().accuracy,
         view: arguments.view(),
         level: arguments.boxes,

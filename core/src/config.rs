@@ -16,18 +16,17 @@ pub const SMALL_ROOT_REFERENCES: u32 = 1023;
 /// Most bins of an axis.
 pub const MAX_BINS: u32 = 64;
 
-/// Which builder makes the tree. All three give the same format, and every query reads it alike.
+/// Named configurations: builders with their knobs as tuned by trace time on real scenes. All three make the same
+/// format, and every query reads it alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Preset {
-    /// The paper's builder: empty-space cutoff, else the spatial median of the longest axis
-    /// (Zhou et al. 2008, Algorithm 2); masks below.
+    /// [`Builder::Median`]: the fastest build.
     #[default]
     Fast,
-    /// Binned SAH in the large-node stage (Shevtsov, Soupikov and Kapustin 2007; Danilewski, Popov
-    /// and Slusallek 2010); masks below.
+    /// [`Builder::Binned`]: a better tree for a slower build.
     Balanced,
-    /// The offline builder: greedy SAH over all planes, with clipped events (Wald and Havran 2006).
-    /// On the CPU only.
+    /// [`Builder::Sweep`]: the best tree, offline. On the CPU only.
     Best,
 }
 
@@ -41,6 +40,30 @@ impl Preset {
             Preset::Fast => "fast",
             Preset::Balanced => "balanced",
             Preset::Best => "best",
+        }
+    }
+
+    /// The configuration.
+    pub const fn config(self) -> BuildConfig {
+        let fast = BuildConfig {
+            builder: Builder::Median(Stages::DEFAULT),
+            traversal_cost: 1,
+            intersection_cost: 4,
+            block_width: 16,
+            max_depth: 64,
+            references_per_triangle: 8,
+            clip: true,
+        };
+        match self {
+            Preset::Fast => fast,
+            Preset::Balanced => {
+                let builder = Builder::Binned { stages: Stages::DEFAULT, bins: 32 };
+                BuildConfig { builder, ..fast }
+            }
+            Preset::Best => {
+                let builder = Builder::Sweep(Sweep { empty_bonus: 26, bad_splits: 0 });
+                BuildConfig { builder, intersection_cost: 2, block_width: 8, ..fast }
+            }
         }
     }
 
@@ -64,12 +87,88 @@ pub enum Planes {
     Binned,
 }
 
+/// Which builder makes the tree, and the knobs that it alone has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Builder {
+    /// The paper's builder: empty-space cutoff, else the spatial median of the longest axis
+    /// (Zhou et al. 2008, Algorithm 2); masks below.
+    Median(Stages),
+    /// Binned SAH in the large-node stage (Shevtsov, Soupikov and Kapustin 2007; Danilewski, Popov
+    /// and Slusallek 2010); masks below.
+    Binned {
+        /// The knobs of both stages.
+        stages: Stages,
+        /// Bins of each axis, whose borders are the candidates; 2 to [`MAX_BINS`].
+        bins: u32,
+    },
+    /// The offline builder: greedy SAH over all planes, with clipped events (Wald and Havran 2006).
+    /// On the CPU only.
+    Sweep(Sweep),
+}
+
+impl Builder {
+    /// The preset that this builder belongs to, whatever its knobs.
+    pub const fn preset(&self) -> Preset {
+        match self {
+            Builder::Median(_) => Preset::Fast,
+            Builder::Binned { .. } => Preset::Balanced,
+            Builder::Sweep(_) => Preset::Best,
+        }
+    }
+}
+
+/// Knobs of the builders that the schedule runs, with a large-node and a small-node stage.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stages {
+    /// T, the most triangles a small node may have; 1 to [`MAX_SMALL`].
+    pub small_node_limit: u32,
+    /// C_e in 256ths: empty space beyond this part of a node's extent on one side is cut off.
+    /// 1 to 255; the paper's re-implementations use 25 %, which is 64.
+    pub empty_cutoff: u32,
+    /// The large-node stage stops splitting where it would have more nodes than this many per
+    /// triangle (plus 4,096). 1 or more.
+    pub nodes_per_triangle: u32,
+}
+
+impl Stages {
+    const DEFAULT: Stages =
+        Stages { small_node_limit: MAX_SMALL, empty_cutoff: 64, nodes_per_triangle: 4 };
+}
+
+impl Default for Stages {
+    fn default() -> Stages {
+        Stages::DEFAULT
+    }
+}
+
+/// Knobs of [`Builder::Sweep`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sweep {
+    /// The part of its cost by which a split with an empty side is discounted, in 256ths; 0 to 255.
+    pub empty_bonus: u32,
+    /// How many splits in a row that cost more than a leaf are tried before the node becomes a leaf;
+    /// those under which the cost did not fall are retracted. 0 to 8.
+    pub bad_splits: u32,
+}
+
 /// All settings that shape a tree. Equal mesh and equal configuration give equal bytes on every
 /// backend and thread count.
+///
+/// Start from a [`Preset`] and change what you need:
+///
+/// ```
+/// use splitplane_core::config::{BuildConfig, Preset};
+///
+/// let config = BuildConfig { max_depth: 32, ..Preset::Balanced.config() }
+///     .with_bins(16)
+///     .with_stages(|stages| stages.small_node_limit = 32);
+/// assert_eq!(config.validate(), Ok(()));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BuildConfig {
-    /// How large nodes are split.
-    pub preset: Preset,
+    /// The builder, with its own knobs.
+    pub builder: Builder,
     /// K_T, the cost of stepping through one interior node (Eq. 1), in the unit of
     /// `intersection_cost`. 1 or more.
     pub traversal_cost: u32,
@@ -79,60 +178,38 @@ pub struct BuildConfig {
     /// W, how many triangles one test takes at once: a leaf of n costs K_I * ceil(n / W). 1 gives
     /// the classic heuristic.
     pub block_width: u32,
-    /// T, the most triangles a small node may have; 1 to [`MAX_SMALL`].
-    pub small_node_limit: u32,
-    /// C_e in 256ths: empty space beyond this part of a node's extent on one side is cut off.
-    /// 1 to 255; the paper's re-implementations use 25 %, which is 64.
-    pub empty_cutoff: u32,
     /// Most levels below the root; 1 to [`MAX_DEPTH`]. A node at this depth becomes a leaf.
     pub max_depth: u32,
-    /// The large-node stage stops splitting where its references would exceed this many per
-    /// triangle (plus 4,096). 1 or more. Bounds memory on inputs that no plane separates.
+    /// Splitting stops where the references would exceed this many per triangle (plus 4,096). 1 or
+    /// more. Bounds memory on inputs that no plane separates.
     pub references_per_triangle: u32,
-    /// The same cap for nodes of the large-node stage.
-    pub nodes_per_triangle: u32,
-    /// Bins of each axis, whose borders are the candidates of [`Preset::Balanced`]; 2 to
-    /// [`MAX_BINS`]. The other presets have none.
-    pub bins: u32,
     /// Whether references are clipped to the cells they go to: their bounds then hold only the part
     /// of the triangle inside. Without it a build is faster and the tree is larger.
     pub clip: bool,
-    /// The part of its cost by which a split with an empty side is discounted, in 256ths; 0 to 255.
-    /// [`Preset::Best`] only; the others cut empty space by `empty_cutoff`.
-    pub empty_bonus: u32,
-    /// How many splits in a row that cost more than a leaf are tried before the node becomes a leaf;
-    /// those under which the cost did not fall are retracted. 0 to 8. [`Preset::Best`] only.
-    pub bad_splits: u32,
 }
 
 impl Default for BuildConfig {
     /// Preset [`Preset::Fast`], tuned for wide triangle tests.
     fn default() -> BuildConfig {
-        BuildConfig {
-            preset: Preset::Fast,
-            traversal_cost: 1,
-            intersection_cost: 4,
-            block_width: 16,
-            small_node_limit: MAX_SMALL,
-            empty_cutoff: 64,
-            max_depth: 64,
-            references_per_triangle: 8,
-            nodes_per_triangle: 4,
-            bins: 32,
-            clip: true,
-            empty_bonus: 0,
-            bad_splits: 0,
-        }
+        Preset::Fast.config()
+    }
+}
+
+/// [`Preset::config`].
+impl From<Preset> for BuildConfig {
+    fn from(preset: Preset) -> BuildConfig {
+        preset.config()
     }
 }
 
 /// Why a configuration cannot be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum ConfigError {
     /// A value lies outside its range.
     #[error("{field} is {value}, but must be from {least} to {most}")]
     OutOfRange {
-        /// The field of [`BuildConfig`].
+        /// The field of [`BuildConfig`] or of its builder.
         field: &'static str,
         /// Its value.
         value: u32,
@@ -141,7 +218,7 @@ pub enum ConfigError {
         /// Greatest allowed value.
         most: u32,
     },
-    /// Costs of a node could exceed 32 bits. Not for [`Preset::Best`], whose costs are in `f64`.
+    /// Costs of a node could exceed 32 bits. Not for [`Builder::Sweep`], whose costs are in `f64`.
     #[error(
         "traversal_cost + 2 * intersection_cost * ceil(small_node_limit / block_width) is {sum}, \
          but must be at most {most}, or costs would not fit 32 bits"
@@ -154,63 +231,152 @@ pub enum ConfigError {
     },
 }
 
-/// A preset with its knobs as tuned: see [`BuildConfig::preset`].
-impl From<Preset> for BuildConfig {
-    fn from(preset: Preset) -> BuildConfig {
-        BuildConfig::preset(preset)
-    }
-}
-
 impl BuildConfig {
-    /// A preset with its knobs as tuned by trace time on real scenes.
-    pub fn preset(preset: Preset) -> BuildConfig {
-        let fast = BuildConfig { preset, ..BuildConfig::default() };
-        match preset {
-            Preset::Fast | Preset::Balanced => fast,
-            Preset::Best => BuildConfig {
-                intersection_cost: 2,
-                block_width: 8,
-                empty_bonus: 26,
-                bad_splits: 0,
-                ..fast
-            },
-        }
-    }
-
     /// Greatest sum of costs for which the integer SAH fits 32 bits: a half area is at most
     /// 3 * 1023^2 = 3,139,587, and 1,367 times that is below 2^32.
     pub const MAX_COST: u32 = 1367;
 
+    /// The preset that the builder belongs to, whatever its knobs.
+    pub const fn preset(&self) -> Preset {
+        self.builder.preset()
+    }
+
+    /// The knobs of the stages; `None` for [`Builder::Sweep`], which has none.
+    #[inline]
+    pub const fn stages(&self) -> Option<&Stages> {
+        match &self.builder {
+            Builder::Median(stages) | Builder::Binned { stages, .. } => Some(stages),
+            Builder::Sweep(_) => None,
+        }
+    }
+
+    /// The knobs of [`Builder::Sweep`]; `None` for the others.
+    pub const fn sweep(&self) -> Option<&Sweep> {
+        match &self.builder {
+            Builder::Sweep(sweep) => Some(sweep),
+            Builder::Median(_) | Builder::Binned { .. } => None,
+        }
+    }
+
+    /// T; 0 for a builder without stages, for which no kernel runs.
+    #[inline]
+    pub const fn small_node_limit(&self) -> u32 {
+        match self.stages() {
+            Some(stages) => stages.small_node_limit,
+            None => 0,
+        }
+    }
+
+    /// C_e in 256ths; 0 for a builder without stages.
+    #[inline]
+    pub const fn empty_cutoff(&self) -> u32 {
+        match self.stages() {
+            Some(stages) => stages.empty_cutoff,
+            None => 0,
+        }
+    }
+
+    /// Bins of each axis; 0 for a builder without bins.
+    #[inline]
+    pub const fn bins(&self) -> u32 {
+        match &self.builder {
+            Builder::Binned { bins, .. } => *bins,
+            Builder::Median(_) | Builder::Sweep(_) => 0,
+        }
+    }
+
+    /// The knobs of the stages, to change them; `None` for a builder without stages.
+    pub const fn stages_mut(&mut self) -> Option<&mut Stages> {
+        match &mut self.builder {
+            Builder::Median(stages) | Builder::Binned { stages, .. } => Some(stages),
+            Builder::Sweep(_) => None,
+        }
+    }
+
+    /// The number of bins, to change it; `None` for a builder without bins.
+    pub const fn bins_mut(&mut self) -> Option<&mut u32> {
+        match &mut self.builder {
+            Builder::Binned { bins, .. } => Some(bins),
+            Builder::Median(_) | Builder::Sweep(_) => None,
+        }
+    }
+
+    /// The knobs of [`Builder::Sweep`], to change them; `None` for the others.
+    pub const fn sweep_mut(&mut self) -> Option<&mut Sweep> {
+        match &mut self.builder {
+            Builder::Sweep(sweep) => Some(sweep),
+            Builder::Median(_) | Builder::Binned { .. } => None,
+        }
+    }
+
+    /// This configuration with other knobs of the stages.
+    ///
+    /// # Panics
+    /// Where the builder has no stages: see [`BuildConfig::stages_mut`].
+    #[must_use]
+    pub fn with_stages(mut self, change: impl FnOnce(&mut Stages)) -> BuildConfig {
+        change(self.stages_mut().expect("a builder with stages"));
+        self
+    }
+
+    /// This configuration with another number of bins.
+    ///
+    /// # Panics
+    /// Where the builder has no bins: see [`BuildConfig::bins_mut`].
+    #[must_use]
+    pub fn with_bins(mut self, bins: u32) -> BuildConfig {
+        *self.bins_mut().expect("a builder with bins") = bins;
+        self
+    }
+
+    /// This configuration with other knobs of [`Builder::Sweep`].
+    ///
+    /// # Panics
+    /// Where the builder is another: see [`BuildConfig::sweep_mut`].
+    #[must_use]
+    pub fn with_sweep(mut self, change: impl FnOnce(&mut Sweep)) -> BuildConfig {
+        change(self.sweep_mut().expect("the builder of preset best"));
+        self
+    }
+
     /// Checks every field; the builders call it first.
     pub fn validate(&self) -> Result<(), ConfigError> {
-        let ranges = [
+        let check = |ranges: &[(&'static str, u32, u32, u32)]| {
+            let outside = |&&(_, value, least, most): &&(_, _, _, _)| value < least || value > most;
+            ranges.iter().find(outside).map_or(Ok(()), |&(field, value, least, most)| {
+                Err(ConfigError::OutOfRange { field, value, least, most })
+            })
+        };
+        check(&[
             ("traversal_cost", self.traversal_cost, 1, Self::MAX_COST),
             ("intersection_cost", self.intersection_cost, 1, Self::MAX_COST),
             ("block_width", self.block_width, 1, MAX_SMALL),
-            ("small_node_limit", self.small_node_limit, 1, MAX_SMALL),
-            ("empty_cutoff", self.empty_cutoff, 1, 255),
             ("max_depth", self.max_depth, 1, MAX_DEPTH),
             ("references_per_triangle", self.references_per_triangle, 1, 1 << 16),
-            ("nodes_per_triangle", self.nodes_per_triangle, 1, 1 << 16),
-            ("bins", self.bins, 2, MAX_BINS),
-            ("empty_bonus", self.empty_bonus, 0, 255),
-            ("bad_splits", self.bad_splits, 0, 8),
-        ];
-        for (field, value, least, most) in ranges {
-            if value < least || value > most {
-                return Err(ConfigError::OutOfRange { field, value, least, most });
+        ])?;
+        if let Builder::Binned { bins, .. } = self.builder {
+            check(&[("bins", bins, 2, MAX_BINS)])?;
+        }
+        match &self.builder {
+            Builder::Median(stages) | Builder::Binned { stages, .. } => {
+                check(&[
+                    ("small_node_limit", stages.small_node_limit, 1, MAX_SMALL),
+                    ("empty_cutoff", stages.empty_cutoff, 1, 255),
+                    ("nodes_per_triangle", stages.nodes_per_triangle, 1, 1 << 16),
+                ])?;
+                let blocks = u64::from(stages.small_node_limit.div_ceil(self.block_width));
+                let tests = 2 * u64::from(self.intersection_cost) * blocks;
+                let sum = u64::from(self.traversal_cost) + tests;
+                if sum > u64::from(Self::MAX_COST) {
+                    return Err(ConfigError::CostTooLarge { sum, most: Self::MAX_COST });
+                }
+                Ok(())
             }
+            Builder::Sweep(sweep) => check(&[
+                ("empty_bonus", sweep.empty_bonus, 0, 255),
+                ("bad_splits", sweep.bad_splits, 0, 8),
+            ]),
         }
-        if self.preset == Preset::Best {
-            // Its costs are in `f64`.
-            return Ok(());
-        }
-        let blocks = u64::from(self.small_node_limit.div_ceil(self.block_width));
-        let sum = u64::from(self.traversal_cost) + 2 * u64::from(self.intersection_cost) * blocks;
-        if sum > u64::from(Self::MAX_COST) {
-            return Err(ConfigError::CostTooLarge { sum, most: Self::MAX_COST });
-        }
-        Ok(())
     }
 
     /// C_ts = K_T / K_I.
@@ -218,63 +384,58 @@ impl BuildConfig {
         f64::from(self.traversal_cost) / f64::from(self.intersection_cost)
     }
 
-    /// The configuration as words: what files hold. The first nine are the fields up to
-    /// `nodes_per_triangle`, in their order; the others hold later additions, so that zeros mean
-    /// the earlier behaviour: bins, 1 for no clipping, empty bonus, bad splits. Knobs that the
-    /// preset does not have are zero.
+    /// The configuration as words: what files hold. In order: builder, K_T, K_I, W, T, C_e, greatest
+    /// depth, references and nodes per triangle; then later additions, so that zeros mean the earlier
+    /// behaviour: bins, 1 for no clipping, empty bonus, bad splits. Knobs that the builder does not have
+    /// are zero.
     pub const fn words(&self) -> [u32; 13] {
-        let (bins, empty_bonus, bad_splits) = match self.preset {
-            Preset::Fast => (0, 0, 0),
-            Preset::Balanced => (self.bins, 0, 0),
-            Preset::Best => (0, self.empty_bonus, self.bad_splits),
-        };
-        let (limit, cutoff, nodes) = match self.preset {
-            Preset::Fast | Preset::Balanced => {
-                (self.small_node_limit, self.empty_cutoff, self.nodes_per_triangle)
+        let none = Stages { small_node_limit: 0, empty_cutoff: 0, nodes_per_triangle: 0 };
+        let (number, stages, bins, sweep) = match self.builder {
+            Builder::Median(stages) => (0, stages, 0, Sweep { empty_bonus: 0, bad_splits: 0 }),
+            Builder::Binned { stages, bins } => {
+                (1, stages, bins, Sweep { empty_bonus: 0, bad_splits: 0 })
             }
-            Preset::Best => (0, 0, 0),
+            Builder::Sweep(sweep) => (2, none, 0, sweep),
         };
         [
-            self.preset as u32,
+            number,
             self.traversal_cost,
             self.intersection_cost,
             self.block_width,
-            limit,
-            cutoff,
+            stages.small_node_limit,
+            stages.empty_cutoff,
             self.max_depth,
             self.references_per_triangle,
-            nodes,
+            stages.nodes_per_triangle,
             bins,
             !self.clip as u32,
-            empty_bonus,
-            bad_splits,
+            sweep.empty_bonus,
+            sweep.bad_splits,
         ]
     }
 
-    /// The inverse of [`BuildConfig::words`]; `None` for an unknown preset or a value out of range.
-    /// Knobs that the preset does not have get their defaults.
+    /// The inverse of [`BuildConfig::words`]; `None` for an unknown builder, a value out of range, or a knob that the
+    /// builder does not have.
     pub fn from_words(words: [u32; 13]) -> Option<BuildConfig> {
-        let preset = *Preset::ALL.get(words[0] as usize)?;
-        let of_preset = BuildConfig::preset(preset);
-        // A knob that not every preset has.
-        let has = |preset_has: bool, word: usize, default| {
-            if preset_has { words[word] } else { default }
+        let stages = Stages {
+            small_node_limit: words[4],
+            empty_cutoff: words[5],
+            nodes_per_triangle: words[8],
         };
-        let best = preset == Preset::Best;
+        let builder = match words[0] {
+            0 => Builder::Median(stages),
+            1 => Builder::Binned { stages, bins: words[9] },
+            2 => Builder::Sweep(Sweep { empty_bonus: words[11], bad_splits: words[12] }),
+            _ => return None,
+        };
         let config = BuildConfig {
-            preset,
+            builder,
             traversal_cost: words[1],
             intersection_cost: words[2],
             block_width: words[3],
-            small_node_limit: has(!best, 4, of_preset.small_node_limit),
-            empty_cutoff: has(!best, 5, of_preset.empty_cutoff),
             max_depth: words[6],
             references_per_triangle: words[7],
-            nodes_per_triangle: has(!best, 8, of_preset.nodes_per_triangle),
-            bins: has(preset == Preset::Balanced, 9, of_preset.bins),
             clip: words[10] == 0,
-            empty_bonus: has(best, 11, of_preset.empty_bonus),
-            bad_splits: has(best, 12, of_preset.bad_splits),
         };
         let canonical = config.validate().is_ok() && config.words() == words;
         canonical.then_some(config)
@@ -286,9 +447,10 @@ impl BuildConfig {
         u32::try_from(cap).unwrap_or(u32::MAX).min(KdCaps::REFERENCES)
     }
 
-    /// Greatest number of nodes of the large-node stage for this many triangles.
+    /// Greatest number of nodes of the large-node stage for this many triangles; 0 for a builder without stages.
     pub fn node_cap(&self, triangles: u32) -> u32 {
-        let cap = u64::from(triangles) * u64::from(self.nodes_per_triangle) + 4096;
+        let Some(stages) = self.stages() else { return 0 };
+        let cap = u64::from(triangles) * u64::from(stages.nodes_per_triangle) + 4096;
         u32::try_from(cap).unwrap_or(u32::MAX).min(KdCaps::NODES)
     }
 }
@@ -308,14 +470,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn default_is_valid_and_words_round_trip() {
-        let config = BuildConfig::default();
-        assert_eq!(config.validate(), Ok(()));
-        assert_eq!(BuildConfig::from_words(config.words()), Some(config));
-        assert_eq!(config.words()[9..], [0; 4], "digests of the first preset stay what they were");
-        for preset in Preset::ALL {
-            let config = BuildConfig::preset(preset);
-            assert_eq!((config.preset, config.validate()), (preset, Ok(())));
+    fn presets_are_valid_and_words_round_trip() {
+        assert_eq!(BuildConfig::default(), Preset::Fast.config());
+        let zeros = BuildConfig::default().words()[9..].to_vec();
+        assert_eq!(zeros, [0; 4], "digests of the first builder stay what they were");
+        for (number, preset) in Preset::ALL.into_iter().enumerate() {
+            let config = preset.config();
+            assert_eq!((config.preset(), config.validate()), (preset, Ok(())));
+            assert_eq!(config.words()[0], number as u32);
+            assert_eq!(config.stages().is_some(), preset.planes().is_some());
             assert_eq!(BuildConfig::from_words(config.words()), Some(config));
             let config = BuildConfig { clip: false, ..config };
             assert_eq!(BuildConfig::from_words(config.words()), Some(config));
@@ -325,29 +488,80 @@ mod tests {
         }
     }
 
+    /// Equal trees have equal configurations: no word can hold what the builder does not read.
+    #[test]
+    fn words_of_other_builders_are_refused() {
+        let others: [&[usize]; 3] = [&[9, 11, 12], &[11, 12], &[4, 5, 8, 9]];
+        for (preset, others) in Preset::ALL.into_iter().zip(others) {
+            for &place in others {
+                let mut words = preset.config().words();
+                words[place] = 4;
+                assert_eq!(BuildConfig::from_words(words), None, "{preset:?}, word {place}");
+            }
+            let mut words = preset.config().words();
+            words[0] = 3;
+            assert_eq!(BuildConfig::from_words(words), None);
+        }
+    }
+
+    #[test]
+    fn knobs_belong_to_their_builders() {
+        for preset in Preset::ALL {
+            let own = preset.config();
+            let mut config = own;
+            assert_eq!(config.stages_mut().is_some(), preset != Preset::Best);
+            assert_eq!(config.bins_mut().is_some(), preset == Preset::Balanced);
+            assert_eq!(config.sweep_mut().is_some(), preset == Preset::Best);
+            assert_eq!(config.stages().copied(), config.stages_mut().copied());
+            assert_eq!(config.sweep().copied(), config.sweep_mut().copied());
+            assert_eq!(config.bins(), config.bins_mut().copied().unwrap_or(0));
+        }
+        let staged = Preset::Fast.config().with_stages(|stages| stages.small_node_limit = 7);
+        assert_eq!((staged.small_node_limit(), staged.words()[4]), (7, 7));
+        let staged = Preset::Balanced.config().with_stages(|stages| stages.empty_cutoff = 7);
+        assert_eq!((staged.empty_cutoff(), staged.words()[5]), (7, 7));
+        assert_eq!(Preset::Balanced.config().with_bins(7).words()[9], 7);
+        let swept = Preset::Best.config().with_sweep(|sweep| sweep.bad_splits = 7);
+        assert_eq!(swept.words()[12], 7);
+    }
+
+    #[test]
+    #[should_panic = "a builder with bins"]
+    fn a_knob_that_a_builder_has_not_is_not_set_in_silence() {
+        let _ = Preset::Fast.config().with_bins(7);
+    }
+
     #[test]
     fn each_field_is_checked() {
+        let staged = |change: fn(&mut Stages)| BuildConfig::default().with_stages(change);
+        let best = Preset::Best.config();
         let bad = [
-            BuildConfig { traversal_cost: 0, ..Default::default() },
-            BuildConfig { intersection_cost: 0, ..Default::default() },
-            BuildConfig { block_width: 0, ..Default::default() },
-            BuildConfig { small_node_limit: 65, ..Default::default() },
-            BuildConfig { empty_cutoff: 256, ..Default::default() },
-            BuildConfig { max_depth: 97, ..Default::default() },
-            BuildConfig { references_per_triangle: 0, ..Default::default() },
-            BuildConfig { nodes_per_triangle: 0, ..Default::default() },
-            BuildConfig { bins: 1, ..Preset::Balanced.into() },
-            BuildConfig { bins: 65, ..Preset::Balanced.into() },
-            BuildConfig { empty_bonus: 256, ..Preset::Best.into() },
-            BuildConfig { bad_splits: 9, ..Preset::Best.into() },
+            ("traversal_cost", BuildConfig { traversal_cost: 0, ..Default::default() }),
+            ("intersection_cost", BuildConfig { intersection_cost: 0, ..Default::default() }),
+            ("block_width", BuildConfig { block_width: 0, ..Default::default() }),
+            ("max_depth", BuildConfig { max_depth: 97, ..Default::default() }),
+            ("references_per_triangle", {
+                BuildConfig { references_per_triangle: 0, ..Default::default() }
+            }),
+            ("small_node_limit", staged(|stages| stages.small_node_limit = 65)),
+            ("empty_cutoff", staged(|stages| stages.empty_cutoff = 256)),
+            ("nodes_per_triangle", staged(|stages| stages.nodes_per_triangle = 0)),
+            ("bins", Preset::Balanced.config().with_bins(1)),
+            ("bins", Preset::Balanced.config().with_bins(65)),
+            ("empty_bonus", best.with_sweep(|sweep| sweep.empty_bonus = 256)),
+            ("bad_splits", best.with_sweep(|sweep| sweep.bad_splits = 9)),
         ];
-        for config in bad {
-            assert!(matches!(config.validate(), Err(ConfigError::OutOfRange { .. })), "{config:?}");
+        for (name, config) in bad {
+            let found = config.validate();
+            assert!(
+                matches!(found, Err(ConfigError::OutOfRange { field, .. }) if field == name),
+                "{config:?}: {found:?}"
+            );
             assert_eq!(BuildConfig::from_words(config.words()), None);
         }
         let heavy = BuildConfig { intersection_cost: 200, block_width: 1, ..Default::default() };
         assert!(matches!(heavy.validate(), Err(ConfigError::CostTooLarge { .. })));
-        assert_eq!(BuildConfig { preset: Preset::Best, ..heavy }.validate(), Ok(()));
+        assert_eq!(BuildConfig { builder: best.builder, ..heavy }.validate(), Ok(()));
     }
 
     /// The derivation of [`BuildConfig::MAX_COST`].

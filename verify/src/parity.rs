@@ -104,7 +104,7 @@ fn in_step(
     options: &BuildOptions<'_>,
 ) -> Result<(u32, Option<Difference>), BuildError> {
     let config = &options.config;
-    let preset = config.preset;
+    let preset = config.preset();
     let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
     let set = InstructionSet::detect();
     let cpu: CpuExecutor<'_> =

@@ -184,7 +184,7 @@ impl TracedSource {
         }
         let switched = self.built.as_ref().is_none_or(|built| built.backend != backend);
         let mut options = self.build;
-        if preset != options.config.preset {
+        if preset != options.config.preset() {
             // The knobs that were given are those of the preset that was given.
             options.config = preset.into();
         }

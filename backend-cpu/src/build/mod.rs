@@ -79,7 +79,7 @@ pub(crate) fn build(
     meter: &ProgressMeter<'_>,
 ) -> Result<Finished, BuildError> {
     let BuildOptions { config, max_memory, .. } = *options;
-    let Some(planes) = config.preset.planes() else {
+    if let Some(knobs) = config.sweep() {
         let memory = scratch.begin(max_memory)?;
         let buffers = core::mem::take(&mut scratch.buffers);
         let mut twin = CpuExecutor::on(*mesh, config, set, buffers, memory).watched(meter);
@@ -87,9 +87,12 @@ pub(crate) fn build(
         let (stages, mut memory) = (twin.stage_counts(), twin.memory());
         scratch.buffers = twin.finish();
         let BuildScratch { buffers, sweep, .. } = scratch;
-        let (nodes, references) = sweep::build(&config, set, (buffers, sweep), &mut memory, meter)?;
+        let (nodes, references) =
+            sweep::build((&config, knobs), set, (buffers, sweep), &mut memory, meter)?;
         return Ok(Finished { nodes, references, stages, memory });
-    };
+    }
+    let preset = config.preset();
+    let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
     let mut memory = scratch.begin(max_memory)?;
     let mut finished = None;
     if scratch.depth_first.is_promising(mesh.len() as u32, &config) {

@@ -41,7 +41,7 @@ impl Capacities {
             triangles,
             chunks: 0,
             too_many_chunks: 0,
-            binned: config.preset.planes() == Some(Planes::Binned),
+            binned: config.preset().planes() == Some(Planes::Binned),
             nodes: 0,
             references: share(triangles, 3, 2, 4096),
             small_roots: share(triangles, 1, 12, 1024),
@@ -74,7 +74,7 @@ impl Capacities {
     /// Large nodes have more than T references each, and a node's last chunk alone may be short: that
     /// bounds both lists.
     fn with_bounds(mut self, config: &BuildConfig) -> Capacities {
-        self.nodes = self.references / (config.small_node_limit + 1) + 1;
+        self.nodes = self.references / (config.small_node_limit() + 1) + 1;
         let chunks = (self.references / CHUNK).saturating_add(self.nodes);
         self.chunks = chunks.max(self.triangles.div_ceil(CHUNK)).max(1);
         self
@@ -251,8 +251,8 @@ impl Capacities {
             traversal_cost: config.traversal_cost,
             intersection_cost: config.intersection_cost,
             block_width: config.block_width,
-            small_node_limit: config.small_node_limit,
-            empty_cutoff: config.empty_cutoff,
+            small_node_limit: config.small_node_limit(),
+            empty_cutoff: config.empty_cutoff(),
             max_depth: config.max_depth,
             reference_cap: config.reference_cap(self.triangles),
             node_cap: config.node_cap(self.triangles),
@@ -267,7 +267,7 @@ impl Capacities {
             tree_node_room: self.tree_nodes,
             leaf_reference_room: self.leaf_references,
             subtree_room: self.subtrees,
-            bins: config.bins,
+            bins: config.bins(),
             clip: u32::from(config.clip),
             padding: [0; 3],
         }
@@ -320,7 +320,7 @@ mod tests {
         let fast = BuildConfig::default();
         let estimate = Capacities::estimate(1_000_000, &fast);
         assert_eq!(estimate.bytes_of(Buffer::ChunkBins), 0);
-        let config = BuildConfig { small_node_limit: 1, ..Preset::Balanced.into() };
+        let config = Preset::Balanced.config().with_stages(|stages| stages.small_node_limit = 1);
         let limits = wgpu::Limits::default();
         let (most, _) = binding_limit(&limits);
         let estimate = Capacities::estimate(1_000_000, &config);

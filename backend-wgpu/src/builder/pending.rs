@@ -95,7 +95,7 @@ impl PendingBuild {
         profiled: bool,
     ) -> Result<PendingBuild, BuildError> {
         options.config.validate()?;
-        let preset = options.config.preset;
+        let preset = options.config.preset();
         let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &shared.gpu;
         if let Source::Device(mesh) = source {
@@ -108,7 +108,7 @@ impl PendingBuild {
         let estimate = Capacities::estimate(triangles, &options.config);
         let mut capacities = estimate;
         // A root that is small is no level's work but one.
-        let one_level = triangles <= options.config.small_node_limit;
+        let one_level = triangles <= options.config.small_node_limit();
         let mut levels = if one_level { 1 } else { options.config.max_depth + 1 };
         let buffers = match pooled {
             Some(pooled) => {

@@ -11,7 +11,7 @@ use splitplane::core::build::schedule;
 use splitplane::core::build::schedule::Executor;
 use splitplane::core::kernel::{Access, Buffer, Counter, Kernel, TreeBuilder};
 use splitplane::gpu::KernelTime;
-use splitplane::{BuildConfig, BuildError, Mesh, Preset};
+use splitplane::{BuildError, Mesh, Preset};
 use splitplane_cpu::buffers::Buffers;
 use splitplane_cpu::{CpuExecutor, InstructionSet};
 
@@ -34,7 +34,7 @@ pub fn moved(
     times: &[KernelTime],
 ) -> Result<Vec<KernelFloor>, Failure> {
     let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
-    let config = BuildConfig::preset(preset);
+    let config = preset.config();
     let set = InstructionSet::available().last().copied().unwrap_or(InstructionSet::Portable);
     let executor = CpuExecutor::new(*mesh, config, set, Buffers::default(), None)?;
     let (positions, indices) = mesh.arrays();

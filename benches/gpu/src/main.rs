@@ -18,7 +18,7 @@ use std::time::Duration;
 use clap::Parser;
 use splitplane::gpu::{Gpu, OpenOptions, WgpuBackend};
 use splitplane::scene::{Placement, Scene};
-use splitplane::{BuildConfig, BuildOptions, Preset};
+use splitplane::{BuildOptions, Preset};
 
 use crate::device::Costs;
 use crate::options::Options;
@@ -91,7 +91,7 @@ fn measure_scene(
     scene.materials.iter_mut().for_each(|material| material.emission = [0.0; 3]);
     let mesh = scene.mesh()?;
     let (backend, _) = open(options)?;
-    let build = BuildOptions::from(BuildConfig::preset(preset));
+    let build = BuildOptions::from(preset.config());
     let built = build::measure(&backend, &mesh, &build, options)?;
     let floor = if options.check { None } else { Some(floor::moved(&mesh, preset, &built.times)?) };
     // Built-in scenes with their size, files without their folder.

@@ -61,7 +61,7 @@ impl Plan {
         };
         let mut plan = Plan {
             gpu,
-            config: BuildConfig::preset(preset),
+            config: preset.config(),
             options: QueryOptions::default(),
             layout: QueryLayout::Fast,
             single: false,
@@ -86,16 +86,20 @@ impl Plan {
                     plan.config.block_width = width;
                 }
                 "noclip" => plan.config.clip = false,
-                word if knob(&mut plan.config, word) => {}
-                _ => return Err(format!("{name}: this version does not know {word}")),
+                word => {
+                    let Some((knob, value)) = knob(word) else {
+                        return Err(format!("{name}: this version does not know {word}"));
+                    };
+                    let Some(field) = knob(&mut plan.config) else {
+                        let preset = preset.name();
+                        return Err(format!("{name}: a knob that preset {preset} does not have"));
+                    };
+                    *field = value;
+                }
             }
         }
         let config = &plan.config;
         config.validate().map_err(|error| format!("{name}: {error}"))?;
-        // Words hold only what counts for the preset.
-        if BuildConfig::from_words(config.words()) != Some(*config) {
-            return Err(format!("{name}: a knob that preset {} does not have", preset.name()));
-        }
         if plan.gpu && plan.layout == QueryLayout::Compact {
             return Err(format!("{name}: a GPU has one layout"));
         }
@@ -106,21 +110,23 @@ impl Plan {
     }
 }
 
-/// Sets the knob that a word such as `b64` names; whether it names one.
-fn knob(config: &mut BuildConfig, word: &str) -> bool {
-    let Some((letter, digits)) = word.split_at_checked(1) else { return false };
-    let Ok(number) = digits.parse::<u32>() else { return false };
-    let of_256 = || u32::try_from((u64::from(number) * 256 + 50) / 100).unwrap_or(u32::MAX);
-    match letter {
-        "b" => config.bins = number,
-        "t" => config.small_node_limit = number,
-        "e" => config.empty_cutoff = of_256(),
-        "n" => config.empty_bonus = of_256(),
-        "r" => config.bad_splits = number,
-        _ => return false,
-    }
-    true
+/// The knob that a word such as `b64` names, and its value; `None` for another word.
+fn knob(word: &str) -> Option<(Knob, u32)> {
+    let (letter, digits) = word.split_at_checked(1)?;
+    let number = digits.parse::<u32>().ok()?;
+    let of_256 = u32::try_from((u64::from(number) * 256 + 50) / 100).unwrap_or(u32::MAX);
+    Some(match letter {
+        "b" => (BuildConfig::bins_mut, number),
+        "t" => (|config| Some(&mut config.stages_mut()?.small_node_limit), number),
+        "e" => (|config| Some(&mut config.stages_mut()?.empty_cutoff), of_256),
+        "n" => (|config| Some(&mut config.sweep_mut()?.empty_bonus), of_256),
+        "r" => (|config| Some(&mut config.sweep_mut()?.bad_splits), number),
+        _ => return None,
+    })
 }
+
+/// A field of a configuration; `None` where its builder does not have it.
+type Knob = fn(&mut BuildConfig) -> Option<&mut u32>;
 
 /// Who builds.
 enum Side {
@@ -290,23 +296,27 @@ mod tests {
     #[test]
     fn names_say_what_is_built() {
         let config = |name| Plan::parse(name).map(|plan| plan.config);
-        assert_eq!(config("splitplane-fast"), Ok(BuildConfig::preset(Preset::Fast)));
+        assert_eq!(config("splitplane-fast"), Ok(Preset::Fast.config()));
         let tuned = BuildConfig {
             traversal_cost: 3,
             intersection_cost: 2,
             block_width: 8,
-            bins: 64,
-            small_node_limit: 32,
-            empty_cutoff: 26,
             clip: false,
-            ..BuildConfig::preset(Preset::Balanced)
-        };
+            ..Preset::Balanced.config()
+        }
+        .with_stages(|stages| {
+            stages.small_node_limit = 32;
+            stages.empty_cutoff = 26;
+        })
+        .with_bins(64);
         assert_eq!(config("splitplane-balanced-3:2:8-b64-t32-e10-noclip"), Ok(tuned));
-        let best =
-            BuildConfig { empty_bonus: 51, bad_splits: 5, ..BuildConfig::preset(Preset::Best) };
+        let best = Preset::Best.config().with_sweep(|sweep| {
+            sweep.empty_bonus = 51;
+            sweep.bad_splits = 5;
+        });
         assert_eq!(config("splitplane-best-n20-r5"), Ok(best));
         let single = Plan::parse("splitplane-fast-t48-single").unwrap();
-        assert!(single.single && single.config.small_node_limit == 48);
+        assert!(single.single && single.config.small_node_limit() == 48);
         let exact = Plan::parse("splitplane-balanced-exact").unwrap();
         assert_eq!(exact.options.accuracy, Accuracy::Exact);
         assert_eq!(exact.layout, QueryLayout::Fast);

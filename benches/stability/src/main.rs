@@ -9,7 +9,7 @@ use crate::options::Options;
 use crate::report::{Report, Row};
 use clap::Parser;
 use rayon::prelude::*;
-use splitplane::{Accelerator, Backend, BuildConfig, BuildOptions, Hit, QueryOptions, Ray};
+use splitplane::{Accelerator, Backend, BuildOptions, Hit, QueryOptions, Ray};
 use splitplane_test_support::aim::Aim;
 use splitplane_test_support::oracle::Oracle;
 use splitplane_test_support::stability::{Counter, Place, Shots, Side, Subject, Tally};
@@ -100,7 +100,7 @@ impl<'a> Run<'a> {
         backend: &dyn Backend,
     ) -> Result<Run<'a>, Failure> {
         let mesh = subject.scene.mesh();
-        let build = BuildOptions::from(BuildConfig::preset(options.preset));
+        let build = BuildOptions::from(options.preset.config());
         let accelerator = backend.build(&mesh, &build)?;
         let query = QueryOptions { accuracy: options.accuracy, ..Default::default() };
         let (seed, any) = (options.seed, !options.closest_only);

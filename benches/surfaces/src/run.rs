@@ -3,7 +3,7 @@
 use crate::Problem;
 use crate::options::Options;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::ray::Hit;
 use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuBackend, InstructionSet};
@@ -92,7 +92,7 @@ impl<'a> Worker<'a> {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {
                 // Presets next to each other, so that neighbours have other trees.
                 for preset in Preset::ALL {
-                    let config = BuildConfig::preset(preset);
+                    let config = preset.config();
                     let name = [
                         format!("preset {}", preset.name()),
                         format!("layout {}", layout.name()),
@@ -140,7 +140,7 @@ impl<'a> Worker<'a> {
 
         if let Some(queries) = self.device.clone() {
             let preset = Preset::ALL[number as usize % Preset::ALL.len()];
-            let config = BuildOptions::from(BuildConfig::preset(preset));
+            let config = BuildOptions::from(preset.config());
             let built = best.build_accelerator(&mesh, &config)?;
             let (tree, summary) = (built.tree().clone(), *built.summary());
             let corners: Vec<Triangle> =

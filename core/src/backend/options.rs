@@ -1,6 +1,6 @@
 //! The settings of a build.
 
-use crate::config::BuildConfig;
+use crate::config::{BuildConfig, Preset};
 use crate::watch::Watch;
 
 /// Build settings: the configuration that shapes the tree, and limits, which never change a tree
@@ -32,6 +32,12 @@ impl<'a> BuildOptions<'a> {
     pub const fn unwatched(&self) -> BuildOptions<'static> {
         let BuildOptions { config, max_memory, layout, .. } = *self;
         BuildOptions { config, max_memory, layout, watch: None }
+    }
+}
+
+impl From<Preset> for BuildOptions<'_> {
+    fn from(preset: Preset) -> Self {
+        BuildOptions::from(preset.config())
     }
 }
 

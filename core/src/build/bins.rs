@@ -150,10 +150,10 @@ impl NodeBins {
         let mut least = u64::MAX;
         let mut best = None;
         for axis in 0..3 {
-            let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins) else { continue };
+            let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins()) else { continue };
             // One step at a time for all borders: most of it in loops without branches, which
             // compilers turn into vector instructions. Border 0 is none.
-            let borders = config.bins as usize;
+            let borders = config.bins() as usize;
             let (mut left, mut right) = ([0; BORDERS], [0; BORDERS]);
             let (mut lefts, mut rights) = (0, count);
             for border in 1..borders {
@@ -194,6 +194,7 @@ impl NodeBins {
 mod tests {
     use super::*;
     use crate::arithmetic::{Hostile, Strict};
+    use crate::config::Preset;
 
     const UNIT: Aabb = Aabb { lo: [-1.0, 0.0, 5.0], hi: [3.0, 2.0, 5.0] };
 
@@ -245,7 +246,7 @@ mod tests {
     /// Two clusters with a gap: the border in the gap wins, and with nothing to gain there is none.
     #[test]
     fn the_best_border_separates_clusters() {
-        let config = BuildConfig { bins: 16, block_width: 1, ..BuildConfig::default() };
+        let config = BuildConfig { block_width: 1, ..Preset::Balanced.config() }.with_bins(16);
         let cell = Aabb { lo: [0.0; 3], hi: [16.0, 1.0, 1.0] };
         let mut chunk = ChunkBins { words: [[0; 64]; 3] };
         let axes = [0, 1, 2].map(|axis| BinAxis::of::<Strict>(&cell, axis, 16).unwrap());
@@ -275,11 +276,11 @@ mod tests {
     #[test]
     fn the_greatest_costs_fit() {
         let config = BuildConfig {
-            small_node_limit: 1,
             block_width: 1,
             intersection_cost: (BuildConfig::MAX_COST - 1) / 2,
-            ..Default::default()
-        };
+            ..BuildConfig::default()
+        }
+        .with_stages(|stages| stages.small_node_limit = 1);
         assert_eq!(config.validate(), Ok(()));
         let area = 3 * 1023 * 1023;
         assert!(wide_leaf_cost(&config, area, 1 << 30) < 1 << 62);

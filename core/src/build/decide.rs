@@ -31,7 +31,7 @@ pub fn cut_empty_space<A: Arithmetic>(
         source_first: node.first,
     };
     let levels_left = config.max_depth - node.depth;
-    if node.count <= config.small_node_limit {
+    if node.count <= config.small_node_limit() {
         return (decision, None);
     }
     let mut cell = node.cell();
@@ -105,6 +105,7 @@ pub fn border_or_median<A: Arithmetic>(
 mod tests {
     use super::*;
     use crate::arithmetic::Strict;
+    use crate::config::Preset;
     use bytemuck::Zeroable;
 
     #[test]
@@ -138,7 +139,7 @@ mod tests {
     fn a_node_is_halved_once() {
         let cell = Aabb { lo: [0.0; 3], hi: [4.0, 2.0, 1.0] };
         let mut bins = NodeBins::EMPTY;
-        let config = BuildConfig { bins: 4, ..BuildConfig::default() };
+        let config = Preset::Balanced.config().with_bins(4);
         for axis in 0..3 {
             (bins.starts[axis][0], bins.ends[axis][3]) = (3, 3);
         }

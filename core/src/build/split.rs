@@ -62,7 +62,7 @@ pub fn empty_cutoff<A: Arithmetic>(
         Aabb { lo: tight.hi, hi: cell.hi }.half_extent_in::<A>(axis)
     };
     // The left product rounds once, the right one is exact: a power of two.
-    let limit = A::product(extent, config.empty_cutoff as f32 * (1.0 / 256.0));
+    let limit = A::product(extent, config.empty_cutoff() as f32 * (1.0 / 256.0));
     (gap > limit).then_some(SplitPlane { axis, position })
 }
 

@@ -1,5 +1,6 @@
 //! The canonical text of a tree, for snapshots and for people.
 
+use crate::config::{Stages, Sweep};
 use crate::tree::KdTreeView;
 use crate::tree::node::NodeKind;
 use crate::tree::stats::TreeStats;
@@ -20,19 +21,26 @@ fn write_dump(out: &mut String, tree: &KdTreeView<'_>, most_nodes: usize) -> fmt
     let stats = TreeStats::of(tree);
     let config = &tree.config;
     writeln!(out, "digest {}", tree.digest())?;
-    writeln!(
+    write!(
         out,
-        "preset {} K_T {} K_I {} W {} T {} C_e {}/256 max_depth {} references_per_triangle {} nodes_per_triangle {}",
-        config.preset.name(),
+        "preset {} K_T {} K_I {} W {}",
+        config.preset().name(),
         config.traversal_cost,
         config.intersection_cost,
-        config.block_width,
-        config.small_node_limit,
-        config.empty_cutoff,
-        config.max_depth,
-        config.references_per_triangle,
-        config.nodes_per_triangle
+        config.block_width
     )?;
+    if let Some(Stages { small_node_limit, empty_cutoff, .. }) = config.stages() {
+        write!(out, " T {small_node_limit} C_e {empty_cutoff}/256")?;
+    }
+    let references = config.references_per_triangle;
+    write!(out, " max_depth {} references_per_triangle {references}", config.max_depth)?;
+    if let Some(Stages { nodes_per_triangle, .. }) = config.stages() {
+        write!(out, " nodes_per_triangle {nodes_per_triangle}")?;
+    }
+    if let Some(Sweep { empty_bonus, bad_splits }) = config.sweep() {
+        write!(out, " empty_bonus {empty_bonus}/256 bad_splits {bad_splits}")?;
+    }
+    writeln!(out)?;
     writeln!(
         out,
         "triangles {} references {} nodes {} leaves {} empty {} depth {} largest leaf {}",

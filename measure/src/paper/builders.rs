@@ -38,7 +38,7 @@ impl Builder {
 
     /// What shapes its trees.
     pub fn config(&self) -> BuildConfig {
-        let config = BuildConfig::preset(self.preset);
+        let config = self.preset.config();
         if self.equal { at_equal_knobs(config) } else { config }
     }
 
@@ -65,37 +65,37 @@ pub struct Knobs {
     pub intersection_cost: u32,
     /// W.
     pub block_width: u32,
-    /// T.
-    pub small_node_limit: u32,
-    /// C_e, in 256ths.
-    pub empty_cutoff: u32,
+    /// T, where the builder has stages.
+    pub small_node_limit: Option<u32>,
+    /// C_e, in 256ths, likewise.
+    pub empty_cutoff: Option<u32>,
     /// Most levels below the root.
     pub max_depth: u32,
-    /// Bins of an axis.
-    pub bins: u32,
+    /// Bins of an axis, where the builder has bins.
+    pub bins: Option<u32>,
     /// Whether references are clipped.
     pub clip: bool,
-    /// What a split with an empty side is forgiven, in 256ths.
-    pub empty_bonus: u32,
-    /// How many bad splits in a row are tried.
-    pub bad_splits: u32,
+    /// The discount of a split with an empty side, in 256ths; preset `best`.
+    pub empty_bonus: Option<u32>,
+    /// How many bad splits in a row are tried; preset `best`.
+    pub bad_splits: Option<u32>,
 }
 
 impl From<Preset> for Knobs {
     fn from(preset: Preset) -> Knobs {
-        let config = BuildConfig::preset(preset);
+        let mut config = preset.config();
         Knobs {
             preset: preset.name(),
             traversal_cost: config.traversal_cost,
             intersection_cost: config.intersection_cost,
             block_width: config.block_width,
-            small_node_limit: config.small_node_limit,
-            empty_cutoff: config.empty_cutoff,
+            small_node_limit: config.stages().map(|stages| stages.small_node_limit),
+            empty_cutoff: config.stages().map(|stages| stages.empty_cutoff),
             max_depth: config.max_depth,
-            bins: config.bins,
+            bins: config.bins_mut().copied(),
             clip: config.clip,
-            empty_bonus: config.empty_bonus,
-            bad_splits: config.bad_splits,
+            empty_bonus: config.sweep().map(|sweep| sweep.empty_bonus),
+            bad_splits: config.sweep().map(|sweep| sweep.bad_splits),
         }
     }
 }

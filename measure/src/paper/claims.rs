@@ -158,7 +158,7 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
     };
     let mut out = Vec::new();
     for preset in Preset::ALL {
-        let (value, error, _) = exponent(BuildConfig::preset(preset), settings.threads)?;
+        let (value, error, _) = exponent(preset.config(), settings.threads)?;
         out.push(Claim {
             section: "2.2.2, reference 12",
             claim: "a tree is built in O(n log n)",
@@ -177,8 +177,7 @@ fn growth(settings: &Settings, amounts: &Amounts) -> Result<Vec<Claim>, ReportEr
             unit: "exponent",
         });
     }
-    let split_once =
-        |preset| exponent(BuildConfig { max_depth: 1, ..BuildConfig::preset(preset) }, 1);
+    let split_once = |preset: Preset| exponent(BuildConfig { max_depth: 1, ..preset.config() }, 1);
     let median_ms = split_once(Preset::Fast)?.2;
     for (preset, way, expected) in [
         (Preset::Balanced, "bins, one pass", 1.0),

@@ -251,13 +251,13 @@ fn presets(knobs: &[Knobs]) -> Table {
             knobs.traversal_cost.into(),
             knobs.intersection_cost.into(),
             knobs.block_width.into(),
-            knobs.small_node_limit.into(),
-            knobs.empty_cutoff.into(),
+            knobs.small_node_limit.map_or_else(|| "".into(), Into::into),
+            knobs.empty_cutoff.map_or_else(|| "".into(), Into::into),
             knobs.max_depth.into(),
-            knobs.bins.into(),
+            knobs.bins.map_or_else(|| "".into(), Into::into),
             if knobs.clip { "yes" } else { "no" }.into(),
-            knobs.empty_bonus.into(),
-            knobs.bad_splits.into(),
+            knobs.empty_bonus.map_or_else(|| "".into(), Into::into),
+            knobs.bad_splits.map_or_else(|| "".into(), Into::into),
         ]);
     }
     table

@@ -315,6 +315,7 @@ fn ours(scene: &Scene, settings: &Settings) -> Result<Vec<Ours>, ReportError> {
             Preset::Fast => "Zhou et al. 2008",
             Preset::Balanced => "Shevtsov et al. 2007",
             Preset::Best => "Wald and Havran 2006",
+            _ => "",
         };
         let course = Course {
             structure: format!("kd-tree, {} ({source})", builder.preset.name()),

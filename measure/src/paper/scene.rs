@@ -42,7 +42,7 @@ pub struct Settings {
 impl Settings {
     /// How a preset builds.
     pub fn build(&self, preset: Preset) -> BuildOptions<'static> {
-        self.build_with(BuildConfig::preset(preset))
+        self.build_with(preset.config())
     }
 
     /// How trees of a configuration are built.

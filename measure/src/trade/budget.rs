@@ -91,10 +91,10 @@ impl Budget {
 /// How much longer a station's builds take than those of preset `fast` on all threads, and its rays for
 /// want of threads: rough, and on the safe side of what was measured.
 fn weights(station: &Station, most_threads: usize) -> [f64; 2] {
-    let build = match station.config.preset {
+    let build = match station.config.preset() {
         Preset::Fast => 1.2,
         Preset::Balanced => 2.2,
-        Preset::Best => 3.5,
+        _ => 3.5,
     };
     let threads = match station.device {
         Device::Cpu => most_threads as f64 / station.threads.max(1) as f64,

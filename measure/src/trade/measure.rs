@@ -562,7 +562,7 @@ impl<'a> Entry<'a> {
     fn stands_for(&self, other: &Entry<'_>) -> bool {
         let (own, its) = (self.station, other.station);
         let of = |station: &Station| {
-            (station.config.preset, station.layout, station.device, station.threads)
+            (station.config.preset(), station.layout, station.device, station.threads)
         };
         let tree = |entry: &Entry<'_>| entry.like.as_ref().map(|like| like.tree);
         of(own) == of(its)
@@ -624,7 +624,7 @@ impl<'a> Entry<'a> {
             Row {
                 number: 0,
                 name: station.name.clone(),
-                preset: station.config.preset.name().to_owned(),
+                preset: station.config.preset().name().to_owned(),
                 knob: station.knob.clone(),
                 layout: station.layout.name().to_owned(),
                 also: also.clone(),

@@ -81,7 +81,7 @@ pub fn stations(scope: &Scope) -> Vec<Station> {
             if device == Device::Gpu && preset.planes().is_none() {
                 continue;
             }
-            let config = BuildConfig::preset(preset);
+            let config = preset.config();
             let station = |knob: Option<String>, config, layout, threads, accuracies| {
                 let name = match &knob {
                     Some(knob) => format!("{}, {knob}", preset.name()),
@@ -128,7 +128,7 @@ fn usual_accuracy(accuracies: &[Accuracy]) -> Option<Accuracy> {
 
 /// One knob off a preset's value, for every knob that the preset has.
 pub fn knobs(preset: Preset) -> Vec<(String, BuildConfig)> {
-    let own = BuildConfig::preset(preset);
+    let own = preset.config();
     let staged = preset.planes().is_some();
     let mut out = Vec::new();
     let ratio =
@@ -136,12 +136,15 @@ pub fn knobs(preset: Preset) -> Vec<(String, BuildConfig)> {
     out.extend([own.intersection_cost / 2, own.intersection_cost * 2].map(ratio));
     if staged {
         for (words, empty_cutoff) in [("C_e 12.5 %", 32), ("C_e 50 %", 128)] {
-            out.push((words.to_owned(), BuildConfig { empty_cutoff, ..own }));
+            out.push((
+                words.to_owned(),
+                own.with_stages(|stages| stages.empty_cutoff = empty_cutoff),
+            ));
         }
-        out.push(("T 32".to_owned(), BuildConfig { small_node_limit: 32, ..own }));
+        out.push(("T 32".to_owned(), own.with_stages(|stages| stages.small_node_limit = 32)));
     }
     if preset == Preset::Balanced {
-        out.extend([16, 64].map(|bins| (format!("{bins} bins"), BuildConfig { bins, ..own })));
+        out.extend([16, 64].map(|bins| (format!("{bins} bins"), own.with_bins(bins))));
     }
     if own.block_width != 1 {
         out.push(("W 1".to_owned(), BuildConfig { block_width: 1, ..own }));
@@ -171,7 +174,7 @@ mod tests {
     #[test]
     fn every_knob_is_turned_alone_and_is_valid() {
         for preset in Preset::ALL {
-            let own = BuildConfig::preset(preset);
+            let own = preset.config();
             for (name, config) in knobs(preset) {
                 assert_eq!(config.validate(), Ok(()), "{name}");
                 let differing =
@@ -188,7 +191,7 @@ mod tests {
             let same = |b: &Station| a.answers_as(b) && a.threads == b.threads;
             assert_eq!(stations[..i].iter().filter(|b| same(b)).count(), 0, "{}", a.name);
             assert_eq!(a.accuracies.len(), if a.knob.is_some() { 1 } else { 3 });
-            assert!(a.device == Device::Cpu || a.config.preset != Preset::Best);
+            assert!(a.device == Device::Cpu || a.config.preset() != Preset::Best);
             assert!(a.knob.is_none() || a.threads == 4);
         }
         let plain = stations.iter().filter(|station| station.knob.is_none()).count();

@@ -191,43 +191,54 @@ pub struct Config {
     pub bad_splits: u32,
 }
 
+/// Knobs that the builder does not have are 0.
 impl From<BuildConfig> for Config {
     fn from(config: BuildConfig) -> Config {
+        let [_, _, _, _, small_node_limit, empty_cutoff, _, _, nodes_per_triangle, bins, ..] =
+            config.words();
+        let [.., empty_bonus, bad_splits] = config.words();
         Config {
             traversal_cost: config.traversal_cost,
             intersection_cost: config.intersection_cost,
             block_width: config.block_width,
-            small_node_limit: config.small_node_limit,
-            empty_cutoff: config.empty_cutoff,
+            small_node_limit,
+            empty_cutoff,
             max_depth: config.max_depth,
-            bins: config.bins,
+            bins,
             clip: config.clip,
             references_per_triangle: config.references_per_triangle,
-            nodes_per_triangle: config.nodes_per_triangle,
-            empty_bonus: config.empty_bonus,
-            bad_splits: config.bad_splits,
+            nodes_per_triangle,
+            empty_bonus,
+            bad_splits,
         }
     }
 }
 
 impl Config {
-    /// The configuration of a preset with these knobs.
+    /// The configuration of a preset with those of these knobs that it has.
     pub fn with(&self, preset: Preset) -> BuildConfig {
-        BuildConfig {
-            preset,
+        let mut config = BuildConfig {
             traversal_cost: self.traversal_cost,
             intersection_cost: self.intersection_cost,
             block_width: self.block_width,
-            small_node_limit: self.small_node_limit,
-            empty_cutoff: self.empty_cutoff,
             max_depth: self.max_depth,
             references_per_triangle: self.references_per_triangle,
-            nodes_per_triangle: self.nodes_per_triangle,
-            bins: self.bins,
             clip: self.clip,
-            empty_bonus: self.empty_bonus,
-            bad_splits: self.bad_splits,
+            ..preset.config()
+        };
+        if let Some(stages) = config.stages_mut() {
+            stages.small_node_limit = self.small_node_limit;
+            stages.empty_cutoff = self.empty_cutoff;
+            stages.nodes_per_triangle = self.nodes_per_triangle;
         }
+        if let Some(bins) = config.bins_mut() {
+            *bins = self.bins;
+        }
+        if let Some(sweep) = config.sweep_mut() {
+            sweep.empty_bonus = self.empty_bonus;
+            sweep.bad_splits = self.bad_splits;
+        }
+        config
     }
 }
 
@@ -489,7 +500,7 @@ pub(super) mod tests {
     #[test]
     fn configurations_survive_a_file() {
         for preset in Preset::ALL {
-            let config = BuildConfig { clip: false, max_depth: 9, ..BuildConfig::preset(preset) };
+            let config = BuildConfig { clip: false, max_depth: 9, ..preset.config() };
             let text = serde_json::to_string(&Config::from(config)).unwrap();
             let read: Config = serde_json::from_str(&text).unwrap();
             assert_eq!(read.with(preset), config);

@@ -216,7 +216,7 @@ fn first_wrong_of_a_build() -> i32 {
     }
     let Ok(mesh) = Mesh::soup(&ground) else { return 24 };
     for preset in [Preset::Fast, Preset::Balanced] {
-        let options = BuildOptions::from(BuildConfig::preset(preset));
+        let options = BuildOptions::from(preset.config());
         let Ok((tree, summary)) = reference::build(&mesh, &options) else { return 25 };
         let tree = tree.view();
         if summary.large_levels == 0 || validate_mesh(&tree, &mesh).is_err() {

@@ -2,7 +2,7 @@
 //! textbook's.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Sweep};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::{Axis, KdNode};
@@ -80,7 +80,8 @@ enum Tree {
 pub fn every_plane(mesh: &Mesh<'_>, config: &BuildConfig, clip: Option<&Clip>) -> KdTree {
     let (triangles, parts, bounds) = input(mesh);
     let budget = u64::from(config.reference_cap(parts.len() as u32));
-    let builder = EveryPlane { config, clip, triangles };
+    let sweep = config.sweep().expect("the offline builder");
+    let builder = EveryPlane { config, sweep, clip, triangles };
     let (tree, _) = builder.build(parts, bounds, 0, 0, budget);
     finish(&tree, bounds, mesh, config)
 }
@@ -93,6 +94,7 @@ fn expected(blocks: f64) -> f64 {
 
 struct EveryPlane<'a> {
     config: &'a BuildConfig,
+    sweep: &'a Sweep,
     clip: Option<&'a Clip>,
     triangles: Vec<Triangle>,
 }
@@ -142,7 +144,7 @@ impl EveryPlane<'_> {
         let step = f64::from(self.config.traversal_cost) * half_area(cell);
         let tests = child(self.blocks(left)) * low + child(self.blocks(right)) * high;
         let cost = step + f64::from(self.config.intersection_cost) * tests;
-        let kept = f64::from(256 - self.config.empty_bonus) / 256.0;
+        let kept = f64::from(256 - self.sweep.empty_bonus) / 256.0;
         if left.min(right) == 0 { cost * kept } else { cost }
     }
 
@@ -190,7 +192,7 @@ impl EveryPlane<'_> {
         let Some(best) = best else { return as_leaf() };
         let pays = best.leaves < leaf;
         let one_block = n <= u64::from(self.config.block_width);
-        if !pays && (one_block || bad >= self.config.bad_splits) {
+        if !pays && (one_block || bad >= self.sweep.bad_splits) {
             return as_leaf();
         }
         if best.left + best.right > budget {

@@ -3,7 +3,7 @@
 
 use crate::source::Source;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::{Builder, Preset, Stages};
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::query::all_hits::{AllHitsOptions, Crossing};
@@ -62,30 +62,40 @@ fn on(data: &[u8], backend: &dyn Backend, cpu: Option<&CpuBackend>) {
     }
 }
 
+fn knobs(stages: &mut Stages) -> [&mut u32; 3] {
+    [&mut stages.small_node_limit, &mut stages.empty_cutoff, &mut stages.nodes_per_triangle]
+}
+
 /// A preset, some of its knobs turned to any value.
 fn options(source: &mut Source<'_>) -> BuildOptions<'static> {
-    let mut config = BuildConfig::preset(source.pick(&Preset::ALL));
+    let mut config = source.pick(&Preset::ALL).config();
     // Few triangles make large nodes only where small ones are smaller still.
-    config.small_node_limit = source.pick(&[64, 1, 2, 3, 8]);
+    let limit = source.pick(&[64, 1, 2, 3, 8]);
+    if let Some(stages) = config.stages_mut() {
+        stages.small_node_limit = limit;
+    }
     config.block_width = source.pick(&[config.block_width, 1, 4]);
     for _ in 0..source.below(4) {
         let value = match source.below(3) {
             0 => source.count(),
             _ => source.below(70) as u32,
         };
-        let fields = [
+        let mut fields = vec![
             &mut config.traversal_cost,
             &mut config.intersection_cost,
             &mut config.block_width,
-            &mut config.small_node_limit,
-            &mut config.empty_cutoff,
             &mut config.max_depth,
             &mut config.references_per_triangle,
-            &mut config.nodes_per_triangle,
-            &mut config.bins,
-            &mut config.empty_bonus,
-            &mut config.bad_splits,
         ];
+        match &mut config.builder {
+            Builder::Median(stages) => fields.extend(knobs(stages)),
+            Builder::Binned { stages, bins } => {
+                fields.extend(knobs(stages));
+                fields.push(bins);
+            }
+            Builder::Sweep(sweep) => fields.extend([&mut sweep.empty_bonus, &mut sweep.bad_splits]),
+            _ => {}
+        }
         let which = source.below(fields.len());
         for (i, field) in fields.into_iter().enumerate() {
             if i == which {

@@ -37,11 +37,9 @@ thread_local! {
 }
 
 fn samples() -> Vec<Sample> {
-    let small = |preset| BuildConfig {
-        small_node_limit: 4,
-        block_width: 1,
-        intersection_cost: 3,
-        ..BuildConfig::preset(preset)
+    let small = |preset: Preset| {
+        BuildConfig { block_width: 1, intersection_cost: 3, ..preset.config() }
+            .with_stages(|stages| stages.small_node_limit = 4)
     };
     let scenes = [
         (scenes::one(), Preset::Fast),

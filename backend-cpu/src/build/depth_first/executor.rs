@@ -85,7 +85,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
 
     /// In place of `build_small`: the subtrees of all nodes that the levels handed over, a task each.
     fn build_subtrees(&mut self) -> Result<(), BuildError> {
-        let Some(planes) = self.config.preset.planes() else { return Ok(()) };
+        let Some(planes) = self.config.preset().planes() else { return Ok(()) };
         let roots = self.twin.count(Counter::SmallRoots);
         let triangles = self.twin.count(Counter::Triangles) as u32;
         let CpuExecutor { config: levels, buffers: b, memory: m, meter, set, .. } = &mut self.twin;
@@ -109,7 +109,7 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
             meter,
             config: &self.config,
             planes,
-            limit: levels.small_node_limit,
+            limit: levels.small_node_limit(),
             set: *set,
             roots: &b.small_roots[..roots],
             references: &b.small_references,

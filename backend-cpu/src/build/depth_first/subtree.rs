@@ -148,7 +148,7 @@ impl SubtreeTask<'_> {
         self.worker.stack.clear();
         let mut node = root;
         loop {
-            if node.count > self.inputs.config.small_node_limit as usize {
+            if node.count > self.inputs.config.small_node_limit() as usize {
                 if self.inputs.meter.record_work(2 * node.count as u64) {
                     return Ok(());
                 }
@@ -285,7 +285,7 @@ impl SubtreeTask<'_> {
             Planes::Binned => {
                 let (decision, cell) = cut_empty_space::<A>(config, &large, &tight);
                 let Some(cell) = cell else { return Ok(decision) };
-                count_bins::<A>(config.bins, columns, node, &tight, bins);
+                count_bins::<A>(config.bins(), columns, node, &tight, bins);
                 split_binned::split::<A>(config, &large, &cell, &tight, bins, decision)
             }
         })

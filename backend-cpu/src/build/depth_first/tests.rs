@@ -19,7 +19,7 @@ fn built<A: Arithmetic>(
     set: InstructionSet,
     depth_first: bool,
 ) -> (Vec<u8>, Vec<u8>, [u32; 2], bool) {
-    let planes = config.preset.planes().unwrap();
+    let planes = config.preset().planes().unwrap();
     let mut twin: CpuExecutor<'_, A> =
         CpuExecutor::new(*mesh, config, set, Buffers::default(), None).unwrap();
     let (stages, void, buffers) = if depth_first {
@@ -49,15 +49,23 @@ fn tasks_build_what_the_levels_build() {
     for (scene, triangles) in scenes.iter().chain([&same]).enumerate() {
         let mesh = Mesh::soup(triangles).unwrap();
         for preset in [Preset::Fast, Preset::Balanced] {
+            let plain = BuildConfig { builder: preset.config().builder, ..plain };
+            let mut other_bins = BuildConfig { max_depth: 9, ..plain };
+            if let Some(bins) = other_bins.bins_mut() {
+                *bins = 7;
+            }
             for config in [
                 plain,
                 BuildConfig { clip: false, ..plain },
-                BuildConfig { small_node_limit: 5, block_width: 3, empty_cutoff: 10, ..plain },
-                BuildConfig { max_depth: 9, bins: 7, ..plain },
+                BuildConfig { block_width: 3, ..plain }.with_stages(|stages| {
+                    stages.small_node_limit = 5;
+                    stages.empty_cutoff = 10;
+                }),
+                other_bins,
                 BuildConfig { max_depth: 3, ..plain },
             ] {
-                let config = BuildConfig { preset, references_per_triangle: 1 << 10, ..config };
-                let config = BuildConfig { nodes_per_triangle: 1 << 10, ..config };
+                let config = BuildConfig { references_per_triangle: 1 << 10, ..config };
+                let config = config.with_stages(|stages| stages.nodes_per_triangle = 1 << 10);
                 let portable = InstructionSet::Portable;
                 let expected = built::<Strict>(&mesh, config, portable, false);
                 for set in InstructionSet::available() {
@@ -66,7 +74,7 @@ fn tasks_build_what_the_levels_build() {
                     assert!(found == expected, "scene {scene}, {set:?}, {config:?}");
                 }
             }
-            let config = BuildConfig { preset, ..plain };
+            let config = plain;
             let (nodes, references, ..) =
                 built::<Strict>(&mesh, config, InstructionSet::Portable, false);
             let hostile = built::<Hostile>(&mesh, config, InstructionSet::Portable, true);
@@ -86,13 +94,11 @@ fn caps_make_it_void() {
         for (references_per_triangle, nodes_per_triangle) in
             [(1, 4), (2, 4), (3, 4), (8, 4), (1 << 10, 1), (1 << 10, 1 << 10)]
         {
-            let config = BuildConfig {
-                preset,
-                references_per_triangle,
-                nodes_per_triangle,
-                small_node_limit: 8,
-                ..BuildConfig::default()
-            };
+            let config =
+                BuildConfig { references_per_triangle, ..preset.config() }.with_stages(|stages| {
+                    stages.nodes_per_triangle = nodes_per_triangle;
+                    stages.small_node_limit = 8;
+                });
             let set = InstructionSet::detect();
             let (nodes, references, [levels, small_roots], _) =
                 built::<Strict>(&mesh, config, set, false);

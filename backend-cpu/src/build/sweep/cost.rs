@@ -4,7 +4,7 @@
 use core::array;
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Sweep};
 
 /// A bound is lowered by this much of itself, far more than its roundings: 2^-40.
 pub(super) const LOWER: f64 = 1.0 - 1.0 / 1_099_511_627_776.0;
@@ -41,19 +41,19 @@ pub(super) struct SplitCosts {
 
 impl SplitCosts {
     /// The costs of a configuration, and the same with children taken for leaves throughout.
-    pub fn both(config: &BuildConfig) -> [SplitCosts; 2] {
-        [SplitCosts::of(config, false), SplitCosts::of(config, true)]
+    pub fn both(config: &BuildConfig, sweep: &Sweep) -> [SplitCosts; 2] {
+        [SplitCosts::of(config, sweep, false), SplitCosts::of(config, sweep, true)]
     }
 
-    fn of(config: &BuildConfig, leaves: bool) -> SplitCosts {
+    fn of(config: &BuildConfig, sweep: &Sweep, leaves: bool) -> SplitCosts {
         let width = config.block_width;
         let mut costs = SplitCosts {
             traversal: f64::from(config.traversal_cost),
             intersection: f64::from(config.intersection_cost),
             width,
-            empty: 1.0 - f64::from(config.empty_bonus) / 256.0,
+            empty: 1.0 - f64::from(sweep.empty_bonus) / 256.0,
             max_depth: config.max_depth,
-            bad_splits: config.bad_splits,
+            bad_splits: sweep.bad_splits,
             inverse: 1.0 / f64::from(width),
             leaves,
             known: [0.0; KNOWN],
@@ -298,11 +298,13 @@ impl BestSplit {
 mod tests {
     use super::*;
 
+    const PLAIN: Sweep = Sweep { empty_bonus: 0, bad_splits: 0 };
+
     #[test]
     fn blocks_are_rounded_up_quotients() {
         for block_width in 1..=64 {
-            let costs =
-                SplitCosts::of(&BuildConfig { block_width, ..BuildConfig::default() }, false);
+            let config = BuildConfig { block_width, ..BuildConfig::default() };
+            let costs = SplitCosts::of(&config, &PLAIN, false);
             let check =
                 |n: u32| assert_eq!(costs.blocks(n), f64::from(n.div_ceil(block_width)), "{n}");
             (0..1000).for_each(check);
@@ -317,8 +319,8 @@ mod tests {
 
     #[test]
     fn expected_costs_never_fall_and_are_those_in_whole_numbers() {
-        let costs = SplitCosts::of(&BuildConfig::default(), false);
-        assert_eq!(SplitCosts::of(&BuildConfig::default(), true).expected(77.0), 77.0);
+        let costs = SplitCosts::of(&BuildConfig::default(), &PLAIN, false);
+        assert_eq!(SplitCosts::of(&BuildConfig::default(), &PLAIN, true).expected(77.0), 77.0);
         let mut last = 0.0;
         for blocks in 0..100_000u32 {
             let found = costs.expected(f64::from(blocks));
@@ -338,7 +340,7 @@ mod tests {
         assert_eq!(half_area([2.0, 3.0, 4.0]), 26.0);
         assert_eq!(half_area([2.0, 3.0, 0.0]), 6.0);
         assert_eq!(half_area([0.0, 3.0, 0.0]), 3.0);
-        let costs = SplitCosts::of(&BuildConfig::default(), false);
+        let costs = SplitCosts::of(&BuildConfig::default(), &PLAIN, false);
         let cell = Cell::new(&costs, &Aabb { lo: [0.0, 1.0, 0.0], hi: [0.0, 4.0, 0.0] });
         assert_eq!(cell.axes[1].at(2.0), [1.0, 2.0]);
     }

@@ -59,7 +59,7 @@ mod top;
 use core::sync::atomic::AtomicUsize;
 
 use rayon::prelude::*;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Sweep};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
 use splitplane_core::watch::Stage;
@@ -85,7 +85,7 @@ const PIECE: usize = 1 << 13;
 /// More memory than the limit allows, more nodes or references than the format can address, or a build
 /// that was cancelled.
 pub(crate) fn build(
-    config: &BuildConfig,
+    (config, sweep): (&BuildConfig, &Sweep),
     set: InstructionSet,
     (buffers, scratch): (&mut Buffers, &mut SweepScratch),
     memory: &mut Memory,
@@ -96,7 +96,7 @@ pub(crate) fn build(
     let workers = AtomicUsize::new(scratch.begin());
     // Tens of kilobytes that are never moved: unless this is optimised they would be on the stack
     // twice.
-    let costs = SplitCosts::both(config);
+    let costs = SplitCosts::both(config, sweep);
     let built = {
         let builder = BuildContext {
             costs: &costs,

@@ -1,7 +1,7 @@
 //! The reference for the searches of this module: every plane counted against every reference.
 
 use splitplane_core::aabb::Aabb;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, Sweep};
 use splitplane_core::layout::Reference;
 use splitplane_test_support::random::Random;
 
@@ -36,13 +36,15 @@ pub fn best_split(
 
 /// Costs of many kinds.
 pub fn costs(random: &mut Random) -> [SplitCosts; 2] {
-    SplitCosts::both(&BuildConfig {
-        block_width: random.pick(&[1, 2, 3, 4, 8, 8, 8, 16, 64]),
-        traversal_cost: random.pick(&[1, 1, 3, 15]),
-        intersection_cost: random.pick(&[2, 2, 4, 20]),
-        empty_bonus: random.pick(&[26, 0, 128, 255]),
-        ..BuildConfig::default()
-    })
+    SplitCosts::both(
+        &BuildConfig {
+            block_width: random.pick(&[1, 2, 3, 4, 8, 8, 8, 16, 64]),
+            traversal_cost: random.pick(&[1, 1, 3, 15]),
+            intersection_cost: random.pick(&[2, 2, 4, 20]),
+            ..BuildConfig::default()
+        },
+        &Sweep { empty_bonus: random.pick(&[26, 0, 128, 255]), bad_splits: 0 },
+    )
 }
 
 /// A cell, and references in it: some planar, some sharing faces, some on its sides.

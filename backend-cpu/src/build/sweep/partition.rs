@@ -132,7 +132,7 @@ mod tests {
     use crate::build::sweep::cost::SplitCosts;
     use crate::build::sweep::oracle;
     use crate::simd::InstructionSet;
-    use splitplane_core::config::BuildConfig;
+    use splitplane_core::config::{BuildConfig, Sweep};
     use splitplane_test_support::random::Random;
 
     /// One reference at a time.
@@ -172,7 +172,8 @@ mod tests {
     #[test]
     fn references_go_where_they_go_one_by_one() {
         let mut random = Random::new(21);
-        let costs = &SplitCosts::both(&BuildConfig::default())[0];
+        let costs =
+            &SplitCosts::both(&BuildConfig::default(), &Sweep { empty_bonus: 0, bad_splits: 0 })[0];
         let mut lost = 0;
         for round in 0..600 {
             let count = 1 + random.below(200);

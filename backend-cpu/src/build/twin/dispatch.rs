@@ -117,7 +117,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 k::bin_references::run::<A>(
                     meter,
                     self.set,
-                    self.config.bins,
+                    self.config.bins(),
                     &b.chunks[..chunks],
                     &b.node_bounds[..active],
                     &b.references[..references],
@@ -199,7 +199,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 }
                 m.grow_watched(&mut b.chunk_bounds, chunks, meter)?;
                 let inputs = Inputs {
-                    small_node_limit: self.config.small_node_limit,
+                    small_node_limit: self.config.small_node_limit(),
                     clip: self.config.clip,
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],

@@ -86,7 +86,7 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     /// From now on nodes of at most `references` references go to the small list, whatever T the configuration has: for an
     /// executor that takes over there.
     pub(in crate::build) fn hand_over_at(&mut self, references: u32) {
-        self.config.small_node_limit = references;
+        self.config = self.config.with_stages(|stages| stages.small_node_limit = references);
     }
 
     /// Levels of the large-node stage, and small roots.

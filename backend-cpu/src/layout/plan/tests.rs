@@ -42,7 +42,7 @@ fn plans_cost_least() {
     for (count, size) in [(1, 1.0), (6, 1.0), (40, 1.0), (60, 1e-30), (60, 1e30)] {
         let scene = scenes::scaled(&scenes::soup(count, 0.05, 11), size, "soup");
         let (mesh, triangles) = (scene.mesh(), scene.triangles());
-        let config = BuildConfig { block_width: 2, ..BuildConfig::preset(Preset::Fast) };
+        let config = BuildConfig { block_width: 2, ..Preset::Fast.config() };
         let built =
             CpuBackend::new().build_accelerator(&mesh, &BuildOptions::from(config)).unwrap();
         let tree = built.tree().view();

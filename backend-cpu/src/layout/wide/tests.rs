@@ -1,5 +1,5 @@
 use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
-use splitplane_core::config::{BuildConfig, Preset};
+use splitplane_core::config::Preset;
 use splitplane_core::tree::node::NodeKind;
 use splitplane_test_support::scenes;
 
@@ -60,7 +60,7 @@ fn nodes_name_every_leaf_once() {
     let sizes = sizes.map(|(count, same)| scenes::sizes(count, same, 5));
     for scene in sizes.into_iter().chain([scenes::giants()]) {
         let (mesh, triangles) = (scene.mesh(), scene.triangles());
-        let options = BuildOptions::from(BuildConfig::preset(Preset::Fast));
+        let options = BuildOptions::from(Preset::Fast.config());
         let built = CpuBackend::new().build_accelerator(&mesh, &options).unwrap();
         for set in InstructionSet::available() {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {

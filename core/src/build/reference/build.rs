@@ -24,7 +24,7 @@ pub fn build(
     let BuildOptions { config, max_memory, watch, .. } = *options;
     let budget = Budget::new(max_memory, watch);
     let mut executor: ReferenceExecutor<'_> = ReferenceExecutor::new(*mesh, config, budget)?;
-    let preset = config.preset;
+    let preset = config.preset();
     let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
     schedule::build(&mut executor, planes)?;
     let summary = BuildSummary {

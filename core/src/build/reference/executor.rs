@@ -300,7 +300,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
 /// planes is compared with each of its references, on all levels. A leaf that is too large is
 /// copied.
 fn small_work(config: &BuildConfig, count: u32) -> u64 {
-    if count > config.small_node_limit { u64::from(count) } else { 2 * u64::from(count * count) }
+    if count > config.small_node_limit() { u64::from(count) } else { 2 * u64::from(count * count) }
 }
 
 impl<A: Arithmetic> Inspect<TreeBuilder> for ReferenceExecutor<'_, A> {

@@ -18,7 +18,7 @@ fn tree() -> KdTreeView<'static> {
         references: &REFERENCES,
         bounds: Aabb { lo: [0.0; 3], hi: [2.0, 1.0, 0.5] },
         triangles: 2,
-        config: BuildConfig::preset(Preset::Balanced),
+        config: Preset::Balanced.config(),
     }
 }
 

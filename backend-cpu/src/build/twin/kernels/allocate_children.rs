@@ -88,7 +88,7 @@ pub fn run(
             depth += 1;
         }
         let mut place = |count: u32, cell, depth, top: usize, side: u32, lists: &mut Lists<'_>| {
-            if count > config.small_node_limit && decision.axis != Decision::TRANSFER {
+            if count > config.small_node_limit() && decision.axis != Decision::TRANSFER {
                 let first = next_references;
                 next_references += count;
                 lists.next.push(LargeNode {

@@ -87,7 +87,7 @@ fn batch<A: Arithmetic, S: ReferenceOps>(
     for (root, size) in roots.iter().zip(sizes) {
         let mine = &references[root.first as usize..(root.first + root.count) as usize];
         let before = (out.nodes.len(), out.references.len());
-        if root.count <= config.small_node_limit {
+        if root.count <= config.small_node_limit() {
             scratch.load(mine);
             let base = [before.0, before.1];
             scratch.build::<A, S>(&costs, &root.cell(), root.depth, base, out)?;

@@ -43,7 +43,7 @@ fn decide<A: Arithmetic>(
     let Some(cell) = cell else { return decision };
     let first = node.first_chunk as usize;
     let chunks = &chunk_bins[first..first + node.count.div_ceil(CHUNK) as usize];
-    let bins = NodeBins::sum(chunks, config.bins);
+    let bins = NodeBins::sum(chunks, config.bins());
     split::<A>(config, node, &cell, tight, &bins, decision)
 }
 

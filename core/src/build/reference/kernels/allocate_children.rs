@@ -159,7 +159,7 @@ impl Emission<'_, '_> {
 
     /// Puts a child of a split on the list of its class. Returns the place of its first reference.
     fn child(&mut self, part: Part, count: u32, side: u32, inseparable: bool) -> u32 {
-        if count <= self.config.small_node_limit {
+        if count <= self.config.small_node_limit() {
             return self.small(part, count);
         }
         let first = self.counters[Counter::NextReferences];
@@ -233,7 +233,7 @@ mod tests {
             counters[Counter::ActiveReferences] = 100 * N as u32;
             counters[Counter::TopNodes] = N as u32;
             Level {
-                config: BuildConfig { small_node_limit: 10, ..BuildConfig::default() },
+                config: BuildConfig::default().with_stages(|stages| stages.small_node_limit = 10),
                 nodes: core::array::from_fn(|i| LargeNode {
                     lo: cell.lo,
                     hi: cell.hi,

@@ -18,7 +18,7 @@ pub fn bin_references<A: Arithmetic>(
     let tight = &node_bounds[chunk.node as usize];
     let mut words = [[0; MAX_BINS as usize]; 3];
     for axis in 0..3 {
-        let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins) else { continue };
+        let Some(bins) = BinAxis::of::<A>(tight, axis, config.bins()) else { continue };
         for reference in &references[range(chunk.first, chunk.count)] {
             let [start, end] = bins.range::<A>(reference.lo[axis], reference.hi[axis]);
             words[axis][start as usize] += 1;

@@ -14,7 +14,7 @@ pub fn build_small<A: Arithmetic>(
     small_references: &[Reference],
 ) -> Extent {
     let root = &small_roots[root];
-    if root.count > config.small_node_limit {
+    if root.count > config.small_node_limit() {
         return Extent { nodes: 1, references: root.count };
     }
     let mut size = Extent::default();

@@ -22,7 +22,7 @@ pub fn emit_small<A: Arithmetic>(
     let root = &small_roots[root];
     let address = top_addresses[root.node as usize];
     let references = &small_references[range(root.first, root.count)];
-    if root.count > config.small_node_limit {
+    if root.count > config.small_node_limit() {
         nodes[0] = KdNode::leaf(address.references, root.count);
         for (out, reference) in leaf_references.iter_mut().zip(references) {
             *out = reference.triangle;
@@ -128,7 +128,8 @@ mod tests {
 
     #[test]
     fn more_than_t_are_one_leaf() {
-        let config = BuildConfig { small_node_limit: 9, block_width: 1, ..BuildConfig::default() };
+        let config = BuildConfig { block_width: 1, ..BuildConfig::default() }
+            .with_stages(|stages| stages.small_node_limit = 9);
         assert!(emitted(&config, 9).1 > 1);
         let (leaves, nodes, _) = emitted(&config, 10);
         assert_eq!(

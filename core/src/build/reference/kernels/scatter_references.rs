@@ -100,7 +100,7 @@ pub fn destinations<'a>(
         if node != Some(chunk.node) {
             let mut child = |first: u32, count: u32| {
                 let is_small =
-                    count <= config.small_node_limit || decision.axis == Decision::TRANSFER;
+                    count <= config.small_node_limit() || decision.axis == Decision::TRANSFER;
                 let list = if is_small { &mut small } else { &mut next };
                 Parts::new(list.take(range(first, count)))
             };
@@ -132,7 +132,7 @@ mod tests {
     /// Two nodes of two chunks each, the first one split, the second one transferred by a cap.
     #[test]
     fn chunks_stand_side_by_side_in_each_child() {
-        let config = BuildConfig { small_node_limit: 4, ..BuildConfig::default() };
+        let config = BuildConfig::default().with_stages(|stages| stages.small_node_limit = 4);
         let chunk = |node| Chunk { node, first: 0, count: 5, padding: 0 };
         let chunks = [chunk(0), chunk(0), chunk(1), chunk(1)];
         let sides = |left: u32, right: u32| {

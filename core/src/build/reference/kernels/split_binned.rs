@@ -18,6 +18,6 @@ pub fn split_binned<A: Arithmetic>(
     let (node, tight) = (&active_nodes[node], &node_bounds[node]);
     let (decision, cell) = cut_empty_space::<A>(config, node, tight);
     let Some(cell) = cell else { return decision };
-    let bins = NodeBins::sum(&chunk_bins[chunks_of(node)], config.bins);
+    let bins = NodeBins::sum(&chunk_bins[chunks_of(node)], config.bins());
     decision.split_at(border_or_median::<A>(config, node, &cell, tight, &bins))
 }
