@@ -26,6 +26,7 @@ mod material;
 #[cfg(feature = "picture")]
 pub mod picture;
 mod plan;
+mod plane;
 mod random;
 pub mod scene_data;
 mod scene_words;
