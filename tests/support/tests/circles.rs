@@ -27,7 +27,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("backend-wgpu", "device", &["adapters", "compiler", "gpu"]),
     ("backend-wgpu", "device", &["bindings", "pipelines"]),
     ("backend-wgpu", "query", &["batch", "pipelines", "record", "staging", "tree"]),
-    ("render", "", &["plan", "scene_data"]),
     ("render", "picture", &["error", "movie", "screen"]),
     ("render", "picture", &["heat", "legend"]),
     ("scene", "obj", &["library", "textures"]),
