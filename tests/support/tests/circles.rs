@@ -27,8 +27,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("backend-wgpu", "device", &["adapters", "compiler", "gpu"]),
     ("backend-wgpu", "device", &["bindings", "pipelines"]),
     ("backend-wgpu", "query", &["batch", "pipelines", "record", "staging", "tree"]),
-    ("render", "picture", &["error", "movie", "screen"]),
-    ("render", "picture", &["heat", "legend"]),
     ("scene", "obj", &["library", "textures"]),
     ("measure", "paper", &["document", "figures"]),
     ("measure", "trade", &["budget", "bvh", "document", "hierarchy", "measure", "recommend"]),
