@@ -15,11 +15,10 @@ pub use device::{adapters, gpu, probe, selftest};
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
 pub use builder::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
-pub use device::bounded::DriverLimit;
 #[doc(hidden)]
 pub use device::bounded::private_memory_of;
 pub use device::health::panic_is_caught;
-pub use error::{GpuError, OpenError};
+pub use error::{DriverLimit, GpuError, OpenError};
 pub use gpu::Gpu;
 pub use options::OpenOptions;
 pub use parity::Parity;

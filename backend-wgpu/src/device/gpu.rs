@@ -7,11 +7,12 @@ use std::time::{Duration, Instant};
 use crate::device::adapters::Adapters;
 use crate::device::bounded::Bounds;
 use crate::device::compiler::{Compiler, Opening};
+use crate::device::driver;
 use crate::device::health::Health;
 use crate::device::host;
 use crate::device::needs;
 use crate::error::{GpuError, OpenError};
-use crate::options::{OpenOptions, default_timeout};
+use crate::options::OpenOptions;
 
 /// Polling interval for a device.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
@@ -52,7 +53,7 @@ impl Gpu {
     pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, options: &OpenOptions) -> Gpu {
         let mut gpu = Gpu::borrow(device, queue);
         gpu.timeout = options.timeout.unwrap_or(gpu.timeout);
-        gpu.compiler = Arc::new(Compiler::new(options.bounds(&gpu.info)));
+        gpu.compiler = Arc::new(Compiler::new(driver::bounds(options, &gpu.info)));
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -68,8 +69,8 @@ impl Gpu {
     pub fn borrow(device: wgpu::Device, queue: wgpu::Queue) -> Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
-        let timeout = default_timeout(info.device_type);
-        let compiler = Arc::new(Compiler::new(OpenOptions::default().bounds(&info)));
+        let timeout = driver::default_timeout(info.device_type);
+        let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
         let (health, last) = Default::default();
         Gpu { device, queue, info, limits, health, timeout, compiler, last }
     }

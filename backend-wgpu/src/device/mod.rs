@@ -5,6 +5,7 @@ pub mod adapters;
 pub mod bindings;
 pub(crate) mod bounded;
 pub(crate) mod compiler;
+mod driver;
 pub mod executor;
 pub mod gpu;
 pub(crate) mod health;

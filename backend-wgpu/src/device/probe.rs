@@ -17,8 +17,8 @@ use std::time::{Duration, Instant};
 
 use crate::adapters::{Adapter, Adapters};
 use crate::backend::WgpuBackend;
-use crate::device::bounded::{Bounds, DriverLimit, private_memory_of};
-use crate::error::{GpuError, OpenError};
+use crate::device::bounded::{Bounds, private_memory_of};
+use crate::error::{DriverLimit, GpuError, OpenError};
 use crate::gpu::Gpu;
 use crate::options::OpenOptions;
 use crate::parity::Parity;
