@@ -1,4 +1,4 @@
-//! Lists adapters, tells which of them can be used, and chooses one.
+//! Lists adapters, tells which of them can be used, chooses one, and opens it.
 
 use std::time::Duration;
 
@@ -169,6 +169,24 @@ fn rank(device_type: wgpu::DeviceType, low_power: bool) -> u8 {
         wgpu::DeviceType::VirtualGpu => 3,
         wgpu::DeviceType::Other => 4,
         wgpu::DeviceType::Cpu => 5,
+    }
+}
+
+impl Gpu {
+    /// Opens a device without a window, on the adapter that [`Adapters::select`] takes.
+    ///
+    /// # Errors
+    /// No adapter, none of the name, none that can be used, or a driver that takes too much.
+    pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
+        Adapters::find().select(options.adapter.as_deref())?.open(options)
+    }
+
+    /// Like [`Gpu::open`], with an instance of the host.
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`].
+    pub fn open_in(instance: &wgpu::Instance, options: &OpenOptions) -> Result<Gpu, OpenError> {
+        Adapters::find_in(instance).select(options.adapter.as_deref())?.open(options)
     }
 }
 
