@@ -10,6 +10,7 @@ pub mod executor;
 pub mod gpu;
 pub(crate) mod health;
 pub(crate) mod host;
+pub mod kernel_set;
 pub(crate) mod needs;
 pub(crate) mod once;
 pub mod pipelines;
@@ -21,4 +22,5 @@ pub mod selftest;
 
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, Looking, Piece, Round};
-pub use pipelines::{Compiled, DeviceSet, Pipelines, Text};
+pub use kernel_set::{DeviceSet, Text};
+pub use pipelines::{Compiled, Pipelines};
