@@ -24,7 +24,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
         ],
     ),
     ("backend-wgpu", "", &["backend", "builder", "device", "error", "options", "query"]),
-    ("backend-wgpu", "query", &["batch", "pipelines", "record", "staging", "tree"]),
     ("scene", "obj", &["library", "textures"]),
     ("measure", "paper", &["document", "figures"]),
     ("measure", "trade", &["budget", "bvh", "document", "hierarchy", "measure", "recommend"]),
