@@ -1,5 +1,5 @@
-//! The plane of a triangle, and how far off it the rays start that leave it. Part of the twin of
-//! `surface.wgsl`.
+//! The plane of a triangle, and how far off it the rays start that leave it. Twin of `plane.wgsl`
+//! and `surface.wgsl`.
 
 use crate::layout::Surface;
 use crate::vector::{Vector, add, cross, exponent, greatest, power_of_two, reach, scaled, sub};

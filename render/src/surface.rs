@@ -1,5 +1,6 @@
-//! The place that a ray meets: point, normals, material, and which rays it asks for. Twin of
-//! `surface.wgsl` and `shade.wgsl`.
+//! The place that a ray meets: point, normals, material, and which rays it asks for. Its twins are
+//! `shade_surface.wgsl`, `smooth_normals.wgsl`, `dielectrics.wgsl`, `bounce.wgsl` and
+//! `refraction.wgsl`.
 
 use crate::environment;
 use crate::fresnel::{incidence, part, reflected, refracted};
