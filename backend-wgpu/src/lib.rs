@@ -8,9 +8,11 @@ pub mod device;
 pub mod error;
 pub mod options;
 pub mod parity;
+pub mod probe;
 pub mod query;
+pub mod selftest;
 
-pub use device::{adapters, gpu, probe, selftest};
+pub use device::{adapters, gpu};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;

@@ -14,11 +14,9 @@ pub mod kernel_set;
 pub(crate) mod needs;
 pub(crate) mod once;
 pub mod pipelines;
-pub mod probe;
 pub mod profile;
 pub mod readback;
 pub(crate) mod scope;
-pub mod selftest;
 
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, Looking, Piece, Round};

@@ -23,7 +23,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
             "tree",
         ],
     ),
-    ("backend-wgpu", "", &["backend", "builder", "device", "error", "options", "query"]),
     ("scene", "obj", &["library", "textures"]),
     ("measure", "paper", &["document", "figures"]),
     ("measure", "trade", &["budget", "bvh", "document", "hierarchy", "measure", "recommend"]),
