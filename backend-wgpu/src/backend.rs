@@ -1,8 +1,7 @@
 //! The GPU as a [`Backend`].
 
 use std::num::NonZeroU32;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
@@ -18,57 +17,20 @@ use splitplane_core::watch::{Progress, Stage};
 
 use crate::builder::buffers::Buffers;
 use crate::builder::capacities::Capacities;
-use crate::builder::pending::{Pooled, first_counters};
+use crate::builder::executor::first_counters;
+use crate::builder::shared::Shared;
 use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::device::gpu::Gpu;
+<<<<<<< HEAD
 use crate::device::{Pipelines, host, selftest};
+=======
+use crate::device::host;
+>>>>>>> circles-gpu
 use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};
-
-/// What a backend, its builds and its trees share.
-#[derive(Debug)]
-pub(crate) struct Shared {
-    pub gpu: Arc<Gpu>,
-    pub pipelines: Arc<Pipelines>,
-    pub queries: Arc<Queries>,
-    pool: Mutex<Vec<Pooled>>,
-    /// Most workgroups of a dispatch of a build; 0 for no limit.
-    max_workgroups: AtomicU32,
-}
-
-/// Sets of build buffers kept for later: one for a build in each of two frames.
-const POOLED: usize = 2;
-
-impl Shared {
-    fn new(gpu: Gpu) -> Shared {
-        let (gpu, pipelines) = (Arc::new(gpu), Arc::new(Pipelines::default()));
-        let queries = Queries::sharing(Arc::clone(&gpu), Arc::clone(&pipelines));
-        let (pool, max_workgroups) = (Mutex::new(Vec::new()), AtomicU32::new(0));
-        Shared { gpu, pipelines, queries: Arc::new(queries), pool, max_workgroups }
-    }
-
-    /// Most workgroups of a dispatch of a build, if there is a limit.
-    pub fn max_workgroups(&self) -> Option<NonZeroU32> {
-        NonZeroU32::new(self.max_workgroups.load(Ordering::Relaxed))
-    }
-
-    /// Buffers of an earlier build, if there are any. A poisoned lock means that another thread
-    /// panicked; its buffers are not needed.
-    pub fn take_buffers(&self) -> Option<Pooled> {
-        self.pool.lock().ok()?.pop()
-    }
-
-    /// Keeps buffers for the next build.
-    pub fn keep_buffers(&self, pooled: Pooled) {
-        if let Ok(mut pool) = self.pool.lock()
-            && pool.len() < POOLED
-        {
-            pool.push(pooled);
-        }
-    }
-}
+use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
 /// builds; pipelines are compiled when they are first used.
@@ -92,7 +54,7 @@ impl WgpuBackend {
         let mut backend = WgpuBackend::without_selftest(gpu);
         let parity = {
             let opening = backend.gpu().opening();
-            selftest::run(&backend).map_err(|error| opening.exceeded().unwrap_or(error))?
+            selftest::run(&backend.shared).map_err(|error| opening.exceeded().unwrap_or(error))?
         };
         backend.queries().set_parity(&parity);
         backend.parity = Some(parity);
@@ -119,8 +81,7 @@ impl WgpuBackend {
     /// counts; but a driver that ends long loops may then give up (Mesa's llvmpipe does). `None`
     /// lifts the limit.
     pub fn limit_workgroups(&self, most: Option<NonZeroU32>) {
-        let most = most.map_or(0, NonZeroU32::get);
-        self.shared.max_workgroups.store(most, Ordering::Relaxed);
+        self.shared.limit_workgroups(most);
     }
 
     /// What the self-test found; `None` for a backend made without it.

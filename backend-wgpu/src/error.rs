@@ -1,9 +1,14 @@
 //! What can go wrong on a device.
 
+<<<<<<< HEAD
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
-use thiserror::Error;
+=======
+use std::fmt;
+use std::time::Duration;
 
-use crate::device::bounded::DriverLimit;
+use splitplane_core::backend::{BuildError, DeviceError, QueryError};
+>>>>>>> circles-gpu
+use thiserror::Error;
 
 /// Why no device was opened.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
@@ -42,6 +47,25 @@ pub enum OpenError {
         /// The limit.
         limit: DriverLimit,
     },
+}
+
+/// The limit that a driver exceeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum DriverLimit {
+    /// The limit of time.
+    Time(Duration),
+    /// The number of bytes by which memory may grow meanwhile.
+    Memory(u64),
+}
+
+impl fmt::Display for DriverLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            DriverLimit::Time(time) => write!(f, "{} seconds", time.as_secs_f64()),
+            DriverLimit::Memory(bytes) => write!(f, "{bytes} bytes of memory"),
+        }
+    }
 }
 
 /// Names with their indices, for a message.

@@ -8,18 +8,19 @@ pub mod device;
 pub mod error;
 pub mod options;
 pub mod parity;
+pub mod probe;
 pub mod query;
+pub mod selftest;
 
-pub use device::{adapters, gpu, probe, selftest};
+pub use device::{adapters, gpu};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;
 pub use builder::{DeviceBuild, DeviceMesh, Effort, KernelTime, PendingBuild, WgpuExecutor};
-pub use device::bounded::DriverLimit;
 #[doc(hidden)]
 pub use device::bounded::private_memory_of;
 pub use device::health::panic_is_caught;
-pub use error::{GpuError, OpenError};
+pub use error::{DriverLimit, GpuError, OpenError};
 pub use gpu::Gpu;
 pub use options::OpenOptions;
 pub use parity::Parity;

@@ -2,9 +2,6 @@
 
 use std::time::Duration;
 
-use crate::device::adapters::is_trusted;
-use crate::device::bounded::Bounds;
-
 /// How to open a device.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
@@ -31,34 +28,4 @@ pub struct OpenOptions {
     /// of these things. When `None`, 2 GiB. What other threads allocate meanwhile counts too; `u64::MAX` is no
     /// limit. On Linux only: elsewhere there is none but that of time.
     pub driver_memory: Option<u64>,
-}
-
-impl OpenOptions {
-    /// What the driver of this adapter may take.
-    pub(crate) fn bounds(&self, info: &wgpu::AdapterInfo) -> Bounds {
-        Bounds {
-            time: self.driver_time.unwrap_or_else(|| default_driver_time(info)),
-            memory: self.driver_memory.unwrap_or(DRIVER_MEMORY),
-        }
-    }
-}
-
-/// By how much memory may grow while a driver compiles.
-const DRIVER_MEMORY: u64 = 2 << 30;
-
-/// How long the driver of this adapter may compile. Software shares the processors with whatever else runs:
-/// where it is known to come to an end, it is waited for as for its other work.
-pub(crate) fn default_driver_time(info: &wgpu::AdapterInfo) -> Duration {
-    match is_trusted(info) {
-        true => default_timeout(info.device_type),
-        false => Duration::from_secs(60),
-    }
-}
-
-/// How long to wait for a device of this type.
-pub(crate) fn default_timeout(device_type: wgpu::DeviceType) -> Duration {
-    match device_type {
-        wgpu::DeviceType::Cpu => Duration::from_secs(1800),
-        _ => Duration::from_secs(60),
-    }
 }

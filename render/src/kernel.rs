@@ -206,6 +206,19 @@ impl Counter {
     ];
 }
 
+impl core::ops::Index<Counter> for Counters {
+    type Output = u32;
+    fn index(&self, counter: Counter) -> &u32 {
+        &self.words[counter as usize]
+    }
+}
+
+impl core::ops::IndexMut<Counter> for Counters {
+    fn index_mut(&mut self, counter: Counter) -> &mut u32 {
+        &mut self.words[counter as usize]
+    }
+}
+
 /// The counters that a frame starts with.
 pub fn first_counters(pixels: u32) -> Counters {
     let mut counters = Counters::default();

@@ -1,6 +1,5 @@
 //! The records that kernels exchange: plain, packed, the same bytes on every executor.
 
-use crate::kernel::Counter;
 use bytemuck::{Pod, Zeroable};
 
 /// A path: where its light goes and how much of it. 32 bytes.
@@ -113,25 +112,12 @@ pub struct FirstCost {
     pub triangles: u32,
 }
 
-/// All counters, by [`Counter`]. 64 bytes.
+/// All counters, by [`Counter`](crate::kernel::Counter). 64 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
     /// The words.
     pub words: [u32; 16],
-}
-
-impl core::ops::Index<Counter> for Counters {
-    type Output = u32;
-    fn index(&self, counter: Counter) -> &u32 {
-        &self.words[counter as usize]
-    }
-}
-
-impl core::ops::IndexMut<Counter> for Counters {
-    fn index_mut(&mut self, counter: Counter) -> &mut u32 {
-        &mut self.words[counter as usize]
-    }
 }
 
 /// The uniform of a frame, which every kernel reads. 256 bytes.

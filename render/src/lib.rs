@@ -26,6 +26,7 @@ mod material;
 #[cfg(feature = "picture")]
 pub mod picture;
 mod plan;
+mod plane;
 mod random;
 pub mod scene_data;
 mod scene_words;
@@ -46,8 +47,8 @@ pub use frame::{FrameInput, FrameStats};
 pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};
-pub use plan::{Needs, Outputs, Plan, PlanError, Room};
-pub use scene_data::{Appearance, AppearanceError, SceneData};
+pub use plan::{Outputs, Plan, PlanError, Room};
+pub use scene_data::{Appearance, AppearanceError, Needs, SceneData};
 pub use settings::{
     MAX_DEPTH, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS, MAX_SIDE, RenderSettings, SettingsError,
     Size, SizeError,

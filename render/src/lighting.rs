@@ -2,10 +2,10 @@
 //! follow are samples of the triangles that shine. Twin of `lighting.wgsl`.
 
 use crate::layout::{Path, Surface};
+use crate::plane::{Plane, start};
 use crate::random::{light_sample, unit};
 use crate::scene_data::DIRECTIONAL;
 use crate::scene_words::{SceneWords, weighted};
-use crate::surface::{Plane, start};
 use crate::vector::{
     Vector, add, dot, length, mul, negated, normalized, power_of_two, scaled, sub,
 };

@@ -1,11 +1,12 @@
 //! The work and memory of a frame: only what its scene, its settings and its outputs need.
 
+mod explain;
+
 use crate::Pinhole;
 use crate::kernel::{Buffer, Kernel};
 use crate::layout::Frame;
-use crate::scene_data::{NONE, SceneData};
+use crate::scene_data::{NONE, Needs, SceneData};
 use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
-use core::fmt::Write;
 use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
@@ -92,25 +93,6 @@ pub struct Plan {
     slice_pixels: u32,
     path_room: u32,
     shadow_room: u32,
-}
-
-/// What the materials and lights of a scene need.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub struct Needs {
-    /// Surfaces that scatter light evenly.
-    pub diffuse: bool,
-    /// Mirrors.
-    pub mirrors: bool,
-    /// Clear bodies.
-    pub dielectrics: bool,
-    /// Textures.
-    pub textures: bool,
-    /// Normals at the corners of triangles.
-    pub smooth_normals: bool,
-    /// Lights without a size.
-    pub lights: u32,
-    /// Triangles that shine.
-    pub emitters: u32,
 }
 
 impl Plan {
@@ -347,81 +329,5 @@ impl Plan {
         };
         scene.describe(&mut frame);
         frame
-    }
-
-    /// The plan as text: what runs, what is left out and why, and the bytes of every buffer.
-    pub fn explain(&self) -> String {
-        let mut text = String::new();
-        // Writing to a string cannot fail.
-        let mut line = |arguments: core::fmt::Arguments<'_>| {
-            let _ = writeln!(text, "{arguments}");
-        };
-        let (width, height) = (self.size.width(), self.size.height());
-        let samples = self.settings.samples;
-        line(format_args!(
-            "frame    {width}x{height}, {samples} camera rays a pixel, in {} slices of at most {} pixels",
-            self.slices(),
-            self.slice_pixels
-        ));
-        line(format_args!(
-            "waves    at most {} a slice, of at most {} paths",
-            self.waves(),
-            self.path_room
-        ));
-        let steps: Vec<&str> = self.kernels().map(Kernel::name).collect();
-        line(format_args!("steps    {}", steps.join(", ")));
-        for reason in self.left_out() {
-            line(format_args!("without  {reason}"));
-        }
-        let mut total = 0;
-        for buffer in Buffer::ALLOCATED {
-            let (elements, bytes) = (self.elements(buffer), self.bytes(buffer));
-            total += bytes;
-            if elements > 0 {
-                line(format_args!(
-                    "buffer   {:<12} {elements:>9} x {:>2} B = {bytes:>11} B",
-                    format!("{buffer:?}"),
-                    buffer.element_size()
-                ));
-            }
-        }
-        line(format_args!(
-            "buffers  {total} B in all, besides the tree and what an executor needs for itself"
-        ));
-        text
-    }
-
-    /// What does not run, and why.
-    fn left_out(&self) -> Vec<&'static str> {
-        let needs = &self.needs;
-        let sources = needs.lights + self.area_samples();
-        let mut reasons = Vec::new();
-        if !self.outputs.shades() {
-            reasons.push("light: no picture is wanted");
-            return reasons;
-        }
-        match (needs.mirrors || needs.dielectrics, self.settings.depth) {
-            (false, _) => reasons.push("further waves: nothing mirrors or refracts"),
-            (true, 0) => reasons.push("further waves: the depth is 0"),
-            _ if !needs.dielectrics => reasons.push("refraction: nothing is clear"),
-            _ => {}
-        }
-        if sources == 0 {
-            reasons.push("shadow rays: there are no lights");
-        } else if !needs.diffuse {
-            reasons.push("shadow rays: no surface scatters light");
-        }
-        if needs.emitters == 0 {
-            reasons.push("area lights: nothing shines");
-        } else if self.settings.area_samples == 0 {
-            reasons.push("area lights: no samples are asked for");
-        }
-        if !needs.smooth_normals {
-            reasons.push("smooth normals: the scene has none");
-        }
-        if !needs.textures {
-            reasons.push("textures: the scene has none");
-        }
-        reasons
     }
 }

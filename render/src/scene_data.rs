@@ -14,16 +14,21 @@
 //! | texture coordinates | 6 | at a triangle's corners |
 //! | texels | 1 | red in the low byte, green, blue, alpha |
 
+mod appearance;
+mod needs;
+mod srgb;
+
+pub use appearance::{Appearance, AppearanceError};
+pub use needs::Needs;
+
 use crate::layout::Frame;
 use crate::light::Light;
 use crate::material::Material;
-use crate::plan::Needs;
-use crate::texture::Texture;
 use crate::vector::normalized;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering};
 use splitplane_core::mesh::Mesh;
-use thiserror::Error;
+use srgb::{least_shown, linear};
 
 /// In place of an index: nothing.
 pub const NONE: u32 = u32::MAX;
@@ -45,42 +50,6 @@ pub const DIELECTRIC: u32 = 1;
 pub const POINT: u32 = 0;
 /// Kind of a light that is far away.
 pub const DIRECTIONAL: u32 = 1;
-
-/// The appearance of a scene, borrowed. Lists of things that a scene does not have are empty; lists
-/// by triangle may be shorter than the mesh.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Appearance<'a> {
-    /// The materials; triangles without one are clay.
-    pub materials: &'a [Material],
-    /// For every triangle the index of its material.
-    pub material_of: &'a [u32],
-    /// Lights without a size.
-    pub lights: &'a [Light],
-    /// Textures that materials name.
-    pub textures: &'a [Texture],
-    /// Normals, of any length; zero for none.
-    pub normals: &'a [[f32; 3]],
-    /// For every triangle the normals of its corners; [`NONE`] for none.
-    pub normal_indices: &'a [[u32; 3]],
-    /// Texture coordinates.
-    pub texcoords: &'a [[f32; 2]],
-    /// For every triangle the texture coordinates of its corners; [`NONE`] for (0, 0).
-    pub texcoord_indices: &'a [[u32; 3]],
-}
-
-/// Why a scene's appearance cannot be described.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum AppearanceError {
-    /// More words than 32 bits can address.
-    #[error(
-        "materials, normals and textures would need {words} words of 4 bytes, more than {}",
-        u32::MAX
-    )]
-    TooLarge {
-        /// Words needed.
-        words: u64,
-    },
-}
 
 /// Where the sections start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -404,15 +373,4 @@ fn area(corners: &[[f32; 3]; 3]) -> f64 {
     let [x, y] = [b, c].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
     let normal = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
     0.5 * normal.iter().map(|part| part * part).sum::<f64>().sqrt()
-}
-
-/// sRGB to linear light (IEC 61966-2-1).
-fn linear(shown: f64) -> f32 {
-    let value = if shown <= 0.04045 { shown / 12.92 } else { ((shown + 0.055) / 1.055).powf(2.4) };
-    value as f32
-}
-
-/// The least linear value that is shown as this byte: halfway, as sRGB, from the byte below.
-fn least_shown(byte: u32) -> f32 {
-    if byte == 0 { 0.0 } else { linear((f64::from(byte) - 0.5) / 255.0) }
 }

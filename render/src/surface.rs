@@ -1,53 +1,20 @@
-//! The place that a ray meets: point, normals, material, and which rays it asks for. Twin of
-//! `surface.wgsl` and `shade.wgsl`.
+//! The place that a ray meets: point, normals, material, and which rays it asks for. Its twins are
+//! `shade_surface.wgsl`, `smooth_normals.wgsl`, `dielectrics.wgsl`, `bounce.wgsl` and
+//! `refraction.wgsl`.
 
 use crate::environment;
 use crate::fresnel::{incidence, part, reflected, refracted};
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::may_be_lit;
+use crate::plane::{Plane, start};
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::{MaterialWords, SceneWords, weighted};
-use crate::vector::{
-    Vector, add, cross, dot, exponent, greatest, mul, negated, normalized, power_of_two, reach,
-    scaled, sub,
-};
+use crate::vector::{Vector, add, dot, greatest, mul, negated, normalized, scaled};
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::triangle::Triangle;
 
-/// In units of 2^-24 of the greatest coordinate of a triangle's corners: how far off its plane a ray
-/// starts that leaves it. Rounding the point moves it by less than 8 of them, and a triangle test errs
-/// by a few units of the distance from the start to the corners.
-const OFFSET_UNITS: f32 = 64.0;
-/// Half a unit in the last place of 1.
-const UNIT: f32 = 1.0 / 16_777_216.0;
-
 /// Clear surfaces that a shadow ray passes; behind more of them it is dark.
 pub(crate) const MOST_CLEAR_LAYERS: u32 = 16;
-
-/// A triangle's edges, brought near 1 by a power of two, and its unit normal.
-#[derive(Clone, Copy)]
-pub(crate) struct Plane {
-    pub(crate) edges: [Vector; 2],
-    /// The cross product of the edges, each times the power of two.
-    pub(crate) scaled_normal: Vector,
-    /// The power of two is two to this.
-    pub(crate) power: i32,
-    /// How far off the plane a new ray must start.
-    pub(crate) offset: f32,
-}
-
-impl Plane {
-    pub(crate) fn of(corners: &Triangle) -> Plane {
-        let [a, b, c] = *corners;
-        let edges = [sub(b, a), sub(c, a)];
-        let [first, second] = edges.map(reach);
-        let power = -exponent(if second > first { second } else { first });
-        let factor = power_of_two(power);
-        let scaled_normal = cross(scaled(edges[0], factor), scaled(edges[1], factor));
-        let [x, y, z] = [reach(a), reach(b), reach(c)];
-        Plane { edges, scaled_normal, power, offset: greatest([x, y, z]) * (OFFSET_UNITS * UNIT) }
-    }
-}
 
 /// The point that a path's ray met, and what follows from it.
 pub(crate) fn shade(
@@ -217,10 +184,4 @@ pub(crate) fn refract(
     let cosine = incidence(ray.direction, surface.normal);
     let out = refracted(ray.direction, surface.normal, cosine, ratio, refracted_cosine);
     (Ray::new(start(surface, -1.0), normalized(out)), Path { weight, ..*path })
-}
-
-/// The start of a ray that leaves the surface: on the side that the path came from (1) or behind
-/// (-1), off the triangle by more than all rounding, so that it does not meet it again.
-pub(crate) fn start(surface: &Surface, side: f32) -> Vector {
-    add(surface.point, scaled(surface.geometric_normal, surface.offset * side))
 }

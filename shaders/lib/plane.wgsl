@@ -1,4 +1,4 @@
-// Twin of `Plane` in render/src/surface.rs.
+// Twin of `Plane` in render/src/plane.rs.
 
 // In units of 2^-24 of the greatest coordinate of a triangle's corners: how far off its plane a ray
 // starts that leaves it.

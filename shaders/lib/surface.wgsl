@@ -1,5 +1,4 @@
-// Twin of render/src/surface.rs but for clear bodies, which are in dielectrics.wgsl. Needs the binding
-// `frame`.
+// Twin of `start` in render/src/plane.rs. Needs the binding `frame`.
 
 // The start of a ray that leaves the surface: on the side that the path came from (1) or behind
 // (-1), off the triangle by more than all rounding, so that it does not meet it again.

@@ -232,6 +232,16 @@ impl<'a> WgpuExecutor<'a> {
     }
 }
 
+/// The counters that a build begins with.
+pub(crate) fn first_counters(triangles: u32) -> Counters {
+    let mut counters = Counters::default();
+    let chunks = triangles.div_ceil(CHUNK);
+    counters[Counter::Triangles] = triangles;
+    counters[Counter::InputChunks] = chunks;
+    counters[Counter::Chunks] = chunks;
+    counters
+}
+
 /// Counters from their bytes.
 pub(crate) fn counters_from(bytes: &[u8], swapped: bool) -> Counters {
     named(bytemuck::pod_read_unaligned(&bytes[..size_of::<Counters>()]), swapped)

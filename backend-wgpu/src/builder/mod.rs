@@ -4,6 +4,7 @@ pub(crate) mod buffers;
 pub(crate) mod capacities;
 pub mod executor;
 pub mod pending;
+pub(crate) mod shared;
 pub mod source;
 
 pub use crate::device::profile::{self, KernelTime};

@@ -1,9 +1,14 @@
 //! A build under way: submitted, and polled later.
 
+mod finish;
+
+pub use finish::DeviceBuild;
+
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
+<<<<<<< HEAD
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::build::schedule;
 use splitplane_core::cancel::go_on;
@@ -15,35 +20,28 @@ use splitplane_core::query::intersect::Limits;
 use splitplane_core::report::BuildSummary;
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::node::KdNode;
+=======
+use splitplane_core::backend::{BuildError, BuildOptions, go_on};
+use splitplane_core::config::Planes;
+use splitplane_core::kernel::{Buffer, TreeBuilder};
+use splitplane_core::schedule;
+>>>>>>> circles-gpu
 use splitplane_core::watch::{Progress, Stage, Watch};
 
-use super::buffers::{Buffers, readback};
+use super::buffers::Buffers;
 use super::capacities::Capacities;
-use super::executor::{Build, WgpuExecutor, counters_from};
+use super::executor::{Build, WgpuExecutor, first_counters};
+use super::shared::{Pooled, Shared};
 use super::source::Source;
-use crate::backend::Shared;
 use crate::device::gpu::Gpu;
+<<<<<<< HEAD
 use crate::device::profile::{KernelTime, Profile};
 use crate::device::{Looking, Pipelines, host};
+=======
+use crate::device::profile::Profile;
+use crate::device::{Looking, Pipelines};
+>>>>>>> circles-gpu
 use crate::error::GpuError;
-use crate::query::limits::limits_from;
-use crate::query::{DeviceTree, TreeParts};
-
-/// A finished build: the tree on the device, and what the host knows of it.
-#[derive(Debug)]
-#[non_exhaustive]
-pub struct DeviceBuild {
-    /// The tree, ready for rays.
-    pub tree: DeviceTree,
-    /// What the build dropped, changed and took.
-    pub summary: BuildSummary,
-    /// The device work that it took.
-    pub effort: Effort,
-    /// The time of each kernel, if requested and if the device has timestamps.
-    pub times: Option<Vec<KernelTime>>,
-    /// The tree in host memory, where the host wanted it.
-    pub(crate) host_tree: Option<KdTree>,
-}
 
 /// The device work of a build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -338,93 +336,6 @@ impl PendingBuild {
         }
     }
 
-    /// Reads what came back: the build is done, or must be repeated.
-    fn look(&mut self) -> Result<Option<DeviceBuild>, BuildError> {
-        self.effort.readbacks += 1;
-        let config = self.options.config;
-        let readback = self.buffers.as_ref().expect("until finished").readback.clone();
-        let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
-        let head = readback.get_mapped_range(..readback::TREE).map_err(refused)?.to_vec();
-        let counters = counters_from(&head, self.swapped);
-        if counters[Counter::Overflow] & Overflow::Unfinished as u32 != 0 {
-            return Err(GpuError::Unfinished { what: "the scene".into() }.into());
-        }
-        if counters[Counter::Overflow] != 0 {
-            readback.unmap();
-            let grown = self.capacities.grown(&counters, &config);
-            self.capacities = grown;
-            self.reserve(Some(&grown))?;
-            self.effort.repeats += 1;
-            self.begin(config.max_depth + 1)?;
-            return Ok(None);
-        }
-        if counters[Counter::ActiveNodes] > 0 {
-            readback.unmap();
-            self.record(config.max_depth + 1, false)?;
-            return Ok(None);
-        }
-        let (nodes, references) = (counters[Counter::Nodes], counters[Counter::LeafReferences]);
-        if nodes > KdNode::MAX_INDEX {
-            let (nodes, references) = (u64::from(nodes), u64::from(references));
-            return Err(BuildError::TooLarge { nodes, references });
-        }
-        let root_at = readback::ROOT as usize;
-        let root: LargeNode = bytemuck::pod_read_unaligned(&head[root_at..root_at + 64]);
-        let bounds = root.cell();
-        let triangles = self.capacities.triangles;
-        let host_tree = if self.tree_to_host {
-            let nodes_end = readback::TREE + 8 * u64::from(nodes);
-            let at = readback::TREE + self.capacities.bytes_of(Buffer::Nodes);
-            let view = |from: u64, to: u64| readback.get_mapped_range(from..to).map_err(refused);
-            let nodes = host::copied(&view(readback::TREE, nodes_end)?)?;
-            let references = match references {
-                0 => Vec::new(),
-                _ => host::copied(&view(at, at + 4 * u64::from(references))?)?,
-            };
-            Some(KdTree { nodes, references, bounds, triangles, config })
-        } else {
-            None
-        };
-        readback.unmap();
-        let times = match &self.profile {
-            Some(profile) => Some(profile.read(&self.shared.gpu)?),
-            None => None,
-        };
-        let peak_bytes = self.needed_bytes();
-        let mut buffers = self.buffers.take().expect("until finished");
-        let mut summary = BuildSummary::default();
-        summary.triangles = triangles;
-        summary.dropped = counters[Counter::Dropped];
-        summary.snapped = counters[Counter::Snapped];
-        summary.large_levels = counters[Counter::Levels];
-        summary.small_roots = counters[Counter::SmallRoots];
-        summary.peak_bytes = peak_bytes;
-        let parts = TreeParts {
-            nodes: buffers.take(Buffer::Nodes),
-            leaf_references: buffers.take(Buffer::LeafReferences),
-            triangles: buffers.take(Buffer::Triangles),
-            node_count: nodes,
-            reference_count: references,
-            triangle_count: triangles,
-            bounds,
-            config,
-        };
-        let limits = match triangles {
-            0 => Limits::NONE,
-            _ => limits_from(&head[readback::LIMITS as usize..]),
-        };
-        self.shared.keep_buffers(Pooled {
-            buffers,
-            capacities: self.capacities,
-            triangles,
-            config,
-            levels: counters[Counter::Levels],
-        });
-        let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits)?;
-        let effort = self.effort;
-        Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
-    }
-
     /// The device work so far.
     pub fn effort(&self) -> Effort {
         self.effort
@@ -443,23 +354,3 @@ const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
 /// little from frame to frame.
 const LEVELS_TO_SPARE: u32 = 2;
-
-/// Buffers between builds, and what the last build needed.
-#[derive(Debug)]
-pub(crate) struct Pooled {
-    pub buffers: Buffers,
-    pub capacities: Capacities,
-    pub triangles: u32,
-    pub config: BuildConfig,
-    pub levels: u32,
-}
-
-/// The counters that a build begins with.
-pub(crate) fn first_counters(triangles: u32) -> Counters {
-    let mut counters = Counters::default();
-    let chunks = triangles.div_ceil(splitplane_core::config::CHUNK);
-    counters[Counter::Triangles] = triangles;
-    counters[Counter::InputChunks] = chunks;
-    counters[Counter::Chunks] = chunks;
-    counters
-}

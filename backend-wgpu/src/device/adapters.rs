@@ -1,12 +1,13 @@
-//! Lists adapters, tells which of them can be used, and chooses one.
+//! Lists adapters, tells which of them can be used, chooses one, and opens it.
 
 use std::time::Duration;
 
-use crate::device::bounded::{self, DriverLimit, Unfinished};
+use crate::device::bounded::{self, Unfinished};
+use crate::device::driver;
 use crate::device::gpu::Gpu;
 use crate::device::needs;
-use crate::error::{GpuError, OpenError};
-use crate::options::{OpenOptions, default_driver_time};
+use crate::error::{DriverLimit, GpuError, OpenError};
+use crate::options::OpenOptions;
 use crate::parity::Parity;
 
 /// The adapters that wgpu sees, in the order it reports them.
@@ -171,6 +172,24 @@ fn rank(device_type: wgpu::DeviceType, low_power: bool) -> u8 {
     }
 }
 
+impl Gpu {
+    /// Opens a device without a window, on the adapter that [`Adapters::select`] takes.
+    ///
+    /// # Errors
+    /// No adapter, none of the name, none that can be used, or a driver that takes too much.
+    pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
+        Adapters::find().select(options.adapter.as_deref())?.open(options)
+    }
+
+    /// Like [`Gpu::open`], with an instance of the host.
+    ///
+    /// # Errors
+    /// As for [`Gpu::open`].
+    pub fn open_in(instance: &wgpu::Instance, options: &OpenOptions) -> Result<Gpu, OpenError> {
+        Adapters::find_in(instance).select(options.adapter.as_deref())?.open(options)
+    }
+}
+
 impl Adapter {
     fn new(index: usize, adapter: wgpu::Adapter) -> Adapter {
         let unusable = needs::unmet(&adapter.limits(), &adapter.get_downlevel_capabilities());
@@ -201,12 +220,12 @@ impl Adapter {
     /// Mesa's llvmpipe. Try other adapters in a child process first: see
     /// [`OpenOptions::driver_time`].
     pub fn is_trusted(&self) -> bool {
-        is_trusted(&self.info)
+        driver::is_trusted(&self.info)
     }
 
     /// What [`OpenOptions::driver_time`] is for this adapter when it is not given.
     pub fn default_driver_time(&self) -> Duration {
-        default_driver_time(&self.info)
+        driver::default_time(&self.info)
     }
 
     /// Why it cannot be used; `None` when it can.
@@ -231,7 +250,7 @@ impl Adapter {
             limits.max_storage_buffer_binding_size = offered.max_storage_buffer_binding_size;
         }
         let adapter = self.adapter.clone();
-        let opened = bounded::run(&options.bounds(&self.info), None, move || {
+        let opened = bounded::run(&driver::bounds(options, &self.info), None, move || {
             pollster::block_on(adapter.request_device(&wgpu::DeviceDescriptor {
                 label: Some("splitplane"),
                 required_features: adapter.features() & wgpu::Features::TIMESTAMP_QUERY,
@@ -302,21 +321,6 @@ impl Adapter {
     }
 }
 
-/// The PCI numbers of vendors of GPUs: NVIDIA, AMD, Intel, Apple, Qualcomm, ARM.
-const VENDORS: [u32; 6] = [0x10de, 0x1002, 0x8086, 0x106b, 0x5143, 0x13b5];
-
-/// Whether this driver may compile in the program's own process without having been tried in another.
-pub(crate) fn is_trusted(info: &wgpu::AdapterInfo) -> bool {
-    match info.device_type {
-        wgpu::DeviceType::DiscreteGpu | wgpu::DeviceType::IntegratedGpu => {
-            // Metal names no vendors; its drivers are Apple's, in a process of their own.
-            VENDORS.contains(&info.vendor) || info.backend == wgpu::Backend::Metal
-        }
-        wgpu::DeviceType::Cpu => info.driver == "llvmpipe",
-        wgpu::DeviceType::VirtualGpu | wgpu::DeviceType::Other => false,
-    }
-}
-
 fn device_type_name(device_type: wgpu::DeviceType) -> &'static str {
     match device_type {
         wgpu::DeviceType::DiscreteGpu => "discrete",
@@ -346,24 +350,6 @@ mod tests {
             assert!(matches!(error, OpenError::WrongAdapter { .. }));
             assert!(text.contains(&format!("`{wrong}`")) && text.contains("2 `NVIDIA H200`"));
         }
-    }
-
-    #[test]
-    fn drivers_that_nobody_knows_are_not_trusted() {
-        use wgpu::DeviceType::{Cpu, DiscreteGpu, IntegratedGpu, VirtualGpu};
-        let trusted = |device_type, vendor, driver: &str, backend| {
-            let info = wgpu::AdapterInfo::new(device_type, backend);
-            is_trusted(&wgpu::AdapterInfo { vendor, driver: driver.into(), ..info })
-        };
-        use wgpu::Backend::{Metal, Vulkan};
-        assert!(trusted(DiscreteGpu, 0x10de, "NVIDIA", Vulkan));
-        assert!(trusted(IntegratedGpu, 0x8086, "Intel open-source Mesa driver", Vulkan));
-        assert!(trusted(IntegratedGpu, 0, "", Metal));
-        assert!(trusted(Cpu, 0x10005, "llvmpipe", Vulkan));
-        assert!(!trusted(Cpu, 0x1ae0, "SwiftShader driver", Vulkan));
-        assert!(!trusted(DiscreteGpu, 0x1ae0, "new", Vulkan));
-        // Whatever passes commands on to a card may compile by itself.
-        assert!(!trusted(VirtualGpu, 0x10de, "venus", Vulkan));
     }
 
     #[test]

@@ -5,7 +5,7 @@ use std::marker::PhantomData;
 use splitplane_core::kernel::{Access, KernelSet, Slot};
 use wgpu::{BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BufferBinding};
 
-use super::pipelines::DeviceSet;
+use super::kernel_set::DeviceSet;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 

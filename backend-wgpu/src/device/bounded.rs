@@ -3,11 +3,12 @@
 //! Drivers compile inside the process, in a call that takes as long and as much as it likes. The thread
 //! that makes the call cannot be ended: when a limit is exceeded, it is left to itself.
 
-use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::{Duration, Instant};
+
+use crate::error::DriverLimit;
 
 /// Polling interval for memory and time.
 const LOOK: Duration = Duration::from_millis(20);
@@ -22,25 +23,6 @@ pub(crate) struct Bounds {
     pub time: Duration,
     /// Bytes by which the memory of this process may grow meanwhile.
     pub memory: u64,
-}
-
-/// The limit that a driver exceeded.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum DriverLimit {
-    /// The limit of time.
-    Time(Duration),
-    /// The number of bytes by which memory may grow meanwhile.
-    Memory(u64),
-}
-
-impl fmt::Display for DriverLimit {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            DriverLimit::Time(time) => write!(f, "{} seconds", time.as_secs_f64()),
-            DriverLimit::Memory(bytes) => write!(f, "{bytes} bytes of memory"),
-        }
-    }
 }
 
 /// Why work has no outcome.

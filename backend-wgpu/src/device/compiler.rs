@@ -6,7 +6,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::Instant;
 
 use crate::device::bounded::{self, Bounds, Unfinished};
-use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
 /// The limits of a device's driver for pipelines, and the pipelines that exceeded them.
@@ -81,26 +80,25 @@ impl Compiler {
         Opening { compiler: self }
     }
 
-    /// Compiles in a thread of the driver's own.
+    /// Calls `make` with label and source in a thread of the driver's own.
     pub(crate) fn compile(
         &self,
-        gpu: &Gpu,
         label: &str,
         source: &str,
-        layout: Option<&wgpu::BindGroupLayout>,
+        make: impl FnOnce(&str, &str) -> Result<wgpu::ComputePipeline, GpuError> + Send + 'static,
     ) -> Result<wgpu::ComputePipeline, GpuError> {
         self.refuse_given_up(source)?;
         let token = Arc::new(());
         let under_way = Arc::downgrade(&token);
         let work = {
-            let (gpu, planted, layout) = (gpu.clone(), self.planted.clone(), layout.cloned());
+            let planted = self.planted.clone();
             let (label, source) = (label.to_owned(), source.to_owned());
             move || {
                 let _token = token;
                 if let Some(planted) = planted {
                     planted(&label);
                 }
-                gpu.compile_unbounded(&label, &source, layout.as_ref())
+                make(&label, &source)
             }
         };
         let until = lock(&self.opening).as_ref().and_then(|opening| opening.until);

@@ -8,7 +8,8 @@ use splitplane_core::build::schedule::Executor;
 use splitplane_core::kernel::{KernelSet, Slot};
 
 use super::bindings::{BindGroups, bind};
-use super::pipelines::{Compiled, DeviceSet, Pipelines};
+use super::kernel_set::DeviceSet;
+use super::pipelines::{Compiled, Pipelines};
 use super::profile::Profile;
 use super::readback::read;
 use crate::device::gpu::Gpu;

@@ -4,14 +4,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
-use crate::device::adapters::Adapters;
 use crate::device::bounded::Bounds;
 use crate::device::compiler::{Compiler, Opening};
+use crate::device::driver;
 use crate::device::health::Health;
 use crate::device::host;
 use crate::device::needs;
-use crate::error::{GpuError, OpenError};
-use crate::options::{OpenOptions, default_timeout};
+use crate::error::GpuError;
+use crate::options::OpenOptions;
 
 /// Polling interval for a device.
 const POLL_PAUSE: Duration = Duration::from_micros(100);
@@ -32,27 +32,11 @@ pub struct Gpu {
 }
 
 impl Gpu {
-    /// Opens a device without a window, on the adapter that [`Adapters::select`] takes.
-    ///
-    /// # Errors
-    /// No adapter, none of the name, none that can be used, or a driver that takes too much.
-    pub fn open(options: &OpenOptions) -> Result<Gpu, OpenError> {
-        Adapters::find().select(options.adapter.as_deref())?.open(options)
-    }
-
-    /// Like [`Gpu::open`], with an instance of the host.
-    ///
-    /// # Errors
-    /// As for [`Gpu::open`].
-    pub fn open_in(instance: &wgpu::Instance, options: &OpenOptions) -> Result<Gpu, OpenError> {
-        Adapters::find_in(instance).select(options.adapter.as_deref())?.open(options)
-    }
-
     /// A device that belongs to nobody else, so its callbacks are free to use.
     pub(crate) fn own(device: wgpu::Device, queue: wgpu::Queue, options: &OpenOptions) -> Gpu {
         let mut gpu = Gpu::borrow(device, queue);
         gpu.timeout = options.timeout.unwrap_or(gpu.timeout);
-        gpu.compiler = Arc::new(Compiler::new(options.bounds(&gpu.info)));
+        gpu.compiler = Arc::new(Compiler::new(driver::bounds(options, &gpu.info)));
         gpu.health.watch(&gpu.device);
         gpu
     }
@@ -68,8 +52,8 @@ impl Gpu {
     pub fn borrow(device: wgpu::Device, queue: wgpu::Queue) -> Gpu {
         let info = device.adapter_info();
         let limits = device.limits();
-        let timeout = default_timeout(info.device_type);
-        let compiler = Arc::new(Compiler::new(OpenOptions::default().bounds(&info)));
+        let timeout = driver::default_timeout(info.device_type);
+        let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
         let (health, last) = Default::default();
         Gpu { device, queue, info, limits, health, timeout, compiler, last }
     }
@@ -222,7 +206,7 @@ impl Gpu {
     /// # Errors
     /// Text that is no valid WGSL for this device; a driver that takes too much; a lost device.
     pub fn pipeline(&self, label: &str, source: &str) -> Result<wgpu::ComputePipeline, GpuError> {
-        self.compiler.compile(self, label, source, None)
+        self.compile(label, source, None)
     }
 
     /// Compiles a compute pipeline whose only bind group has this layout. As [`Gpu::pipeline`].
@@ -235,11 +219,24 @@ impl Gpu {
         source: &str,
         layout: &wgpu::BindGroupLayout,
     ) -> Result<wgpu::ComputePipeline, GpuError> {
-        self.compiler.compile(self, label, source, Some(layout))
+        self.compile(label, source, Some(layout))
+    }
+
+    /// Compiles within the limits of the driver.
+    fn compile(
+        &self,
+        label: &str,
+        source: &str,
+        layout: Option<&wgpu::BindGroupLayout>,
+    ) -> Result<wgpu::ComputePipeline, GpuError> {
+        let (gpu, layout) = (self.clone(), layout.cloned());
+        self.compiler.compile(label, source, move |label, source| {
+            gpu.compile_unbounded(label, source, layout.as_ref())
+        })
     }
 
     /// Compiles here and now, however long it takes.
-    pub(crate) fn compile_unbounded(
+    fn compile_unbounded(
         &self,
         label: &str,
         source: &str,

@@ -3,7 +3,8 @@
 use splitplane_core::kernel::Slot;
 
 use super::bindings::bind;
-use super::pipelines::{DeviceSet, Pipelines};
+use super::kernel_set::DeviceSet;
+use super::pipelines::Pipelines;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 

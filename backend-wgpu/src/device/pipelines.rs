@@ -1,38 +1,15 @@
 //! The compiled kernels of any set: each when it is first used.
 
 use std::borrow::Cow;
-use std::fmt::Debug;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use splitplane_core::kernel::KernelSet;
 use splitplane_shaders::Part;
 
 use super::bindings::layout;
+use super::kernel_set::{DeviceSet, Text};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
-
-/// A kernel set whose kernels have shaders.
-pub trait DeviceSet: KernelSet {
-    /// What the text of a kernel depends on, in addition to the kernel.
-    type Variant: Copy + Debug;
-
-    /// The shader of a kernel.
-    fn text(kernel: Self::Kernel, variant: &Self::Variant) -> Text;
-
-    /// Whether a uniform is a list of blocks, of which each dispatch takes one by a dynamic offset.
-    fn is_list_of_blocks(_uniform: Self::Uniform) -> bool {
-        false
-    }
-}
-
-/// A shader: its name, and the parts that it is joined from.
-#[derive(Clone, Debug)]
-pub struct Text {
-    /// For messages.
-    pub name: &'static str,
-    /// The parts; they tell one variant of a kernel from another.
-    pub parts: Cow<'static, [Part]>,
-}
 
 /// A kernel ready for dispatch.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::{Acquire, Relaxed};
+use std::sync::atomic::Ordering::Acquire;
 use std::time::{Duration, Instant};
 
 use splitplane_core::layout::BatchUniform;
@@ -12,27 +12,14 @@ use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
+use super::layout::{RAY_BYTES, UNFINISHED, result_bytes};
 use super::pipelines::Queries;
-use super::record::{QueryBuffers, RAY_BYTES, UNFINISHED, result_bytes};
+use super::record::QueryBuffers;
+use super::slices::SliceRays;
 use super::staging::Staging;
 use super::tree::DeviceTree;
 use crate::device::scope::checked;
 use crate::error::GpuError;
-
-/// Most rays of a submission. At a few hundred million rays a second this takes milliseconds.
-const MOST_RAYS: u32 = 1 << 20;
-/// Rays of the first submission, before it is known how fast the device is: a software rasteriser
-/// takes a second for them where a GPU takes microseconds.
-pub(super) const FIRST_RAYS: u32 = 1 << 13;
-/// Most rays of the first submission of a later batch, whose rays may be slower than those before.
-const MOST_FIRST_RAYS: u32 = 1 << 17;
-/// Fewest rays of a submission, however slow the device.
-const LEAST_RAYS: u32 = 1 << 10;
-/// A slice that takes longer is followed by one of half the rays: drivers end submissions that take
-/// seconds, and a later slice may hold slower rays.
-const TOO_LONG: Duration = Duration::from_millis(250);
-/// A slice that takes less is followed by one of four times the rays.
-const SHORT: Duration = Duration::from_millis(30);
 
 /// Indices of the rays of a batch that have no answer, in ascending order.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -196,7 +183,7 @@ impl Queries {
     fn slice_limit(&self) -> u32 {
         let limits = self.gpu().device().limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        (bytes / RAY_BYTES).clamp(1, u64::from(MOST_RAYS)) as u32
+        (bytes / RAY_BYTES).clamp(1, u64::from(SliceRays::MOST)) as u32
     }
 
     /// Traces slices two deep: while the device works on one, the next one is submitted.
@@ -211,7 +198,7 @@ impl Queries {
     ) -> Result<(), DeviceQueryError> {
         let ask = |done: usize| go_on(watch, done, rays.len());
         let most = self.slice_limit();
-        let mut size = self.slice_rays.load(Relaxed).min(most);
+        let mut size = self.slice_rays.first(most);
         let mut next = 0;
         let mut pending: Option<Pending> = None;
         let mut answered = 0;
@@ -229,11 +216,7 @@ impl Queries {
             }
             let done = pending.take().map(|slice| self.await_slice(slice, query)).transpose()?;
             if let Some((_, _, took)) = &done {
-                if *took > TOO_LONG {
-                    size = (size / 2).max(LEAST_RAYS.min(most));
-                } else if *took < SHORT {
-                    size = size.saturating_mul(4).min(most);
-                }
+                size = SliceRays::after(size, *took, most);
             }
             if let Some(set) = uploaded {
                 self.submit_slice(tree, &set, slice.len() as u32, options, query)?;
@@ -247,7 +230,7 @@ impl Queries {
                 ask(answered)?;
             }
         }
-        self.slice_rays.store(size.min(MOST_FIRST_RAYS), Relaxed);
+        self.slice_rays.keep(size);
         Ok(())
     }
 
@@ -259,7 +242,7 @@ impl Queries {
     ) -> Result<Staging, GpuError> {
         checked(self.gpu(), "the upload of rays", || {
             let count = rays.len() as u32;
-            let set = self.take_staging(count, most)?;
+            let set = self.staging.take(self.gpu(), count, most)?;
             let queue = self.gpu().queue();
             let batch = BatchUniform::new(count, options);
             queue.write_buffer(&set.batch, 0, bytemuck::bytes_of(&batch));
@@ -315,7 +298,7 @@ impl Queries {
         let bytes = slice.rays.len() as u64 * result_bytes(query);
         let answers = self.gpu().read_mapped(&slice.set.readback, bytes)?;
         let took = slice.since.elapsed();
-        self.keep_staging(slice.set);
+        self.staging.keep(slice.set);
         Ok((slice.rays, answers, took))
     }
 }

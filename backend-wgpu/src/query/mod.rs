@@ -8,19 +8,21 @@
 mod accelerator;
 mod batch;
 mod error;
+mod layout;
 pub(crate) mod limits;
 mod pipelines;
 mod record;
 mod scene;
 mod settle;
+mod slices;
 mod staging;
 mod tree;
 
 pub use accelerator::WgpuAccelerator;
 pub use batch::Marked;
 pub use error::DeviceQueryError;
+pub use layout::UNFINISHED;
 pub use pipelines::Queries;
-pub use record::UNFINISHED;
 pub use scene::SceneUniform;
 pub use splitplane_core::ray::Hit;
 pub use tree::{DeviceTree, TreeParts};

@@ -1,16 +1,16 @@
 //! The queries of a device: their kernels, compiled when they are first used, and what batches share.
 
-use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use splitplane_core::kernel::{QueryKernel, RayQueries};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_shaders::TriangleTest;
 
-use super::batch::FIRST_RAYS;
 use super::error::DeviceQueryError;
-use super::staging::Staging;
+use super::slices::SliceRays;
+use super::staging::StagingPool;
 use crate::device::gpu::Gpu;
 use crate::device::{DeviceSet, Pipelines, Text};
 use crate::parity::Parity;
@@ -47,12 +47,10 @@ pub(super) fn kernel_of(query: Query, options: &QueryOptions<'_>) -> (QueryKerne
 pub struct Queries {
     gpu: Arc<Gpu>,
     pub(super) pipelines: Arc<Pipelines>,
-    /// Staging memory that no batch is using.
-    pub(super) staging: Mutex<Vec<Staging>>,
+    pub(super) staging: StagingPool,
     /// Whether bounds of error hold on the device.
     certain: AtomicBool,
-    /// Rays of the first slice of the next batch: what suited the device lately.
-    pub(super) slice_rays: AtomicU32,
+    pub(super) slice_rays: SliceRays,
 }
 
 impl Queries {
@@ -68,9 +66,9 @@ impl Queries {
         Queries {
             gpu,
             pipelines,
-            staging: Mutex::default(),
+            staging: StagingPool::default(),
             certain: AtomicBool::new(false),
-            slice_rays: AtomicU32::new(FIRST_RAYS),
+            slice_rays: SliceRays::default(),
         }
     }
 

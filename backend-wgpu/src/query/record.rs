@@ -2,31 +2,26 @@
 
 use splitplane_core::kernel::{QueryBuffer, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::BatchUniform;
+<<<<<<< HEAD
 use splitplane_core::query::traverse::Query;
 #[cfg(doc)]
 use splitplane_core::ray::Hit;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
+=======
+use splitplane_core::ray::QueryOptions;
+#[cfg(doc)]
+use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::traverse::Query;
+>>>>>>> circles-gpu
 
 use super::error::DeviceQueryError;
+#[cfg(doc)]
+use super::layout::UNFINISHED;
+use super::layout::{RAY_BYTES, result_bytes};
 use super::pipelines::{Queries, kernel_of};
 use super::tree::DeviceTree;
 use crate::device::once;
 use crate::error::GpuError;
-
-/// The `triangle` of a hit on the device whose traversal the driver ended early; any hit then says 2.
-/// Seen with Mesa's llvmpipe, which ends a shader's loops after 65,535 rounds.
-pub const UNFINISHED: u32 = u32::MAX - 1;
-
-/// Bytes of a ray.
-pub(super) const RAY_BYTES: u64 = size_of::<Ray>() as u64;
-
-/// Bytes of an answer on the device.
-pub(super) const fn result_bytes(query: Query) -> u64 {
-    match query {
-        Query::Closest => size_of::<Hit>() as u64,
-        Query::Any => size_of::<u32>() as u64,
-    }
-}
 
 /// The buffers of one dispatch of a query.
 pub(super) struct QueryBuffers<'a> {

@@ -16,7 +16,7 @@ use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 use splitplane_core::watch::{Progress, Stage, Watch};
 
-use super::record::UNFINISHED;
+use super::layout::UNFINISHED;
 
 /// Rays of a task.
 const TASK: usize = 1 << 12;

@@ -1,10 +1,13 @@
 //! Device memory for batches that come from the host, kept for the next batch.
 
-use super::pipelines::Queries;
-use super::record::RAY_BYTES;
-use crate::error::GpuError;
+use std::sync::Mutex;
+
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
+
+use super::layout::RAY_BYTES;
+use crate::device::gpu::Gpu;
+use crate::error::GpuError;
 
 /// Most unused sets that are kept.
 const KEPT: usize = 4;
@@ -22,13 +25,17 @@ pub(super) struct Staging {
     pub(super) readback: wgpu::Buffer,
 }
 
-impl Queries {
+/// The sets that no batch is using.
+#[derive(Debug, Default)]
+pub(super) struct StagingPool(Mutex<Vec<Staging>>);
+
+impl StagingPool {
     /// A set with capacity for `rays` rays: a kept one, else a new one with up to twice that
     /// capacity, but at most `most`.
-    pub(super) fn take_staging(&self, rays: u32, most: u32) -> Result<Staging, GpuError> {
+    pub(super) fn take(&self, gpu: &Gpu, rays: u32, most: u32) -> Result<Staging, GpuError> {
         // A poisoned lock means that another thread panicked between two statements that cannot
         // leave the list inconsistent.
-        let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+        let mut kept = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         let suits = |set: &Staging| set.capacity >= rays;
         let place = (0..kept.len())
             .filter(|&place| suits(&kept[place]))
@@ -39,7 +46,6 @@ impl Queries {
         drop(kept);
         use wgpu::BufferUsages as Usage;
         let capacity = rays.max(LEAST_RAYS).next_power_of_two().min(most.max(rays));
-        let gpu = self.gpu();
         let bytes = |each: u64| u64::from(capacity) * each;
         let hit_bytes = bytes(size_of::<Hit>() as u64);
         Ok(Staging {
@@ -60,8 +66,8 @@ impl Queries {
     }
 
     /// Keeps a set whose work is done and that is not mapped.
-    pub(super) fn keep_staging(&self, set: Staging) {
-        let mut kept = self.staging.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+    pub(super) fn keep(&self, set: Staging) {
+        let mut kept = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
         kept.push(set);
         if kept.len() > KEPT {
             // The smallest is the cheapest to recreate.

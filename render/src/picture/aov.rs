@@ -1,8 +1,7 @@
 //! Arbitrary output variables: further data of a frame's pixels.
 
-use super::heat::{self, CostStatistics, Quantity};
 use super::screen::paint;
-use super::{FirstCost, FirstHit, PictureError, Size};
+use super::{CostStatistics, FirstCost, FirstHit, PictureError, Quantity, Size, scale};
 use image::RgbImage;
 
 /// An output variable of a frame, with its values. As a picture for people, see [`Aov::picture`]; as
@@ -118,7 +117,7 @@ fn triangle(index: u32) -> [u8; 3] {
 fn cost(size: Size, costs: &[FirstCost], quantity: Quantity) -> RgbImage {
     // A size has at least one pixel.
     let top = CostStatistics::of(costs, quantity).map(|statistics| statistics.scale_top());
-    heat::colours(size, costs, quantity, top.unwrap_or(std::num::NonZeroU32::MIN))
+    scale::colours(size, costs, quantity, top.unwrap_or(std::num::NonZeroU32::MIN))
 }
 
 #[cfg(test)]

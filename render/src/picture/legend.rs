@@ -4,8 +4,8 @@
 //! put to the right of the picture, so that no pixel is covered. A picture too low for a legible scale
 //! gets a strip below it.
 
-use super::heat::{ABOVE, Quantity, colour};
-use super::{font, viridis};
+use super::scale::{ABOVE, colour};
+use super::{Quantity, font, viridis};
 use image::{GenericImage, RgbImage};
 use std::num::NonZeroU32;
 

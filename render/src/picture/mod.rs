@@ -14,21 +14,27 @@
 //! Arrays are those of a frame: one value per pixel, from the top left, row by row.
 
 mod aov;
+mod cost;
 mod error;
 mod exr;
 mod font;
 mod heat;
 mod legend;
 mod movie;
+mod movie_format;
+mod scale;
 mod screen;
 mod viridis;
 
 pub use crate::Size;
 pub use crate::layout::{FirstCost, FirstHit};
 pub use aov::Aov;
+pub use cost::{CostStatistics, Quantity};
 pub use error::PictureError;
 pub use exr::encode_exr;
-pub use heat::{ABOVE, CostStatistics, HeatMap, Quantity};
+pub use heat::HeatMap;
 pub use image::RgbImage;
-pub use movie::{Movie, MovieFormat};
+pub use movie::Movie;
+pub use movie_format::MovieFormat;
+pub use scale::ABOVE;
 pub use screen::{encode_png, screen};

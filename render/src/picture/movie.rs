@@ -1,52 +1,10 @@
 //! Movies: animated PNG and GIF.
 
-use super::PictureError;
 use super::screen::{PNG_MOST, describe};
+use super::{MovieFormat, PictureError};
 use image::RgbImage;
-use std::fmt;
 use std::io::Write;
 use std::num::NonZeroU32;
-
-/// The format of a movie.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum MovieFormat {
-    /// Animated PNG (PNG third edition, W3C 2025): 24 bits per pixel, lossless.
-    Apng,
-    /// GIF (GIF89a, with Netscape's extension that loops): every frame has a palette of its own with at
-    /// most 256 colours. Frames with no more colours lose nothing.
-    Gif,
-}
-
-impl fmt::Display for MovieFormat {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl MovieFormat {
-    const fn name(self) -> &'static str {
-        match self {
-            MovieFormat::Apng => "PNG",
-            MovieFormat::Gif => "GIF",
-        }
-    }
-
-    const fn longest_side(self) -> u32 {
-        match self {
-            MovieFormat::Apng => PNG_MOST,
-            MovieFormat::Gif => u16::MAX as u32,
-        }
-    }
-
-    /// Least time of a frame in milliseconds. Browsers show GIF frames of less than 20 ms, and PNG frames
-    /// of 10 ms and less, for 100 ms.
-    pub const fn least_delay(self) -> u16 {
-        match self {
-            MovieFormat::Apng => 11,
-            MovieFormat::Gif => 20,
-        }
-    }
-}
 
 /// A movie that is written frame by frame, and loops for ever. It holds one frame at a time.
 ///
@@ -98,7 +56,7 @@ impl<W: Write> Movie<W> {
         frames: NonZeroU32,
         delay: u16,
     ) -> Result<Movie<W>, PictureError> {
-        PictureError::check_dimensions(format.name(), dimensions, format.longest_side())?;
+        PictureError::check_dimensions(format.name(), dimensions, longest_side(format))?;
         let least = format.least_delay();
         if delay < least {
             return Err(PictureError::Delay { format, found: delay, least });
@@ -160,6 +118,14 @@ impl<W: Write> Movie<W> {
                 out.flush().map_err(|source| PictureError::Write { format: "GIF", source })
             }
         }
+    }
+}
+
+/// The longest side that a format can count.
+const fn longest_side(format: MovieFormat) -> u32 {
+    match format {
+        MovieFormat::Apng => PNG_MOST,
+        MovieFormat::Gif => u16::MAX as u32,
     }
 }
 

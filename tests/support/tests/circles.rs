@@ -8,15 +8,6 @@ use splitplane_test_support::sources::{packages, workspace};
 /// Circles that are known and are to go: the package's folder, the parent, its children. A circle among some of the children
 /// is covered; an entry that covers none fails the test.
 const KNOWN: &[(&str, &str, &[&str])] = &[
-    ("backend-wgpu", "", &["backend", "builder", "device", "error", "options", "query"]),
-    ("backend-wgpu", "device", &["adapters", "compiler", "gpu"]),
-    ("backend-wgpu", "device", &["bindings", "pipelines"]),
-    ("backend-wgpu", "query", &["batch", "pipelines", "record", "staging", "tree"]),
-    ("render", "", &["kernel", "layout"]),
-    ("render", "", &["lighting", "surface"]),
-    ("render", "", &["plan", "scene_data"]),
-    ("render", "picture", &["error", "movie", "screen"]),
-    ("render", "picture", &["heat", "legend"]),
     ("scene", "obj", &["library", "textures"]),
     ("measure", "paper", &["document", "figures"]),
     ("measure", "trade", &["budget", "bvh", "document", "hierarchy", "measure", "recommend"]),

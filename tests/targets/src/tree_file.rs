@@ -38,8 +38,11 @@ thread_local! {
 
 fn samples() -> Vec<Sample> {
     let small = |preset: Preset| {
-        BuildConfig { block_width: 1, intersection_cost: 3, ..preset.config() }
-            .with_stages(|stages| stages.small_node_limit = 4)
+        let mut config = BuildConfig { block_width: 1, intersection_cost: 3, ..preset.config() };
+        if let Some(stages) = config.stages_mut() {
+            stages.small_node_limit = 4;
+        }
+        config
     };
     let scenes = [
         (scenes::one(), Preset::Fast),

@@ -1,7 +1,7 @@
 //! Records the hit of the first ray of every pixel.
 
 use crate::layout::{FirstHit, Path};
-use crate::surface::Plane;
+use crate::plane::Plane;
 use crate::vector::{dot, negated, normalized};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::traverse::Triangles;

@@ -5,9 +5,14 @@
 //! and reports the outcome in one line. The parent watches its time and memory and ends it, at the
 //! latest a little beyond the limits.
 
+mod child;
+mod outcome;
+
+pub use child::answer_probe;
+pub use outcome::Tried;
+
 use std::ffi::OsString;
-use std::fmt::Display;
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -15,13 +20,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::adapters::{Adapter, Adapters};
-use crate::backend::WgpuBackend;
-use crate::device::bounded::{Bounds, DriverLimit, private_memory_of};
-use crate::error::{GpuError, OpenError};
-use crate::gpu::Gpu;
+use crate::device::adapters::Adapter;
+use crate::device::bounded::{Bounds, private_memory_of};
+use crate::error::DriverLimit;
 use crate::options::OpenOptions;
-use crate::parity::Parity;
+use outcome::{MARK, parse};
 
 /// The limits of a driver that is tried because it is unknown.
 const TIME: Duration = Duration::from_secs(20);
@@ -33,29 +36,6 @@ const LOOK: Duration = Duration::from_millis(20);
 const GRACE: Duration = Duration::from_secs(5);
 /// For the system to end it.
 const END: Duration = Duration::from_secs(1);
-/// What the child's line begins with. Drivers may print too.
-const MARK: &str = "splitplane probe: ";
-
-/// The outcome of trying an adapter.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Tried {
-    /// It was opened and tested.
-    Parity(Parity),
-    /// It would not open, or failed its test; in words.
-    Failed(String),
-    /// Its driver exceeded a limit.
-    Exceeded {
-        /// What it was doing.
-        doing: String,
-        /// The limit.
-        limit: DriverLimit,
-    },
-    /// The child ended without a word; in words, how.
-    Died(String),
-    /// There is no such process: nothing was tried.
-    NotStarted,
-}
 
 /// A command that opens a GPU adapter in a process of its own, reports the outcome, and ends:
 /// usually the program itself, with arguments that tell it to call [`answer_probe`] and nothing
@@ -207,149 +187,12 @@ fn end(child: &mut Child, by_itself: bool) -> Option<ExitStatus> {
     }
 }
 
-/// A line of the child's, without its mark.
-fn parse(line: &str, bounds: Bounds) -> Option<Tried> {
-    let (word, rest) = line.split_once(' ').unwrap_or((line, ""));
-    let exceeded = |limit| Tried::Exceeded { doing: rest.to_owned(), limit };
-    Some(match word {
-        "bitwise" => Tried::Parity(Parity::Bitwise),
-        "structural" => Tried::Parity(Parity::Structural(rest.to_owned())),
-        "failed" => Tried::Failed(rest.to_owned()),
-        "time" => exceeded(DriverLimit::Time(bounds.time)),
-        "memory" => exceeded(DriverLimit::Memory(bounds.memory)),
-        _ => return None,
-    })
-}
-
-/// The child's line. Texts of drivers may have several.
-fn say(word: &str, text: impl Display) -> String {
-    let text = text.to_string();
-    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
-    format!("{MARK}{word} {text}").trim_end().to_owned() + "\n"
-}
-
-/// The work of the process that a [`Probe`] starts: opens and tests the adapter that the arguments
-/// name, and writes the outcome to `out`, which is its standard output. The arguments are those
-/// that follow [`Probe::arguments`]. The process must end then; if its parent ends earlier, the
-/// process ends too.
-///
-/// # Errors
-/// Arguments that are no probe's, or an output that nobody reads.
-pub fn answer_probe(arguments: &[OsString], out: &mut dyn Write) -> io::Result<()> {
-    let asked = Asked::parse(arguments).ok_or_else(|| {
-        io::Error::new(io::ErrorKind::InvalidInput, "only a probe of splitplane's asks for this")
-    })?;
-    // It is open for as long as the parent waits.
-    thread::Builder::new().spawn(|| {
-        let _ = io::stdin().read_to_end(&mut Vec::new());
-        std::process::exit(0);
-    })?;
-    out.write_all(asked.answer().as_bytes())?;
-    out.flush()
-}
-
-/// What the parent asks.
-#[derive(Debug, PartialEq, Eq)]
-struct Asked {
-    index: usize,
-    name: String,
-    time: Duration,
-    memory: u64,
-}
-
-impl Asked {
-    fn parse(arguments: &[OsString]) -> Option<Asked> {
-        let [index, name, time, memory] = arguments else { return None };
-        let number = |text: &OsString| text.to_str()?.parse::<u64>().ok();
-        Some(Asked {
-            index: usize::try_from(number(index)?).ok()?,
-            name: name.to_str()?.to_owned(),
-            time: Duration::from_millis(number(time)?),
-            memory: number(memory)?,
-        })
-    }
-
-    fn answer(&self) -> String {
-        let adapters = Adapters::find();
-        let list = adapters.list();
-        let same = |adapter: &&Adapter| adapter.name() == self.name;
-        let adapter = list.get(self.index).filter(same).or_else(|| list.iter().find(same));
-        let Some(adapter) = adapter else {
-            return say("failed", format_args!("no GPU adapter is called `{}`", self.name));
-        };
-        let options = OpenOptions {
-            timeout: Some(self.time),
-            driver_time: Some(self.time),
-            driver_memory: Some(self.memory),
-            ..OpenOptions::default()
-        };
-        match adapter.open(&options) {
-            Ok(gpu) => told(tested(gpu)),
-            Err(OpenError::DriverLimit { doing, limit, .. }) => over(&doing, limit),
-            Err(OpenError::Unusable { reason, .. }) => say("failed", reason),
-            Err(error) => say("failed", error),
-        }
-    }
-}
-
-/// What the self-test finds.
-fn tested(gpu: Gpu) -> Result<Parity, GpuError> {
-    let backend = WgpuBackend::new(gpu)?;
-    Ok(backend.parity().cloned().expect("`new` has tested it"))
-}
-
-fn told(tested: Result<Parity, GpuError>) -> String {
-    match tested {
-        Ok(Parity::Bitwise) => say("bitwise", ""),
-        Ok(Parity::Structural(difference)) => say("structural", difference),
-        Err(GpuError::DriverLimit { doing, limit }) => over(&doing, limit),
-        Err(error) => say("failed", format_args!("its self-test did not run: {error}")),
-    }
-}
-
-fn over(doing: &str, limit: DriverLimit) -> String {
-    match limit {
-        DriverLimit::Memory(_) => say("memory", doing),
-        _ => say("time", doing),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::parity::Parity;
 
     const BOUNDS: Bounds = Bounds { time: Duration::from_secs(600), memory: u64::MAX };
-
-    #[test]
-    fn what_the_child_says_comes_across() {
-        let across = |line: String| parse(line.strip_prefix(MARK)?.trim_end(), BOUNDS);
-        assert_eq!(across(told(Ok(Parity::Bitwise))), Some(Tried::Parity(Parity::Bitwise)));
-        let structural = Parity::Structural("the quotient of 1 and 3".into());
-        assert_eq!(across(told(Ok(structural.clone()))), Some(Tried::Parity(structural)));
-        let refused = GpuError::Refused("line one\nsplitplane probe: bitwise".into());
-        let line = told(Err(refused));
-        assert_eq!(line.lines().count(), 1);
-        assert!(matches!(across(line), Some(Tried::Failed(text)) if text.ends_with("bitwise")));
-        for limit in [DriverLimit::Time(BOUNDS.time), DriverLimit::Memory(BOUNDS.memory)] {
-            let doing = "compiling `x y`".to_owned();
-            let line = told(Err(GpuError::DriverLimit { doing: doing.clone(), limit }));
-            assert_eq!(across(line), Some(Tried::Exceeded { doing, limit }));
-        }
-        assert_eq!(parse("what a driver prints", BOUNDS), None);
-    }
-
-    #[test]
-    fn what_the_parent_asks_comes_across() {
-        let asked = |arguments: &[&str]| {
-            Asked::parse(&arguments.iter().map(OsString::from).collect::<Vec<_>>())
-        };
-        let time = Duration::from_secs(20);
-        let full = Asked { index: 1, name: "a b".into(), time, memory: 7 };
-        assert_eq!(asked(&["1", "a b", "20000", "7"]), Some(full));
-        for wrong in [&["1", "a", "2"][..], &["", "a", "2", "3"], &["1", "a", "2", "-3"], &[]] {
-            assert_eq!(asked(wrong), None, "{wrong:?}");
-        }
-    }
 
     #[cfg(unix)]
     fn shell(script: &str, bounds: Bounds) -> Tried {

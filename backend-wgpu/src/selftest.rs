@@ -1,6 +1,8 @@
 //! The self-test of a device when it is opened: the guarded operations, one small tree, a few rays,
 //! all compared with the bits of the CPU.
 
+use std::sync::Arc;
+
 use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::{Arithmetic, Strict, flush, snap};
 use splitplane_core::backend::BuildOptions;
@@ -16,12 +18,14 @@ use splitplane_core::tree::validate::validate_mesh;
 use splitplane_core::triangle::{Triangle, prepare};
 use wgpu::BufferUsages as Usage;
 
-use crate::backend::WgpuBackend;
+use crate::builder::PendingBuild;
+use crate::builder::shared::Shared;
+use crate::builder::source::Source;
 use crate::device::gpu::Gpu;
 use crate::device::{DeviceSet, Pipelines, Text, once};
 use crate::error::GpuError;
 use crate::parity::Parity;
-use crate::query::{DeviceQueryError, DeviceTree};
+use crate::query::{DeviceQueryError, DeviceTree, Queries};
 
 /// Pairs of operands on which the guarded operations are tested.
 const PAIRS: u32 = 4096;
@@ -36,9 +40,9 @@ pub const DIGEST: Digest = Digest(0x3bb2_3b4d_0a14_e334);
 ///
 /// # Errors
 /// A device that fails, or that builds a tree that is not valid.
-pub(crate) fn run(backend: &WgpuBackend) -> Result<Parity, GpuError> {
-    let arithmetic = check_arithmetic(backend.gpu())?;
-    let tree = check_tree(backend)?;
+pub(crate) fn run(shared: &Arc<Shared>) -> Result<Parity, GpuError> {
+    let arithmetic = check_arithmetic(&shared.gpu)?;
+    let tree = check_tree(shared)?;
     Ok(match arithmetic.or(tree) {
         None => Parity::Bitwise,
         Some(difference) => Parity::Structural(difference),
@@ -207,7 +211,7 @@ fn rays(triangles: &[Triangle]) -> Vec<Ray> {
 }
 
 /// How the small tree, or the rays through it, differ from the CPU's.
-fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
+fn check_tree(shared: &Arc<Shared>) -> Result<Option<String>, GpuError> {
     let triangles = triangles();
     let soup = Mesh::soup(&triangles).map_err(|error| GpuError::Refused(error.to_string()))?;
     let refused = |error| match error {
@@ -215,25 +219,31 @@ fn check_tree(backend: &WgpuBackend) -> Result<Option<String>, GpuError> {
         BuildError::Device(DeviceError::TimedOut { seconds }) => GpuError::TimedOut { seconds },
         other => GpuError::Refused(other.to_string()),
     };
-    let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;
-    let tree = built.tree.read(backend.gpu())?;
+    let build = |mesh: &Mesh<'_>| {
+        let (source, options) = (Source::Host(*mesh), BuildOptions::default());
+        PendingBuild::submit(Arc::clone(shared), &source, &options, false, false)
+            .and_then(|mut pending| pending.wait())
+            .map_err(refused)
+    };
+    let built = build(&soup)?;
+    let tree = built.tree.read(&shared.gpu)?;
     validate_mesh(&tree.view(), &soup)
         .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
     if tree.digest() != DIGEST {
         return Ok(Some(format!("a small tree is {}, not {DIGEST}", tree.digest())));
     }
-    if let Some(difference) = check_rays(backend, &built.tree, &tree, &triangles)? {
+    if let Some(difference) = check_rays(&shared.queries, &built.tree, &tree, &triangles)? {
         return Ok(Some(difference));
     }
     // So small that every triangle is scaled before the test.
     let tiny: Vec<Triangle> =
         triangles.iter().map(|t| t.map(|corner| corner.map(|x| x * TINY))).collect();
     let soup = Mesh::soup(&tiny).map_err(|error| GpuError::Refused(error.to_string()))?;
-    let built = backend.build_on_device(&soup, &BuildOptions::default()).map_err(refused)?;
-    let tree = built.tree.read(backend.gpu())?;
+    let built = build(&soup)?;
+    let tree = built.tree.read(&shared.gpu)?;
     validate_mesh(&tree.view(), &soup)
         .map_err(|violation| GpuError::Refused(format!("it builds broken trees: {violation}")))?;
-    check_rays(backend, &built.tree, &tree, &tiny)
+    check_rays(&shared.queries, &built.tree, &tree, &tiny)
 }
 
 /// Scale of the second scene.
@@ -241,7 +251,7 @@ const TINY: f32 = 1.0 / (1u64 << 50) as f32;
 
 /// The first ray whose answer differs from the CPU's, on the same tree.
 fn check_rays(
-    backend: &WgpuBackend,
+    queries: &Queries,
     device: &DeviceTree,
     tree: &KdTree,
     triangles: &[Triangle],
@@ -253,9 +263,9 @@ fn check_rays(
         other => GpuError::Refused(other.to_string()),
     };
     let mut hits = vec![Hit::MISS; rays.len()];
-    backend.queries().closest_hits(device, &rays, &mut hits, &options).map_err(failed)?;
+    queries.closest_hits(device, &rays, &mut hits, &options).map_err(failed)?;
     let mut any = vec![false; rays.len()];
-    backend.queries().any_hits(device, &rays, &mut any, &options).map_err(failed)?;
+    queries.any_hits(device, &rays, &mut any, &options).map_err(failed)?;
     let corners: Vec<Triangle> = triangles.iter().map(|t| prepare(t).corners).collect();
     let scale = device.scene_scale();
     for ((ray, found), any) in rays.iter().zip(&hits).zip(any) {
