@@ -9,7 +9,7 @@ use clap::{Args, ValueEnum};
 use splitplane::render::Size;
 use splitplane::scene::SceneOptions;
 use splitplane::{Accuracy, Backend, BackendKind, OpenOptions, Preset};
-use splitplane_measure::paper::document::File;
+use splitplane_measure::paper::file::File;
 use splitplane_measure::paper::machine::Machine;
 use splitplane_measure::paper::scene::{Placed, Settings as SceneSettings};
 use splitplane_measure::trade::budget::{Fixed, FixedRays};
