@@ -32,7 +32,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("render", "", &["plan", "scene_data"]),
     ("render", "picture", &["error", "movie", "screen"]),
     ("render", "picture", &["heat", "legend"]),
-    ("measure", "trade", &["budget", "bvh", "document", "hierarchy", "measure", "recommend"]),
     ("cli", "", &["ending", "failure", "output"]),
 ];
 
