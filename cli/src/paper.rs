@@ -4,7 +4,7 @@ use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, size};
 use super::prepared::{command, print_json};
-use super::{output, progress};
+use super::{files, output, progress};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
@@ -122,7 +122,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ending::check()?;
     let gpu = arguments.gpu()?;
     let settings = arguments.settings(gpu.info.is_some())?;
-    let _folder = output::Folder::make(&arguments.out)?;
+    let _folder = files::Folder::make(&arguments.out)?;
     arguments.report(&settings, &gpu)
 }
 
@@ -347,7 +347,7 @@ impl Arguments {
         // The text comes last: where it is, all that it shows is there.
         files.push(File { name: "report.md".into(), bytes: report.markdown().into_bytes() });
         for file in &files {
-            output::file(&self.out.join(&file.name), &file.bytes)?;
+            files::write(&self.out.join(&file.name), &file.bytes)?;
         }
         Ok(files.into_iter().map(|file| file.name).collect())
     }

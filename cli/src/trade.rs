@@ -4,7 +4,7 @@ use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{AccuracyName, PresetName, bytes};
 use super::prepared::{command, print_json};
-use super::{output, progress};
+use super::{files, output, progress};
 use clap::{Args, ValueEnum};
 use splitplane::render::Size;
 use splitplane::scene::SceneOptions;
@@ -135,7 +135,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (None, Some(_)) => None,
     };
     // That nothing can be written is said before anything is measured.
-    let _made = folder.as_deref().map(output::Folder::make).transpose()?;
+    let _made = folder.as_deref().map(files::Folder::make).transpose()?;
     arguments.work(old.as_ref(), folder.as_deref())
 }
 
@@ -430,7 +430,9 @@ fn write(folder: &Path, trade: &Trade) -> Result<Vec<String>, Failure> {
     files.push(File { name: "trade.json".into(), bytes: json });
     // The text comes last: where it is, all that it shows is there.
     files.push(File { name: "trade.md".into(), bytes: text.into_bytes() });
-    output::files(files.iter().map(|file| (folder.join(&file.name), file.bytes.as_slice())))?;
+    files::write_together(
+        files.iter().map(|file| (folder.join(&file.name), file.bytes.as_slice())),
+    )?;
     Ok(files.iter().map(|file| folder.join(&file.name).display().to_string()).collect())
 }
 

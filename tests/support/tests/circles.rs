@@ -32,7 +32,6 @@ const KNOWN: &[(&str, &str, &[&str])] = &[
     ("render", "", &["plan", "scene_data"]),
     ("render", "picture", &["error", "movie", "screen"]),
     ("render", "picture", &["heat", "legend"]),
-    ("cli", "", &["ending", "failure", "output"]),
 ];
 
 /// The folders of the packages and the crates in them.
