@@ -1,4 +1,4 @@
-//! The command line: one file a verb. This is the inside of the program `splitplane`, not an interface.
+//! The command line: one module a verb. This is the inside of the program `splitplane`, not an interface.
 
 #![forbid(unsafe_code)]
 #![doc(hidden)]
