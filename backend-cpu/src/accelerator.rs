@@ -1,18 +1,19 @@
 //! The built tree, ready for rays.
 
+mod all_hits;
+mod task_bytes;
+mod windings;
+
 use core::any::Any;
-use core::sync::atomic::AtomicU64;
-use core::sync::atomic::Ordering::Relaxed;
 use std::collections::TryReserveError;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, QueryLayout};
-use splitplane_core::error::{BuildError, QueryError, check_bytes, refused};
-use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Collector, Crossing};
-use splitplane_core::query::inside;
-use splitplane_core::query::inside::{LocateOptions, Located, Locator};
+use splitplane_core::error::{BuildError, QueryError, refused};
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
@@ -28,14 +29,11 @@ use crate::layout::tree_layout::TreeLayout;
 use crate::memory::Memory;
 use crate::simd::InstructionSet;
 use crate::trace::batch::{Answers, RayBatch};
-use crate::trace::exact;
 use crate::trace::single::Single;
 use crate::trace::stream::Stream;
 
 /// Rays of one task: what one thread takes at a time.
 const TASK: usize = 4096;
-/// Rays of one task of all hits, and points of one task, which take longer and give more.
-const FEW: usize = 64;
 /// Initial number of rays between two calls of the watch.
 const FIRST: usize = 16;
 /// With a watch, a part that takes longer is followed by one of half as many rays, one that takes
@@ -203,113 +201,6 @@ impl CpuAccelerator {
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())
     }
-
-    /// All hits of a batch.
-    fn find_all_hits(
-        &self,
-        rays: &[Ray],
-        options: &AllHitsOptions<'_>,
-    ) -> Result<AllHits, QueryError> {
-        let meter = &ProgressMeter::of(options.watch);
-        let query = &options.query();
-        meter.begin_stage(Stage::Rays, rays.len() as u64);
-        // The starts of all, and the report on each part.
-        let tasks = rays.len().div_ceil(FEW);
-        let lists = (rays.len() * size_of::<usize>() + tasks * size_of::<Option<AllHits>>()) as u64;
-        let held = AtomicU64::new(lists);
-        let lacking = || refused(held.load(Relaxed));
-        check_bytes(lists, options.max_memory)?;
-        let mut parts: Vec<Option<AllHits>> = Vec::new();
-        parts.try_reserve_exact(tasks).map_err(|_| lacking())?;
-        parts.resize(tasks, None);
-        rays.par_chunks(FEW).zip(&mut parts).try_for_each(|(rays, out)| {
-            let mut share = TaskBytes { held: &held, own: 0, max_memory: options.max_memory };
-            let mut part = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
-            let mut collector = Collector::default();
-            let (layout, bounds) = (&self.layout, &self.layout.tree.bounds);
-            for ray in rays {
-                // The threads' results are copied together at the end, so they count twice.
-                let copy = |crossings: usize| (crossings * size_of::<Crossing>()) as u64;
-                let beside = part.bytes() + copy(part.crossings.len());
-                let mut ended = share.hold(beside + collector.bytes());
-                ended.clone()?;
-                let go_on = |bytes| {
-                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
-                    ended = meter.check_batch().and_then(|()| share.hold(beside + bytes));
-                    ended.is_ok()
-                };
-                exact::all_hits(layout, bounds, ray, query, &mut collector, go_on);
-                ended?;
-                let grown = collector.growth(&part.crossings);
-                share.hold(beside + collector.bytes() + grown)?;
-                collector.finish(&mut part.crossings).map_err(|_| lacking())?;
-                part.starts.push(part.crossings.len());
-            }
-            drop(collector);
-            trim(&mut part.crossings);
-            share.hold(part.bytes() + size_of_val(&part.crossings[..]) as u64)?;
-            meter.advance(rays.len() as u64);
-            meter.record_work(WORK_BETWEEN_CHECKS);
-            *out = Some(part);
-            meter.check_batch()
-        })?;
-        let mut all = AllHits::with_room(rays.len()).map_err(|_| lacking())?;
-        let crossings = parts.iter().flatten().map(|part| part.crossings.len()).sum();
-        all.crossings.try_reserve_exact(crossings).map_err(|_| lacking())?;
-        parts.into_iter().flatten().try_for_each(|part| all.append(part))?;
-        meter.finish_stage();
-        meter.check_batch().map(|()| all)
-    }
-
-    /// Where points lie.
-    fn find_windings(
-        &self,
-        points: &[[f32; 3]],
-        options: &LocateOptions<'_>,
-    ) -> Result<Located, QueryError> {
-        let LocateOptions { max_memory, watch } = *options;
-        let meter = &ProgressMeter::of(watch);
-        meter.begin_stage(Stage::Rays, points.len() as u64);
-        let held = AtomicU64::new(inside::check_points(points.len(), max_memory)?);
-        meter.check_batch()?;
-        let mut windings = inside::no_windings(points.len())?;
-        let options = QueryOptions::default();
-        let tasks = points.par_chunks(FEW).zip(windings.par_chunks_mut(FEW));
-        tasks.try_for_each(|(points, windings)| {
-            let mut share = TaskBytes { held: &held, own: 0, max_memory };
-            let mut locator = Locator::default();
-            for (&point, winding) in points.iter().zip(windings) {
-                let mut ended = meter.check_batch();
-                ended.clone()?;
-                let visit = |ray: &Ray, test: &mut inside::Test<'_>| {
-                    exact::visit(&self.layout, &self.layout.tree.bounds, ray, &options, test);
-                };
-                let wound = locator.winding(point, visit, &mut |bytes| {
-                    meter.record_work(WORK_BETWEEN_CHECKS / 8);
-                    ended = meter.check_batch().and_then(|()| share.hold(bytes));
-                    ended.is_ok()
-                });
-                ended?;
-                *winding = wound.map_err(|_| refused(held.load(Relaxed)))?;
-                meter.advance(1);
-                meter.record_work(WORK_BETWEEN_CHECKS / 64);
-            }
-            share.hold(0)
-        })?;
-        meter.finish_stage();
-        meter.check_batch().map(|()| Located { windings, report: QueryReport::default() })
-    }
-}
-
-/// Gives back what a list has to spare, as long as there is memory for a shorter one: shrinking it where it is
-/// could end the process.
-fn trim(crossings: &mut Vec<Crossing>) {
-    let mut shorter = Vec::new();
-    if crossings.len() < crossings.capacity() && shorter.try_reserve_exact(crossings.len()).is_ok()
-    {
-        shorter.extend_from_slice(crossings);
-        *crossings = shorter;
-    }
 }
 
 /// What a query answers for each ray of a batch.
@@ -334,29 +225,6 @@ impl Answer for bool {
 
     fn answers(answers: &mut [bool]) -> Answers<'_> {
         Answers::Any(answers)
-    }
-}
-
-/// A task's share of the bytes that all tasks of a batch hold.
-struct TaskBytes<'a> {
-    held: &'a AtomicU64,
-    own: u64,
-    max_memory: Option<u64>,
-}
-
-impl TaskBytes<'_> {
-    /// From now on the task holds `bytes` bytes.
-    ///
-    /// # Errors
-    /// [`QueryError::OutOfMemory`] when all tasks together hold more than allowed.
-    fn hold(&mut self, bytes: u64) -> Result<(), QueryError> {
-        if bytes == self.own {
-            return Ok(());
-        }
-        let difference = bytes.wrapping_sub(self.own);
-        self.own = bytes;
-        let all = self.held.fetch_add(difference, Relaxed).wrapping_add(difference);
-        check_bytes(all, self.max_memory)
     }
 }
 

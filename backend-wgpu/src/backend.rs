@@ -22,11 +22,7 @@ use crate::builder::shared::Shared;
 use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::device::gpu::Gpu;
-<<<<<<< HEAD
-use crate::device::{Pipelines, host, selftest};
-=======
 use crate::device::host;
->>>>>>> circles-gpu
 use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};

@@ -1,13 +1,9 @@
 //! What can go wrong on a device.
 
-<<<<<<< HEAD
-use splitplane_core::error::{BuildError, DeviceError, QueryError};
-=======
 use std::fmt;
 use std::time::Duration;
 
-use splitplane_core::backend::{BuildError, DeviceError, QueryError};
->>>>>>> circles-gpu
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use thiserror::Error;
 
 /// Why no device was opened.

@@ -1,9 +1,9 @@
 //! `splitplane animate`: a scene that moves, its tree rebuilt from scratch for every frame.
 
 use super::failure::Failure;
+use super::files::{self, ends_in};
 use super::look::Look;
 use super::options::Common;
-use super::output::ends_in;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, in_pool, print_json};
 use super::stage::{Stage, open_backend};
@@ -70,7 +70,7 @@ fn fps(text: &str) -> Result<f64, String> {
 /// A movie under another name until it is whole.
 struct Film {
     movie: Movie<BufWriter<fs::File>>,
-    part: output::Part,
+    part: files::Part,
 }
 
 /// What a frame took, in milliseconds.
@@ -186,7 +186,7 @@ impl Arguments {
                 path.display()
             )));
         }
-        let (part, file) = output::Part::create(path)?;
+        let (part, file) = files::Part::create(path)?;
         let dimensions = (self.look.size.width(), self.look.size.height());
         let movie = Movie::new(BufWriter::new(file), format, dimensions, frames, delay)?;
         Ok(Some(Film { movie, part }))
@@ -254,7 +254,7 @@ impl Arguments {
         let screen = picture::screen(self.look.size, pixels)?;
         if let Some(folder) = &self.out {
             let path = folder.join(format!("frame-{number:04}.png"));
-            output::file(&path, &picture::encode_png(&screen)?)?;
+            files::write(&path, &picture::encode_png(&screen)?)?;
         }
         if let Some(film) = movie {
             film.movie.push(&screen)?;

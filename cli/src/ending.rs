@@ -159,7 +159,7 @@ fn leave() {
         // It may never have been there. A folder goes when nothing lies in it.
         let _ = std::fs::remove_file(&part).or_else(|_| std::fs::remove_dir(&part));
     }
-    failure.report();
+    output::report(&failure);
     std::process::exit(CANCELLED.into());
 }
 

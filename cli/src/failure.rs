@@ -67,12 +67,6 @@ impl Failure {
         self.code
     }
 
-    pub(super) fn report(&self) {
-        if !self.message().is_empty() {
-            super::output::error(self.message());
-        }
-    }
-
     pub(super) fn code(&self) -> ExitCode {
         ExitCode::from(self.number())
     }

@@ -6,7 +6,7 @@
 //! crossings of each ray begin, and behind the last one how many there are.
 
 use super::failure::Failure;
-use super::{npy, output};
+use super::{files, npy};
 use splitplane::{AllHits, Hit, Located, Location, QueryError, Rule};
 use std::path::{Path, PathBuf};
 
@@ -24,7 +24,7 @@ pub(super) fn write_closest(path: &Path, hits: &[Hit]) -> Result<(), Failure> {
         let words = [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
         bytes.extend(words.into_iter().flat_map(u32::to_le_bytes));
     }
-    output::file(path, &bytes)
+    files::write(path, &bytes)
 }
 
 /// Writes 1 for every ray that hits anything, 0 for the others; [`NO_ANSWER`] at the places in
@@ -36,7 +36,7 @@ pub(super) fn write_any(path: &Path, hits: &[bool], flagged: &[usize]) -> Result
     for &place in flagged {
         bytes[first + place] = NO_ANSWER;
     }
-    output::file(path, &bytes)
+    files::write(path, &bytes)
 }
 
 /// Writes all crossings of every ray; gives the names of both files, which appear together.
@@ -50,7 +50,10 @@ pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Fail
     let beside = starts_beside(path);
     let mut starts = start(&beside, "'<u8'", 8, all.starts.len())?;
     starts.extend(all.starts.iter().flat_map(|start| (*start as u64).to_le_bytes()));
-    output::files([(path.to_owned(), bytes.as_slice()), (beside.clone(), starts.as_slice())])?;
+    files::write_together([
+        (path.to_owned(), bytes.as_slice()),
+        (beside.clone(), starts.as_slice()),
+    ])?;
     Ok([path.to_owned(), beside])
 }
 
@@ -75,7 +78,7 @@ pub(super) fn write_inside(path: &Path, located: &Located) -> Result<(), Failure
             Location::Boundary => 2,
         }
     }));
-    output::file(path, &bytes)
+    files::write(path, &bytes)
 }
 
 /// The head of a file, and room for so many records of so many bytes behind it.

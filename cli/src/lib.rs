@@ -1,4 +1,4 @@
-//! The command line: one file a verb. This is the inside of the program `splitplane`, not an interface.
+//! The command line: one module a verb. This is the inside of the program `splitplane`, not an interface.
 
 #![forbid(unsafe_code)]
 #![doc(hidden)]
@@ -9,6 +9,7 @@ mod bug;
 mod build;
 mod ending;
 pub mod failure;
+mod files;
 mod hit_file;
 mod knobs;
 mod look;
@@ -160,7 +161,7 @@ pub fn main() -> ExitCode {
         }
         Err(failure) => match ending::last_word(failure) {
             Some(failure) => {
-                failure.report();
+                output::report(&failure);
                 failure.code()
             }
             None => ending::wait(),

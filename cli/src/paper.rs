@@ -1,27 +1,27 @@
 //! `splitplane paper`: what the survey of Zhou et al. 2008 reports, measured here.
 
+mod figures;
+mod report;
+
 use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{bytes, size};
-use super::prepared::{command, print_json};
-use super::{output, progress};
+use super::prepared::command;
+use super::{files, output, progress};
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use figures::{Drawn, scalings};
 use indicatif::ProgressBar;
 use splitplane::backend::Engine;
 use splitplane::render::Size;
 use splitplane::{Backend, BackendInfo, BackendKind, CpuBackend, OpenOptions, Preset};
 use splitplane_measure::paper::asked::{Asked, BadLights, STAND_INS};
-use splitplane_measure::paper::document::{File, Report};
-use splitplane_measure::paper::figures::{self, Figures};
+use splitplane_measure::paper::document::Report;
 use splitplane_measure::paper::machine::Machine;
 use splitplane_measure::paper::motion;
-use splitplane_measure::paper::objects::Objects;
-use splitplane_measure::paper::scaling::{self, Scaling};
-use splitplane_measure::paper::scene::{self, Placed, SceneReport, Settings};
-use splitplane_measure::paper::survey::{SCALING_LARGEST, SCALING_SMALLEST};
+use splitplane_measure::paper::scene::{self, Placed, Settings};
 use splitplane_measure::paper::worked::Worked;
-use splitplane_measure::paper::{Builder, areas, claims};
+use splitplane_measure::paper::{Builder, claims};
 use splitplane_scene::from_file::{printable, quoted};
 use std::path::PathBuf;
 
@@ -121,7 +121,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     ending::check()?;
     let gpu = arguments.gpu()?;
     let settings = arguments.settings(gpu.info.is_some())?;
-    let _folder = output::Folder::make(&arguments.out)?;
+    let _folder = files::Folder::make(&arguments.out)?;
     arguments.report(&settings, &gpu)
 }
 
@@ -129,13 +129,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
 struct Gpu {
     info: Option<BackendInfo>,
     reason: String,
-}
-
-/// Figures, and what some of them show.
-struct Drawn {
-    figures: Figures,
-    areas: areas::Areas,
-    objects: Option<Objects>,
 }
 
 /// The work of the report, with its progress.
@@ -296,134 +289,6 @@ impl Arguments {
         }
         Ok(scenes)
     }
-
-    fn figures(
-        &self,
-        placed: &[Placed],
-        settings: &Settings,
-        scalings: &[Scaling],
-        progress: &Progress,
-    ) -> Result<Drawn, Failure> {
-        let mut trees = Vec::new();
-        for placed in placed {
-            trees.push(figures::tree(placed, settings)?);
-            progress.step(&format!("{}: tree for figures", placed.scene.name));
-        }
-        let mut figures = Figures::default();
-        let (boxes, lines) = if self.quick { (32, 4_000) } else { (96, 100_000) };
-        let (first, tree) = (&placed[0], &trees[0]);
-        let count = || areas::count(&tree.view(), &CpuBackend::new(), boxes, lines);
-        let areas = splitplane_measure::paper::pool(settings.threads)?.install(count)?;
-        figures.tree(placed, &trees)?;
-        let objects = figures.objects(placed, &trees)?;
-        figures.areas(&first.scene.name, &areas)?;
-        progress.step("figures 4 to 9");
-        figures.cut(placed, &trees)?;
-        progress.step("figure 10");
-        for (letter, placed) in ('a'..='z').zip(placed) {
-            figures.picture(letter, placed, if self.quick { 1 } else { 4 }, settings)?;
-            progress.step(&format!("figure 11 {letter}"));
-        }
-        let (cpu, gpu): (Vec<Scaling>, Vec<Scaling>) =
-            scalings.iter().cloned().partition(|scaling| scaling.backend == "cpu");
-        for (name, scalings) in [("figure-12", cpu), ("figure-12-gpu", gpu)] {
-            if !scalings.is_empty() {
-                figures.scaling(name, &scalings)?;
-            }
-        }
-        Ok(Drawn { figures, areas, objects })
-    }
-
-    /// Writes all files and gives their names.
-    fn write(&self, report: &Report, pictures: Vec<File>) -> Result<Vec<String>, Failure> {
-        let json = serde_json::to_vec_pretty(report)
-            .map_err(|error| Failure::file(format!("cannot write the report as JSON: {error}")))?;
-        let mut files = pictures;
-        for (name, table) in report.tables() {
-            files.push(File { name: format!("{name}.csv"), bytes: table.csv().into_bytes() });
-        }
-        files.push(File { name: "report.json".into(), bytes: json });
-        // The text comes last: where it is, all that it shows is there.
-        files.push(File { name: "report.md".into(), bytes: report.markdown().into_bytes() });
-        for file in &files {
-            output::file(&self.out.join(&file.name), &file.bytes)?;
-        }
-        Ok(files.into_iter().map(|file| file.name).collect())
-    }
-
-    fn tell(&self, report: &Report, files: &[String]) -> Result<(), Failure> {
-        let paths: Vec<String> =
-            files.iter().map(|name| self.out.join(name).display().to_string()).collect();
-        if self.json {
-            #[derive(serde::Serialize)]
-            struct Told<'a> {
-                #[serde(flatten)]
-                report: &'a Report,
-                output: Vec<String>,
-            }
-            return print_json(&Told { report, output: paths });
-        }
-        if self.quiet {
-            return Ok(());
-        }
-        let mut text = String::new();
-        for scene in &report.scenes {
-            text += &described(scene);
-        }
-        let last = paths.last().map_or("", String::as_str);
-        text += &format!("written  {last} and {} files beside it\n", paths.len() - 1);
-        output::data(&text)
-    }
-}
-
-/// Figure 12 of the smallest and the largest scene, on every backend.
-fn scalings(
-    placed: &[Placed],
-    settings: &Settings,
-    gpu: bool,
-    progress: &Progress,
-) -> Result<Vec<Scaling>, Failure> {
-    let size = |placed: &&Placed| placed.scene.indices.len();
-    let mut chosen: Vec<(&Placed, f64)> = placed
-        .iter()
-        .max_by_key(size)
-        .map(|largest| (largest, SCALING_LARGEST))
-        .into_iter()
-        .collect();
-    if placed.len() > 1 {
-        chosen.extend(placed.iter().min_by_key(size).map(|smallest| (smallest, SCALING_SMALLEST)));
-    }
-    let mut scalings = Vec::new();
-    for &(placed, printed) in &chosen {
-        scalings.push(scaling::on_cpu(&placed.scene, printed, settings)?);
-    }
-    progress.step("figure 12");
-    if gpu {
-        #[cfg(feature = "wgpu")]
-        for &(placed, printed) in &chosen {
-            scalings.push(scaling::on_gpu(&placed.scene, printed, settings)?);
-        }
-        progress.step("figure 12 on the GPU");
-    }
-    Ok(scalings)
-}
-
-/// A scene's builders in a line each.
-fn described(scene: &SceneReport) -> String {
-    let mut text = format!(
-        "scene    ({}) {}: {} triangles, lights: {}\n",
-        scene.letter,
-        quoted(&scene.name),
-        scene.triangles,
-        scene.lights
-    );
-    for row in &scene.builders {
-        text += &format!(
-            "built    {:<8} {:<5} knobs {:<4} tree {:8.2} ms, frame {:8.2} ms, SAH cost {:.2}\n",
-            row.preset, row.knobs, row.backend, row.tree_ms, row.trace_ms, row.sah_cost
-        );
-    }
-    text
 }
 
 #[cfg(test)]

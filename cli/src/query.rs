@@ -3,7 +3,7 @@
 use super::failure::Failure;
 use super::options::Common;
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
-use super::{hit_file, output, progress, ray_file};
+use super::{files, hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::{
@@ -102,7 +102,7 @@ fn answers<T: Clone>(count: usize, none: T) -> Result<Vec<T>, QueryError> {
 impl Asked {
     fn read(arguments: &Arguments) -> Result<Asked, Failure> {
         if let (Kind::All, Some(path)) = (arguments.kind, &arguments.hits)
-            && output::is_stream(path)
+            && files::is_stream(path)
         {
             return Err(Failure::usage(format!(
                 "all hits are two files, which `{}` cannot be; give --hits the name of a file",

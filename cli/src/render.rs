@@ -1,9 +1,9 @@
 //! `splitplane render`, which is also what happens without a verb.
 
 use super::failure::Failure;
+use super::files::{self, ends_in};
 use super::look::Look;
 use super::options::Common;
-use super::output::ends_in;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
 use super::stage::{Stage, open_backend};
 use super::{output, progress};
@@ -158,7 +158,7 @@ impl Arguments {
                 QuantityName::Triangles => Quantity::Tests,
             };
             let map = HeatMap::new(size, &frame.first_costs()?, quantity, self.heatmap_top)?;
-            output::file(path, &picture::encode_png(&map.image)?)?;
+            files::write(path, &picture::encode_png(&map.image)?)?;
             let of = &map.statistics;
             written.heat = Some(format!(
                 "cost     {} a ray, first rays of pixels: mean {:.1}, median {}, 95 % at most {}, greatest {}\n",
@@ -184,14 +184,14 @@ impl Arguments {
         .filter_map(|(name, aov)| self.wants(name).then_some(aov))
         .collect();
         if outputs.radiance {
-            output::file(path, &picture::encode_exr(size, &frame.radiance()?, &aovs)?)?;
+            files::write(path, &picture::encode_exr(size, &frame.radiance()?, &aovs)?)?;
             return Ok(written);
         }
         let screen = picture::screen(size, &frame.pixels()?)?;
-        output::file(path, &picture::encode_png(&screen)?)?;
+        files::write(path, &picture::encode_png(&screen)?)?;
         for aov in aovs {
             let beside = path.with_extension(format!("{}.png", aov.name()));
-            output::file(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
+            files::write(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
             written.files.push(beside);
         }
         Ok(written)

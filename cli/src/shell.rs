@@ -1,7 +1,7 @@
 //! What a shell and `man` know of the program, made from its own description.
 
 use super::failure::Failure;
-use super::{Cli, output};
+use super::{Cli, files, output};
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 use clap_mangen::Man;
@@ -44,5 +44,5 @@ fn page(arguments: &ManPages, command: &clap::Command, name: &str) -> Result<(),
     Man::new(command)
         .render(&mut text)
         .map_err(|error| Failure::file(format!("{name}.1 cannot be made: {error}")))?;
-    output::file(&arguments.folder.join(format!("{name}.1")), &text)
+    files::write(&arguments.folder.join(format!("{name}.1")), &text)
 }

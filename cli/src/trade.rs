@@ -1,25 +1,26 @@
 //! `splitplane trade`: what each setting costs on a scene, what it gets wrong, and which to take.
 
+mod report;
+mod sweep;
+
 use super::ending::{self, TimeLimit};
 use super::failure::Failure;
 use super::options::{AccuracyName, PresetName, bytes};
-use super::prepared::{command, print_json};
-use super::{output, progress};
+use super::prepared::command;
+use super::{files, output, progress};
 use clap::{Args, ValueEnum};
+use report::{failed, left_out, write};
 use splitplane::render::Size;
 use splitplane::scene::SceneOptions;
-use splitplane::{Accuracy, Backend, BackendKind, OpenOptions, Preset};
-use splitplane_measure::paper::document::File;
+use splitplane::{BackendKind, OpenOptions};
 use splitplane_measure::paper::machine::Machine;
 use splitplane_measure::paper::scene::{Placed, Settings as SceneSettings};
 use splitplane_measure::trade::budget::{Fixed, FixedRays};
-use splitplane_measure::trade::compare::{Comparison, Old, Thresholds};
+use splitplane_measure::trade::compare::{Old, Thresholds};
 use splitplane_measure::trade::held::Held;
 use splitplane_measure::trade::measure::{Event, Settings};
-use splitplane_measure::trade::pareto::Standing;
-use splitplane_measure::trade::plan::{Device, Scope, Station, stations};
 use splitplane_measure::trade::recommend::Wish;
-use splitplane_measure::trade::{Trade, measure, plot, rays};
+use splitplane_measure::trade::{Trade, measure, rays};
 use splitplane_scene::from_file::{printable, quoted};
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -135,20 +136,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
         (None, Some(_)) => None,
     };
     // That nothing can be written is said before anything is measured.
-    let _made = folder.as_deref().map(output::Folder::make).transpose()?;
+    let _made = folder.as_deref().map(files::Folder::make).transpose()?;
     arguments.work(old.as_ref(), folder.as_deref())
-}
-
-/// What is measured, on which GPU if on one, and why.
-struct Sweep {
-    stations: Vec<Station>,
-    gpu: Gpu,
-}
-
-/// The GPU that is measured, if one is, and why.
-struct Gpu {
-    backend: Option<Box<dyn Backend>>,
-    reason: String,
 }
 
 impl Arguments {
@@ -247,76 +236,6 @@ impl Arguments {
         Ok(placed)
     }
 
-    fn sweep(&self) -> Result<Sweep, Failure> {
-        let cores = std::thread::available_parallelism().map_or(1, usize::from);
-        let most = self.threads.map_or(cores, usize::from);
-        let threads = if most > 1 { vec![1, most] } else { vec![1] };
-        let on_cpu = self.backends.iter().any(|kind| *kind != BackendKind::Wgpu);
-        if !on_cpu && self.presets.iter().all(|builder| *builder == PresetName::Best) {
-            return Err(Failure::usage(
-                "preset best is built on the CPU only; add cpu to --backend",
-            ));
-        }
-        let gpu = self.gpu()?;
-        let mut devices = Vec::new();
-        if on_cpu {
-            devices.push(Device::Cpu);
-        }
-        if gpu.backend.is_some() {
-            devices.push(Device::Gpu);
-        }
-        let mut presets: Vec<Preset> = self.presets.iter().map(|name| name.preset()).collect();
-        presets.sort_by_key(|preset| *preset as u32);
-        presets.dedup();
-        let mut accuracies: Vec<Accuracy> =
-            self.accuracies.iter().map(|level| level.accuracy()).collect();
-        let rank = |accuracy: &Accuracy| Accuracy::ALL.iter().position(|own| own == accuracy);
-        accuracies.sort_by_key(rank);
-        accuracies.dedup();
-        let scope = Scope { presets, knobs: !self.no_knobs, accuracies, devices, threads };
-        Ok(Sweep { stations: stations(&scope), gpu })
-    }
-
-    /// What a file says was measured.
-    fn sweep_again(&self, old: &Old) -> Result<Sweep, Failure> {
-        let stations = old.stations();
-        let gpu = match stations.iter().any(|station| station.device == Device::Gpu) {
-            true => self.open_gpu(BackendKind::Wgpu)?,
-            false => Gpu { backend: None, reason: "none, as in the file".into() },
-        };
-        Ok(Sweep { stations, gpu })
-    }
-
-    /// The GPU to measure. It is opened before the scene is: that there is none is said first.
-    fn gpu(&self) -> Result<Gpu, Failure> {
-        let kinds = &self.backends;
-        if kinds.contains(&BackendKind::Wgpu) {
-            return self.open_gpu(BackendKind::Wgpu);
-        }
-        let none = |reason: &str| Ok(Gpu { backend: None, reason: reason.to_owned() });
-        if !kinds.contains(&BackendKind::Auto) {
-            return none("none, since only the CPU was asked for");
-        }
-        if self.quick && self.adapter.is_none() {
-            return none("auto: none, since --quick was given");
-        }
-        self.open_gpu(BackendKind::Auto)
-    }
-
-    fn open_gpu(&self, kind: BackendKind) -> Result<Gpu, Failure> {
-        let opened = kind.open_with(&self.open_options())?;
-        let is_gpu = opened.backend.describe().name != "cpu";
-        Ok(Gpu { backend: is_gpu.then_some(opened.backend), reason: opened.reason })
-    }
-
-    fn open_options(&self) -> OpenOptions {
-        super::probe::limited(OpenOptions {
-            adapter: self.adapter.clone(),
-            allow_structural: self.allow_structural,
-            ..OpenOptions::default()
-        })
-    }
-
     fn fixed(&self) -> Fixed {
         let quick = |given: Option<u32>, few: u32| given.or(self.quick.then_some(few));
         let rays = FixedRays {
@@ -345,63 +264,6 @@ impl Arguments {
     fn thresholds(&self) -> Thresholds {
         Thresholds { ratio: self.threshold / 100.0, errors: self.error_threshold }
     }
-
-    fn tell(
-        &self,
-        trade: &Trade,
-        comparison: Option<&Comparison>,
-        output: Vec<String>,
-    ) -> Result<(), Failure> {
-        if self.json {
-            #[derive(serde::Serialize)]
-            struct Told<'a> {
-                #[serde(flatten)]
-                trade: &'a Trade,
-                comparison: Option<&'a Comparison>,
-                output: Vec<String>,
-            }
-            return print_json(&Told { trade, comparison, output });
-        }
-        if self.quiet {
-            return Ok(());
-        }
-        let mut text = described(trade);
-        if let Some(comparison) = comparison {
-            text += &comparison.words();
-        }
-        if let Some(last) = output.last() {
-            text += &format!("written  {last} and {} files beside it\n", output.len() - 1);
-        }
-        output::data(&text)
-    }
-}
-
-/// What a reader may look for and not find.
-fn left_out(stations: &[Station]) -> Vec<String> {
-    let on = |device| stations.iter().filter(move |station| station.device == device);
-    let best = on(Device::Cpu).any(|station| station.config.preset() == Preset::Best);
-    let mut out = Vec::new();
-    if best && on(Device::Gpu).next().is_some() {
-        out.push("preset best on the GPU, since it is built on the CPU only".to_owned());
-    }
-    out
-}
-
-/// What failed a comparison, in one line.
-fn failed(comparison: &Comparison) -> String {
-    let named = comparison
-        .worse
-        .iter()
-        .take(5)
-        .map(|worse| format!("row {} ({}): {}", worse.row, worse.setting, worse.figure));
-    let more = comparison.worse.len().saturating_sub(5);
-    let more = if more > 0 { format!("; and {more} more") } else { String::new() };
-    format!(
-        "{} of {} figures got worse past the threshold: {}{more}",
-        comparison.worse.len(),
-        comparison.figures,
-        named.collect::<Vec<_>>().join("; ")
-    )
 }
 
 /// Whether the exact answers, by which all others were judged, hold.
@@ -413,64 +275,6 @@ fn trustworthy(held: &Held) -> Result<(), Failure> {
         "the exact answers cannot be trusted, and no figure of errors either: {}",
         held.words()
     )))
-}
-
-/// Writes all files and gives their paths.
-fn write(folder: &Path, trade: &Trade) -> Result<Vec<String>, Failure> {
-    let json = serde_json::to_vec_pretty(trade)
-        .map_err(|error| Failure::file(format!("cannot write the report as JSON: {error}")))?;
-    let figures = plot::figures(trade)?;
-    let shown: Vec<(&str, &str)> = figures
-        .iter()
-        .map(|figure| (figure.files[0].name.as_str(), figure.caption.as_str()))
-        .collect();
-    let text = trade.markdown(&shown);
-    let mut files: Vec<File> = figures.into_iter().flat_map(|figure| figure.files).collect();
-    files.push(File { name: "trade.csv".into(), bytes: trade.table().csv().into_bytes() });
-    files.push(File { name: "trade.json".into(), bytes: json });
-    // The text comes last: where it is, all that it shows is there.
-    files.push(File { name: "trade.md".into(), bytes: text.into_bytes() });
-    output::files(files.iter().map(|file| (folder.join(&file.name), file.bytes.as_slice())))?;
-    Ok(files.iter().map(|file| folder.join(&file.name).display().to_string()).collect())
-}
-
-/// The rows in a line each, and what to take.
-fn described(trade: &Trade) -> String {
-    let mut text = format!(
-        "scene    {}: {} triangles\n\
-         rays     {} of each kind timed, {} of each kind judged, {} rounds\n\
-         exact    {}\n",
-        quoted(&trade.scene.name),
-        trade.scene.triangles,
-        trade.amounts.sample_rays.max(trade.amounts.gpu_sample_rays),
-        trade.amounts.error_rays.max(trade.amounts.gpu_error_rays),
-        trade.amounts.repeat,
-        trade.held.words()
-    );
-    for row in &trade.rows {
-        text += &format!(
-            "row {:>3}{} {:<44} build {:>9.2} ms  {:>7.0} ns a ray  {:>8.2} MB  SAH {:>7.2}  {:>8.1} errors/M  {:>8.1} rounded/M  pays {}\n",
-            row.number,
-            match row.pareto {
-                Standing::Optimal => "*",
-                Standing::Perhaps => "?",
-                Standing::Beaten => " ",
-            },
-            row.title(),
-            row.build_ms,
-            row.ns_per_ray,
-            row.query_bytes as f64 / 1e6,
-            row.sah_cost,
-            row.errors_per_million,
-            row.rounded_per_million,
-            row.payback.words()
-        );
-    }
-    text += &format!("take     {}\n", trade.recommendation.words);
-    if let Some(bvh) = &trade.bvh {
-        text += &format!("bvh      {}\n", bvh.words);
-    }
-    text
 }
 
 #[cfg(test)]

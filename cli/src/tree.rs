@@ -1,7 +1,7 @@
 //! What is said about a tree, its file, and whether it is sound.
 
 use super::failure::Failure;
-use super::output;
+use super::files;
 use serde::Serialize;
 use splitplane::core::tree::{file, stats, validate};
 use splitplane::{Accelerator, Mesh};
@@ -37,7 +37,7 @@ pub(super) fn save_tree(
     accelerator: &dyn Accelerator,
     mesh: &Mesh<'_>,
 ) -> Result<(), Failure> {
-    output::file(path, &file::write(&accelerator.tree().view(), mesh)?)
+    files::write(path, &file::write(&accelerator.tree().view(), mesh)?)
 }
 
 /// Checks that the tree is sound and loses no part of the mesh.

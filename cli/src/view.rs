@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::look::{MAX_TEXTURE, MaterialsName};
 use super::options::{Common, bytes, size};
 use super::prepared::{note_scene, pool, print_json};
-use super::{output, progress};
+use super::{files, progress};
 use clap::Args;
 use clap::builder::PossibleValuesParser;
 use image::RgbaImage;
@@ -77,7 +77,7 @@ fn views() -> PossibleValuesParser {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     if let Some(path) = &arguments.screenshot {
-        output::check_ending(path)?;
+        files::check_ending(path)?;
     }
     let build = common.build_options()?;
     let pool = pool(common)?;
@@ -112,7 +112,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let source = TracedSource::new(scene, animation, options, build, lights, defaults, pool);
     let ended = open(Box::new(source), settings)?;
     if let (Some(path), Some(image)) = (&arguments.screenshot, &ended.screenshot) {
-        output::file(path, &png(image)?)?;
+        files::write(path, &png(image)?)?;
     }
     match &ended {
         Ended { report: Some(report), .. } if common.json => {

@@ -12,6 +12,7 @@ mod error;
 mod library;
 mod lines;
 mod mtl;
+mod named_file;
 mod reader;
 mod rule;
 mod said;

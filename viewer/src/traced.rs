@@ -1,17 +1,17 @@
 //! Frames by the ray tracer, on the backend that is asked for: the CPU's pictures are sent to the
 //! window's device, those of the window's own GPU never leave it.
 
+mod views;
+
 use super::slot::Slot;
 use super::source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
     FrameSource, FrameTarget, Opening, TreeReport,
 };
-use image::RgbImage;
 use splitplane::backend::{BackendKind, OpenError, OpenOptions, failed};
-use splitplane::picture::{Aov, HeatMap, Quantity};
-use splitplane::render::{MAX_DEPTH, Outputs, RenderSettings, Size};
+use splitplane::render::{MAX_DEPTH, RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, Scene, View};
-use splitplane::tracer::{self, Frame, Tracer};
+use splitplane::tracer::{self, Tracer};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, QueryOptions};
@@ -20,6 +20,7 @@ use splitplane_core::tree::stats::TreeStats;
 use splitplane_cpu::CpuBackend;
 use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
 use std::time::Instant;
+use views::{debug_picture, outputs, words};
 
 /// Frames a second of an animation that does not say when its frames are.
 const FRAMES_A_SECOND: f64 = 24.0;
@@ -282,63 +283,6 @@ impl TracedSource {
         send(&words(&image));
         Ok((rays, legend))
     }
-}
-
-/// What a view needs of a frame.
-fn outputs(view: DebugView) -> Outputs {
-    let none = Outputs { pixels: false, radiance: false, first_hits: false, first_costs: false };
-    match view {
-        DebugView::Shaded => Outputs::PIXELS,
-        DebugView::Depth | DebugView::Normals | DebugView::TriangleIds => {
-            Outputs { first_hits: true, ..none }
-        }
-        DebugView::Nodes | DebugView::Triangles => Outputs { first_costs: true, ..none },
-    }
-}
-
-/// The picture of a view of what first rays met or cost, and what its colours mean.
-fn debug_picture(
-    frame: &Frame<'_>,
-    view: DebugView,
-    size: Size,
-) -> Result<(RgbImage, Option<String>), FrameError> {
-    let quantity = match view {
-        DebugView::Nodes => Quantity::Nodes,
-        DebugView::Triangles => Quantity::Tests,
-        _ => {
-            let hits = frame.first_hits()?;
-            let aov = match view {
-                DebugView::Depth => Aov::Depth(&hits),
-                DebugView::Normals => Aov::Normal(&hits),
-                _ => Aov::Triangle(&hits),
-            };
-            let depths = || hits.iter().map(|hit| hit.depth).filter(|depth| depth.is_finite());
-            let legend = (view == DebugView::Depth).then(|| {
-                let (near, far) = depths()
-                    .fold((f32::INFINITY, 0.0), |(near, far): (f32, f32), depth| {
-                        (near.min(depth), far.max(depth))
-                    });
-                format!("bright {near:.4} to dark {far:.4}")
-            });
-            return Ok((aov.picture(size)?, legend));
-        }
-    };
-    let costs = frame.first_costs()?;
-    let map = HeatMap::new(size, &costs, quantity, None)?;
-    let legend = format!(
-        "dark 0 to bright {}; mean {:.1}, greatest {}",
-        map.top, map.statistics.mean, map.statistics.max
-    );
-    let aov = match quantity {
-        Quantity::Nodes => Aov::Nodes(&costs),
-        Quantity::Tests => Aov::Tests(&costs),
-    };
-    Ok((aov.picture(size)?, Some(legend)))
-}
-
-/// A picture as the window takes it.
-fn words(image: &RgbImage) -> Vec<u32> {
-    image.pixels().map(|pixel| u32::from_le_bytes([pixel[0], pixel[1], pixel[2], 255])).collect()
 }
 
 impl FrameSource for TracedSource {

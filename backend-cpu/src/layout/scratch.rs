@@ -6,22 +6,25 @@
 //! allocated, and *filling* writes to that. It cannot fail, so an old layout is replaced only by a
 //! complete one.
 
+mod packed_words;
+mod planning;
+
 use std::sync::atomic::Ordering::Relaxed;
 use std::sync::atomic::{AtomicBool, AtomicU64};
 
 use rayon::prelude::*;
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::QueryLayout;
-use splitplane_core::config::MAX_DEPTH;
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::tree::KdTreeView;
 use splitplane_core::tree::node::{KdNode, NodeKind};
 use splitplane_core::triangle::Triangle;
 
-use super::cells::{halves, within};
+use self::packed_words::{Budget, PackedWords};
+use self::planning::LayoutPlanning;
+use super::cells::halves;
 use super::large::Large;
-use super::pack::{MOST_WORDS, Packer};
 use super::packed_block::UNIT_WORDS;
 use super::plan::{Branch, Branches, PlaceCosts, Planner, run_nodes};
 use super::walk_node::WalkNode;
@@ -33,9 +36,6 @@ use crate::simd::InstructionSet;
 
 /// Subtrees of more nodes are divided among tasks.
 const TASK: u32 = 1 << 11;
-/// Words that a triangle takes at first guess.
-const GUESS: usize = 6;
-
 /// The parts of a layout, in addition to a tree.
 #[derive(Clone, Copy)]
 pub(crate) struct LayoutSource<'a> {
@@ -71,17 +71,6 @@ pub(crate) struct PackTask {
     pub start: usize,
 }
 
-/// The blocks of a task's leaves.
-#[derive(Debug, Default)]
-pub(crate) struct PackedWords {
-    words: Vec<u32>,
-    used: usize,
-    room: usize,
-    /// Whether a limit on memory was met: then the words are not kept, and `used` and `room` tell what there
-    /// would be.
-    lost: bool,
-}
-
 /// How large a planned layout is.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LayoutSize {
@@ -95,54 +84,6 @@ pub(crate) struct LayoutSize {
     pub root: Option<u32>,
     /// Bytes that the scratch has grown by.
     pub scratch: u64,
-}
-
-/// Memory that tasks take at the same time.
-struct Budget {
-    /// Bytes held.
-    held: AtomicU64,
-    limit: u64,
-    /// Whether there was less memory than the limit allows.
-    failed: AtomicBool,
-}
-
-impl Budget {
-    /// Accounts for `bytes` more and returns whether they are within the limit.
-    fn take(&self, bytes: u64) -> bool {
-        self.held.fetch_add(bytes, Relaxed) + bytes <= self.limit
-    }
-}
-
-impl PackedWords {
-    /// Empties the list for another task.
-    fn begin(&mut self) {
-        (self.used, self.room, self.lost) = (0, self.words.len(), false);
-    }
-
-    /// Space for one more block. Where there is too little, it grows to hold `triangles` triangles.
-    /// `None` where there is no memory for that, which the budget records.
-    fn next(&mut self, triangles: usize, budget: &Budget) -> Option<&mut [u32]> {
-        if self.used + MOST_WORDS > self.room {
-            let needed = self.used + MOST_WORDS + GUESS * triangles;
-            let more = needed.max(self.room + self.room / 2) - self.room;
-            self.lost |= !budget.take((more * size_of::<u32>()) as u64);
-            self.room += more;
-            // Where there is no memory for the blocks, all are written to the space of one.
-            let room = if self.lost { self.words.len().max(MOST_WORDS) } else { self.room };
-            if self.words.try_reserve_exact(room - self.words.len()).is_err() {
-                budget.failed.store(true, Relaxed);
-                return None;
-            }
-            self.words.resize(room, 0);
-        }
-        let at = if self.lost { 0 } else { self.used };
-        Some(&mut self.words[at..])
-    }
-
-    /// Its words.
-    pub fn words(&self) -> &[u32] {
-        &self.words[..self.used]
-    }
 }
 
 impl LayoutScratch {
@@ -294,143 +235,5 @@ fn divide(
             let costs = PlaceCosts::NOTHING;
             tasks.push(PackTask { first: node, end, cell: *cell, costs, start: 0 });
         }
-    }
-}
-
-/// What tasks read.
-struct LayoutPlanning<'a> {
-    tree: &'a KdTreeView<'a>,
-    source: LayoutSource<'a>,
-    set: InstructionSet,
-    meter: &'a ProgressMeter<'a>,
-    planner: Planner,
-    budget: &'a Budget,
-    large: &'a Large,
-}
-
-impl LayoutPlanning<'_> {
-    /// Packs the leaves of a task's subtree and plans it. After cancellation, or where there was no memory, the result is
-    /// incomplete and must not be used.
-    fn make(&self, task: &mut PackTask, part: &mut PackedWords, branches: &mut [Branch]) {
-        let nodes = &self.tree.nodes[task.first as usize..task.end as usize];
-        let mut packer = Packer::new(self.set.lanes(), self.source.triangles);
-        part.begin();
-        // The references of the leaves follow each other.
-        let last = match nodes.last().map(KdNode::kind) {
-            Some(NodeKind::Leaf { first, count }) => first + count,
-            _ => 0,
-        };
-        // The cells of right children that are to come.
-        let mut cells = [Aabb::EMPTY; MAX_DEPTH as usize + 1];
-        let (mut open, mut cell) = (0, task.cell);
-        for (node, branch) in nodes.iter().zip(&mut *branches) {
-            match node.kind() {
-                NodeKind::Interior { axis, split, .. } => {
-                    (cell, cells[open]) = halves(&cell, axis as usize, split);
-                    open += 1;
-                }
-                NodeKind::Leaf { first, count } => {
-                    if self.meter.record_work(2 * u64::from(count)) {
-                        return;
-                    }
-                    if count > 0 {
-                        let leaf = self.leaf([first, count, last], &cell, &mut packer, part);
-                        let Some(leaf) = leaf else { return };
-                        *branch = leaf;
-                        self.meter.advance(u64::from(count));
-                    }
-                    open = open.wrapping_sub(1);
-                    if let Some(next) = cells.get(open) {
-                        cell = *next;
-                    }
-                }
-            }
-        }
-        task.costs = self.planner.subtree(self.set, task.first, nodes, branches);
-        // The other half is that of the nodes that are made.
-        self.meter.advance(nodes.len() as u64 / 2);
-        self.meter.record_work(8 * nodes.len() as u64);
-    }
-
-    /// A leaf that is not empty: its first reference and how many, and the end of the task's. `None` where
-    /// there is no memory for its blocks.
-    fn leaf(
-        &self,
-        [first, count, last]: [u32; 3],
-        cell: &Aabb,
-        packer: &mut Packer<'_>,
-        part: &mut PackedWords,
-    ) -> Option<Branch> {
-        let references = &self.tree.references[first as usize..];
-        let to_come = last.saturating_sub(first + count) as usize;
-        let unit = (part.used / UNIT_WORDS) as u32;
-        let compact = self.source.layout == QueryLayout::Compact;
-        let (mut bounds, blocks) = match compact {
-            true => (Aabb::EMPTY, 1),
-            false => self.pack(references, [count as usize, to_come], packer, part)?,
-        };
-        if compact || !self.large.is_empty() {
-            let corners = |&triangle: &u32| (triangle, self.source.triangles[triangle as usize]);
-            let own = references[..count as usize].iter().map(corners);
-            bounds = self.large.bounds_of_others(own);
-        }
-        // No ray goes to a leaf without bounds.
-        let within = if bounds.is_empty() { bounds } else { within(cell, &bounds) };
-        Some(Branch::leaf(within, unit, blocks))
-    }
-
-    /// Packs some triangles, the first of these references, with space for more to come. Returns
-    /// their bounds, and how many blocks they take; `None` where there is no memory for them.
-    fn pack(
-        &self,
-        references: &[u32],
-        [count, to_come]: [usize; 2],
-        packer: &mut Packer<'_>,
-        part: &mut PackedWords,
-    ) -> Option<(Aabb, u32)> {
-        let (mut bounds, mut blocks, mut left) = (Aabb::EMPTY, 0, count);
-        while left > 0 {
-            let to = part.next(left + to_come, self.budget)?;
-            let packed = packer.block(&references[count - left..], left, to);
-            part.used += packed.words;
-            bounds = bounds.union(&packed.bounds);
-            left -= packed.count;
-            blocks += 1;
-        }
-        Some((bounds, blocks))
-    }
-
-    /// Packs the large triangles, and says how many blocks they take: none in the compact layout.
-    fn pack_large(&self, part: &mut PackedWords) -> Option<u32> {
-        part.begin();
-        let triangles = self.large.triangles();
-        if triangles.is_empty() || self.source.layout == QueryLayout::Compact {
-            return Some(0);
-        }
-        let mut packer = Packer::large(self.set.lanes(), self.source.triangles);
-        let (_, blocks) = self.pack(triangles, [triangles.len(), 0], &mut packer, part)?;
-        Some(blocks)
-    }
-
-    /// Plans the nodes above the tasks.
-    fn join(
-        &self,
-        node: u32,
-        tasks: &mut std::slice::Iter<'_, PackTask>,
-        branches: &mut Branches<'_>,
-    ) -> PlaceCosts {
-        if let Some(task) = tasks.as_slice().first()
-            && task.first == node
-        {
-            tasks.next();
-            return task.costs;
-        }
-        let NodeKind::Interior { axis, right, .. } = self.tree.nodes[node as usize].kind() else {
-            return PlaceCosts::NOTHING;
-        };
-        let one = self.join(node + 1, tasks, branches);
-        let mut other = self.join(right, tasks, branches);
-        self.planner.join(node, axis as u8, &one, &mut other, branches);
-        other
     }
 }

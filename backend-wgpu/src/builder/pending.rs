@@ -8,24 +8,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
 
-<<<<<<< HEAD
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::build::schedule;
 use splitplane_core::cancel::go_on;
-use splitplane_core::config::{BuildConfig, Planes};
-use splitplane_core::error::BuildError;
-use splitplane_core::kernel::{Buffer, Counter, Overflow, TreeBuilder};
-use splitplane_core::layout::{Counters, LargeNode};
-use splitplane_core::query::intersect::Limits;
-use splitplane_core::report::BuildSummary;
-use splitplane_core::tree::KdTree;
-use splitplane_core::tree::node::KdNode;
-=======
-use splitplane_core::backend::{BuildError, BuildOptions, go_on};
 use splitplane_core::config::Planes;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, TreeBuilder};
-use splitplane_core::schedule;
->>>>>>> circles-gpu
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::buffers::Buffers;
@@ -34,13 +22,8 @@ use super::executor::{Build, WgpuExecutor, first_counters};
 use super::shared::{Pooled, Shared};
 use super::source::Source;
 use crate::device::gpu::Gpu;
-<<<<<<< HEAD
-use crate::device::profile::{KernelTime, Profile};
-use crate::device::{Looking, Pipelines, host};
-=======
 use crate::device::profile::Profile;
 use crate::device::{Looking, Pipelines};
->>>>>>> circles-gpu
 use crate::error::GpuError;
 
 /// The device work of a build.

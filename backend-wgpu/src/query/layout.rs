@@ -1,7 +1,7 @@
 //! How rays and their answers lie on the device.
 
+use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::traverse::Query;
 
 /// The `triangle` of a hit on the device whose traversal the driver ended early; any hit then says 2.
 /// Seen with Mesa's llvmpipe, which ends a shader's loops after 65,535 rounds.

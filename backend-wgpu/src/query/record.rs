@@ -2,17 +2,10 @@
 
 use splitplane_core::kernel::{QueryBuffer, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::BatchUniform;
-<<<<<<< HEAD
 use splitplane_core::query::traverse::Query;
-#[cfg(doc)]
-use splitplane_core::ray::Hit;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
-=======
 use splitplane_core::ray::QueryOptions;
 #[cfg(doc)]
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::traverse::Query;
->>>>>>> circles-gpu
 
 use super::error::DeviceQueryError;
 #[cfg(doc)]

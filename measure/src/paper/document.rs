@@ -13,15 +13,6 @@ use super::tables::{figure_7, figure_12, table_3, table_4};
 use super::worked::Worked;
 use serde::Serialize;
 
-/// A file of the report, by its name without a folder.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct File {
-    /// Its name.
-    pub name: String,
-    /// All of it.
-    pub bytes: Vec<u8>,
-}
-
 /// What was measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {

@@ -1,6 +1,6 @@
 //! Which figures a report has, and of which scenes.
 
-use super::document::File;
+use super::file::File;
 use super::motion::Motion;
 use super::objects::{self, Objects};
 use super::plot::{Plot, ScalingPlot, png, svg};

@@ -16,6 +16,7 @@ pub mod cut;
 pub mod document;
 mod error;
 pub mod figures;
+pub mod file;
 pub mod fit;
 pub mod machine;
 pub mod motion;

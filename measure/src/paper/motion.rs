@@ -4,14 +4,17 @@
 //! its side. A refitted hierarchy keeps the shape of the first frame, so its rays slow down as the triangles move on; one that is
 //! built anew for the frame says by how much.
 
+mod mover;
+
 use super::ReportError;
 use super::rays::FrameRays;
 use super::scene::{Placed, Settings, trace};
 use super::timing::{median, pool, timed};
 use crate::hierarchy::{self, Corners, Hierarchy};
+use mover::Mover;
 use serde::Serialize;
 use splitplane::backend::{BackendKind, OpenOptions};
-use splitplane::scene::{Animation, Scene, SceneOptions};
+use splitplane::scene::Scene;
 use splitplane::tracer::{FrameRequest, Tracer, TracerError};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::config::Preset;
@@ -21,8 +24,7 @@ use splitplane_render::Outputs;
 use std::ffi::OsStr;
 use std::path::Path;
 
-/// The turn of the last frame's top against its bottom, for scenes that bring no motion.
-const TWIST: f64 = std::f64::consts::PI;
+pub use mover::twist;
 
 /// What a structure takes in a frame, in milliseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -101,81 +103,6 @@ impl Motion {
         let ratios: Vec<f64> = pairs.map(|(a, b)| a.rays_ms / b.rays_ms).collect();
         Some([*ratios.first()?, ratios.iter().copied().fold(0.0, f64::max)])
     }
-}
-
-/// Puts a scene into its frames.
-enum Mover {
-    /// The scene's own motion.
-    Own(Box<(Animation, Scene)>),
-    /// A twist of these positions about the vertical through their middle.
-    Twist(Vec<[f32; 3]>),
-}
-
-impl Mover {
-    fn of(spec: &OsStr, frames: Option<&Path>, scene: &Scene) -> Result<Mover, ReportError> {
-        let options = SceneOptions::default();
-        if frames.is_some() {
-            let (own, animation) = Animation::open(spec, frames, &options)?;
-            return Ok(Mover::Own(Box::new((animation, own))));
-        }
-        let builtin = spec.to_str().is_some_and(|spec| spec.starts_with("builtin:"));
-        let own = builtin.then(|| Animation::open(spec, None, &options).ok());
-        Ok(match own.flatten() {
-            Some((own, animation)) => Mover::Own(Box::new((animation, own))),
-            None => Mover::Twist(scene.positions.clone()),
-        })
-    }
-
-    fn words(&self) -> String {
-        match self {
-            Mover::Own(_) => "moved by its own frames".into(),
-            Mover::Twist(_) => {
-                "twisted about the vertical for want of frames, the top by up to half a turn against the bottom".into()
-            }
-        }
-    }
-
-    /// Moves a scene to one of this many frames, and its camera where the frame has one.
-    fn set(&mut self, frame: usize, frames: usize, placed: &mut Placed) -> Result<(), ReportError> {
-        let scene = &mut placed.scene;
-        match self {
-            Mover::Own(own) => {
-                let (animation, moving) = own.as_mut();
-                // Evenly over the motion, which may be a circle.
-                animation.set(frame * animation.frames() / frames, moving)?;
-                scene.positions.clone_from(&moving.positions);
-                scene.normals.clone_from(&moving.normals);
-                placed.camera = moving.camera.unwrap_or(placed.camera);
-            }
-            Mover::Twist(positions) => {
-                let part = frame as f64 / (frames.max(2) - 1) as f64;
-                twist(positions, TWIST * part, &mut scene.positions);
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Turns every position about the vertical through the middle of all: not at the bottom, by `angle` at the top.
-pub fn twist(positions: &[[f32; 3]], angle: f64, out: &mut Vec<[f32; 3]>) {
-    let finite = |p: &&[f32; 3]| p.iter().all(|x| x.is_finite());
-    let (mut lo, mut hi) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for position in positions.iter().filter(finite) {
-        for axis in 0..3 {
-            lo[axis] = lo[axis].min(f64::from(position[axis]));
-            hi[axis] = hi[axis].max(f64::from(position[axis]));
-        }
-    }
-    let middle = [0, 2].map(|axis| 0.5 * (lo[axis] + hi[axis]));
-    let height = (hi[1] - lo[1]).max(f64::MIN_POSITIVE);
-    out.clear();
-    out.extend(positions.iter().map(|position| {
-        let [x, y, z] = position.map(f64::from);
-        let (sin, cos) = (angle * (y - lo[1]) / height).sin_cos();
-        let (x, z) = (x - middle[0], z - middle[1]);
-        let turned = [middle[0] + cos * x - sin * z, middle[1] + sin * x + cos * z];
-        [turned[0] as f32, position[1], turned[1] as f32]
-    }));
 }
 
 /// A kd-tree that is built for every frame.
@@ -387,19 +314,6 @@ impl Ours {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_twist_turns_the_top_and_leaves_the_bottom() {
-        let positions = [[0.0, 0.0, 0.0], [2.0, 0.0, 2.0], [2.0, 4.0, 1.0], [2.0, 2.0, 1.0]];
-        let mut out = Vec::new();
-        twist(&positions, std::f64::consts::PI, &mut out);
-        let expected = [[0.0, 0.0, 0.0], [2.0, 0.0, 2.0], [0.0, 4.0, 1.0], [1.0, 2.0, 2.0]];
-        for (found, expected) in out.iter().zip(expected) {
-            for axis in 0..3 {
-                assert!((found[axis] - expected[axis]).abs() < 1e-6, "{found:?} {expected:?}");
-            }
-        }
-    }
 
     #[test]
     fn distances_that_differ_are_counted() {

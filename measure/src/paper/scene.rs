@@ -1,21 +1,21 @@
 //! A scene measured: every builder's tree, its frame, and the rays of the frame alone.
 
+mod contender;
+
 use super::machine::Knobs;
 use super::rays::FrameRays;
 use super::survey::{SurveyScene, nearest};
 use super::timing::{median, pool, timed};
-use super::{Builder, ReportError, at_equal_knobs};
+use super::{Builder, ReportError};
+use contender::Contender;
 use serde::Serialize;
-use splitplane::backend::{BackendKind, OpenOptions};
+use splitplane::backend::OpenOptions;
 use splitplane::scene::{Camera, Placement, Scene, SceneOptions};
-use splitplane::tracer::{FrameRequest, Tracer, TracerError};
+use splitplane::tracer::{FrameRequest, TracerError};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
 use splitplane_core::ray::{Hit, QueryOptions};
-use splitplane_core::tree::KdTreeView;
-use splitplane_core::tree::cost::equation_5_printed;
-use splitplane_core::tree::stats::TreeStats;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::{Outputs, RenderSettings, Size};
 use std::ffi::OsStr;
@@ -213,16 +213,6 @@ impl SceneReport {
     }
 }
 
-/// A builder at work on a scene, and the times it has taken so far.
-struct Contender {
-    tracer: Tracer,
-    options: BuildOptions<'static>,
-    building: rayon::ThreadPool,
-    tree_ms: Vec<f64>,
-    trace_ms: Vec<f64>,
-    row: BuilderRow,
-}
-
 /// Measures a scene. `step` is called after each of [`steps`].
 ///
 /// # Errors
@@ -287,101 +277,6 @@ pub fn measure(
 /// How often [`measure`] calls `step`.
 pub fn steps(settings: &Settings) -> u64 {
     (settings.builders.len() + settings.repeat + 1) as u64
-}
-
-impl Contender {
-    /// Opens a backend, builds a tree with it, and traces the rays of the frame.
-    fn new(
-        builder: Builder,
-        placed: &Placed,
-        settings: &Settings,
-        tracing: &rayon::ThreadPool,
-        rays: &mut Option<FrameRays>,
-    ) -> Result<Contender, ReportError> {
-        let kind = if builder.gpu { BackendKind::Wgpu } else { BackendKind::Cpu };
-        let open = if builder.gpu { settings.open.clone() } else { OpenOptions::default() };
-        let engine = kind.open_engine(&open)?.engine;
-        let threads = if builder.offline { 1 } else { settings.threads };
-        let building = pool(threads)?;
-        let options = settings.build_with(builder.config());
-        let scene = &placed.scene;
-        let (mesh, appearance) = (scene.mesh()?, scene.appearance());
-        let tracer = building.install(|| Tracer::load(engine, &mesh, &appearance, &options))?;
-        let accelerator = tracer.accelerator().expect("a tracer that has just loaded has it");
-        let rays = match rays {
-            Some(rays) => rays,
-            None => rays
-                .insert(tracing.install(|| {
-                    FrameRays::of(scene, &placed.camera, settings.size, accelerator)
-                })?),
-        };
-        let rays_ms = tracing.install(|| trace(accelerator, rays, settings.repeat))?;
-        let view = accelerator.tree().view();
-        // The same constants for all, whatever shaped the tree.
-        let usual = BuildConfig::default();
-        let blocks = BuildConfig {
-            traversal_cost: usual.traversal_cost,
-            intersection_cost: usual.intersection_cost,
-            block_width: usual.block_width,
-            ..view.config
-        };
-        let block_cost = TreeStats::of(&KdTreeView { config: blocks, ..view }).block_cost;
-        let equal = KdTreeView { config: at_equal_knobs(view.config), ..view };
-        let stats = TreeStats::of(&equal);
-        let row = BuilderRow {
-            preset: builder.preset.name(),
-            knobs: builder.knobs(),
-            backend: tracer.backend().name,
-            offline: builder.offline,
-            threads: (!builder.gpu).then_some(threads),
-            tree_ms: 0.0,
-            trace_ms: 0.0,
-            rays_ms,
-            sah_cost: stats.sah_cost,
-            printed_cost: equation_5_printed(equal.config.cost_ratio(), 1.0, &equal),
-            block_cost,
-            nodes: stats.nodes,
-            leaves: stats.leaves,
-            references: stats.references,
-            max_depth: stats.max_depth,
-            bytes: accelerator.query_bytes(),
-            digest: accelerator.tree().digest().to_string(),
-        };
-        let (tree_ms, trace_ms) = (Vec::new(), Vec::new());
-        Ok(Contender { tracer, options, building, tree_ms, trace_ms, row })
-    }
-
-    /// Builds the tree again and makes a frame; gives the frame's rays.
-    fn round(
-        &mut self,
-        scene: &Scene,
-        request: &FrameRequest,
-        tracing: &rayon::ThreadPool,
-        counts: bool,
-    ) -> Result<u64, ReportError> {
-        let Contender { tracer, options, building, .. } = self;
-        let mesh = scene.mesh()?;
-        let (built, tree_ms) = building.install(|| timed(|| tracer.rebuild(&mesh, options)));
-        built?;
-        let (traced, trace_ms) = tracing.install(|| {
-            timed(|| {
-                let frame = tracer.frame(&mesh, request)?;
-                // On a GPU the frame is done when its pixels are here.
-                frame.pixels()?;
-                Ok::<u64, ReportError>(frame.stats().rays())
-            })
-        });
-        if counts {
-            self.tree_ms.push(tree_ms);
-            self.trace_ms.push(trace_ms);
-        }
-        traced
-    }
-
-    fn finish(self) -> BuilderRow {
-        let Contender { tree_ms, trace_ms, row, .. } = self;
-        BuilderRow { tree_ms: median(tree_ms), trace_ms: median(trace_ms), ..row }
-    }
 }
 
 /// The median time to trace the rays of a frame: closest hits, then any hits.

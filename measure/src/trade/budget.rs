@@ -1,7 +1,7 @@
 //! How much is measured, so that a sweep ends in time.
 
-use super::measure::WARM_MS;
 use super::plan::{Device, Station};
+use super::rounds::WARM_MS;
 use super::row::KINDS;
 use splitplane_core::config::Preset;
 use splitplane_core::ray::Accuracy;

@@ -8,11 +8,10 @@
 //! Vinkler, Havran and Bittner (2014, 2016) compared the two structures on GPUs: hierarchies win on simple and moderate scenes,
 //! kd-trees on complex ones of high depth complexity.
 
-use super::document::ALL_THREADS;
 use super::interval::Interval;
 use super::payback::{Line, count, envelope};
 use super::recommend::{Wish, will_do};
-use super::row::{Row, Sets, Trace};
+use super::row::{ALL_THREADS, Row, Sets, Trace};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 

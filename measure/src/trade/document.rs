@@ -8,16 +8,12 @@ use super::pareto;
 use super::payback::Payback;
 use super::picture::PictureTrade;
 use super::recommend::{self, Recommendation, Step, Wish};
-use super::row::Row;
+use super::row::{ALL_THREADS, ONE_THREAD, Row};
 use crate::paper::machine::Machine;
 use serde::{Deserialize, Serialize};
 
 /// The one version of the file's format.
 pub const FORMAT: u32 = 4;
-/// The field of rows that use all threads, or a device.
-pub const ALL_THREADS: &str = "all";
-/// The field of rows of one thread, where others use more.
-pub const ONE_THREAD: &str = "one thread";
 
 /// The scene.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -2,8 +2,8 @@
 
 use super::bvh::Measured;
 use super::interval::Interval;
-use super::measure::{OUTLIER, SHADOW, WARM_MS, far_above, ns_by_round};
 use super::rays::RaySets;
+use super::rounds::{OUTLIER, WARM_MS, far_above, ns_by_round};
 use super::row::{Aims, Sets, Trace};
 use crate::hierarchy::{self, Corners, Hierarchy};
 use crate::paper::median;
@@ -56,7 +56,7 @@ impl Beside {
         for (set, rays) in sets.each().into_iter().enumerate() {
             let rays = &rays[..rays.len().min(self.most)];
             let ms = match set {
-                SHADOW => timed(|| drop(built.occluded(rays))).1,
+                Sets::<()>::SHADOW => timed(|| drop(built.occluded(rays))).1,
                 _ => timed(|| drop(built.closest(rays))).1,
             };
             self.rays[set] = rays.len();

@@ -23,6 +23,7 @@ pub mod plan;
 pub mod plot;
 pub mod rays;
 pub mod recommend;
+mod rounds;
 pub mod row;
 mod tables;
 

@@ -1,7 +1,7 @@
 //! Which setting to take for a number of rays per build.
 
 use super::payback::{Line, Reign, count, envelope};
-use super::row::Row;
+use super::row::{ONE_THREAD, Row};
 use serde::{Deserialize, Serialize};
 use splitplane_core::ray::Accuracy;
 
@@ -79,7 +79,7 @@ pub fn will_do(row: &Row, wish: &Wish) -> bool {
 
 /// Rows of one thread are for comparison where there are more.
 fn is_single(row: &Row) -> bool {
-    row.field == super::document::ONE_THREAD
+    row.field == ONE_THREAD
 }
 
 /// Rows whose totals for so many rays a build are told apart from the least by no round, the plainest first: quick
@@ -334,7 +334,7 @@ mod tests {
     #[test]
     fn a_row_of_one_thread_is_not_for_taking() {
         let mut rows = rows();
-        rows[0].field = super::super::document::ONE_THREAD.to_owned();
+        rows[0].field = ONE_THREAD.to_owned();
         assert_eq!(recommend(&rows, &wish(1)).row, Some(2));
     }
 

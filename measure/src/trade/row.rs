@@ -1,246 +1,23 @@
 //! A row: one setting, what it costs and what it gets wrong.
 
+mod config;
+mod errors;
+mod kinds;
+
 use super::interval::Interval;
 use super::pareto::Standing;
 use super::payback::{Line, Payback};
 use serde::{Deserialize, Serialize};
-use splitplane_core::config::{BuildConfig, Preset};
 use std::cmp::Ordering;
 
-/// Something for each of the four sets of rays that are timed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Sets<T> {
-    /// Rays of the camera: closest hits.
-    pub primary: T,
-    /// From what the camera sees towards lights: any hits.
-    pub shadow: T,
-    /// From what the camera sees into the half-space above the surface: closest hits.
-    pub bounce: T,
-    /// Chords of the sphere around the scene: closest hits.
-    pub random: T,
-}
+pub use config::Config;
+pub use errors::{Apart, Errors};
+pub use kinds::{Aims, KINDS, Sets, Trace};
 
-impl<T> Sets<T> {
-    /// The names of the sets, in their order.
-    pub const NAMES: [&'static str; 4] = ["primary", "shadow", "bounce", "random"];
-
-    /// All four, in their order.
-    pub fn each(&self) -> [&T; 4] {
-        [&self.primary, &self.shadow, &self.bounce, &self.random]
-    }
-
-    /// The same from four values in their order.
-    pub fn of([primary, shadow, bounce, random]: [T; 4]) -> Sets<T> {
-        Sets { primary, shadow, bounce, random }
-    }
-}
-
-/// Kinds of rays whose answers are judged.
-pub const KINDS: usize = 6;
-
-/// Something for each of the kinds of rays whose answers are judged.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Aims<T> {
-    /// Chords of the sphere around the scene.
-    pub random: T,
-    /// Aimed at points of edges.
-    pub edge: T,
-    /// Aimed at vertices.
-    pub vertex: T,
-    /// Rays of the camera, as many of the timed ones as there are.
-    pub primary: T,
-    /// From what the camera sees into the half-space above the surface, likewise.
-    pub bounce: T,
-    /// From what the camera sees towards lights, likewise; of these only is asked whether anything is hit, of the
-    /// others, what is.
-    pub shadow: T,
-}
-
-impl<T> Aims<T> {
-    /// The names of the kinds, in their order.
-    pub const NAMES: [&'static str; KINDS] =
-        ["random", "edge", "vertex", "primary", "bounce", "shadow"];
-
-    /// Those that are aimed where tests go wrong; real rays are hardly ever.
-    pub const AIMED: [&'static str; 2] = ["edge", "vertex"];
-
-    /// All of them, in their order.
-    pub fn each(&self) -> [&T; KINDS] {
-        [&self.random, &self.edge, &self.vertex, &self.primary, &self.bounce, &self.shadow]
-    }
-
-    /// The same from values in their order.
-    pub fn of([random, edge, vertex, primary, bounce, shadow]: [T; KINDS]) -> Aims<T> {
-        Aims { random, edge, vertex, primary, bounce, shadow }
-    }
-}
-
-/// Time to trace one set of rays.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Trace {
-    /// Rays in the batch. 0 where the scene gives none: the camera sees nothing, or no light is above
-    /// any surface.
-    pub rays: usize,
-    /// Nanoseconds a ray, the median of the repeats. None without rays.
-    pub ns: Option<f64>,
-    /// The same, the least of the repeats.
-    pub least_ns: Option<f64>,
-}
-
-/// By how much the distances of some answers differ from the exact ones, in parts of the diagonal of the
-/// scene's box: how far off the point is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Apart {
-    /// Answers.
-    pub answers: u64,
-    /// The mean over them. 0 without any.
-    pub mean: f64,
-    /// The greatest.
-    pub greatest: f64,
-}
-
-impl Apart {
-    /// Takes one more answer. What is no number counts as the whole diagonal.
-    pub fn take(&mut self, apart: f64) {
-        let apart = if apart.is_finite() { apart } else { 1.0 };
-        self.answers += 1;
-        self.mean += (apart - self.mean) / self.answers as f64;
-        self.greatest = self.greatest.max(apart);
-    }
-
-    /// Those of two sets of answers together.
-    #[must_use]
-    pub fn and(self, other: Apart) -> Apart {
-        let answers = self.answers + other.answers;
-        let sum = self.answers as f64 * self.mean + other.answers as f64 * other.mean;
-        Apart {
-            answers,
-            mean: sum / answers.max(1) as f64,
-            greatest: self.greatest.max(other.greatest),
-        }
-    }
-}
-
-/// Answers that differ from the exact ones; what each word means is in [`super::judge`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Errors {
-    /// Rays judged.
-    pub rays: u64,
-    /// They hit, and the answer was a miss that rounding does not explain.
-    pub missing: u64,
-    /// They hit, and the answer was another place, farther or nearer than rounding explains.
-    pub wrong: u64,
-    /// They hit nothing, and the answer was a hit that rounding does not explain.
-    pub phantom: u64,
-    /// Answers of any of these kinds that rounding explains; they are no errors.
-    pub rounded: u64,
-    /// Right answers that name the exact triangle.
-    pub same: Apart,
-    /// Right answers that name another triangle.
-    pub other: Apart,
-    /// Rounded answers: the ray passes an outline within rounding, so they may be anywhere.
-    pub outline: Apart,
-    /// Wrong answers.
-    pub off: Apart,
-}
-
-impl Errors {
-    /// All errors.
-    pub fn all(&self) -> u64 {
-        self.missing + self.wrong + self.phantom
-    }
-
-    /// A count of these rays, for each million of them. 0 without rays.
-    pub fn per_million(&self, count: u64) -> f64 {
-        if self.rays == 0 { 0.0 } else { 1e6 * count as f64 / self.rays as f64 }
-    }
-}
-
-/// What shaped a tree, as it stands in files.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Config {
-    /// K_T.
-    pub traversal_cost: u32,
-    /// K_I.
-    pub intersection_cost: u32,
-    /// W.
-    pub block_width: u32,
-    /// T.
-    pub small_node_limit: u32,
-    /// C_e, in 256ths.
-    pub empty_cutoff: u32,
-    /// Most levels below the root.
-    pub max_depth: u32,
-    /// Bins of an axis.
-    pub bins: u32,
-    /// Whether references are clipped.
-    pub clip: bool,
-    /// The cap on references, for each triangle.
-    pub references_per_triangle: u32,
-    /// The cap on nodes, for each triangle.
-    pub nodes_per_triangle: u32,
-    /// What a split with an empty side is forgiven, in 256ths.
-    pub empty_bonus: u32,
-    /// How many bad splits in a row are tried.
-    pub bad_splits: u32,
-}
-
-/// Knobs that the builder does not have are 0.
-impl From<BuildConfig> for Config {
-    fn from(config: BuildConfig) -> Config {
-        let [_, _, _, _, small_node_limit, empty_cutoff, _, _, nodes_per_triangle, bins, ..] =
-            config.words();
-        let [.., empty_bonus, bad_splits] = config.words();
-        Config {
-            traversal_cost: config.traversal_cost,
-            intersection_cost: config.intersection_cost,
-            block_width: config.block_width,
-            small_node_limit,
-            empty_cutoff,
-            max_depth: config.max_depth,
-            bins,
-            clip: config.clip,
-            references_per_triangle: config.references_per_triangle,
-            nodes_per_triangle,
-            empty_bonus,
-            bad_splits,
-        }
-    }
-}
-
-impl Config {
-    /// The configuration of a preset with those of these knobs that it has.
-    pub fn with(&self, preset: Preset) -> BuildConfig {
-        let mut config = BuildConfig {
-            traversal_cost: self.traversal_cost,
-            intersection_cost: self.intersection_cost,
-            block_width: self.block_width,
-            max_depth: self.max_depth,
-            references_per_triangle: self.references_per_triangle,
-            clip: self.clip,
-            ..preset.config()
-        };
-        if let Some(stages) = config.stages_mut() {
-            stages.small_node_limit = self.small_node_limit;
-            stages.empty_cutoff = self.empty_cutoff;
-            stages.nodes_per_triangle = self.nodes_per_triangle;
-        }
-        if let Some(bins) = config.bins_mut() {
-            *bins = self.bins;
-        }
-        if let Some(sweep) = config.sweep_mut() {
-            sweep.empty_bonus = self.empty_bonus;
-            sweep.bad_splits = self.bad_splits;
-        }
-        config
-    }
-}
+/// The field of rows that use all threads, or a device.
+pub const ALL_THREADS: &str = "all";
+/// The field of rows of one thread, where others use more.
+pub const ONE_THREAD: &str = "one thread";
 
 /// One setting, measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -455,6 +232,7 @@ impl Row {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use splitplane_core::config::BuildConfig;
 
     /// A row of which only times matter.
     pub(in super::super) fn row(name: &str, accuracy: &str, build_ms: f64, ns: f64) -> Row {
@@ -494,16 +272,6 @@ pub(super) mod tests {
             field: "all".into(),
             pareto: Standing::Beaten,
             payback: Payback::Unknown,
-        }
-    }
-
-    #[test]
-    fn configurations_survive_a_file() {
-        for preset in Preset::ALL {
-            let config = BuildConfig { clip: false, max_depth: 9, ..preset.config() };
-            let text = serde_json::to_string(&Config::from(config)).unwrap();
-            let read: Config = serde_json::from_str(&text).unwrap();
-            assert_eq!(read.with(preset), config);
         }
     }
 

@@ -1,6 +1,7 @@
 //! From the .mtl files that an OBJ file names to the scene's materials.
 
 use super::mtl::{self, Entry};
+use super::named_file::find;
 use super::rule::{self, Odd};
 use super::said::Said;
 use crate::from_file::{self, Identity, ReadError, quoted};
@@ -139,17 +140,6 @@ fn textures(scene: &mut Scene, entries: &Entries, options: &SceneOptions) -> Vec
         ));
     }
     vec![None; scene.materials.len()]
-}
-
-/// The regular file that a name of a file means, seen from a folder: as written, or with the
-/// slashes of another system.
-pub(super) fn find(folder: &Path, name: &str) -> Option<PathBuf> {
-    let written = folder.join(name);
-    if written.is_file() {
-        return Some(written);
-    }
-    let turned = folder.join(name.replace('\\', "/"));
-    turned.is_file().then_some(turned)
 }
 
 /// Returns the contents of a file, and the notes on it; `left` are the bytes that may still be

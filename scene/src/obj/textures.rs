@@ -1,6 +1,6 @@
 //! Textures of materials: each file decoded once, all of them within limits of memory and work.
 
-use super::library::find;
+use super::named_file::find;
 use super::said::Said;
 use crate::from_file::{self, Identity, quoted, quoted_reason};
 use crate::{SceneOptions, Texture};

@@ -4,6 +4,9 @@
 //! in a bin after k ends behind them. So the counts of bins bound the numbers of references on
 //! either side of any plane in a bin, and the bin's borders bound the areas.
 
+mod bound;
+mod open_events;
+
 use core::sync::atomic::AtomicU64;
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -11,25 +14,21 @@ use rayon::prelude::*;
 use splitplane_core::error::BuildError;
 use splitplane_core::layout::Reference;
 
+use self::bound::bound;
+use self::open_events::{count_events, gather, place_events};
 use super::atomic_memory::AtomicMemory;
-use super::cost::{BestSplit, Cell, LOWER, Split, SplitCosts};
-use super::events::{Event, Face, event, sweep};
+use super::cost::{BestSplit, Cell, Split, SplitCosts};
+use super::events::{Event, sweep};
 use super::grid::{FaceBins, FaceCounts, Grid, MOST, count_faces};
 use super::matches::Ranges;
 use super::small::Small;
 use crate::cancel::ProgressMeter;
 use crate::simd::InstructionSet;
-use crate::simd::every_set::for_every_set;
 
 /// References for each bin, roughly.
 const PER_BIN: usize = 4;
 /// Fewest bins of an axis.
 const LEAST: usize = 16;
-/// Relative error of bounds of costs: numbers of blocks by at most 2^-16, all else by less
-/// than 2^-20.
-const MARGIN: f32 = 1.0 / 8192.0; // 2^-13
-/// Numbers of references below this have their blocks counted without error in `f32`.
-const EXACT: u32 = 1 << 22;
 /// References that one task processes; nodes of more than four times as many have several tasks.
 pub(super) const CHUNK: usize = 2048;
 
@@ -314,26 +313,11 @@ impl BinSearch<'_> {
     }
 }
 
-/// In place of the upper face of a planar reference: sorted after all events.
-const NOTHING: Event = Event::MAX;
-
 impl BinPart {
     /// The events of an open bin.
     fn of(&self, number: usize) -> &[Event] {
         let first = number.checked_sub(1).map_or(0, |before| self.ends[before]);
         &self.events[first as usize..self.ends[number] as usize]
-    }
-}
-
-/// The event of a reference's face, by word; none for the upper face of one that is planar.
-#[cfg_attr(not(unoptimised), inline(always))]
-fn event_of(reference: &Reference, word: usize) -> Option<Event> {
-    let axis = word % 4;
-    let (lo, hi) = (reference.lo[axis], reference.hi[axis]);
-    if word < 4 {
-        Some(event(lo, if lo == hi { Face::Planar } else { Face::Start }))
-    } else {
-        (lo != hi).then(|| event(hi, Face::End))
     }
 }
 
@@ -369,171 +353,6 @@ impl Bins {
         };
         let parts = (self.parts.capacity() * size_of::<BinPart>()) as u64;
         (open + events + places) as u64 + parts + self.parts.iter().map(part).sum::<u64>()
-    }
-}
-
-for_every_set! {
-    /// Bounds the costs in every bin, and opens those that may hold the least split. Returns how many
-    /// events they may have.
-    fn bound<S>(
-        bins: &mut Bins,
-        costs: &SplitCosts,
-        cell: &Cell,
-        grid: &Grid,
-        count: u32,
-        limit: f64,
-    ) -> usize {
-        let mut most = ((limit / cell.area) as f32) * (1.0 + MARGIN);
-        let inverse = 1.0 / costs.width as f32;
-        let blocks = |n: u32| (((n + costs.width - 1) as i32 as f32 + 0.5) * inverse).floor();
-        let expected = |blocks: f32| {
-            let root = (0.25 * blocks).sqrt();
-            let power = 4.0 * (root * root.sqrt());
-            if power < blocks && !costs.leaves { power } else { blocks }
-        };
-        let (step, weight) = (costs.traversal as f32, costs.intersection as f32);
-        let empty = costs.empty as f32;
-        // Where numbers cannot be counted exactly, the fact that every reference is on some side is
-        // not used.
-        let all = if count < EXACT { blocks(count) } else { 0.0 };
-        // Expected costs of the references that start before a border, and of those that do not end
-        // before it.
-        let [mut near, mut far] = [[0.0f32; MOST + 1]; 2];
-        for axis in 0..3 {
-            let started = &mut bins.started[axis][..grid.bins + 1];
-            let unfinished = &mut bins.unfinished[axis][..grid.bins + 1];
-            let starts = &bins.faces[axis][..grid.bins];
-            let ends = &bins.faces[axis + 4][..grid.bins];
-            let (mut left, mut right) = (0, count);
-            for bin in 0..grid.bins {
-                (started[bin], unfinished[bin]) = (left, right);
-                left += starts[bin];
-                right -= ends[bin];
-            }
-            (started[grid.bins], unfinished[grid.bins]) = (left, right);
-            let near = &mut near[..grid.bins + 1];
-            let far = &mut far[..grid.bins + 1];
-            for bin in 0..grid.bins + 1 {
-                near[bin] = expected(blocks(started[bin]));
-                far[bin] = expected(blocks(unfinished[bin]));
-            }
-            let areas = &cell.axes[axis];
-            let growth = ((areas.hi - areas.lo) * areas.slope / cell.area) as f32;
-            let base = (areas.base / cell.area) as f32;
-            let borders = grid.borders(axis);
-            let least = &mut bins.least[axis][..grid.bins];
-            // Without branches, so that compilers use vector instructions.
-            for bin in 0..grid.bins {
-                let faces = starts[bin] + ends[bin];
-                let [low, high] = borders.of(bin);
-                // At least these are left and right of any plane in the bin, and every reference is
-                // on some side.
-                let (left, right) = (started[bin], unfinished[bin + 1]);
-                let few = [blocks(left), blocks(right)];
-                let rest = [all - few[1], all - few[0]];
-                let many = [
-                    expected(if rest[0] > few[0] { rest[0] } else { few[0] }),
-                    expected(if rest[1] > few[1] { rest[1] } else { few[1] }),
-                ];
-                let small = [low * growth + base, (1.0 - high) * growth + base];
-                // The expected cost is concave: it is least where all references that may be on
-                // either side are on one.
-                let all_left = many[0] * small[0] + far[bin + 1] * small[1];
-                let all_right = near[bin] * small[0] + many[1] * small[1];
-                let cost = if all_left < all_right { all_left } else { all_right };
-                let cost = (step + weight * cost) * (1.0 - MARGIN);
-                let cost = if left == 0 || right == 0 { cost * empty } else { cost };
-                least[bin] = if faces > 0 { cost } else { f32::INFINITY };
-                // The outermost bins may hold nothing but the sides of the cell.
-                let inner = faces > 0 && bin > 0 && bin + 1 < grid.bins;
-                let large = [high * growth + base, (1.0 - low) * growth + base];
-                let cost = near[bin + 1] * large[0] + far[bin] * large[1];
-                let cost = (step + weight * cost) * (1.0 + MARGIN);
-                let cost = if inner { cost } else { f32::INFINITY };
-                most = if cost < most { cost } else { most };
-            }
-        }
-        bins.open.clear();
-        let mut events = 0;
-        for axis in 0..3 {
-            for bin in 0..grid.bins {
-                let least = bins.least[axis][bin];
-                let number = &mut bins.numbers[axis][bin];
-                *number = CLOSED;
-                if least <= most && least < f32::INFINITY {
-                    *number = bins.open.len() as u32;
-                    let least = f64::from(least) * cell.area * LOWER;
-                    let (axis, bin_here) = (axis as u32, bin as u32);
-                    let first = events;
-                    bins.open.push(Open { least, axis, bin: bin_here, first, end: first });
-                    events += bins.faces[axis as usize][bin] + bins.faces[axis as usize + 4][bin];
-                }
-            }
-        }
-        events as usize
-    }
-}
-
-for_every_set! {
-    /// Collects the events in open bins, bin by bin.
-    fn gather<S>(
-        ranges: &Ranges,
-        references: &[Reference],
-        places: &[FaceBins],
-        numbers: &OpenNumbers,
-        open: &mut [Open],
-        events: &mut [Event],
-    ) -> () {
-        ranges.search::<S>(places, |reference, word| {
-            let number = numbers[word % 4][usize::from(places[reference][word])];
-            if let Some(open) = open.get_mut(number as usize)
-                && let Some(event) = event_of(&references[reference], word)
-            {
-                events[open.end as usize] = event;
-                open.end += 1;
-            }
-        });
-    }
-}
-
-for_every_set! {
-    /// Counts the events in each open bin. Returns how many there are in all.
-    fn count_events<S>(
-        ranges: &Ranges,
-        places: &[FaceBins],
-        numbers: &OpenNumbers,
-        counts: &mut [u32],
-    ) -> u32 {
-        let mut all = 0;
-        ranges.search::<S>(places, |reference, word| {
-            let number = numbers[word % 4][usize::from(places[reference][word])];
-            if let Some(count) = counts.get_mut(number as usize) {
-                *count += 1;
-                all += 1;
-            }
-        });
-        all
-    }
-}
-
-for_every_set! {
-    /// Puts the events in open bins where those of each bin end so far.
-    fn place_events<S>(
-        ranges: &Ranges,
-        references: &[Reference],
-        places: &[FaceBins],
-        numbers: &OpenNumbers,
-        ends: &mut [u32],
-        events: &mut [Event],
-    ) -> () {
-        ranges.search::<S>(places, |reference, word| {
-            let number = numbers[word % 4][usize::from(places[reference][word])];
-            if let Some(end) = ends.get_mut(number as usize) {
-                // Both faces of a planar reference are one event.
-                events[*end as usize] = event_of(&references[reference], word).unwrap_or(NOTHING);
-                *end += 1;
-            }
-        });
     }
 }
 

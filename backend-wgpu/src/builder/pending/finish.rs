@@ -1,11 +1,12 @@
 //! The end of a build: what came back is a tree, or says what must be submitted yet.
 
-use splitplane_core::backend::{BuildError, BuildSummary};
-use splitplane_core::intersect::Limits;
+use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::LargeNode;
-use splitplane_core::node::KdNode;
+use splitplane_core::query::intersect::Limits;
+use splitplane_core::report::BuildSummary;
 use splitplane_core::tree::KdTree;
+use splitplane_core::tree::node::KdNode;
 
 use super::{Effort, PendingBuild};
 use crate::builder::buffers::readback;

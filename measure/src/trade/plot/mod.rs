@@ -9,7 +9,7 @@ mod totals;
 
 use super::TradeError;
 use super::document::Trade;
-use crate::paper::document::File;
+use crate::paper::file::File;
 use crate::paper::plot::{Plot, png, svg};
 use scatter::Scatter;
 use totals::Totals;

@@ -7,9 +7,10 @@ use super::draw::{
 use super::place::place;
 use crate::paper::plot::style::{GREY, INK, bold, letters};
 use crate::paper::plot::{Area, Drawn, Plot};
-use crate::trade::document::{ALL_THREADS, Trade};
+use crate::trade::document::Trade;
 use crate::trade::interval::Interval;
 use crate::trade::pareto::{self, Standing};
+use crate::trade::row::ALL_THREADS;
 use crate::trade::row::Row;
 use plotters::prelude::{DrawingBackend, PathElement};
 use plotters::style::Color;
