@@ -19,7 +19,7 @@ pub struct HeatMap {
 
 impl HeatMap {
     /// Paints the cost of the first ray of every pixel: viridis from 0 to the top of the scale, and
-    /// [`ABOVE`] beyond it. The top is given (frames of a movie need a common one), or
+    /// [`ABOVE`](super::ABOVE) beyond it. The top is given (frames of a movie need a common one), or
     /// [`CostStatistics::scale_top`].
     ///
     /// # Errors
