@@ -8,13 +8,10 @@
 //! reference. That bounds the costs of all planes from below in `f32`, relative to the area of the
 //! cell; the few that can be the least are considered in `f64` as everywhere.
 
-mod sort;
-
 use core::cmp::Ordering;
 
 use splitplane_core::layout::Reference;
 
-use self::sort::{OCTET, place, sort};
 use super::cost::{BestSplit, Cell, STEPS, Split, SplitCosts};
 use crate::simd::InstructionSet;
 use crate::simd::WIDTH;
@@ -23,6 +20,8 @@ use crate::simd::{Compiled, Simd};
 
 /// Most references that are searched this way.
 pub(super) const MOST: usize = 128;
+/// Rows that are sorted together: 16 references.
+const OCTET: usize = 8;
 /// Rows of two references.
 const ROWS: usize = MOST / 2;
 /// Relative error of costs in `f32`: 2^-16. A sum of weights is off by 2^-24 a block, of
@@ -154,6 +153,108 @@ fn load<V: F32x16>(references: &[Reference], rows: &mut [Row16]) -> u16 {
     planar | planar >> 8
 }
 
+/// Where the number at a place in sorted order is: row and first lane of its column's half.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn place(sorted: usize) -> (usize, usize) {
+    (sorted / (2 * OCTET) * OCTET + sorted % OCTET, sorted / OCTET % 2 * 8)
+}
+
+/// Sorts rows whose number is a multiple of [`OCTET`].
+#[cfg_attr(not(unoptimised), inline(always))]
+fn sort<V: F32x16>(rows: &mut [Row16]) {
+    let octets = rows.as_chunks_mut::<OCTET>().0;
+    for octet in octets.iter_mut() {
+        sort_octet::<V>(octet);
+    }
+    // A network that sorts numbers sorts octets, where it exchanges what the lower and the upper half of
+    // two belong to.
+    for [one, other] in NETWORK {
+        if other < octets.len() {
+            let (low, high) = octets.split_at_mut(other);
+            merge::<V>(&mut low[one], &mut high[0]);
+        }
+    }
+}
+
+/// A network that sorts eight numbers; without exchanges that involve the last ones, fewer.
+const NETWORK: [[usize; 2]; 19] = [
+    [0, 2],
+    [1, 3],
+    [4, 6],
+    [5, 7],
+    [0, 4],
+    [1, 5],
+    [2, 6],
+    [3, 7],
+    [0, 1],
+    [2, 3],
+    [4, 5],
+    [6, 7],
+    [2, 4],
+    [3, 5],
+    [1, 4],
+    [3, 6],
+    [1, 2],
+    [3, 4],
+    [5, 6],
+];
+
+/// Exchanges pairs of rows so that the former of each pair has what is less, column by column. A macro,
+/// since compilers do not unroll loops of that length, and indices must be constants.
+macro_rules! exchange {
+    ($rows:ident: $($one:literal $other:literal),*) => {$(
+        let (a, b) = ($rows[$one], $rows[$other]);
+        ($rows[$one], $rows[$other]) = (a.least(b), a.greatest(b));
+    )*};
+}
+
+/// Sorts eight rows: [`NETWORK`].
+#[cfg_attr(not(unoptimised), inline(always))]
+fn sort_rows<V: F32x16>(rows: &mut [V; OCTET]) {
+    exchange!(rows: 0 2, 1 3, 4 6, 5 7, 0 4, 1 5, 2 6, 3 7, 0 1, 2 3, 4 5, 6 7, 2 4, 3 5, 1 4, 3 6,
+        1 2, 3 4, 5 6);
+}
+
+/// Sorts eight rows that first rise and then fall, or the other way round.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn sort_bitonic<V: F32x16>(rows: &mut [V; OCTET]) {
+    exchange!(rows: 0 4, 1 5, 2 6, 3 7, 0 2, 1 3, 4 6, 5 7, 0 1, 2 3, 4 5, 6 7);
+}
+
+/// Sorts the columns of both halves, as one of 16: the upper half after the lower one.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn sort_octet<V: F32x16>(octet: &mut [Row16; OCTET]) {
+    let mut rows: [V; OCTET] = core::array::from_fn(|i| V::load(&octet[i]));
+    sort_rows(&mut rows);
+    rows = core::array::from_fn(|i| {
+        let (one, other) = (rows[i], rows[OCTET - 1 - i].swapped());
+        one.least(other).halves(one.greatest(other))
+    });
+    sort_bitonic(&mut rows);
+    for i in 0..OCTET {
+        rows[i].store(&mut octet[i]);
+    }
+}
+
+/// Turns two sorted octets into one of the lesser and one of the greater numbers, both sorted.
+#[cfg_attr(not(unoptimised), inline(always))]
+fn merge<V: F32x16>(low: &mut [Row16; OCTET], high: &mut [Row16; OCTET]) {
+    let one: [V; OCTET] = core::array::from_fn(|i| V::load(&low[i]));
+    let other: [V; OCTET] = core::array::from_fn(|i| V::load(&high[OCTET - 1 - i]).swapped());
+    let least = core::array::from_fn(|i| one[i].least(other[i]));
+    let greatest = core::array::from_fn(|i| one[i].greatest(other[i]));
+    for (mut rows, octet) in [(least, low), (greatest, high)] {
+        rows = core::array::from_fn(|i| {
+            let other = rows[i].swapped();
+            rows[i].least(other).halves(rows[i].greatest(other))
+        });
+        sort_bitonic(&mut rows);
+        for i in 0..OCTET {
+            rows[i].store(&mut octet[i]);
+        }
+    }
+}
+
 /// Bounds the costs of the planes in all rows from below, except for [`MARGIN`], in units of the
 /// cell's half area; infinite where a plane is not inside. Returns the least.
 #[cfg_attr(not(unoptimised), inline(always))]
@@ -249,37 +350,4 @@ fn count_planar<V: F32x16>(references: &[Reference], axis: usize, position: f32)
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::build::sweep::oracle;
-    use splitplane_test_support::random::Random;
-
-    #[test]
-    fn the_split_is_that_of_a_search_over_all() {
-        let mut random = Random::new(77);
-        let mut small = Small::default();
-        let (mut found, mut rare) = (0, 0);
-        for round in 0..4000 {
-            let both = oracle::costs(&mut random);
-            let costs = &both[round % 2];
-            let count = 1 + random.below(if round % 8 == 0 { MOST } else { 40 });
-            let (cell, references) = oracle::node(&mut random, costs, count);
-            if cell.area <= 0.0 {
-                continue;
-            }
-            let free = oracle::best_split(costs, &cell, &references, f64::INFINITY);
-            let mut limits = vec![f64::INFINITY, costs.leaf(cell.area, count as u32)];
-            limits.extend(free.map(|split| split.cost));
-            for limit in limits {
-                let expected = oracle::best_split(costs, &cell, &references, limit);
-                for set in InstructionSet::available() {
-                    let split = best_split(set, costs, &cell, &references, limit, &mut small);
-                    assert_eq!(split, expected, "{set:?} {round} {limit}");
-                }
-                found += usize::from(expected.is_some());
-                rare += usize::from(expected.is_some_and(|split| split.planar_right));
-            }
-        }
-        assert!(found > 4000 && rare > 50, "{found} {rare}");
-    }
-}
+mod tests;
