@@ -209,8 +209,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let buffers = Buffers::new(mesh.len() as u32);
         let own = Threads { mesh, config, buffers, budget: Budget::default(), bounds: Aabb::EMPTY };
-        let expected: ReferenceExecutor<'_> =
-            ReferenceExecutor::new(mesh, config, Budget::default())?;
+        let expected = ReferenceExecutor::new(mesh, config, Budget::default())?;
 
         // An error here names kernel, buffer and element.
         let mut lockstep = Lockstep::new(own, expected);

@@ -25,6 +25,7 @@ pub use splitplane_wgpu::probe::{Probe, answer_probe};
 
 /// A backend by name.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum BackendKind {
     /// The best one this build and this machine offer; [`Opened::reason`] says which and why.
     #[default]
@@ -97,8 +98,8 @@ impl fmt::Debug for Opened {
 pub enum OpenError {
     /// A GPU was asked for, but this build has no GPU backend.
     #[error(
-        "this build of splitplane has no GPU backend; use the backend `cpu`, or `auto` to take \
-         what there is"
+        "this build of splitplane has no GPU backend (Cargo feature `wgpu`); use the backend `cpu`, \
+         or `auto` without an adapter's name"
     )]
     NoGpuBackend,
     /// The CPU was asked for, but this build has no CPU backend.

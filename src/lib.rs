@@ -56,10 +56,12 @@ pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
 pub use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
-pub use splitplane_core::config::{BuildConfig, ConfigError, Preset};
+pub use splitplane_core::config::{BuildConfig, Builder, ConfigError, Preset, Stages, Sweep};
 pub use splitplane_core::error::{BuildError, DeviceError, QueryError};
 pub use splitplane_core::mesh::{Mesh, MeshError};
 pub use splitplane_core::query::all_hits::{AllHits, AllHitsOptions, Crossing};
+pub use splitplane_core::query::along::LeafAlong;
+pub use splitplane_core::query::best_first::LeafCell;
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
@@ -68,7 +70,7 @@ pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]
-pub use splitplane_cpu::CpuBackend;
+pub use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
 #[cfg(feature = "render")]
 pub use splitplane_render as render;
 #[cfg(feature = "picture")]

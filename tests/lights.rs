@@ -53,7 +53,7 @@ fn object() -> Scene {
 fn point(light: &Light) -> ([f32; 3], [f32; 3], f32) {
     match *light {
         Light::Point { position, irradiance, distance } => (position, irradiance, distance),
-        Light::Directional { .. } => panic!("{light:?}"),
+        _ => panic!("{light:?}"),
     }
 }
 

@@ -45,12 +45,12 @@ pub(crate) static UNWATCHED: ProgressMeter<'static> = ProgressMeter { watch: Non
 
 impl<'w> ProgressMeter<'w> {
     /// A meter of work that may have a watch.
-    pub fn of(watch: Option<&'w dyn Watch>) -> ProgressMeter<'w> {
+    pub(crate) fn of(watch: Option<&'w dyn Watch>) -> ProgressMeter<'w> {
         watch.map_or(ProgressMeter { watch: None }, ProgressMeter::new)
     }
 
     /// A meter that reports to this watch.
-    pub fn new(watch: &'w dyn Watch) -> ProgressMeter<'w> {
+    pub(crate) fn new(watch: &'w dyn Watch) -> ProgressMeter<'w> {
         let nothing = Progress { stage: Stage::Start, done: 0, total: 0 };
         let watch = Watched {
             watch,
@@ -64,19 +64,19 @@ impl<'w> ProgressMeter<'w> {
 
     /// Whether there is a watch.
     #[inline]
-    pub fn is_watched(&self) -> bool {
+    pub(crate) fn is_watched(&self) -> bool {
         self.watch.is_some()
     }
 
     /// Whether the work was cancelled. Its result will not be used, so threads may leave it incomplete.
     #[inline]
-    pub fn is_cancelled(&self) -> bool {
+    pub(crate) fn is_cancelled(&self) -> bool {
         self.watch.as_ref().is_some_and(|watched| watched.is_cancelled.load(Relaxed))
     }
 
     /// Begins a stage and reports it. `total` is 0 where the length of the stage is not known. No other thread may be
     /// working.
-    pub fn begin_stage(&self, stage: Stage, total: u64) {
+    pub(crate) fn begin_stage(&self, stage: Stage, total: u64) {
         if let Some(watched) = self.watch.as_ref().filter(|_| !self.is_cancelled()) {
             watched.done.store(0, Relaxed);
             let mut progress = watched.lock();
@@ -86,7 +86,7 @@ impl<'w> ProgressMeter<'w> {
     }
 
     /// Finishes the stage and reports it. No other thread may be working.
-    pub fn finish_stage(&self) {
+    pub(crate) fn finish_stage(&self) {
         if let Some(watched) = &self.watch {
             let progress = watched.lock();
             watched.done.fetch_max(progress.total, Relaxed);
@@ -96,7 +96,7 @@ impl<'w> ProgressMeter<'w> {
 
     /// Adds to the progress of the stage, in its unit.
     #[inline]
-    pub fn advance(&self, done: u64) {
+    pub(crate) fn advance(&self, done: u64) {
         if let Some(watched) = &self.watch {
             watched.done.fetch_add(done, Relaxed);
         }
@@ -105,13 +105,13 @@ impl<'w> ProgressMeter<'w> {
     /// Records work, in references read and written once, and calls the watch when enough work was done since the last
     /// call. Returns whether the work was cancelled.
     #[inline]
-    pub fn record_work(&self, references: u64) -> bool {
+    pub(crate) fn record_work(&self, references: u64) -> bool {
         self.watch.as_ref().is_some_and(|watched| watched.record_work(references))
     }
 
     /// [`BuildError::Cancelled`] when the work was cancelled.
     #[inline]
-    pub fn check(&self) -> Result<(), BuildError> {
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
         match self.cancelled_at() {
             None => Ok(()),
             Some(progress) => Err(BuildError::Cancelled { progress }),
@@ -120,7 +120,7 @@ impl<'w> ProgressMeter<'w> {
 
     /// [`QueryError::Cancelled`] when the work was cancelled.
     #[inline]
-    pub fn check_batch(&self) -> Result<(), QueryError> {
+    pub(crate) fn check_batch(&self) -> Result<(), QueryError> {
         match self.cancelled_at() {
             None => Ok(()),
             Some(Progress { done, total, .. }) => Err(QueryError::Cancelled { done, total }),

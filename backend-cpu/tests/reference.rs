@@ -28,7 +28,8 @@ fn reference_of<'a, A: Arithmetic>(
     mesh: &Mesh<'a>,
     config: &BuildConfig,
 ) -> ReferenceExecutor<'a, A> {
-    ReferenceExecutor::new(*mesh, *config, Budget::default()).expect("a valid configuration")
+    ReferenceExecutor::in_arithmetic(*mesh, *config, Budget::default())
+        .expect("a valid configuration")
 }
 
 /// Runs an executor in step with the CPU's; the number of dispatches that were compared.

@@ -34,7 +34,8 @@ fn in_step(
 }
 
 fn reference_of<'a>(mesh: &Mesh<'a>, config: &BuildConfig) -> ReferenceExecutor<'a> {
-    ReferenceExecutor::new(*mesh, *config, Budget::default()).expect("a valid configuration")
+    ReferenceExecutor::in_arithmetic(*mesh, *config, Budget::default())
+        .expect("a valid configuration")
 }
 
 #[test]

@@ -98,7 +98,7 @@ impl From<MeshError> for Failure {
     fn from(error: MeshError) -> Failure {
         let code = match error {
             MeshError::TooManyTriangles { .. } => LIMIT,
-            MeshError::IndexOutOfRange { .. } => FILE,
+            _ => FILE,
         };
         Failure { message: error.to_string(), code }
     }

@@ -102,7 +102,7 @@ fn refuses_what_was_not_requested(kind: BackendKind) {
                 Output::Pixels => frame.pixels().map(|pixels| pixels.len()),
                 Output::Radiance => frame.radiance().map(|radiance| radiance.len()),
                 Output::FirstHits => frame.first_hits().map(|hits| hits.len()),
-                Output::FirstCosts => frame.first_costs().map(|costs| costs.len()),
+                _ => frame.first_costs().map(|costs| costs.len()),
             };
             let expected = match output == requested {
                 true => Ok(16),

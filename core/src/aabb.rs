@@ -76,6 +76,26 @@ impl Aabb {
             || (0..3).all(|axis| self.lo[axis] <= other.lo[axis] && other.hi[axis] <= self.hi[axis])
     }
 
+    /// The square of the distance from a point to the nearest point of the box; 0 within it, infinity for an
+    /// empty box. In `f64`, so that it is off by a few parts in 2^52 at most: round it down by that for a bound
+    /// that must not be too great.
+    pub fn distance_squared(&self, point: [f32; 3]) -> f64 {
+        if self.is_empty() {
+            return f64::INFINITY;
+        }
+        let outside = [0, 1, 2].map(|axis| {
+            let [lo, hi, at] = [self.lo[axis], self.hi[axis], point[axis]].map(f64::from);
+            if at < lo {
+                lo - at
+            } else if at > hi {
+                at - hi
+            } else {
+                0.0
+            }
+        });
+        outside.iter().map(|distance| distance * distance).sum()
+    }
+
     /// Half the extent on one axis: `hi / 2 - lo / 2`, each step snapped. Halving is exact above the
     /// subnormals, so this is the rounded extent, halved, and it cannot overflow.
     #[inline(always)]
@@ -147,6 +167,22 @@ pub(crate) fn sqrt(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn distances_are_to_faces_edges_and_corners() {
+        let bounds = Aabb { lo: [-1.0, 0.0, 2.0], hi: [1.0, 3.0, 5.0] };
+        for (point, distance) in [
+            ([0.0, 1.0, 3.0], 0.0),
+            ([1.0, 3.0, 5.0], 0.0),
+            ([4.0, 1.0, 3.0], 9.0),
+            ([0.0, -2.0, 1.0], 5.0),
+            ([-3.0, 4.0, 7.0], 9.0),
+            ([f32::MAX, 0.0, 2.0], (f64::from(f32::MAX) - 1.0).powi(2)),
+        ] {
+            assert_eq!(bounds.distance_squared(point), distance, "{point:?}");
+        }
+        assert_eq!(Aabb::EMPTY.distance_squared([0.0; 3]), f64::INFINITY);
+    }
 
     #[test]
     fn diagonal_of_a_pythagorean_box() {

@@ -78,6 +78,20 @@ impl Preset {
     }
 }
 
+/// A name that is not a preset's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("there is no preset of this name; the presets are fast, balanced and best")]
+pub struct UnknownPreset;
+
+impl core::str::FromStr for Preset {
+    type Err = UnknownPreset;
+
+    /// The inverse of [`Preset::name`]; upper case is not accepted.
+    fn from_str(name: &str) -> Result<Preset, UnknownPreset> {
+        Preset::ALL.into_iter().find(|preset| preset.name() == name).ok_or(UnknownPreset)
+    }
+}
+
 /// How the large-node stage finds the planes that split.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Planes {
@@ -477,6 +491,8 @@ mod tests {
         for (number, preset) in Preset::ALL.into_iter().enumerate() {
             let config = preset.config();
             assert_eq!((config.preset(), config.validate()), (preset, Ok(())));
+            assert_eq!(preset.name().parse(), Ok(preset));
+            assert_eq!(preset.name().to_uppercase().parse::<Preset>(), Err(UnknownPreset));
             assert_eq!(config.words()[0], number as u32);
             assert_eq!(config.stages().is_some(), preset.planes().is_some());
             assert_eq!(BuildConfig::from_words(config.words()), Some(config));

@@ -15,6 +15,7 @@ pub struct Mesh<'a> {
 
 /// Errors of arrays that are not a mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum MeshError {
     /// A corner names a position that does not exist.
     #[error("triangle {triangle} names vertex {vertex}, but there are {vertices} vertices")]

@@ -2,6 +2,7 @@
 
 use crate::watch::Watch;
 use bytemuck::{Pod, Zeroable};
+use thiserror::Error;
 
 /// A ray: the points `origin + t * direction` with `t_min <= t <= t_max`, both ends included.
 ///
@@ -108,6 +109,7 @@ pub enum Culling {
 
 /// Which ray/triangle test answers a query.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Accuracy {
     /// Moeller and Trumbore 1997: rays aimed at edges and vertices may leak through a closed mesh. Faster for rays that
     /// scatter in some scenes, by up to 1.3 times; slower than watertight for coherent ones.
@@ -137,9 +139,24 @@ impl Accuracy {
     }
 }
 
+/// A name that is not an accuracy's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("there is no accuracy of this name; the accuracies are fast, watertight and exact")]
+pub struct UnknownAccuracy;
+
+impl core::str::FromStr for Accuracy {
+    type Err = UnknownAccuracy;
+
+    /// The inverse of [`Accuracy::name`]; upper case is not accepted.
+    fn from_str(name: &str) -> Result<Accuracy, UnknownAccuracy> {
+        Accuracy::ALL.into_iter().find(|accuracy| accuracy.name() == name).ok_or(UnknownAccuracy)
+    }
+}
+
 /// What to do with rays of accuracy [`Accuracy::Exact`] that a device cannot decide within its
 /// bounds of error. Either way their number is in the [`QueryReport`](crate::report::QueryReport).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Undecided {
     /// Trace them again on the CPU.
     #[default]
@@ -167,6 +184,14 @@ pub struct QueryOptions<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn accuracies_are_found_by_their_names() {
+        for accuracy in Accuracy::ALL {
+            assert_eq!(accuracy.name().parse(), Ok(accuracy));
+        }
+        assert_eq!("Exact".parse::<Accuracy>(), Err(UnknownAccuracy));
+    }
 
     #[test]
     fn misses_and_marks_are_no_hits() {

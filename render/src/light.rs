@@ -2,6 +2,7 @@
 
 /// A source of light without a size.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Light {
     /// A point that shines evenly in all directions.
     Point {

@@ -55,6 +55,7 @@ const LEAST_BRANCHING_ROOM: u64 = 1 << 16;
 
 /// Why a frame cannot be planned.
 #[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum PlanError {
     /// A setting is out of its range.
     #[error(transparent)]

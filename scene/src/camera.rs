@@ -19,6 +19,7 @@ pub struct Camera {
 
 /// Why values are not a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum CameraError {
     /// A coordinate is NaN or infinite.
     #[error("the camera has a coordinate that is not a finite number")]

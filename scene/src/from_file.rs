@@ -15,6 +15,7 @@ const UNKNOWN_MEMORY: u64 = 16 << 30;
 
 /// Why the bytes of a file are not there.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum ReadError {
     /// The system refuses.
     #[error("{0}")]

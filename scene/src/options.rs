@@ -63,6 +63,7 @@ impl Default for SceneOptions {
 /// missing `Kd` under a texture is white, else the texture could not be seen. Where mirrored and
 /// scattered light together would be more than comes in, less is scattered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum MaterialRule {
     /// As above: `Ks` is a mirror only where `illum` says so, since most files give every surface a
     /// `Ks`, for highlights.

@@ -26,6 +26,7 @@ pub struct Placement {
 
 /// How a camera came to its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum View {
     /// The scene brought its camera.
     Given,

@@ -8,6 +8,7 @@ use crate::table::{TRAVERSAL, TRAVERSAL_BINDINGS, TRAVERSAL_TESTS};
 
 /// Which ray/triangle test a traversal has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum TriangleTest {
     /// Woop, Benthin and Wald 2013 in guarded arithmetic: no ray slips between two triangles that
     /// share an edge, and hits have the same bits on every device.

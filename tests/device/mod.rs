@@ -11,7 +11,7 @@ use splitplane_wgpu::{Gpu, OpenOptions};
 ///
 /// # Panics
 /// If no device can be opened: a test without a device must not pass.
-pub fn gpu() -> Arc<Gpu> {
+pub(crate) fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     let open = || {
         let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
@@ -25,6 +25,6 @@ pub fn gpu() -> Arc<Gpu> {
 }
 
 /// Whether the device is Mesa's software rasteriser.
-pub fn is_llvmpipe() -> bool {
+pub(crate) fn is_llvmpipe() -> bool {
     gpu().info().name.contains("llvmpipe")
 }

@@ -9,6 +9,7 @@ const SEED: u64 = 1968;
 
 /// What a ray is aimed at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Aim {
     /// A chord of the bounding sphere.
     Random,

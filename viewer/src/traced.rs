@@ -120,7 +120,7 @@ impl TracedSource {
                 self.connect(target)?;
                 return Ok((BackendKind::Wgpu, "asked for".into()));
             }
-            BackendKind::Auto => {}
+            _ => {}
         }
         let info = target.device.adapter_info();
         if info.device_type == wgpu::DeviceType::Cpu {

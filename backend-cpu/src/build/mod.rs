@@ -7,7 +7,7 @@
 
 pub(crate) mod depth_first;
 pub(crate) mod sweep;
-pub mod twin;
+pub(crate) mod twin;
 
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::build::schedule;

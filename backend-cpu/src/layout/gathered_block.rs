@@ -19,7 +19,7 @@ pub(crate) struct GatheredBlock<'a> {
 impl GatheredBlock<'_> {
     /// The corners of a triangle.
     #[inline]
-    pub fn corners(&self, index: usize) -> Triangle {
+    pub(crate) fn corners(&self, index: usize) -> Triangle {
         let mut corners = [[0.0; 3]; 3];
         for (row, x) in corners.as_flattened_mut().iter_mut().enumerate() {
             *x = self.words[row * self.stride + index];
@@ -29,7 +29,7 @@ impl GatheredBlock<'_> {
 
     /// The index of a triangle in the mesh.
     #[inline]
-    pub fn triangle(&self, index: usize) -> u32 {
+    pub(crate) fn triangle(&self, index: usize) -> u32 {
         self.words[9 * self.stride + index].to_bits()
     }
 }

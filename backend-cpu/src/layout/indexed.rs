@@ -20,7 +20,7 @@ pub(crate) struct GatherBuffer([f32; 11 * MOST_LANES]);
 
 impl GatherBuffer {
     /// An empty one.
-    pub const EMPTY: GatherBuffer = GatherBuffer([0.0; 11 * MOST_LANES]);
+    pub(crate) const EMPTY: GatherBuffer = GatherBuffer([0.0; 11 * MOST_LANES]);
 }
 
 /// A mesh with snapped coordinates. Vertices are those of the caller; a mesh with as many vertices
@@ -51,17 +51,17 @@ fn lengths(mesh: &Mesh<'_>) -> [usize; 2] {
 
 impl IndexedMesh {
     /// Bytes of this one.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (size_of_val(&self.vertices[..]) + size_of_val(&self.indices[..])) as u64
     }
 
     /// Capacity in bytes.
-    pub fn held(&self) -> u64 {
+    pub(crate) fn held(&self) -> u64 {
         bytes_of(&self.vertices) + bytes_of(&self.indices)
     }
 
     /// Capacity in bytes once it also holds the copy of a mesh.
-    pub fn held_with(&self, mesh: &Mesh<'_>) -> u64 {
+    pub(crate) fn held_with(&self, mesh: &Mesh<'_>) -> u64 {
         let [vertices, indices] = lengths(mesh);
         let vertices = vertices.max(self.vertices.capacity()) * size_of::<[f32; 3]>();
         let indices = indices.max(self.indices.capacity()) * size_of::<[u32; 3]>();
@@ -72,7 +72,7 @@ impl IndexedMesh {
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
-    pub fn make_room(&mut self, mesh: &Mesh<'_>, memory: &Memory) -> Result<(), BuildError> {
+    pub(crate) fn make_room(&mut self, mesh: &Mesh<'_>, memory: &Memory) -> Result<(), BuildError> {
         let [vertices, indices] = lengths(mesh);
         memory.reserve(&mut self.vertices, vertices)?;
         memory.reserve(&mut self.indices, indices)
@@ -80,7 +80,12 @@ impl IndexedMesh {
 
     /// Becomes the copy of a mesh with these snapped corners, for which there is space. After
     /// cancellation it is incomplete and must not be used.
-    pub fn fill(&mut self, mesh: &Mesh<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) {
+    pub(crate) fn fill(
+        &mut self,
+        mesh: &Mesh<'_>,
+        triangles: &[Triangle],
+        meter: &ProgressMeter<'_>,
+    ) {
         let IndexedMesh { vertices, indices } = self;
         vertices.clear();
         indices.clear();
@@ -106,7 +111,7 @@ impl IndexedMesh {
 
     /// The corners of a triangle.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn corners(&self, triangle: u32) -> Triangle {
+    pub(crate) fn corners(&self, triangle: u32) -> Triangle {
         let triangle = triangle as usize;
         if self.indices.is_empty() {
             core::array::from_fn(|corner| self.vertices[3 * triangle + corner])
@@ -117,7 +122,11 @@ impl IndexedMesh {
 
     /// Puts at most [`MOST_LANES`] triangles together to a block.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn gather<'b>(&self, triangles: &[u32], room: &'b mut GatherBuffer) -> GatheredBlock<'b> {
+    pub(crate) fn gather<'b>(
+        &self,
+        triangles: &[u32],
+        room: &'b mut GatherBuffer,
+    ) -> GatheredBlock<'b> {
         let words = &mut room.0;
         for (i, &triangle) in triangles.iter().enumerate().take(MOST_LANES) {
             let corners = self.corners(triangle);

@@ -43,14 +43,18 @@ pub(crate) struct Large {
 
 impl Large {
     /// None of some triangles with these bounds.
-    pub const fn none(others: Aabb) -> Large {
+    pub(crate) const fn none(others: Aabb) -> Large {
         let (triangles, bounds) = ([0; MOST], Aabb::EMPTY);
         Large { count: 0, triangles, bounds, others, blocks: [0; 2] }
     }
 
     /// Those of a tree over snapped triangles, if there are some and they are few. After cancellation the result is
     /// incomplete and must not be used.
-    pub fn of(tree: &KdTreeView<'_>, triangles: &[Triangle], meter: &ProgressMeter<'_>) -> Large {
+    pub(crate) fn of(
+        tree: &KdTreeView<'_>,
+        triangles: &[Triangle],
+        meter: &ProgressMeter<'_>,
+    ) -> Large {
         let leaf = typical_leaf(tree);
         for (times, most) in [(TIMES_FEW, FEW), (TIMES_MANY, MOST)] {
             // No triangle is longer than all together.
@@ -106,17 +110,20 @@ impl Large {
 
     /// Their indices.
     #[inline]
-    pub fn triangles(&self) -> &[u32] {
+    pub(crate) fn triangles(&self) -> &[u32] {
         &self.triangles[..self.count]
     }
 
     /// Whether there are any.
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.count == 0
     }
 
     /// Bounds of those of some triangles that are not large, given by index and corners.
-    pub fn bounds_of_others(&self, triangles: impl Iterator<Item = (u32, Triangle)>) -> Aabb {
+    pub(crate) fn bounds_of_others(
+        &self,
+        triangles: impl Iterator<Item = (u32, Triangle)>,
+    ) -> Aabb {
         let others = triangles.filter(|(index, _)| !self.triangles().contains(index));
         others.fold(Aabb::EMPTY, |all, (_, corners)| all.union(&Aabb::of_points(&corners)))
     }

@@ -22,7 +22,7 @@ fn ones(start: usize, end: usize) -> u128 {
 impl Order {
     /// A plane on an axis has the children from `start` on to its left, those from `middle` to `end` to its
     /// right.
-    pub fn separate(&mut self, axis: usize, start: usize, middle: usize, end: usize) {
+    pub(crate) fn separate(&mut self, axis: usize, start: usize, middle: usize, end: usize) {
         let left = ones(start, middle) * (end - middle) as u128;
         let right = ones(middle, end) * (middle - start) as u128;
         for (octant, farther) in self.farther.iter_mut().enumerate() {
@@ -32,7 +32,7 @@ impl Order {
     }
 
     /// There is no plane between the children from `start` to `end`: they come as a leaf's triangles do.
-    pub fn in_a_row(&mut self, start: usize, end: usize) {
+    pub(crate) fn in_a_row(&mut self, start: usize, end: usize) {
         for child in start..end {
             let farther = ones(child, child + 1) * (end - 1 - child) as u128;
             self.farther.iter_mut().for_each(|all| *all += farther);
@@ -40,7 +40,7 @@ impl Order {
     }
 
     /// Writes the children from far to near, and then the places without a child.
-    pub fn write(&self, octant: usize, count: usize, order: &mut [u8]) {
+    pub(crate) fn write(&self, octant: usize, count: usize, order: &mut [u8]) {
         for (place, to) in order.iter_mut().enumerate() {
             *to = place as u8;
         }

@@ -56,7 +56,7 @@ pub(crate) struct PackedSize {
 
 impl<'a> Packer<'a> {
     /// For vectors of `lanes` lanes.
-    pub fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
+    pub(crate) fn new(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer {
             lanes,
             large: false,
@@ -71,14 +71,14 @@ impl<'a> Packer<'a> {
     }
 
     /// The same for large triangles, in blocks that say so.
-    pub fn large(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
+    pub(crate) fn large(lanes: usize, triangles: &'a [Triangle]) -> Packer<'a> {
         Packer { large: true, ..Packer::new(lanes, triangles) }
     }
 
     /// Packs as many as fit of the first `left` of some references, one at least, into a block. The
     /// references after those are packed next; `out` has space for [`MOST_WORDS`].
     #[inline(never)]
-    pub fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> PackedSize {
+    pub(crate) fn block(&mut self, references: &[u32], left: usize, out: &mut [u32]) -> PackedSize {
         let mut count = left.min(self.lanes);
         let different = loop {
             match self.place(references, count, out) {

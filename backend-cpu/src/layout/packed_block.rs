@@ -36,19 +36,19 @@ impl PackedBlock<'_> {
     const LARGE: u32 = 1 << 7;
 
     /// The first word of a block with these numbers of triangles and of different corners.
-    pub const fn header(count: usize, corners: usize, large: bool) -> u32 {
+    pub(crate) const fn header(count: usize, corners: usize, large: bool) -> u32 {
         let before = PackedBlock::before_coordinates(count);
         let mark = if large { PackedBlock::LARGE } else { 0 };
         mark | count as u32 | (corners as u32) << 8 | (before as u32) << 16
     }
 
     /// Words before the coordinates of a block of `count` triangles.
-    pub const fn before_coordinates(count: usize) -> usize {
+    pub(crate) const fn before_coordinates(count: usize) -> usize {
         1 + (3 * count).div_ceil(4) + count
     }
 
     /// Words of a block with these numbers of triangles and of different corners.
-    pub const fn words(count: usize, corners: usize) -> usize {
+    pub(crate) const fn words(count: usize, corners: usize) -> usize {
         (PackedBlock::before_coordinates(count) + 3 * corners).next_multiple_of(UNIT_WORDS)
     }
 }
@@ -56,7 +56,7 @@ impl PackedBlock<'_> {
 impl<'a> PackedBlock<'a> {
     /// The block that begins at a unit.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn at(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
+    pub(crate) fn at(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
         PackedBlock { words: &words[unit as usize * UNIT_WORDS..] }
     }
 
@@ -65,26 +65,26 @@ impl<'a> PackedBlock<'a> {
     /// # Safety
     /// The unit must be that of a block.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
+    pub(crate) unsafe fn at_unchecked(words: &'a [u32], unit: u32) -> PackedBlock<'a> {
         // SAFETY: the caller's contract.
         PackedBlock { words: unsafe { words.get_unchecked(unit as usize * UNIT_WORDS..) } }
     }
 
     /// Triangles, 1 to 16.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn count(&self) -> usize {
+    pub(crate) fn count(&self) -> usize {
         (self.words[0] & 0x7f) as usize
     }
 
     /// Whether these are [large](super::large) triangles, in a block of their own.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn is_large(&self) -> bool {
+    pub(crate) fn is_large(&self) -> bool {
         self.words[0] & PackedBlock::LARGE != 0
     }
 
     /// Different corners, at most 32.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn corner_count(&self) -> usize {
+    pub(crate) fn corner_count(&self) -> usize {
         (self.words[0] >> 8 & 0xff) as usize
     }
 
@@ -96,13 +96,13 @@ impl<'a> PackedBlock<'a> {
 
     /// Units to the next block.
     #[inline]
-    pub fn units(&self) -> u32 {
+    pub(crate) fn units(&self) -> u32 {
         (self.before() + 3 * self.corner_count()).div_ceil(UNIT_WORDS) as u32
     }
 
     /// Places of the first, second or third corners, a byte each.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn places(&self, corner: usize) -> *const u8 {
+    pub(crate) fn places(&self, corner: usize) -> *const u8 {
         self.words.as_ptr().wrapping_add(1).cast::<u8>().wrapping_add(corner * self.count())
     }
 
@@ -111,7 +111,7 @@ impl<'a> PackedBlock<'a> {
     /// # Safety
     /// The triangle must be one of the block's.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn places_of(&self, index: usize) -> [usize; 3] {
+    pub(crate) unsafe fn places_of(&self, index: usize) -> [usize; 3] {
         let first = self.places(0);
         // SAFETY: three times as many bytes as triangles follow the first word.
         let place = unsafe {
@@ -123,25 +123,25 @@ impl<'a> PackedBlock<'a> {
 
     /// Coordinates of the different corners on an axis.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn coordinates(&self, axis: usize) -> *const f32 {
+    pub(crate) fn coordinates(&self, axis: usize) -> *const f32 {
         self.words.as_ptr().wrapping_add(self.before() + axis * self.corner_count()).cast()
     }
 
     /// The triangles' indices in the mesh.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn triangles(&self) -> *const u32 {
+    pub(crate) fn triangles(&self) -> *const u32 {
         self.words.as_ptr().wrapping_add(self.before() - self.count())
     }
 
     /// The index of a triangle in the mesh.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn triangle(&self, index: usize) -> u32 {
+    pub(crate) fn triangle(&self, index: usize) -> u32 {
         self.words[self.before() - self.count() + index]
     }
 
     /// The corners of a triangle.
     #[inline]
-    pub fn corners(&self, index: usize) -> Triangle {
+    pub(crate) fn corners(&self, index: usize) -> Triangle {
         let (start, count) = (self.before(), self.corner_count());
         let mut corners = [[0.0; 3]; 3];
         // Loops, since closures do not get the instructions of a caller's set.
@@ -156,7 +156,7 @@ impl<'a> PackedBlock<'a> {
     }
 
     /// Bounds of all corners.
-    pub fn bounds(&self) -> Aabb {
+    pub(crate) fn bounds(&self) -> Aabb {
         let (start, count) = (self.before(), self.corner_count());
         let mut bounds = Aabb::EMPTY;
         for axis in 0..3 {

@@ -44,21 +44,21 @@ impl Branch {
     const ALONE: u8 = 0;
 
     /// A leaf of `blocks` blocks, the first of which begins at `unit`.
-    pub fn leaf(bounds: Aabb, unit: u32, blocks: u32) -> Branch {
+    pub(crate) fn leaf(bounds: Aabb, unit: u32, blocks: u32) -> Branch {
         let plan = [Branch::LEAF; MOST_LANES];
         Branch { bounds, children: [unit, blocks], nodes: 0, plan }
     }
 
     /// The axis of the plane between the children; `None` for a leaf.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn axis(&self) -> Option<u8> {
+    pub(crate) fn axis(&self) -> Option<u8> {
         (self.plan[0] != Branch::LEAF).then_some(self.plan[0])
     }
 
     /// How many of some places, two at least, the left child takes; `None` where the branch had better be a
     /// node of its own.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn left_places(&self, places: usize) -> Option<usize> {
+    pub(crate) fn left_places(&self, places: usize) -> Option<usize> {
         let left = self.plan[places - 1];
         (left != Branch::ALONE).then_some(left.into())
     }
@@ -86,7 +86,7 @@ const ONE: usize = MOST_LANES;
 
 impl PlaceCosts {
     /// The costs of nothing.
-    pub const NOTHING: PlaceCosts = {
+    pub(crate) const NOTHING: PlaceCosts = {
         let mut areas = [f32::INFINITY; 2 * MOST_LANES];
         let mut places = ONE;
         while places < areas.len() {
@@ -97,12 +97,12 @@ impl PlaceCosts {
     };
 
     /// The branch, if there is one.
-    pub fn branch(&self) -> Option<u32> {
+    pub(crate) fn branch(&self) -> Option<u32> {
         (self.branch != NONE).then_some(self.branch)
     }
 
     /// Wide nodes made of the whole.
-    pub fn whole(&self) -> u32 {
+    pub(crate) fn whole(&self) -> u32 {
         self.nodes[ONE]
     }
 }
@@ -118,7 +118,7 @@ pub(crate) struct Planner {
 
 impl Planner {
     /// For a tree with these bounds, which are not empty.
-    pub fn new(lanes: usize, bounds: &Aabb) -> Planner {
+    pub(crate) fn new(lanes: usize, bounds: &Aabb) -> Planner {
         let half = (0..3).map(|axis| bounds.half_extent(axis)).fold(f32::MIN_POSITIVE, f32::max);
         let exponent = (half.to_bits() >> 23).clamp(1, 253);
         Planner { lanes, scale: f32::from_bits((254 - exponent) << 23) }
@@ -150,7 +150,7 @@ impl Planner {
     /// Makes the branch of a node of its children's costs. What it costs takes the place of what the right
     /// child did; where one child is empty, it is the other one.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn join(
+    pub(crate) fn join(
         &self,
         node: u32,
         axis: u8,
@@ -204,7 +204,7 @@ impl Planner {
 
     /// Plans the subtree of these nodes, the first of which is its root. The branches of its leaves are
     /// there, the others are made.
-    pub fn subtree(
+    pub(crate) fn subtree(
         &self,
         set: crate::simd::InstructionSet,
         first: u32,

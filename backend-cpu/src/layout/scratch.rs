@@ -88,7 +88,7 @@ pub(crate) struct LayoutSize {
 
 impl LayoutScratch {
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         let LayoutScratch { branches, top, tasks, parts, large } = self;
         let words = parts.iter().chain([large]).map(|part| bytes_of(&part.words)).sum::<u64>();
         words + bytes_of(branches) + bytes_of(top) + bytes_of(tasks) + bytes_of(parts)
@@ -100,7 +100,7 @@ impl LayoutScratch {
     /// # Errors
     /// [`BuildError::Cancelled`] by the watch; [`BuildError::TooLarge`] when children could not name all
     /// blocks; no memory for branches and lists of tasks within the limit, or less than it allows.
-    pub fn plan(
+    pub(crate) fn plan(
         &mut self,
         tree: &KdTreeView<'_>,
         source: LayoutSource<'_>,
@@ -176,7 +176,7 @@ impl LayoutScratch {
 
     /// Writes the blocks, and the nodes of the tree with leaves that name them, to memory of the
     /// planned size.
-    pub fn write(&self, tree: &KdTreeView<'_>, nodes: &mut [WalkNode], words: &mut [u32]) {
+    pub(crate) fn write(&self, tree: &KdTreeView<'_>, nodes: &mut [WalkNode], words: &mut [u32]) {
         let apart = self.large.words();
         let behind = words.len() - apart.len();
         words[behind..].copy_from_slice(apart);

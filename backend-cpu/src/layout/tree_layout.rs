@@ -207,7 +207,7 @@ impl TreeLayout {
     }
 
     /// Capacity of tree and layout in bytes.
-    pub fn held(&self) -> u64 {
+    pub(crate) fn held(&self) -> u64 {
         let KdTree { nodes, references, .. } = &self.tree;
         let tree = bytes_of(nodes) + bytes_of(references);
         let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::held);
@@ -215,7 +215,7 @@ impl TreeLayout {
     }
 
     /// Bytes that queries read, in addition to the tree.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         let mesh = self.mesh.as_ref().map_or(0, IndexedMesh::bytes);
         let blocks = size_of_val(&self.nodes[..]) + size_of_val(&self.words[..]);
         blocks as u64 + self.wide.bytes() + mesh

@@ -13,41 +13,41 @@ pub(crate) struct WalkNode(KdNode);
 
 impl WalkNode {
     /// A leaf of `blocks` blocks, the first of which begins at `unit`.
-    pub fn leaf(unit: u32, blocks: u32) -> WalkNode {
+    pub(crate) fn leaf(unit: u32, blocks: u32) -> WalkNode {
         WalkNode(KdNode::leaf(unit, blocks))
     }
 
     /// An interior node, as the tree has it.
-    pub fn interior(node: KdNode) -> WalkNode {
+    pub(crate) fn interior(node: KdNode) -> WalkNode {
         WalkNode(node)
     }
 
     /// The nodes of a tree whose leaves name references.
-    pub fn of_tree(nodes: &[KdNode]) -> &[WalkNode] {
+    pub(crate) fn of_tree(nodes: &[KdNode]) -> &[WalkNode] {
         bytemuck::cast_slice(nodes)
     }
 
     /// The nodes in the tree's format, for a walk that does not follow what leaves name.
     #[inline]
-    pub fn as_tree(nodes: &[WalkNode]) -> &[KdNode] {
+    pub(crate) fn as_tree(nodes: &[WalkNode]) -> &[KdNode] {
         bytemuck::cast_slice(nodes)
     }
 
     /// The node, to be decoded.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn node(&self) -> &KdNode {
+    pub(crate) fn node(&self) -> &KdNode {
         &self.0
     }
 
     /// The references of a leaf of the tree itself.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
+    pub(crate) fn references<'a>(&self, all: &'a [u32]) -> &'a [u32] {
         &all[self.0.first() as usize..][..self.0.count() as usize]
     }
 
     /// The blocks of a leaf.
     #[inline]
-    pub fn blocks<'a>(&self, words: &'a [u32]) -> impl Iterator<Item = PackedBlock<'a>> {
+    pub(crate) fn blocks<'a>(&self, words: &'a [u32]) -> impl Iterator<Item = PackedBlock<'a>> {
         let mut unit = self.0.first();
         (0..self.0.count()).map(move |_| {
             let block = PackedBlock::at(words, unit);

@@ -93,28 +93,28 @@ struct NodeChildren {
 
 impl WideNodes {
     /// No nodes yet, for vectors of `lanes` lanes.
-    pub fn new(lanes: usize) -> WideNodes {
+    pub(crate) fn new(lanes: usize) -> WideNodes {
         WideNodes { lanes, lines: Vec::new(), depth: 0 }
     }
 
     /// Lines of a node.
-    pub fn node_lines(&self) -> usize {
+    pub(crate) fn node_lines(&self) -> usize {
         wide_node::lines_of_node(self.lanes)
     }
 
     /// The nodes, stored consecutively.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn lines(&self) -> &[CacheLine] {
+    pub(crate) fn lines(&self) -> &[CacheLine] {
         &self.lines
     }
 
     /// Capacity in bytes.
-    pub fn held(&self) -> u64 {
+    pub(crate) fn held(&self) -> u64 {
         bytes_of(&self.lines)
     }
 
     /// Bytes of this number of nodes.
-    pub fn bytes_for(&self, nodes: usize) -> u64 {
+    pub(crate) fn bytes_for(&self, nodes: usize) -> u64 {
         (nodes * self.node_lines() * size_of::<CacheLine>()) as u64
     }
 
@@ -122,25 +122,29 @@ impl WideNodes {
     ///
     /// # Errors
     /// As for [`Memory::reserve`].
-    pub fn make_room(&mut self, size: &LayoutSize, memory: &Memory) -> Result<(), BuildError> {
+    pub(crate) fn make_room(
+        &mut self,
+        size: &LayoutSize,
+        memory: &Memory,
+    ) -> Result<(), BuildError> {
         let lines = size.wide * self.node_lines();
         memory.reserve(&mut self.lines, lines)
     }
 
     /// Entries that a stack needs: of every node on the way down all children but one, and as many
     /// more as are written without counting.
-    pub fn stack(&self) -> usize {
+    pub(crate) fn stack(&self) -> usize {
         (self.depth + 2) * self.lanes + MOST_LANES
     }
 
     /// Bytes of the nodes.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         size_of_val(&self.lines[..]) as u64
     }
 
     /// Makes the planned nodes of a tree of `nodes` nodes, for which there is space. After
     /// cancellation they are incomplete and must not be used.
-    pub fn fill(
+    pub(crate) fn fill(
         &mut self,
         leaves: LeafChildren<'_>,
         branches: &[Branch],

@@ -7,7 +7,7 @@ use core::marker::PhantomData;
 /// The builder's kernels know from exclusive scans which elements belong to which chunk; a borrow
 /// checker cannot see that, hence the `unsafe` of the two accessors.
 #[derive(Clone, Copy)]
-pub struct Scatter<'a, T> {
+pub(crate) struct Scatter<'a, T> {
     start: *mut T,
     length: usize,
     borrow: PhantomData<&'a mut [T]>,
@@ -22,7 +22,7 @@ unsafe impl<T: Send> Sync for Scatter<'_, T> {}
 
 impl<'a, T> Scatter<'a, T> {
     /// Borrows a slice for scattered writing.
-    pub fn new(slice: &'a mut [T]) -> Scatter<'a, T> {
+    pub(crate) fn new(slice: &'a mut [T]) -> Scatter<'a, T> {
         Scatter { start: slice.as_mut_ptr(), length: slice.len(), borrow: PhantomData }
     }
 
@@ -34,7 +34,7 @@ impl<'a, T> Scatter<'a, T> {
     /// # Panics
     /// If the part reaches beyond the slice.
     #[allow(clippy::mut_from_ref, reason = "disjointness is the caller's contract")]
-    pub unsafe fn part(&self, first: usize, count: usize) -> &mut [T] {
+    pub(crate) unsafe fn part(&self, first: usize, count: usize) -> &mut [T] {
         assert!(
             first <= self.length && count <= self.length - first,
             "part {first}+{count} of {}",

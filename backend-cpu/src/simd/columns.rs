@@ -27,12 +27,12 @@ pub(crate) struct ReferenceRow {
 impl Columns {
     /// Capacity in rows.
     #[inline]
-    pub fn room(&self) -> usize {
+    pub(crate) fn room(&self) -> usize {
         self.triangles.len()
     }
 
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         let faces: usize = self.faces.iter().map(Vec::capacity).sum();
         4 * (faces + self.triangles.capacity()) as u64
     }
@@ -41,7 +41,7 @@ impl Columns {
     ///
     /// # Errors
     /// Less memory than that.
-    pub fn lengthen(&mut self, rows: usize) -> Result<(), TryReserveError> {
+    pub(crate) fn lengthen(&mut self, rows: usize) -> Result<(), TryReserveError> {
         let more = rows.saturating_sub(self.room());
         if more > 0 {
             for column in &mut self.faces {
@@ -55,7 +55,7 @@ impl Columns {
     }
 
     /// Copies references to the front, where there must be space for them.
-    pub fn load(&mut self, references: &[Reference]) {
+    pub(crate) fn load(&mut self, references: &[Reference]) {
         let count = references.len();
         let [lx, ly, lz, hx, hy, hz] = &mut self.faces;
         let columns = [lx, ly, lz, hx, hy, hz].map(|column| &mut column[..count]);
@@ -70,7 +70,7 @@ impl Columns {
 
     /// A row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn get(&self, index: usize) -> ReferenceRow {
+    pub(crate) fn get(&self, index: usize) -> ReferenceRow {
         ReferenceRow {
             faces: core::array::from_fn(|row| self.faces[row][index]),
             triangle: self.triangles[index],
@@ -79,7 +79,7 @@ impl Columns {
 
     /// Overwrites a row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn set(&mut self, index: usize, row: &ReferenceRow) {
+    pub(crate) fn set(&mut self, index: usize, row: &ReferenceRow) {
         for (column, face) in self.faces.iter_mut().zip(row.faces) {
             column[index] = face;
         }
@@ -88,13 +88,13 @@ impl Columns {
 
     /// Rows of one face.
     #[inline]
-    pub fn face(&self, face: usize, first: usize, count: usize) -> &[f32] {
+    pub(crate) fn face(&self, face: usize, first: usize, count: usize) -> &[f32] {
         &self.faces[face][first..first + count]
     }
 
     /// Triangles of some rows.
     #[inline]
-    pub fn triangles(&self, first: usize, count: usize) -> &[u32] {
+    pub(crate) fn triangles(&self, first: usize, count: usize) -> &[u32] {
         &self.triangles[first..first + count]
     }
 
@@ -106,7 +106,7 @@ impl Columns {
     }
 
     /// Moves rows to a lower place.
-    pub fn move_down(&mut self, from: usize, count: usize, to: usize) {
+    pub(crate) fn move_down(&mut self, from: usize, count: usize, to: usize) {
         for column in &mut self.faces {
             column.copy_within(from..from + count, to);
         }
@@ -117,7 +117,7 @@ impl Columns {
     ///
     /// # Errors
     /// Less memory than they take.
-    pub fn references(
+    pub(crate) fn references(
         &self,
         first: usize,
         count: usize,
@@ -134,7 +134,7 @@ impl Columns {
 
     /// The bounds of some rows. Faces are never -0 and never NaN, so the order does not show.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn bounds(&self, first: usize, count: usize) -> Aabb {
+    pub(crate) fn bounds(&self, first: usize, count: usize) -> Aabb {
         let mut bounds = Aabb::EMPTY;
         for axis in 0..3 {
             bounds.lo[axis] = fold(self.face(axis, first, count), f32::MAX, min);

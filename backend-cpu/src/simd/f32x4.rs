@@ -21,7 +21,7 @@ macro_rules! lane_by_lane {
     ($($(#[$doc:meta])* $name:ident, $by_sse:expr, $by_lane:expr;)*) => {$(
         $(#[$doc])*
         #[cfg_attr(not(unoptimised), inline(always))]
-        pub fn $name(self, other: F32x4) -> F32x4 {
+        pub(crate) fn $name(self, other: F32x4) -> F32x4 {
             #[cfg(target_arch = "x86_64")]
             return F32x4(unsafe { $by_sse(self.0, other.0) });
             #[cfg(not(target_arch = "x86_64"))]
@@ -63,7 +63,7 @@ impl F32x4 {
 
     /// Of a row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(row: [f32; 4]) -> F32x4 {
+    pub(crate) fn of(row: [f32; 4]) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
         return F32x4(unsafe { _mm_loadu_ps(row.as_ptr()) });
         #[cfg(not(target_arch = "x86_64"))]
@@ -72,19 +72,19 @@ impl F32x4 {
 
     /// Of three, and 0.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of_three([x, y, z]: [f32; 3]) -> F32x4 {
+    pub(crate) fn of_three([x, y, z]: [f32; 3]) -> F32x4 {
         F32x4::of([x, y, z, 0.0])
     }
 
     /// The same number in all.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn splat(x: f32) -> F32x4 {
+    pub(crate) fn splat(x: f32) -> F32x4 {
         F32x4::of([x; 4])
     }
 
     /// As a row.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn row(self) -> [f32; 4] {
+    pub(crate) fn row(self) -> [f32; 4] {
         #[cfg(target_arch = "x86_64")]
         {
             let mut row = [0.0; 4];
@@ -97,14 +97,14 @@ impl F32x4 {
 
     /// The first three.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn three(self) -> [f32; 3] {
+    pub(crate) fn three(self) -> [f32; 3] {
         let [x, y, z, _] = self.row();
         [x, y, z]
     }
 
     /// The sign bits, the first lowest.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn signs(self) -> u32 {
+    pub(crate) fn signs(self) -> u32 {
         #[cfg(target_arch = "x86_64")]
         return unsafe { _mm_movemask_ps(self.0) } as u32;
         #[cfg(not(target_arch = "x86_64"))]
@@ -113,13 +113,13 @@ impl F32x4 {
 
     /// Magnitudes.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn abs(self) -> F32x4 {
+    pub(crate) fn abs(self) -> F32x4 {
         self.and(F32x4::splat(f32::from_bits(!0 >> 1)))
     }
 
     /// Differences of the bits, as whole numbers.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn minus_bits(self, other: F32x4) -> F32x4 {
+    pub(crate) fn minus_bits(self, other: F32x4) -> F32x4 {
         #[cfg(target_arch = "x86_64")]
         return F32x4(unsafe {
             let (a, b) = (_mm_castps_si128(self.0), _mm_castps_si128(other.0));
@@ -133,7 +133,7 @@ impl F32x4 {
 
     /// 0 for what is less than a bound in magnitude.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn at_least(self, bound: f32) -> F32x4 {
+    pub(crate) fn at_least(self, bound: f32) -> F32x4 {
         self.and(F32x4::splat(bound).le(self.abs()))
     }
 
@@ -148,14 +148,14 @@ impl F32x4 {
 
     /// The greatest of the first three, in the place of each of them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn greatest_of_three(self) -> F32x4 {
+    pub(crate) fn greatest_of_three(self) -> F32x4 {
         let turned = self.turned();
         self.max(turned).max(turned.turned())
     }
 
     /// The least of the first three, in the place of each of them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn least_of_three(self) -> F32x4 {
+    pub(crate) fn least_of_three(self) -> F32x4 {
         let turned = self.turned();
         self.min(turned).min(turned.turned())
     }

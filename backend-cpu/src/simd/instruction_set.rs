@@ -11,6 +11,7 @@ use super::{Compiled, Simd};
 
 /// What the processor can do, found at run time.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum InstructionSet {
     /// Plain Rust, over 8 floats.
     Portable,

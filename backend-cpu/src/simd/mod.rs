@@ -50,7 +50,7 @@ pub(crate) struct Direction {
 
 impl Direction {
     /// For orders of `lanes` places.
-    pub const fn new(lanes: usize, backwards: bool) -> Direction {
+    pub(crate) const fn new(lanes: usize, backwards: bool) -> Direction {
         let (mut places, mut reversed) = ([0; MOST_LANES], [0; MOST_LANES]);
         let mut i = 0;
         while i < lanes {

@@ -26,7 +26,7 @@ pub(crate) struct AxisFaces {
 
 impl AxisFaces {
     /// All zero.
-    pub const NONE: AxisFaces = AxisFaces { lo: [0.0; 64], hi: [0.0; 64] };
+    pub(crate) const NONE: AxisFaces = AxisFaces { lo: [0.0; 64], hi: [0.0; 64] };
 }
 
 /// Places in a tile, and space for a whole store after them.
@@ -62,7 +62,7 @@ pub(crate) struct CutParts {
 
 impl CutParts {
     /// Nothing cut yet.
-    pub const NONE: CutParts = CutParts {
+    pub(crate) const NONE: CutParts = CutParts {
         axis: 0,
         plane: 0.0,
         faces: [[[[0.0; TILE_ROOM]; 2]; 2]; 2],
@@ -71,7 +71,11 @@ impl CutParts {
 
     /// Both parts of the crossing reference of this number, and whether there is anything in them.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn parts(&self, reference: &ReferenceRow, number: usize) -> [(ReferenceRow, bool); 2] {
+    pub(crate) fn parts(
+        &self,
+        reference: &ReferenceRow,
+        number: usize,
+    ) -> [(ReferenceRow, bool); 2] {
         let others = [(self.axis + 1) % 3, (self.axis + 2) % 3];
         let mut parts = [(*reference, true); 2];
         parts[0].0.faces[3 + self.axis] = self.plane;

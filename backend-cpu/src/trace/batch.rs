@@ -27,7 +27,7 @@ pub(crate) enum Answers<'a> {
 
 impl Answers<'_> {
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn set(&mut self, index: usize, hit: Hit) {
+    pub(crate) fn set(&mut self, index: usize, hit: Hit) {
         match self {
             Answers::Hits(hits) => hits[index] = hit,
             Answers::Any(any) => any[index] = hit.is_hit(),
@@ -41,7 +41,7 @@ impl Answers<'_> {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn set_group<S: Simd>(
+    pub(crate) unsafe fn set_group<S: Simd>(
         &mut self,
         start: usize,
         mut rays: u32,

@@ -28,12 +28,12 @@ pub(crate) struct BestHit {
 
 impl BestHit {
     /// No hit yet.
-    pub const NONE: BestHit = BestHit { hit: Hit::MISS, stop: f32::INFINITY };
+    pub(crate) const NONE: BestHit = BestHit { hit: Hit::MISS, stop: f32::INFINITY };
 
     /// Takes a candidate if it is within the caller's limits and comes before. True when it does, and
     /// for any hit that is the end.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
+    pub(crate) fn take(&mut self, ray: &PreparedRay, found: &Candidate, triangle: u32) -> bool {
         let Some(t) = ray.outer_t::<Strict>(found.t) else { return false };
         let hit = Hit { t, triangle, u: found.u, v: found.v };
         let better = hit.precedes(&self.hit);

@@ -50,7 +50,7 @@ pub(crate) struct PackedLeaves<'a> {
 impl<'a> PackedLeaves<'a> {
     /// The blocks of a layout.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(blocks: &'a TreeLayout) -> PackedLeaves<'a> {
+    pub(crate) fn new(blocks: &'a TreeLayout) -> PackedLeaves<'a> {
         PackedLeaves { words: &blocks.words }
     }
 }
@@ -99,7 +99,7 @@ pub(crate) struct IndexedLeaves<'a> {
 impl<'a> IndexedLeaves<'a> {
     /// The leaves of a compact layout; `None` for layouts with blocks.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(layout: &'a TreeLayout) -> Option<IndexedLeaves<'a>> {
+    pub(crate) fn of(layout: &'a TreeLayout) -> Option<IndexedLeaves<'a>> {
         let mesh = layout.mesh()?;
         let (references, large) = (&layout.tree.references[..], layout.large.triangles());
         Some(IndexedLeaves { nodes: layout.walk_nodes(), references, large, mesh })

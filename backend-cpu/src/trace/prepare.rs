@@ -64,7 +64,7 @@ fn three(rows: &[PerRay<f32>; 3], lane: usize) -> [f32; 3] {
 
 impl PreparedRays {
     /// Space for as many rays.
-    pub const NONE: PreparedRays = PreparedRays {
+    pub(crate) const NONE: PreparedRays = PreparedRays {
         reciprocal: [[0.0; CHUNK]; 3],
         near: [[0.0; CHUNK]; 3],
         far: [[0.0; CHUNK]; 3],
@@ -93,7 +93,7 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; CHUNK]) {
+    pub(crate) unsafe fn ray_states<S: Simd>(&self, ray_states: &mut [RayState; CHUNK]) {
         for lane in (0..CHUNK).step_by(S::N) {
             // SAFETY: the caller's contract.
             unsafe { self.some_ray_states::<S>(lane, ray_states) };
@@ -105,7 +105,11 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set; there must be as many rays.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn some_ray_states<S: Simd>(&self, lane: usize, ray_states: &mut [RayState; CHUNK]) {
+    pub(crate) unsafe fn some_ray_states<S: Simd>(
+        &self,
+        lane: usize,
+        ray_states: &mut [RayState; CHUNK],
+    ) {
         let rows = (&raw const *self).cast::<f32>();
         let to = ray_states.as_mut_ptr().cast::<f32>();
         for first in (0..RAY_STATE_WORDS).step_by(S::N) {
@@ -123,7 +127,7 @@ impl PreparedRays {
     }
 
     /// Writes the numbers of the ray of one lane to other lanes.
-    pub fn repeat(&mut self, one: usize, lanes: u32) {
+    pub(crate) fn repeat(&mut self, one: usize, lanes: u32) {
         let rows: &mut [PerRay<u32>] = bytemuck::cast_slice_mut(core::slice::from_mut(self));
         for row in rows {
             for lane in (0..CHUNK).filter(|lane| lanes >> lane & 1 != 0) {
@@ -134,7 +138,7 @@ impl PreparedRays {
 
     /// One of the rays, as the triangle tests take it.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn ray(&self, lane: usize) -> PreparedRay {
+    pub(crate) fn ray(&self, lane: usize) -> PreparedRay {
         PreparedRay {
             origin: three(&self.origin, lane),
             direction: three(&self.direction, lane),
@@ -157,7 +161,7 @@ impl PreparedRays {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn fill<S: Simd>(
+    pub(crate) unsafe fn fill<S: Simd>(
         &mut self,
         rays: &[Ray],
         scene: &SceneScale,

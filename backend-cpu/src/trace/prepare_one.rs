@@ -32,7 +32,7 @@ const MOST_POWER: u32 = 127 + 60;
 impl RayState {
     /// Becomes the state of a ray where it returns [`Readiness::Ready`]. The bounds must not be empty.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
+    pub(crate) fn prepare(&mut self, ray: &Ray, scene: &SceneScale, query: Query) -> Readiness {
         // Origin and lower limit, direction and upper limit.
         let [given_origin, given]: [[f32; 4]; 2] = bytemuck::cast(*ray);
         let (given_origin, given) = (F32x4::of(given_origin), F32x4::of(given));

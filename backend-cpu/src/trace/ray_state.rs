@@ -68,7 +68,7 @@ impl RayState {
     /// A ray prepared by the core, moved if it starts far away; `None` for the few that must be
     /// traced alone.
     #[cold]
-    pub fn prepare_by_core(
+    pub(crate) fn prepare_by_core(
         ray: &Ray,
         scene: &SceneScale,
         accuracy: Accuracy,
@@ -124,22 +124,22 @@ impl RayState {
     }
 
     /// Not a place in a batch.
-    pub const NO_RAY: u32 = u32::MAX;
+    pub(crate) const NO_RAY: u32 = u32::MAX;
 
     /// No ray.
-    pub fn none() -> RayState {
+    pub(crate) fn none() -> RayState {
         RayState { index: RayState::NO_RAY, ..bytemuck::Zeroable::zeroed() }
     }
 
     /// The axes that shearing calls x, y and z.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn axes(&self) -> [usize; 3] {
+    pub(crate) fn axes(&self) -> [usize; 3] {
         AXES[self.axes as usize % AXES.len()]
     }
 
     /// The ray as the reference tests take it.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn ray(&self) -> PreparedRay {
+    pub(crate) fn ray(&self) -> PreparedRay {
         let axes = self.axes();
         // By look-ups: reading numbers together that were written one by one would stall.
         let [x, y, z] = PLACES[self.axes as usize % 6];

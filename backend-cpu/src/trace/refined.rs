@@ -37,7 +37,7 @@ impl<S: Simd> Pairs<S> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn only(mut self, lanes: u32) -> Pairs<S> {
+    pub(crate) unsafe fn only(mut self, lanes: u32) -> Pairs<S> {
         // SAFETY: the caller's contract.
         unsafe {
             let mask = S::mask(lanes);
@@ -56,7 +56,7 @@ impl<S: Simd> Pairs<S> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn refined(&self) -> Refined<S> {
+    pub(crate) unsafe fn refined(&self) -> Refined<S> {
         // SAFETY: the caller's contract.
         unsafe {
             // No closures: they would not have the set's instructions.

@@ -79,7 +79,7 @@ pub(crate) struct Reach {
 impl Reach {
     /// The reach of a prepared, ordinary ray.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &RayState, bounds: &[Aabb; 2]) -> Reach {
+    pub(crate) fn new(ray: &RayState, bounds: &[Aabb; 2]) -> Reach {
         let (mut reach, mut moved) = ([0.0f32; 2], 0.0f32);
         for (axis, origin) in ray.axes().into_iter().zip(ray.origin) {
             for (reach, bounds) in reach.iter_mut().zip(bounds) {
@@ -98,7 +98,7 @@ impl Reach {
 
     /// The same from R, of large triangles and of others, and the inner limits.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(reach: [f32; 2], t_min: f32, t_max: f32) -> Reach {
+    pub(crate) fn of(reach: [f32; 2], t_min: f32, t_max: f32) -> Reach {
         let error = |reach: f32| {
             let edge = EDGE_ERROR * reach;
             [edge, edge * (CORNER_ERROR * reach) + EDGE_LEAST]
@@ -123,7 +123,7 @@ pub(crate) struct ExactLane {
 
 impl ExactLane {
     /// A lane that has no ray.
-    pub fn idle() -> ExactLane {
+    pub(crate) fn idle() -> ExactLane {
         let ray = ExactRay { origin: [0.0; 3], direction: [1.0, 0.0, 0.0], t_min: 1.0, t_max: 0.0 };
         ExactLane { ray, reach: Reach::of([0.0; 2], 0.0, 0.0), best: Best::default() }
     }
@@ -131,14 +131,14 @@ impl ExactLane {
     /// A ray about to start, if it can hit anything. The first bounds hold all triangles, the second those that are not
     /// [large](crate::layout::large).
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
+    pub(crate) fn new(ray: &Ray, ray_state: &RayState, bounds: &[Aabb; 2]) -> Option<ExactLane> {
         let ray = ExactRay::new(ray)?;
         Some(ExactLane { ray, reach: Reach::new(ray_state, bounds), best: Best::default() })
     }
 
     /// The answer.
     #[inline]
-    pub fn hit(&self, query: Query) -> Hit {
+    pub(crate) fn hit(&self, query: Query) -> Hit {
         answer(&self.best, query)
     }
 
@@ -148,7 +148,7 @@ impl ExactLane {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn test<S: Simd, T: TriangleBlock>(
+    pub(crate) unsafe fn test<S: Simd, T: TriangleBlock>(
         &mut self,
         ray_state: &RayState,
         block: &T,

@@ -72,7 +72,7 @@ impl TraversalStack {
     /// # Safety
     /// There must be space for an entry.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn begin(&mut self) {
+    pub(crate) unsafe fn begin(&mut self) {
         // SAFETY: the caller's contract.
         unsafe { (*self.children, *self.t) = (DONE, f32::NEG_INFINITY) }
     }
@@ -82,7 +82,7 @@ impl TraversalStack {
     /// # Safety
     /// The processor must have the set; the stack must have space for 16 more entries.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
+    pub(crate) unsafe fn cull<S: Simd>(&mut self, top: usize, stop: f32) -> usize {
         // SAFETY: the caller's contract; the lowest entry stays.
         unsafe { S::cull(self.children.add(1), self.t.add(1), top, stop) }
     }

@@ -29,7 +29,7 @@ impl Supply<'_> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&RayState> {
+    pub(super) unsafe fn next<S: Simd>(&mut self, answers: &mut Answers<'_>) -> Option<&RayState> {
         while self.left == 0 {
             let RayBatch { scene, rays, options, query, .. } = self.batch;
             if self.next >= rays.len() {

@@ -31,7 +31,7 @@ pub(crate) struct Corner<S: Simd> {
 impl<S: Simd> Corner<S> {
     /// A corner at `at`, of rays from `origin`, all on the sheared axes.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn new(
+    pub(crate) unsafe fn new(
         at: [S::Floats; 3],
         origin: [S::Floats; 3],
         shear: [S::Floats; 3],
@@ -48,7 +48,7 @@ impl<S: Simd> Corner<S> {
 
     /// Its distance on the axis where it is farthest.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn reach(&self) -> S::Floats {
+    pub(crate) unsafe fn reach(&self) -> S::Floats {
         let [x, y, z] = self.from;
         // SAFETY: the caller's contract.
         unsafe { S::magnitude(S::magnitude(x, y), z) }
@@ -56,7 +56,7 @@ impl<S: Simd> Corner<S> {
 
     /// The same of its sheared coordinates.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn width(&self) -> S::Floats {
+    pub(crate) unsafe fn width(&self) -> S::Floats {
         // SAFETY: the caller's contract.
         unsafe { S::magnitude(self.flat[0], self.flat[1]) }
     }
@@ -123,14 +123,14 @@ pub(crate) struct Met {
 /// All methods: the processor must have the set.
 impl Met {
     /// Nothing is met.
-    pub const NONE: Met = {
+    pub(crate) const NONE: Met = {
         let row = [0.0; MOST_LANES];
         Met { t: row, v: row, w: row, det: row, depths: [row; 2], met: 0, unclear: 0, robust: 0 }
     };
 
     /// The meeting.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn of<S: Simd>(meeting: &Meeting<S>) -> Met {
+    pub(crate) unsafe fn of<S: Simd>(meeting: &Meeting<S>) -> Met {
         let Meeting { met, unclear, robust, t, v, w, det, depths: [nearest, farthest] } = *meeting;
         let mut rows = Met { met, unclear, robust, ..Met::NONE };
         // SAFETY: the caller's contract; no set has more lanes than rows.
@@ -147,7 +147,7 @@ impl Met {
 
     /// The stored meeting.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
+    pub(crate) unsafe fn meeting<S: Simd>(&self) -> Meeting<S> {
         let [nearest, farthest] = &self.depths;
         // SAFETY: as above.
         unsafe {
@@ -166,7 +166,7 @@ impl Met {
 
     /// The hit of a lane that is met.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn candidate(&self, lane: usize) -> Candidate {
+    pub(crate) fn candidate(&self, lane: usize) -> Candidate {
         let [t, v, w, det] = [&self.t, &self.v, &self.w, &self.det].map(|row| row[lane]);
         // Snapped, as in the reference test.
         Candidate { t, u: snap(v / det), v: snap(w / det) }
@@ -293,7 +293,7 @@ impl<S: Simd> Meeting<S> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn nearest(&self) -> u32 {
+    pub(crate) unsafe fn nearest(&self) -> u32 {
         // SAFETY: the caller's contract.
         unsafe { self.met & S::least(self.met, self.t) }
     }
@@ -303,7 +303,7 @@ impl<S: Simd> Meeting<S> {
     /// # Safety
     /// The processor must have the set.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn look_closely(&mut self, pairs: Pairs<S>, span: &Span<S>) {
+    pub(crate) unsafe fn look_closely(&mut self, pairs: Pairs<S>, span: &Span<S>) {
         // SAFETY: the caller's contract.
         unsafe {
             let decided = self.unclear & self.robust;

@@ -16,17 +16,17 @@ pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
 /// root's node, the limits of the triangles, then nodes and references where the host wants them.
 pub(crate) mod readback {
     /// Where the root's node is stored.
-    pub const ROOT: u64 = 64;
+    pub(crate) const ROOT: u64 = 64;
     /// Where the limits of the triangles are stored.
-    pub const LIMITS: u64 = 128;
+    pub(crate) const LIMITS: u64 = 128;
     /// Where the tree begins; all before is always read.
-    pub const TREE: u64 = 256;
+    pub(crate) const TREE: u64 = 256;
 }
 
 /// What kernels share, by [`Buffer`]. Buffers only grow. The executor exchanges the names of lists
 /// that have changed places.
 #[derive(Debug)]
-pub struct Buffers {
+pub(crate) struct Buffers {
     buffers: Vec<Option<wgpu::Buffer>>,
     pub(crate) parameters: wgpu::Buffer,
     /// Bytes between two blocks of parameters.

@@ -36,7 +36,7 @@ impl Capacities {
     /// Capacities that suffice for nearly all scenes. The greatest per triangle seen over scanned,
     /// built and random scenes: 1.23 active references, 2.5 references of small roots, 1 small root
     /// for 17 triangles, 1 top node for 6, 0.7 nodes, 3.1 references of the tree.
-    pub fn estimate(triangles: u32, config: &BuildConfig) -> Capacities {
+    pub(crate) fn estimate(triangles: u32, config: &BuildConfig) -> Capacities {
         Capacities {
             triangles,
             chunks: 0,
@@ -57,7 +57,7 @@ impl Capacities {
 
     /// Capacities that no scene outgrows before a cap of the configuration binds, except the tree
     /// itself.
-    pub fn roomy(triangles: u32, config: &BuildConfig) -> Capacities {
+    pub(crate) fn roomy(triangles: u32, config: &BuildConfig) -> Capacities {
         let references = config.reference_cap(triangles);
         Capacities {
             references,
@@ -83,7 +83,7 @@ impl Capacities {
     /// Capacities for what a build turned out to need, and at least twice the capacity of what
     /// overflowed, since it stopped there.
     #[must_use]
-    pub fn grown(mut self, counters: &Counters, config: &BuildConfig) -> Capacities {
+    pub(crate) fn grown(mut self, counters: &Counters, config: &BuildConfig) -> Capacities {
         let overflow = counters[Counter::Overflow];
         let grow = |room: &mut u32, bit: Overflow, needed: u32| {
             if overflow & bit as u32 != 0 {
@@ -112,7 +112,7 @@ impl Capacities {
 
     /// The greater capacity of each kind, for a build as `self` has it.
     #[must_use]
-    pub fn union(self, other: Capacities) -> Capacities {
+    pub(crate) fn union(self, other: Capacities) -> Capacities {
         Capacities {
             triangles: self.triangles.max(other.triangles),
             chunks: self.chunks.max(other.chunks),
@@ -131,7 +131,7 @@ impl Capacities {
     }
 
     /// Elements of a buffer.
-    pub fn of(&self, buffer: Buffer) -> u32 {
+    pub(crate) fn of(&self, buffer: Buffer) -> u32 {
         match buffer {
             Buffer::Input | Buffer::Counters => 1,
             Buffer::Triangles => self.triangles,
@@ -157,13 +157,13 @@ impl Capacities {
     }
 
     /// Bytes of a buffer.
-    pub fn bytes_of(&self, buffer: Buffer) -> u64 {
+    pub(crate) fn bytes_of(&self, buffer: Buffer) -> u64 {
         u64::from(self.of(buffer)) * buffer.element_size() as u64
     }
 
     /// The buffers that grow, each storage once; [`Buffer::ChunkBins`] only where planes are found by
     /// bins.
-    pub const BUFFERS: [Buffer; 20] = [
+    pub(crate) const BUFFERS: [Buffer; 20] = [
         Buffer::Triangles,
         Buffer::References,
         Buffer::NextReferences,
@@ -191,7 +191,7 @@ impl Capacities {
     ///
     /// # Errors
     /// A capacity that is needed but not available.
-    pub fn within(
+    pub(crate) fn within(
         mut self,
         limits: &wgpu::Limits,
         needed: Option<&Capacities>,
@@ -242,7 +242,7 @@ impl Capacities {
     }
 
     /// The parameters that kernels read.
-    pub fn parameters(&self, config: &BuildConfig, first_index: u32) -> Parameters {
+    pub(crate) fn parameters(&self, config: &BuildConfig, first_index: u32) -> Parameters {
         Parameters {
             zero: 0,
             swapped: 0,

@@ -27,7 +27,7 @@ pub(crate) struct Shared {
 const POOLED: usize = 2;
 
 impl Shared {
-    pub fn new(gpu: Gpu) -> Shared {
+    pub(crate) fn new(gpu: Gpu) -> Shared {
         let (gpu, pipelines) = (Arc::new(gpu), Arc::new(Pipelines::default()));
         let queries = Queries::sharing(Arc::clone(&gpu), Arc::clone(&pipelines));
         let (pool, max_workgroups) = (Mutex::new(Vec::new()), AtomicU32::new(0));
@@ -35,23 +35,23 @@ impl Shared {
     }
 
     /// Limits the workgroups of every later dispatch of a build; `None` lifts the limit.
-    pub fn limit_workgroups(&self, most: Option<NonZeroU32>) {
+    pub(crate) fn limit_workgroups(&self, most: Option<NonZeroU32>) {
         self.max_workgroups.store(most.map_or(0, NonZeroU32::get), Ordering::Relaxed);
     }
 
     /// Most workgroups of a dispatch of a build, if there is a limit.
-    pub fn max_workgroups(&self) -> Option<NonZeroU32> {
+    pub(crate) fn max_workgroups(&self) -> Option<NonZeroU32> {
         NonZeroU32::new(self.max_workgroups.load(Ordering::Relaxed))
     }
 
     /// Buffers of an earlier build, if there are any. A poisoned lock means that another thread
     /// panicked; its buffers are not needed.
-    pub fn take_buffers(&self) -> Option<Pooled> {
+    pub(crate) fn take_buffers(&self) -> Option<Pooled> {
         self.pool.lock().ok()?.pop()
     }
 
     /// Keeps buffers for the next build.
-    pub fn keep_buffers(&self, pooled: Pooled) {
+    pub(crate) fn keep_buffers(&self, pooled: Pooled) {
         if let Ok(mut pool) = self.pool.lock()
             && pool.len() < POOLED
         {

@@ -26,7 +26,7 @@ pub(crate) enum Source<'a> {
 }
 
 impl Source<'_> {
-    pub fn triangles(&self) -> u32 {
+    pub(crate) fn triangles(&self) -> u32 {
         match self {
             Source::Host(mesh) => mesh.len() as u32,
             Source::Device(mesh) => mesh.triangles,
@@ -34,7 +34,7 @@ impl Source<'_> {
     }
 
     /// Bytes of positions and of indices.
-    pub fn bytes(&self) -> [u64; 2] {
+    pub(crate) fn bytes(&self) -> [u64; 2] {
         match self {
             Source::Host(mesh) => {
                 let (positions, indices) = mesh.arrays();
@@ -49,7 +49,7 @@ impl Source<'_> {
     }
 
     /// The word where indices begin, after the positions; `u32::MAX` for a soup.
-    pub fn first_index(&self) -> u32 {
+    pub(crate) fn first_index(&self) -> u32 {
         let indexed = match self {
             Source::Host(mesh) => mesh.arrays().1.is_some(),
             Source::Device(mesh) => mesh.indices.is_some(),

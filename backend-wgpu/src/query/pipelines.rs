@@ -36,7 +36,7 @@ pub(super) fn kernel_of(query: Query, options: &QueryOptions<'_>) -> (QueryKerne
     let test = match options.accuracy {
         Accuracy::Fast => TriangleTest::MoellerTrumbore,
         Accuracy::Watertight => TriangleTest::Watertight,
-        Accuracy::Exact => TriangleTest::Certain,
+        _ => TriangleTest::Certain,
     };
     (kernel, test)
 }

@@ -11,7 +11,7 @@ use splitplane_wgpu::{Gpu, OpenOptions};
 ///
 /// # Panics
 /// If no device can be opened: a test without a device must not pass.
-pub fn gpu() -> Arc<Gpu> {
+pub(crate) fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     let open = || {
         let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
@@ -29,7 +29,7 @@ pub fn gpu() -> Arc<Gpu> {
 ///
 /// # Panics
 /// If the adapter gives no device with these limits.
-pub fn host_devices(limits: &wgpu::Limits) -> [(wgpu::Device, wgpu::Queue); 2] {
+pub(crate) fn host_devices(limits: &wgpu::Limits) -> [(wgpu::Device, wgpu::Queue); 2] {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
     let same = |adapter: &wgpu::Adapter| {
@@ -45,13 +45,18 @@ pub fn host_devices(limits: &wgpu::Limits) -> [(wgpu::Device, wgpu::Queue); 2] {
 }
 
 /// Whether the device is Mesa's software rasteriser.
-pub fn is_llvmpipe() -> bool {
+pub(crate) fn is_llvmpipe() -> bool {
     gpu().info().name.contains("llvmpipe")
 }
 
 /// Runs a shader whose bindings are `input` (0, words), `output` (1, words) and a uniform of zeros
 /// (2), one invocation per item in workgroups of 64. Returns the output.
-pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize) -> Vec<u32> {
+pub(crate) fn run_words(
+    source: &str,
+    input: &[u32],
+    output_words: usize,
+    items: usize,
+) -> Vec<u32> {
     use wgpu::BufferUsages as Usage;
     let gpu = gpu();
     let fail = |error: splitplane_wgpu::GpuError| -> ! { panic!("{error}\n{source}") };
@@ -85,7 +90,7 @@ pub fn run_words(source: &str, input: &[u32], output_words: usize, items: usize)
 }
 
 /// The bytes of a buffer with the usage `COPY_SRC`.
-pub fn read(buffer: &wgpu::Buffer) -> Vec<u8> {
+pub(crate) fn read(buffer: &wgpu::Buffer) -> Vec<u8> {
     let gpu = gpu();
     let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
     let readback = gpu.buffer("read back", buffer.size(), usage).expect("a buffer");

@@ -13,7 +13,7 @@ use crate::trace::{Query, Resident};
 
 /// The figures of one set of rays and one accuracy; closest hits.
 #[derive(Debug, Serialize)]
-pub struct Figures {
+pub(crate) struct Figures {
     pub set: &'static str,
     pub accuracy: &'static str,
     pub rays: usize,
@@ -29,18 +29,22 @@ pub struct Figures {
 }
 
 impl Figures {
-    pub fn share(&self) -> f64 {
+    pub(crate) fn share(&self) -> f64 {
         self.undecided as f64 / self.rays.max(1) as f64
     }
 
     /// Nanoseconds a ray; NaN where nothing was timed.
-    pub fn nanoseconds(&self, seconds: &[f64]) -> f64 {
+    pub(crate) fn nanoseconds(&self, seconds: &[f64]) -> f64 {
         1e9 * median(seconds) / self.rays.max(1) as f64
     }
 }
 
 /// Traces one set by every accuracy, by turns.
-pub fn measure(built: &Built, set: &Set, options: &Options) -> Result<Vec<Figures>, Failure> {
+pub(crate) fn measure(
+    built: &Built,
+    set: &Set,
+    options: &Options,
+) -> Result<Vec<Figures>, Failure> {
     let most = built.gpu.queries().gpu().limits().max_storage_buffer_binding_size / 32;
     let rays = &set.rays[..set.rays.len().min(most.min(u64::from(u32::MAX)) as usize)];
     let mut all = Vec::new();

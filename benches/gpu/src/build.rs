@@ -11,7 +11,7 @@ use crate::options::Options;
 use crate::stats::{median, milliseconds};
 
 /// A scene's trees on both sides, and what making them took.
-pub struct Built {
+pub(crate) struct Built {
     pub gpu: WgpuAccelerator,
     pub cpu: CpuAccelerator,
     pub times: Vec<KernelTime>,
@@ -21,7 +21,7 @@ pub struct Built {
 /// The figures of a scene's builds. Times of builds on the device are from the call until the tree
 /// can be queried there, with the mesh in host memory.
 #[derive(Debug, Default, Serialize)]
-pub struct Figures {
+pub(crate) struct Figures {
     pub triangles: u32,
     pub dropped: u32,
     pub levels: u32,
@@ -62,7 +62,7 @@ pub struct Figures {
 const PROFILED: u32 = 5;
 
 /// Builds a scene on both sides.
-pub fn measure(
+pub(crate) fn measure(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
     options: &BuildOptions<'_>,
@@ -200,12 +200,12 @@ impl Figures {
     }
 
     /// Median of a rebuild.
-    pub fn rebuild(&self) -> f64 {
+    pub(crate) fn rebuild(&self) -> f64 {
         median(&self.rebuild_ms)
     }
 
     /// Median of a build on the CPU.
-    pub fn cpu(&self) -> f64 {
+    pub(crate) fn cpu(&self) -> f64 {
         median(&self.cpu_ms)
     }
 }

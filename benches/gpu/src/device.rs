@@ -10,7 +10,7 @@ use crate::stats::{median, milliseconds};
 
 /// What is known of the device without measuring.
 #[derive(Debug, Serialize)]
-pub struct Description {
+pub(crate) struct Description {
     pub adapter: String,
     pub backend: &'static str,
     pub device_type: String,
@@ -39,7 +39,7 @@ pub struct Description {
 }
 
 /// Describes the device of a backend that took `open_ms` to open.
-pub fn describe(backend: &WgpuBackend, open_ms: f64) -> Description {
+pub(crate) fn describe(backend: &WgpuBackend, open_ms: f64) -> Description {
     let gpu = backend.gpu();
     let (info, limits) = (gpu.info(), gpu.limits());
     Description {
@@ -76,27 +76,27 @@ pub fn describe(backend: &WgpuBackend, open_ms: f64) -> Description {
 /// Time of commands, from their submission until the host knows that they are done, and between
 /// timestamps of the device around them where it has any.
 #[derive(Clone, Copy, Debug)]
-pub struct Span {
+pub(crate) struct Span {
     pub wall_ms: f64,
     pub device_ms: Option<f64>,
 }
 
 impl Span {
     /// The device's time, or the host's where there is none.
-    pub fn best_ms(&self) -> f64 {
+    pub(crate) fn best_ms(&self) -> f64 {
         self.device_ms.unwrap_or(self.wall_ms)
     }
 }
 
 /// Times commands on a device.
 #[derive(Debug)]
-pub struct Clock<'a> {
+pub(crate) struct Clock<'a> {
     gpu: &'a Gpu,
     set: Option<wgpu::QuerySet>,
 }
 
 impl<'a> Clock<'a> {
-    pub fn new(gpu: &'a Gpu) -> Clock<'a> {
+    pub(crate) fn new(gpu: &'a Gpu) -> Clock<'a> {
         let description = wgpu::QuerySetDescriptor {
             label: Some("span"),
             ty: wgpu::QueryType::Timestamp,
@@ -107,7 +107,7 @@ impl<'a> Clock<'a> {
     }
 
     /// Runs the commands that `record` records.
-    pub fn time(
+    pub(crate) fn time(
         &self,
         record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<(), Failure>,
     ) -> Result<Span, Failure> {
@@ -154,7 +154,7 @@ impl<'a> Clock<'a> {
 }
 
 /// The first bytes of a buffer with the usage `COPY_SRC`.
-pub fn read_back(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
+pub(crate) fn read_back(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>, GpuError> {
     let staging = gpu.buffer("staging", bytes, Usage::COPY_DST | Usage::MAP_READ)?;
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, bytes);
@@ -164,7 +164,7 @@ pub fn read_back(gpu: &Gpu, buffer: &wgpu::Buffer, bytes: u64) -> Result<Vec<u8>
 
 /// What the least of everything costs on the device: the two floors under a build.
 #[derive(Debug, Serialize)]
-pub struct Costs {
+pub(crate) struct Costs {
     /// Bytes of a copy from buffer to buffer.
     pub copied_bytes: u64,
     /// Bytes read and written a second while copying, in units of 10^9.
@@ -187,7 +187,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
 }";
 
 impl Costs {
-    pub fn measure(gpu: &Gpu, options: &Options) -> Result<Costs, Failure> {
+    pub(crate) fn measure(gpu: &Gpu, options: &Options) -> Result<Costs, Failure> {
         let limits = gpu.limits();
         let copied_bytes = options.copied_bytes().min(limits.max_buffer_size) / 4 * 4;
         let reps = if options.check { 1 } else { options.reps.clamp(3, 21) };

@@ -19,7 +19,7 @@ use crate::Failure;
 
 /// A kernel of a build: its time and the least it moves.
 #[derive(Clone, Debug, Serialize)]
-pub struct KernelFloor {
+pub(crate) struct KernelFloor {
     pub kernel: &'static str,
     /// Passes it was timed in; `None` where nothing was timed.
     pub passes: Option<u32>,
@@ -28,7 +28,7 @@ pub struct KernelFloor {
 }
 
 /// The kernels that a preset runs, in the order of the schedule.
-pub fn moved(
+pub(crate) fn moved(
     mesh: &Mesh<'_>,
     preset: Preset,
     times: &[KernelTime],

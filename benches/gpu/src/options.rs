@@ -10,7 +10,7 @@ use splitplane::Preset;
 /// Exit code 0: all equal; 1: something differs or a scene failed; 5: no GPU.
 #[derive(Parser, Debug)]
 #[command(version)]
-pub struct Options {
+pub(crate) struct Options {
     /// Part of an adapter's name, or its number in the list of `splitplane adapters`
     #[arg(long, value_name = "NAME|INDEX")]
     pub adapter: Option<String>,
@@ -53,7 +53,7 @@ fn preset(name: &str) -> Result<Preset, String> {
 
 impl Options {
     /// The scenes to measure.
-    pub fn scenes(&self) -> Vec<String> {
+    pub(crate) fn scenes(&self) -> Vec<String> {
         match (&self.scenes[..], self.small) {
             ([], false) => vec!["builtin:city:1000000".into()],
             ([], true) => vec!["builtin:city:20000".into()],
@@ -62,14 +62,14 @@ impl Options {
     }
 
     /// Width and height of the picture whose rays are `primary`, 16 to 9.
-    pub fn picture(&self) -> [u32; 2] {
+    pub(crate) fn picture(&self) -> [u32; 2] {
         let rays = self.rays.unwrap_or(if self.small { 480 * 270 } else { 1920 * 1080 });
         let height = (f64::from(rays) * 9.0 / 16.0).sqrt().round().max(1.0) as u32;
         [rays.div_ceil(height).max(1), height]
     }
 
     /// Bytes of the buffers that are copied to measure bandwidth.
-    pub fn copied_bytes(&self) -> u64 {
+    pub(crate) fn copied_bytes(&self) -> u64 {
         if self.small { 16 << 20 } else { 256 << 20 }
     }
 }

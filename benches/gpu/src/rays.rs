@@ -8,7 +8,7 @@ use splitplane::{Accelerator, Hit, QueryOptions, Ray};
 use crate::Failure;
 
 /// Rays with a name.
-pub struct Set {
+pub(crate) struct Set {
     pub name: &'static str,
     pub rays: Vec<Ray>,
 }
@@ -16,7 +16,7 @@ pub struct Set {
 const NAMES: [&str; 4] = ["primary", "shadow", "bounce", "chords"];
 
 /// Reads the sets that a folder has as `NAME.rays`.
-pub fn from_folder(folder: &Path) -> Result<Vec<Set>, Failure> {
+pub(crate) fn from_folder(folder: &Path) -> Result<Vec<Set>, Failure> {
     let mut sets = Vec::new();
     for name in NAMES {
         let path = folder.join(format!("{name}.rays"));
@@ -37,7 +37,7 @@ pub fn from_folder(folder: &Path) -> Result<Vec<Set>, Failure> {
 
 /// Makes the sets: a ray through every pixel of a picture; from each point it sees one to the light,
 /// and one off the surface, cosine-weighted; and as many chords of the scene's sphere as pixels.
-pub fn made(
+pub(crate) fn made(
     scene: &Scene,
     accelerator: &dyn Accelerator,
     placement: &Placement,
@@ -84,7 +84,7 @@ pub fn made(
 fn light_of(placement: &Placement) -> [f32; 3] {
     let point = placement.lights.iter().find_map(|light| match *light {
         Light::Point { position, .. } => Some(position),
-        Light::Directional { .. } => None,
+        _ => None,
     });
     point.unwrap_or(placement.camera.eye())
 }

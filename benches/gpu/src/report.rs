@@ -18,7 +18,7 @@ use crate::stats::median;
 use crate::trace::Figures as Trace;
 
 /// What is written so far.
-pub struct Report {
+pub(crate) struct Report {
     folder: PathBuf,
     lines: File,
     /// What the scene at hand is built by.
@@ -34,7 +34,7 @@ pub struct Report {
 }
 
 impl Report {
-    pub fn new(folder: &Path) -> Result<Report, Failure> {
+    pub(crate) fn new(folder: &Path) -> Result<Report, Failure> {
         let shown = |error| format!("{}: {error}", folder.display());
         fs::create_dir_all(folder).map_err(shown)?;
         let lines = File::create(folder.join("gpu.jsonl")).map_err(shown)?;
@@ -55,7 +55,7 @@ impl Report {
     }
 
     /// What follows is by this preset.
-    pub fn begin(&mut self, preset: Preset) {
+    pub(crate) fn begin(&mut self, preset: Preset) {
         self.preset = preset.name();
     }
 
@@ -80,7 +80,7 @@ impl Report {
         Ok(())
     }
 
-    pub fn adapter(&mut self, of: &Description) -> Result<(), Failure> {
+    pub(crate) fn adapter(&mut self, of: &Description) -> Result<(), Failure> {
         self.line("adapter", None, of)?;
         if let Some(difference) = &of.difference {
             self.notes.push(format!("self-test: structural parity: {difference}"));
@@ -104,7 +104,7 @@ impl Report {
         Ok(())
     }
 
-    pub fn costs(&mut self, costs: &Costs) -> Result<(), Failure> {
+    pub(crate) fn costs(&mut self, costs: &Costs) -> Result<(), Failure> {
         self.line("costs", None, costs)?;
         writeln!(
             self.adapter,
@@ -118,7 +118,7 @@ impl Report {
         Ok(())
     }
 
-    pub fn build(
+    pub(crate) fn build(
         &mut self,
         scene: &str,
         of: &Build,
@@ -183,7 +183,7 @@ impl Report {
         Ok(())
     }
 
-    pub fn trace(&mut self, scene: &str, of: &Trace) -> Result<(), Failure> {
+    pub(crate) fn trace(&mut self, scene: &str, of: &Trace) -> Result<(), Failure> {
         self.line("trace", Some(scene), of)?;
         let row = format!("{scene} | {}", self.preset);
         let (set, query) = (of.set, of.query.name());
@@ -221,7 +221,7 @@ impl Report {
         Ok(())
     }
 
-    pub fn accuracy(&mut self, scene: &str, of: &OfAccuracy) -> Result<(), Failure> {
+    pub(crate) fn accuracy(&mut self, scene: &str, of: &OfAccuracy) -> Result<(), Failure> {
         self.line("accuracy", Some(scene), of)?;
         if let Some(different) = of.different.filter(|different| *different > 0) {
             let case = self.case(scene);
@@ -252,14 +252,14 @@ impl Report {
         format!("{scene} by {}", self.preset)
     }
 
-    pub fn failure(&mut self, scene: &str, why: &str) -> Result<(), Failure> {
+    pub(crate) fn failure(&mut self, scene: &str, why: &str) -> Result<(), Failure> {
         self.line("failure", Some(scene), json!({"why": why}))?;
         self.notes.push(format!("{}: not measured: {why}", self.case(scene)));
         Ok(())
     }
 
     /// Writes the tables. True when there is nothing to complain about.
-    pub fn finish(self, check: bool) -> Result<bool, Failure> {
+    pub(crate) fn finish(self, check: bool) -> Result<bool, Failure> {
         let mut text = String::from("# GPU figures\n\n");
         text.push_str(&self.adapter);
         let mut table = |title: &str, head: &str, rows: &str| {

@@ -3,14 +3,14 @@
 use std::time::Instant;
 
 /// What `work` gives, and how long it took.
-pub fn milliseconds<T>(work: impl FnOnce() -> T) -> (T, f64) {
+pub(crate) fn milliseconds<T>(work: impl FnOnce() -> T) -> (T, f64) {
     let start = Instant::now();
     let out = work();
     (out, start.elapsed().as_secs_f64() * 1e3)
 }
 
 /// The middle of the times, the mean of the two middle ones for an even number; NaN for none.
-pub fn median(times: &[f64]) -> f64 {
+pub(crate) fn median(times: &[f64]) -> f64 {
     let mut times = times.to_vec();
     times.sort_by(f64::total_cmp);
     match times.len() {

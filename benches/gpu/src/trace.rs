@@ -16,15 +16,15 @@ use crate::stats::{median, milliseconds};
 /// What is asked of a ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Query {
+pub(crate) enum Query {
     Closest,
     Any,
 }
 
 impl Query {
-    pub const ALL: [Query; 2] = [Query::Closest, Query::Any];
+    pub(crate) const ALL: [Query; 2] = [Query::Closest, Query::Any];
 
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Query::Closest => "closest",
             Query::Any => "any",
@@ -42,7 +42,7 @@ impl Query {
 
 /// The figures of one set and query. Rays that were not compared are none.
 #[derive(Debug, Serialize)]
-pub struct Figures {
+pub(crate) struct Figures {
     pub set: &'static str,
     pub query: Query,
     pub rays: usize,
@@ -132,7 +132,7 @@ impl Answers {
 }
 
 /// Traces one set on both sides.
-pub fn measure(
+pub(crate) fn measure(
     built: &Built,
     set: &Set,
     query: Query,
@@ -231,19 +231,19 @@ impl Figures {
     }
 
     /// Million rays a second from the times of passes; NaN where nothing was timed.
-    pub fn mrays(&self, seconds: &[f64]) -> f64 {
+    pub(crate) fn mrays(&self, seconds: &[f64]) -> f64 {
         self.rays as f64 / median(seconds) * 1e-6
     }
 
     /// The same of the resident rays, on the device's clock where there is one.
-    pub fn resident_mrays(&self) -> f64 {
+    pub(crate) fn resident_mrays(&self) -> f64 {
         let device = &self.resident_device_s;
         self.mrays(if device.is_empty() { &self.resident_wall_s } else { device })
     }
 }
 
 /// Rays and answers in device memory.
-pub struct Resident<'a> {
+pub(crate) struct Resident<'a> {
     built: &'a Built,
     clock: Clock<'a>,
     rays: wgpu::Buffer,
@@ -254,7 +254,7 @@ pub struct Resident<'a> {
 }
 
 impl<'a> Resident<'a> {
-    pub fn new(
+    pub(crate) fn new(
         built: &'a Built,
         rays: &[Ray],
         query: Query,
@@ -277,7 +277,7 @@ impl<'a> Resident<'a> {
         Ok(Resident { built, clock, rays: uploaded, answers, count, query, options })
     }
 
-    pub fn trace(&self, dispatches: u32) -> Result<Span, Failure> {
+    pub(crate) fn trace(&self, dispatches: u32) -> Result<Span, Failure> {
         let accelerator = &self.built.gpu;
         let (queries, tree) = (accelerator.queries(), accelerator.device_tree());
         let options = &self.options;
@@ -298,7 +298,7 @@ impl<'a> Resident<'a> {
         })
     }
 
-    pub fn read(&self) -> Result<Vec<u32>, Failure> {
+    pub(crate) fn read(&self) -> Result<Vec<u32>, Failure> {
         let bytes = u64::from(self.count) * self.query.answer_bytes();
         let bytes = read_back(self.built.gpu.queries().gpu(), &self.answers, bytes)?;
         Ok(bytemuck::pod_collect_to_vec(&bytes))

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 /// What times are taken by.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Clock {
+pub(crate) enum Clock {
     /// Time that passes.
     Wall,
     /// CPU time of all threads of the process.
@@ -13,7 +13,7 @@ pub enum Clock {
 
 impl Clock {
     /// The one that the environment asks for; wall time where it asks for none.
-    pub fn asked() -> Result<Clock, String> {
+    pub(crate) fn asked() -> Result<Clock, String> {
         match std::env::var("PEERS_CLOCK").as_deref() {
             Err(_) | Ok("wall") => Ok(Clock::Wall),
             Ok("cpu") if cfg!(unix) => Ok(Clock::Cpu),
@@ -21,7 +21,7 @@ impl Clock {
         }
     }
 
-    pub fn name(self) -> &'static str {
+    pub(crate) fn name(self) -> &'static str {
         match self {
             Clock::Wall => "wall",
             Clock::Cpu => "cpu",
@@ -29,7 +29,7 @@ impl Clock {
     }
 
     /// Seconds that work takes.
-    pub fn seconds(self, work: impl FnOnce()) -> f64 {
+    pub(crate) fn seconds(self, work: impl FnOnce()) -> f64 {
         let start = (Instant::now(), cpu_time());
         work();
         match self {

@@ -12,7 +12,7 @@ use std::path::PathBuf;
 /// backend.
 #[derive(Parser, Debug)]
 #[command(version)]
-pub struct Options {
+pub(crate) struct Options {
     /// Rays of every aim at every place and from every side, shared among the scenes
     #[arg(long, default_value_t = 100_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,
@@ -52,7 +52,7 @@ pub struct Options {
 
 impl Options {
     /// Whether answers must be the oracle's to the bit.
-    pub fn is_exact(&self) -> bool {
+    pub(crate) fn is_exact(&self) -> bool {
         self.accuracy == Accuracy::Exact
     }
 }

@@ -6,7 +6,7 @@ use splitplane_test_support::stability::Tally;
 use std::error::Error;
 
 /// One set of rays at one mesh.
-pub struct Row {
+pub(crate) struct Row {
     /// The mesh.
     pub scene: String,
     /// Its triangles.
@@ -26,14 +26,14 @@ pub struct Row {
 }
 
 /// Collects rows.
-pub struct Report {
+pub(crate) struct Report {
     rows: Vec<Row>,
     exact: bool,
 }
 
 impl Report {
     /// Prints the head of the table.
-    pub fn new(options: &Options) -> Report {
+    pub(crate) fn new(options: &Options) -> Report {
         println!(
             "| scene | triangles | place | from | aim | rays | hits | missed | holes | phantoms | \
              other triangle | wrong | ties | inexact | contradictions |"
@@ -43,7 +43,7 @@ impl Report {
     }
 
     /// Prints a row and keeps it.
-    pub fn add(&mut self, row: Row) {
+    pub(crate) fn add(&mut self, row: Row) {
         let place = match row.sizes {
             0.0 => row.place.to_owned(),
             sizes => format!("{} {sizes:.0e}", row.place),
@@ -56,7 +56,7 @@ impl Report {
     }
 
     /// Prints totals by place, side and aim; writes JSON. True where nothing is wrong.
-    pub fn finish(self, options: &Options) -> Result<bool, Box<dyn Error + Send + Sync>> {
+    pub(crate) fn finish(self, options: &Options) -> Result<bool, Box<dyn Error + Send + Sync>> {
         let mut sums: Vec<([&str; 3], Tally)> = Vec::new();
         for row in &self.rows {
             let key = [row.place, row.from, row.aim];

@@ -8,7 +8,7 @@ use splitplane_test_support::stability::Subject;
 ///
 /// # Errors
 /// No such mesh, in words.
-pub fn open(name: &str) -> Result<Subject, String> {
+pub(crate) fn open(name: &str) -> Result<Subject, String> {
     let (kind, rest) = name.split_once(':').unwrap_or((name, ""));
     let unit = Some(([0.0; 3], 0.5));
     let subject = match kind {

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 /// Exit code 0: all answers as demanded; 1: not; 2: usage.
 #[derive(Parser, Debug)]
 #[command(version)]
-pub struct Options {
+pub(crate) struct Options {
     /// Rays in all, rounded up to whole surfaces
     #[arg(long, default_value_t = 10_000_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub rays: u64,

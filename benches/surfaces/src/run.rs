@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// The instruction sets of this processor, worst first.
-pub fn sets() -> Vec<InstructionSet> {
+pub(crate) fn sets() -> Vec<InstructionSet> {
     InstructionSet::available()
 }
 
@@ -25,7 +25,7 @@ pub fn sets() -> Vec<InstructionSet> {
 ///
 /// # Errors
 /// There is none, or it cannot be opened.
-pub fn device(adapter: &str) -> Result<Arc<Queries>, Problem> {
+pub(crate) fn device(adapter: &str) -> Result<Arc<Queries>, Problem> {
     let options = OpenOptions {
         default_limits: true,
         adapter: Some(adapter.to_owned()),
@@ -36,7 +36,7 @@ pub fn device(adapter: &str) -> Result<Arc<Queries>, Problem> {
 
 /// Seconds by what they were spent on.
 #[derive(Clone, Copy, Default)]
-pub struct Spent {
+pub(crate) struct Spent {
     making: f64,
     expecting: f64,
     building: f64,
@@ -45,7 +45,7 @@ pub struct Spent {
 
 impl Spent {
     /// Adds another thread's.
-    pub fn add(&mut self, other: &Spent) {
+    pub(crate) fn add(&mut self, other: &Spent) {
         self.making += other.making;
         self.expecting += other.expecting;
         self.building += other.building;
@@ -73,7 +73,7 @@ struct Configuration {
 }
 
 /// What a thread keeps from surface to surface.
-pub struct Worker<'a> {
+pub(crate) struct Worker<'a> {
     options: &'a Options,
     /// One an instruction set.
     backends: Vec<CpuBackend>,
@@ -86,7 +86,7 @@ pub struct Worker<'a> {
 
 impl<'a> Worker<'a> {
     /// Makes the backends.
-    pub fn new(options: &'a Options, device: Option<Arc<Queries>>) -> Worker<'a> {
+    pub(crate) fn new(options: &'a Options, device: Option<Arc<Queries>>) -> Worker<'a> {
         let mut configurations = Vec::new();
         for (backend, set) in sets().into_iter().enumerate() {
             for layout in [QueryLayout::Fast, QueryLayout::Compact] {
@@ -111,7 +111,7 @@ impl<'a> Worker<'a> {
     ///
     /// # Errors
     /// A tree that cannot be built.
-    pub fn surface(&mut self, number: u64) -> Result<Tally, Problem> {
+    pub(crate) fn surface(&mut self, number: u64) -> Result<Tally, Problem> {
         let mut time = Instant::now();
         let mut lap = |spent: &mut f64| {
             let now = Instant::now();

@@ -47,7 +47,7 @@ pub(crate) struct Body {
 
 impl Body {
     /// Of snapped corners, no two of which are equal.
-    pub fn new(corners: &Triangle) -> Body {
+    pub(crate) fn new(corners: &Triangle) -> Body {
         let [a, b, c] = corners;
         let bounds = Aabb::of_points(corners);
         let flat = [0, 1, 2].map(|axis| bounds.lo[axis] == bounds.hi[axis]);
@@ -61,7 +61,7 @@ impl Body {
     }
 
     /// Whether the triangle has a part inside a cell, which must not be flat.
-    pub fn has_part_inside(&self, cell: &Aabb) -> bool {
+    pub(crate) fn has_part_inside(&self, cell: &Aabb) -> bool {
         let Aabb { lo, hi } = &self.bounds;
         for axis in 0..3 {
             let beside = if self.flat[axis] {

@@ -44,10 +44,10 @@ fn two_product(a: f64, b: f64) -> Doubled {
 
 impl Doubled {
     /// Nothing.
-    pub const ZERO: Doubled = Doubled { high: 0.0, low: 0.0 };
+    pub(super) const ZERO: Doubled = Doubled { high: 0.0, low: 0.0 };
 
     /// `a - b` of floats, without error.
-    pub fn difference(a: f32, b: f32) -> Doubled {
+    pub(super) fn difference(a: f32, b: f32) -> Doubled {
         two_sum(f64::from(a), -f64::from(b))
     }
 
@@ -57,16 +57,16 @@ impl Doubled {
         Doubled { high: sum, low: low - (sum - high) }
     }
 
-    pub fn plus(self, other: Doubled) -> Doubled {
+    pub(super) fn plus(self, other: Doubled) -> Doubled {
         let Doubled { high, low } = two_sum(self.high, other.high);
         Doubled::renormalised(high, low + (self.low + other.low))
     }
 
-    pub fn minus(self, other: Doubled) -> Doubled {
+    pub(super) fn minus(self, other: Doubled) -> Doubled {
         self.plus(Doubled { high: -other.high, low: -other.low })
     }
 
-    pub fn times(self, other: Doubled) -> Doubled {
+    pub(super) fn times(self, other: Doubled) -> Doubled {
         let Doubled { high, low } = two_product(self.high, other.high);
         Doubled::renormalised(high, low + (self.high * other.low + self.low * other.high))
     }

@@ -20,10 +20,10 @@ pub(super) struct Integer {
 
 impl Integer {
     /// 0.
-    pub const ZERO: Integer = Integer { negative: false, len: 0, limbs: [0; LIMBS] };
+    pub(super) const ZERO: Integer = Integer { negative: false, len: 0, limbs: [0; LIMBS] };
 
     /// A finite float, in units of 2^-149.
-    pub fn from_float(x: f32) -> Integer {
+    pub(super) fn from_float(x: f32) -> Integer {
         let bits = x.to_bits();
         let (biased, fraction) = ((bits >> 23) & 0xff, u64::from(bits & 0x7f_ffff));
         let (mantissa, shift) =
@@ -44,7 +44,7 @@ impl Integer {
     }
 
     /// `a - b` of two finite floats, in units of 2^-149.
-    pub fn difference(a: f32, b: f32) -> Integer {
+    pub(super) fn difference(a: f32, b: f32) -> Integer {
         Integer::from_float(a).minus(&Integer::from_float(b))
     }
 
@@ -62,7 +62,7 @@ impl Integer {
     }
 
     /// How it compares with 0.
-    pub fn sign(&self) -> Ordering {
+    pub(super) fn sign(&self) -> Ordering {
         match (self.len, self.negative) {
             (0, _) => Ordering::Equal,
             (_, false) => Ordering::Greater,
@@ -71,13 +71,13 @@ impl Integer {
     }
 
     /// The number with the other sign.
-    pub fn negated(mut self) -> Integer {
+    pub(super) fn negated(mut self) -> Integer {
         self.negative = !self.negative;
         self
     }
 
     /// The sum of both.
-    pub fn plus(&self, other: &Integer) -> Integer {
+    pub(super) fn plus(&self, other: &Integer) -> Integer {
         if self.negative == other.negative {
             return self.with_magnitude_added(other);
         }
@@ -89,7 +89,7 @@ impl Integer {
     }
 
     /// The difference of both.
-    pub fn minus(&self, other: &Integer) -> Integer {
+    pub(super) fn minus(&self, other: &Integer) -> Integer {
         self.plus(&other.negated())
     }
 
@@ -124,7 +124,7 @@ impl Integer {
     }
 
     /// The product of both.
-    pub fn times(&self, other: &Integer) -> Integer {
+    pub(super) fn times(&self, other: &Integer) -> Integer {
         let mut out = Integer::ZERO;
         if self.len == 0 || other.len == 0 {
             return out;

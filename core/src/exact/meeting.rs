@@ -35,7 +35,7 @@ pub(super) struct Approximate {
 impl Approximate {
     /// The sign, if the error does not affect it.
     #[inline(always)]
-    pub fn sign(self) -> Option<Ordering> {
+    pub(super) fn sign(self) -> Option<Ordering> {
         if self.value > self.error {
             Some(Ordering::Greater)
         } else if self.value < -self.error {
@@ -112,7 +112,7 @@ pub(super) struct Edges<'a> {
 
 impl<'a> Edges<'a> {
     #[inline(always)]
-    pub fn new(ray: &'a ExactRay, corners: &'a Triangle) -> Edges<'a> {
+    pub(super) fn new(ray: &'a ExactRay, corners: &'a Triangle) -> Edges<'a> {
         let d = ray.direction.map(f64::from);
         let [a, b, c] = corners;
         let (ab, ac, oa) = (minus(b, a), minus(c, a), minus(a, &ray.origin));
@@ -140,7 +140,7 @@ impl<'a> Edges<'a> {
     }
 
     /// The two corners of each edge, in the order of their product.
-    pub const ENDS: [[usize; 2]; 3] = [[2, 1], [0, 2], [1, 0]];
+    pub(super) const ENDS: [[usize; 2]; 3] = [[2, 1], [0, 2], [1, 0]];
 
     pub(super) fn exactly(&self, edge: usize) -> Integer {
         let [p, q] =
@@ -150,7 +150,7 @@ impl<'a> Edges<'a> {
 
     /// The exact sign of an edge function.
     #[inline(always)]
-    pub fn sign(&self, edge: usize) -> Ordering {
+    pub(super) fn sign(&self, edge: usize) -> Ordering {
         match self.approximate[edge].sign() {
             Some(sign) => sign,
             None => self.sign_closely(edge),

@@ -40,6 +40,7 @@ pub enum Location {
 
 /// What counts as inside.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Rule {
     /// A winding number other than 0: points within any of several surfaces.
     #[default]

@@ -41,6 +41,7 @@ const CHECKSUM: usize = 120;
 
 /// Why bytes are not a tree file.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum FileError {
     /// Another kind of file.
     #[error("this is not a splitplane tree file: it does not start with the magic bytes")]

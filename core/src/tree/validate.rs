@@ -49,6 +49,7 @@ use thiserror::Error;
 
 /// The first thing found wrong with a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[non_exhaustive]
 pub enum Violation {
     /// A tree has at least one node.
     #[error("the tree has no node")]

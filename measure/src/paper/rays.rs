@@ -81,5 +81,6 @@ pub(crate) fn towards(surface: &Surface, light: &Light) -> Option<Ray> {
             let faces = surface.normal.dot(vector(position) - surface.point) > 0.0;
             faces.then(|| Ray::segment(surface.start(), position))
         }
+        _ => None,
     }
 }

@@ -27,7 +27,7 @@ pub(super) struct Beside {
 
 impl Beside {
     /// Over the triangles of a mesh that are finite, as the trees are.
-    pub fn new(mesh: &Mesh<'_>, threads: usize, most: usize) -> Beside {
+    pub(super) fn new(mesh: &Mesh<'_>, threads: usize, most: usize) -> Beside {
         let finite = |corners: &Corners| corners.as_flattened().iter().all(|x| x.is_finite());
         let triangles = (0..mesh.len()).map(|index| mesh.triangle(index)).filter(finite).collect();
         Beside {
@@ -44,7 +44,7 @@ impl Beside {
     }
 
     /// Builds, refits and traces once; gives the hierarchy.
-    pub fn round(&mut self, sets: &RaySets, counts: bool) -> Hierarchy {
+    pub(super) fn round(&mut self, sets: &RaySets, counts: bool) -> Hierarchy {
         let build = || Hierarchy::build(&self.triangles);
         let (mut built, mut build_ms) = timed(build);
         if build_ms < WARM_MS {
@@ -72,7 +72,12 @@ impl Beside {
     }
 
     /// Counts the rays that hit where the exact answer is a miss, and the other way round.
-    pub fn judge(&mut self, built: &Hierarchy, rays: &Aims<Vec<Ray>>, exact: &Aims<Vec<Hit>>) {
+    pub(super) fn judge(
+        &mut self,
+        built: &Hierarchy,
+        rays: &Aims<Vec<Ray>>,
+        exact: &Aims<Vec<Hit>>,
+    ) {
         for (rays, exact) in rays.each().into_iter().zip(exact.each()) {
             let hits = built.occluded(rays);
             let otherwise = hits.iter().zip(exact).filter(|(hit, exact)| **hit != exact.is_hit());
@@ -82,7 +87,7 @@ impl Beside {
     }
 
     /// Measures rounds again in which a time was far above the median, twice at most.
-    pub fn look_again(&mut self, sets: &RaySets) {
+    pub(super) fn look_again(&mut self, sets: &RaySets) {
         for _ in 0..2 {
             let round = [&self.build_ms, &self.refit_ms]
                 .into_iter()
@@ -98,7 +103,7 @@ impl Beside {
     }
 
     /// What was measured.
-    pub fn measured(self) -> Measured {
+    pub(super) fn measured(self) -> Measured {
         let by_round = ns_by_round(&self.ns);
         let Beside { build_ms, refit_ms, ns, rays, .. } = self;
         let [build_interval, refit_interval] = [&build_ms, &refit_ms].map(|ms| Interval::of(ms));

@@ -7,6 +7,7 @@ use image::RgbImage;
 /// An output variable of a frame, with its values. As a picture for people, see [`Aov::picture`]; as
 /// data, [`encode_exr`](super::encode_exr).
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub enum Aov<'a> {
     /// Distance along the first ray.
     Depth(&'a [FirstHit]),

@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 
 /// The part of a ray's cost that a heat map shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Quantity {
     /// Nodes visited.
     Nodes,

@@ -4,6 +4,7 @@ use std::fmt;
 
 /// The format of a movie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum MovieFormat {
     /// Animated PNG (PNG third edition, W3C 2025): 24 bits per pixel, lossless.
     Apng,

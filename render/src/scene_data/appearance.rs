@@ -29,6 +29,7 @@ pub struct Appearance<'a> {
 
 /// Why a scene's appearance cannot be described.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[non_exhaustive]
 pub enum AppearanceError {
     /// More words than 32 bits can address.
     #[error(

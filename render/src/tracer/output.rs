@@ -6,6 +6,7 @@ use std::fmt;
 
 /// One of the [`Outputs`] of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Output {
     /// [`Outputs::pixels`].
     Pixels,

@@ -11,7 +11,7 @@ use wgpu::BufferUsages as Usage;
 
 /// The buffers that kernels exchange, and their bind groups. Buffers only grow.
 #[derive(Debug)]
-pub struct Buffers {
+pub(super) struct Buffers {
     buffers: [Option<wgpu::Buffer>; RayTracer::BUFFERS.len()],
     uniform: wgpu::Buffer,
     tree: Option<Tree>,

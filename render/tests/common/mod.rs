@@ -12,11 +12,11 @@ use splitplane_render::{
     RenderError, RenderSettings, Room, SceneData, Size, Texture,
 };
 
-pub type Point = [f32; 3];
+pub(crate) type Point = [f32; 3];
 
 /// A scene made in code.
 #[derive(Clone, Debug, Default)]
-pub struct World {
+pub(crate) struct World {
     pub triangles: Vec<[Point; 3]>,
     pub material_of: Vec<u32>,
     pub materials: Vec<Material>,
@@ -30,13 +30,13 @@ pub struct World {
 
 impl World {
     /// A quadrilateral whose corners run counter-clockwise seen from its front.
-    pub fn quad(&mut self, material: u32, [a, b, c, d]: [Point; 4]) {
+    pub(crate) fn quad(&mut self, material: u32, [a, b, c, d]: [Point; 4]) {
         self.triangles.extend([[a, b, c], [a, c, d]]);
         self.material_of.extend([material; 2]);
     }
 
     /// A box, seen from outside at its fronts.
-    pub fn block(&mut self, material: u32, lo: Point, hi: Point) {
+    pub(crate) fn block(&mut self, material: u32, lo: Point, hi: Point) {
         let p = |x: usize, y: usize, z: usize| -> Point {
             [[lo[0], hi[0]][x], [lo[1], hi[1]][y], [lo[2], hi[2]][z]]
         };
@@ -49,16 +49,16 @@ impl World {
     }
 
     /// The plane y = `height`, seen from above, from -`half` to `half`.
-    pub fn floor(&mut self, material: u32, height: f32, half: f32) {
+    pub(crate) fn floor(&mut self, material: u32, height: f32, half: f32) {
         let (h, y) = (half, height);
         self.quad(material, [[-h, y, h], [h, y, h], [h, y, -h], [-h, y, -h]]);
     }
 
-    pub fn data(&self) -> SceneData {
+    pub(crate) fn data(&self) -> SceneData {
         SceneData::new(&Mesh::soup(&self.triangles).unwrap(), &self.appearance()).unwrap()
     }
 
-    pub fn appearance(&self) -> Appearance<'_> {
+    pub(crate) fn appearance(&self) -> Appearance<'_> {
         Appearance {
             materials: &self.materials,
             material_of: &self.material_of,
@@ -73,12 +73,12 @@ impl World {
 }
 
 /// Light that leaves nothing to the surroundings.
-pub fn dark() -> RenderSettings {
+pub(crate) fn dark() -> RenderSettings {
     RenderSettings { environment: Environment::BLACK, ambient: 0.0, ..RenderSettings::default() }
 }
 
 /// A camera that looks along -z, `tan` being half the height of the picture at distance 1.
-pub fn along_z(eye: Point, size: Size, tan: f32) -> Pinhole {
+pub(crate) fn along_z(eye: Point, size: Size, tan: f32) -> Pinhole {
     let (w, h) = (size.width() as f32, size.height() as f32);
     let step = 2.0 * tan / h;
     Pinhole {
@@ -90,7 +90,7 @@ pub fn along_z(eye: Point, size: Size, tan: f32) -> Pinhole {
 }
 
 /// A camera that looks straight down; the picture's right is +x, its top -z.
-pub fn downwards(eye: Point, size: Size, tan: f32) -> Pinhole {
+pub(crate) fn downwards(eye: Point, size: Size, tan: f32) -> Pinhole {
     let (w, h) = (size.width() as f32, size.height() as f32);
     let step = 2.0 * tan / h;
     Pinhole {
@@ -102,7 +102,7 @@ pub fn downwards(eye: Point, size: Size, tan: f32) -> Pinhole {
 }
 
 /// A frame with all that it gives.
-pub struct Shot {
+pub(crate) struct Shot {
     pub stats: FrameStats,
     pub renderer: CpuRenderer,
     pub size: Size,
@@ -110,21 +110,21 @@ pub struct Shot {
 
 impl Shot {
     /// Linear radiance of a pixel.
-    pub fn at(&self, x: u32, y: u32) -> Point {
+    pub(crate) fn at(&self, x: u32, y: u32) -> Point {
         let [r, g, b, unfinished] = self.renderer.radiance()[(y * self.size.width() + x) as usize];
         assert_eq!(unfinished, 0.0);
         [r, g, b]
     }
 }
 
-pub const ALL: Outputs =
+pub(crate) const ALL: Outputs =
     Outputs { pixels: true, radiance: true, first_hits: true, first_costs: true };
 
-pub fn shoot(world: &World, camera: Pinhole, size: Size, settings: &RenderSettings) -> Shot {
+pub(crate) fn shoot(world: &World, camera: Pinhole, size: Size, settings: &RenderSettings) -> Shot {
     try_shoot(world, camera, size, settings, Room::CPU).unwrap()
 }
 
-pub fn try_shoot(
+pub(crate) fn try_shoot(
     world: &World,
     camera: Pinhole,
     size: Size,
@@ -150,7 +150,7 @@ pub fn try_shoot(
 
 /// Whether two numbers agree to a part of the greater one.
 #[track_caller]
-pub fn near(got: f32, expected: f64, part: f64) {
+pub(crate) fn near(got: f32, expected: f64, part: f64) {
     let error = (f64::from(got) - expected).abs();
     assert!(error <= part * expected.abs().max(1e-9), "{got} in place of {expected}");
 }

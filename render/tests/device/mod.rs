@@ -3,7 +3,7 @@
 
 #![allow(dead_code, reason = "each test uses a part")]
 
-pub mod scenes;
+pub(crate) mod scenes;
 
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
@@ -18,7 +18,7 @@ use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, WgpuBackend};
 ///
 /// # Panics
 /// If no device can be opened: a test without a device must not pass.
-pub fn gpu() -> Arc<Gpu> {
+pub(crate) fn gpu() -> Arc<Gpu> {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     let open = || {
         let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
@@ -32,7 +32,7 @@ pub fn gpu() -> Arc<Gpu> {
 }
 
 /// The renderer of this process, for one test at a time: what it compiled serves the next.
-pub fn renderer() -> MutexGuard<'static, WgpuRenderer> {
+pub(crate) fn renderer() -> MutexGuard<'static, WgpuRenderer> {
     static RENDERER: OnceLock<Mutex<WgpuRenderer>> = OnceLock::new();
     let make = || Mutex::new(WgpuRenderer::new(gpu()).expect("a renderer"));
     let renderer = RENDERER.get_or_init(make);
@@ -40,19 +40,19 @@ pub fn renderer() -> MutexGuard<'static, WgpuRenderer> {
 }
 
 /// How the trees of the tests are built.
-pub fn options() -> BuildOptions<'static> {
+pub(crate) fn options() -> BuildOptions<'static> {
     BuildOptions::from(BuildConfig::default())
 }
 
 /// A scene with its tree on both sides.
-pub struct Both {
+pub(crate) struct Both {
     pub scene: scenes::Scene,
     pub cpu: splitplane_cpu::CpuAccelerator,
     pub device: DeviceTree,
 }
 
 /// Builds the tree of a scene on both sides.
-pub fn both(scene: scenes::Scene) -> Both {
+pub(crate) fn both(scene: scenes::Scene) -> Both {
     static BACKEND: OnceLock<WgpuBackend> = OnceLock::new();
     let backend = BACKEND.get_or_init(|| WgpuBackend::without_selftest(Gpu::clone(&gpu())));
     let cpu = CpuBackend::new().build_accelerator(&scene.mesh(), &options()).expect("a tree");

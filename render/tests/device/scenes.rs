@@ -9,7 +9,7 @@ use splitplane_render::{
 
 /// A scene and how it is seen.
 #[derive(Clone, Debug)]
-pub struct Scene {
+pub(crate) struct Scene {
     pub name: &'static str,
     pub triangles: Vec<[[f32; 3]; 3]>,
     pub material_of: Vec<u32>,
@@ -28,7 +28,7 @@ pub struct Scene {
 }
 
 /// All that can be asked for.
-pub const EVERYTHING: Outputs =
+pub(crate) const EVERYTHING: Outputs =
     Outputs { pixels: true, radiance: true, first_hits: true, first_costs: true };
 
 impl Scene {
@@ -51,19 +51,19 @@ impl Scene {
         }
     }
 
-    pub fn mesh(&self) -> Mesh<'_> {
+    pub(crate) fn mesh(&self) -> Mesh<'_> {
         Mesh::soup(&self.triangles).expect("not too many triangles")
     }
 
     /// The appearance, with a normal and a texture coordinate for every corner where there are any.
-    pub fn data(&self) -> SceneData {
+    pub(crate) fn data(&self) -> SceneData {
         self.with_appearance(|appearance| {
             SceneData::new(&self.mesh(), appearance).expect("not too many words")
         })
     }
 
     /// Gives an appearance that was described before the normals that the scene has now.
-    pub fn update_normals(&self, data: &mut SceneData) {
+    pub(crate) fn update_normals(&self, data: &mut SceneData) {
         self.with_appearance(|appearance| data.update_normals(&self.mesh(), appearance));
     }
 
@@ -88,7 +88,7 @@ impl Scene {
     }
 
     /// The frame of an appearance that was described before.
-    pub fn input<'a>(&'a self, data: &'a SceneData) -> FrameInput<'a> {
+    pub(crate) fn input<'a>(&'a self, data: &'a SceneData) -> FrameInput<'a> {
         let size = Size::new(self.size[0], self.size[1]).expect("a size");
         FrameInput {
             mesh: self.mesh(),
@@ -155,7 +155,7 @@ impl Scene {
     }
 
     /// The same scene, larger or smaller.
-    pub fn scaled(mut self, name: &'static str, factor: f32) -> Scene {
+    pub(crate) fn scaled(mut self, name: &'static str, factor: f32) -> Scene {
         self.name = name;
         self.scale *= factor;
         for x in self.triangles.as_flattened_mut().as_flattened_mut() {
@@ -170,7 +170,7 @@ impl Scene {
         self
     }
 
-    pub fn with_samples(mut self, name: &'static str, samples: u32) -> Scene {
+    pub(crate) fn with_samples(mut self, name: &'static str, samples: u32) -> Scene {
         self.name = name;
         self.settings.samples = samples;
         self
@@ -191,7 +191,7 @@ fn base(name: &'static str, ball: Material) -> Scene {
     scene
 }
 
-pub fn diffuse() -> Scene {
+pub(crate) fn diffuse() -> Scene {
     let mut scene = base("diffuse", Material::new("ball", [0.3, 0.5, 0.8]));
     scene.point_light([1.5, 2.5, 2.0]);
     scene.sun();
@@ -199,7 +199,7 @@ pub fn diffuse() -> Scene {
     scene
 }
 
-pub fn mirrors() -> Scene {
+pub(crate) fn mirrors() -> Scene {
     let ball = Material::new("ball", [0.1, 0.1, 0.2]).with_mirror([0.8, 0.7, 0.6]);
     let mut scene = base("mirrors", ball);
     scene.materials[0] = Material::new("floor", [0.6; 3]).with_mirror([0.3; 3]);
@@ -207,7 +207,7 @@ pub fn mirrors() -> Scene {
     scene
 }
 
-pub fn glass() -> Scene {
+pub(crate) fn glass() -> Scene {
     let ball = Material::new("ball", [0.0; 3]).with_dielectric(1.5, [0.9, 1.0, 0.8]);
     let mut scene = base("glass", ball);
     scene.point_light([1.5, 2.5, 2.0]);
@@ -216,7 +216,7 @@ pub fn glass() -> Scene {
     scene
 }
 
-pub fn textures() -> Scene {
+pub(crate) fn textures() -> Scene {
     let mut scene = base("textures", Material::new("ball", [0.9; 3]));
     let texels = (0..35u32).map(|i| (i.wrapping_mul(0x9e37_79b9) | 0xff00_0000).to_le_bytes());
     scene.textures.push(Texture::new("noise", 7, 5, texels.collect()).expect("7 by 5 texels"));
@@ -231,7 +231,7 @@ pub fn textures() -> Scene {
     scene
 }
 
-pub fn smooth() -> Scene {
+pub(crate) fn smooth() -> Scene {
     let ball = Material::new("ball", [0.4; 3]).with_mirror([0.5; 3]);
     let mut scene = base("smooth normals", ball);
     // Of the first ball; of the second none; a floor that is not what it looks like.
@@ -249,7 +249,7 @@ pub fn smooth() -> Scene {
     scene
 }
 
-pub fn area_lights() -> Scene {
+pub(crate) fn area_lights() -> Scene {
     let ball = Material::new("ball", [0.5; 3]).with_emission([3.0, 1.0, 0.5]);
     let mut scene = base("area lights", ball);
     scene.materials.push(Material::new("lamp", [0.0; 3]).with_emission([8.0; 3]));
@@ -260,7 +260,7 @@ pub fn area_lights() -> Scene {
 }
 
 /// Every kind of surface and light at once.
-pub fn all() -> Scene {
+pub(crate) fn all() -> Scene {
     let mut scene = textures();
     scene.name = "all kinds";
     let normals: Vec<[f32; 3]> = smooth().normals;
@@ -281,7 +281,7 @@ pub fn all() -> Scene {
 }
 
 /// No triangles at all: the backdrop.
-pub fn empty() -> Scene {
+pub(crate) fn empty() -> Scene {
     let mut scene = Scene::new("empty");
     scene.materials = vec![Material::clay()];
     scene.sun();
@@ -289,7 +289,7 @@ pub fn empty() -> Scene {
 }
 
 /// Triangles without area: points, needles, and the seams of T-junctions.
-pub fn degenerate() -> Scene {
+pub(crate) fn degenerate() -> Scene {
     let mut scene = base("degenerate", Material::new("ball", [0.4; 3]).with_mirror([0.5; 3]));
     for i in 0..40 {
         let x = i as f32 * 0.05 - 1.0;
@@ -303,7 +303,7 @@ pub fn degenerate() -> Scene {
 }
 
 /// Every triangle twice, and one that rays ignore.
-pub fn doubled() -> Scene {
+pub(crate) fn doubled() -> Scene {
     let mut scene = base("doubled", Material::new("ball", [0.4; 3]));
     scene.triangles.extend_from_within(..);
     scene.material_of.extend_from_within(..);
@@ -315,7 +315,7 @@ pub fn doubled() -> Scene {
 }
 
 /// A block of glass plates: a path becomes far more than two.
-pub fn overflowing() -> Scene {
+pub(crate) fn overflowing() -> Scene {
     let mut scene = Scene::new("glass plates");
     scene.materials =
         vec![Material::new("glass", [0.0; 3]).with_dielectric(1.8, [1.0; 3]), Material::clay()];

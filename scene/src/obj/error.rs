@@ -116,6 +116,7 @@ pub enum ObjProblem {
 
 /// What the corners of a face name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Element {
     /// A position, `v`.
     Vertex,

@@ -244,7 +244,7 @@ fn ask(accelerator: &dyn Accelerator, mesh: &Mesh<'_>, source: &mut Source<'_>) 
             }
             Accuracy::Exact => is_exact(&oracle, ray, &options, hit),
             // It may miss, and its distances err more; but what it hits is there.
-            Accuracy::Fast => {
+            _ => {
                 if let Some(hit) = hit {
                     let there = (hit.triangle as usize) < mesh.len();
                     assert!(there && options.ignore != Some(hit.triangle));

@@ -53,7 +53,7 @@ pub(super) fn debug_picture(
     );
     let aov = match quantity {
         Quantity::Nodes => Aov::Nodes(&costs),
-        Quantity::Tests => Aov::Tests(&costs),
+        _ => Aov::Tests(&costs),
     };
     Ok((aov.picture(size)?, Some(legend)))
 }

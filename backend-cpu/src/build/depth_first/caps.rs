@@ -30,7 +30,7 @@ pub(super) struct Caps {
 
 impl Caps {
     /// The caps of a configuration, with what the levels have made so far.
-    pub fn new(config: &BuildConfig, triangles: u32, references: u64, nodes: u64) -> Caps {
+    pub(super) fn new(config: &BuildConfig, triangles: u32, references: u64, nodes: u64) -> Caps {
         let caps = Caps {
             references: AtomicU64::new(0),
             nodes: AtomicU64::new(0),
@@ -41,7 +41,7 @@ impl Caps {
         caps
     }
 
-    pub fn add(&self, references: u64, nodes: u64) {
+    pub(super) fn add(&self, references: u64, nodes: u64) {
         let references = self.references.fetch_add(references, Relaxed) + references;
         let nodes = self.nodes.fetch_add(nodes, Relaxed) + nodes;
         // A node may emit up to 14 at once.
@@ -51,7 +51,7 @@ impl Caps {
     }
 
     /// Whether the build is void.
-    pub fn exceeded(&self) -> bool {
+    pub(super) fn exceeded(&self) -> bool {
         self.exceeded.load(Relaxed)
     }
 }

@@ -94,14 +94,14 @@ fn crossing<A: Arithmetic>(rising: bool, crosses: bool, ratio: f32, p: f32, q: f
 
 impl Cut {
     /// Nothing cut yet.
-    pub fn new() -> Cut {
+    pub(super) fn new() -> Cut {
         Cut { parts: CutParts::NONE, crossing: [0; TILE_ROOM] }
     }
 
     /// Cuts the references that the plane crosses, among `count` references from `first` (at most
     /// [`crate::simd::references::TILE`]). Without triangles only their bounds are cut.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn tile<A: Arithmetic, S: ReferenceOps>(
+    pub(super) fn tile<A: Arithmetic, S: ReferenceOps>(
         &mut self,
         columns: &Columns,
         first: usize,

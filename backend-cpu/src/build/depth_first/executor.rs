@@ -28,12 +28,12 @@ pub(crate) struct DepthFirstScratch {
 
 impl DepthFirstScratch {
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         bytes_of(&self.counts) + self.tasks.bytes()
     }
 
     /// Whether the last void build was not of a mesh of `triangles` triangles by this configuration.
-    pub fn is_promising(&self, triangles: u32, config: &BuildConfig) -> bool {
+    pub(crate) fn is_promising(&self, triangles: u32, config: &BuildConfig) -> bool {
         self.voided != Some((triangles, *config))
     }
 }
@@ -52,18 +52,21 @@ pub(crate) struct DepthFirstExecutor<'a, A = Strict> {
 
 impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
     /// Wraps a twin that is ready for a schedule, and whose memory has accounted for the scratch too.
-    pub fn new(twin: CpuExecutor<'a, A>, scratch: DepthFirstScratch) -> DepthFirstExecutor<'a, A> {
+    pub(crate) fn new(
+        twin: CpuExecutor<'a, A>,
+        scratch: DepthFirstScratch,
+    ) -> DepthFirstExecutor<'a, A> {
         let config = twin.config;
         DepthFirstExecutor { twin, config, scratch, is_void: false }
     }
 
     /// Whether a cap might have bound, so that the schedule itself must build the tree.
-    pub fn is_void(&self) -> bool {
+    pub(crate) fn is_void(&self) -> bool {
         self.is_void
     }
 
     /// Levels of the large-node stage, and small roots, wherever they were built.
-    pub fn stage_counts(&self) -> StageCounts {
+    pub(crate) fn stage_counts(&self) -> StageCounts {
         let tasks = self.twin.count(Counter::SmallRoots);
         let mut total = StageCounts { small_roots: 0, ..self.twin.stage_counts() };
         for task in &self.scratch.counts[..tasks] {
@@ -74,12 +77,12 @@ impl<'a, A: Arithmetic> DepthFirstExecutor<'a, A> {
     }
 
     /// Bytes held, most bytes held so far, and their limit.
-    pub fn memory(&self) -> Memory {
+    pub(crate) fn memory(&self) -> Memory {
         self.twin.memory()
     }
 
     /// Returns the memory, with the finished tree in the buffers.
-    pub fn finish(self) -> (Buffers, DepthFirstScratch) {
+    pub(crate) fn finish(self) -> (Buffers, DepthFirstScratch) {
         (self.twin.finish(), self.scratch)
     }
 

@@ -21,7 +21,7 @@ pub(super) struct ScratchPool {
 
 impl ScratchPool {
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         self.spare.lock().map_or(0, |spare| spare.iter().map(|worker| worker.bytes()).sum())
     }
 
@@ -30,7 +30,7 @@ impl ScratchPool {
     ///
     /// # Errors
     /// Less memory than that.
-    pub fn prepare(&mut self, threads: usize) -> Result<(), TryReserveError> {
+    pub(super) fn prepare(&mut self, threads: usize) -> Result<(), TryReserveError> {
         let Ok(spare) = self.spare.get_mut() else { return Ok(()) };
         spare.try_reserve_exact(threads.saturating_sub(spare.len()))?;
         while spare.len() < threads {
@@ -46,14 +46,14 @@ impl ScratchPool {
         Ok(())
     }
 
-    pub fn take(&self) -> Result<Box<TaskScratch>, TryReserveError> {
+    pub(super) fn take(&self) -> Result<Box<TaskScratch>, TryReserveError> {
         // A poisoned lock means that another thread panicked; a new one serves.
         let spare = self.spare.lock().map_or(None, |mut spare| spare.pop());
         spare.map_or_else(TaskScratch::new, Ok)
     }
 
     /// Keeps scratch for later tasks. Drops it if the list has no space.
-    pub fn give_back(&self, worker: Box<TaskScratch>) {
+    pub(super) fn give_back(&self, worker: Box<TaskScratch>) {
         if let Ok(mut spare) = self.spare.lock()
             && spare.try_reserve(1).is_ok()
         {

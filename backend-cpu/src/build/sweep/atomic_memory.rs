@@ -17,7 +17,7 @@ pub(super) struct AtomicMemory {
 
 impl AtomicMemory {
     /// Continues the count of `memory`.
-    pub fn new(memory: Memory) -> AtomicMemory {
+    pub(super) fn new(memory: Memory) -> AtomicMemory {
         AtomicMemory {
             held: AtomicU64::new(memory.held),
             peak: AtomicU64::new(memory.peak),
@@ -26,7 +26,7 @@ impl AtomicMemory {
     }
 
     /// The bytes counted so far.
-    pub fn total(&self) -> Memory {
+    pub(super) fn total(&self) -> Memory {
         Memory { held: self.held.load(Relaxed), peak: self.peak.load(Relaxed), limit: self.limit }
     }
 
@@ -34,7 +34,7 @@ impl AtomicMemory {
     ///
     /// # Errors
     /// More than the limit.
-    pub fn take(&self, bytes: u64) -> Result<(), BuildError> {
+    pub(super) fn take(&self, bytes: u64) -> Result<(), BuildError> {
         let needed = self.held.fetch_add(bytes, Relaxed) + bytes;
         if let Some(limit) = self.limit
             && needed > limit
@@ -51,7 +51,7 @@ impl AtomicMemory {
     ///
     /// # Errors
     /// More memory than the limit allows, or than there is.
-    pub fn reserve<T>(&self, vector: &mut Vec<T>, more: usize) -> Result<(), BuildError> {
+    pub(super) fn reserve<T>(&self, vector: &mut Vec<T>, more: usize) -> Result<(), BuildError> {
         let (before, needed) = (vector.capacity(), vector.len() + more);
         if needed <= before {
             return Ok(());
@@ -71,14 +71,14 @@ impl AtomicMemory {
     ///
     /// # Errors
     /// Less memory than that.
-    pub fn temporary<T>(&self, length: usize) -> Result<Vec<T>, BuildError> {
+    pub(super) fn temporary<T>(&self, length: usize) -> Result<Vec<T>, BuildError> {
         let mut list = Vec::new();
         list.try_reserve_exact(length).map_err(|_| self.lacking())?;
         Ok(list)
     }
 
     /// The error where the system has less memory than what is accounted for.
-    pub fn lacking(&self) -> BuildError {
+    pub(super) fn lacking(&self) -> BuildError {
         let held = self.held.load(Relaxed);
         BuildError::OutOfMemory { needed: held, limit: held }
     }

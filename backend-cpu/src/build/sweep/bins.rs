@@ -344,7 +344,7 @@ fn ranges(open: &[Open]) -> Ranges {
 
 impl Bins {
     /// Bytes of its lists.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let open = self.open.capacity() * size_of::<Open>();
         let events = self.events.capacity() * size_of::<Event>();
         let places = self.places.capacity() * size_of::<FaceBins>();

@@ -51,7 +51,7 @@ pub(super) struct Clipper {
 
 impl Clipper {
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn new(cell: &Aabb, axis: usize, plane: f32) -> Clipper {
+    pub(super) fn new(cell: &Aabb, axis: usize, plane: f32) -> Clipper {
         let [mut lo, mut hi] = [[f64::NEG_INFINITY; 4], [f64::INFINITY; 4]];
         for k in 0..3 {
             (lo[k], hi[k]) = (f64::from(cell.lo[k]), f64::from(cell.hi[k]));
@@ -63,7 +63,7 @@ impl Clipper {
 
     /// [`clip`] for a reference; whether there is such a part comes with it.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn clip(
+    pub(super) fn clip(
         &self,
         corners: &[Point; 3],
         reference: &Reference,

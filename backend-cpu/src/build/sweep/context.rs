@@ -79,7 +79,7 @@ pub(super) struct BuildContext<'a> {
 
 impl BuildContext<'_> {
     /// A list of at least `references` elements, with contents left over from earlier nodes.
-    pub fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
+    pub(super) fn list(&self, references: usize) -> Result<Vec<Reference>, BuildError> {
         // A poisoned lock means that another thread panicked; a new list is used.
         let spare = self.scratch.lists.lock().map_or(None, |mut lists| {
             // The shortest that is long enough, or else the longest.
@@ -94,7 +94,11 @@ impl BuildContext<'_> {
     }
 
     /// Makes a list at least `length` long.
-    pub fn lengthen(&self, list: &mut Vec<Reference>, references: usize) -> Result<(), BuildError> {
+    pub(super) fn lengthen(
+        &self,
+        list: &mut Vec<Reference>,
+        references: usize,
+    ) -> Result<(), BuildError> {
         if list.len() < references {
             self.memory.reserve(list, references - list.len())?;
             resize(self.meter, list, references, &Reference::zeroed());
@@ -104,7 +108,7 @@ impl BuildContext<'_> {
     }
 
     /// Whether and where a node is split.
-    pub fn decide(
+    pub(super) fn decide(
         &self,
         node: &OpenNode,
         cell: &Cell,
@@ -115,7 +119,7 @@ impl BuildContext<'_> {
     }
 
     /// Keeps a list for later nodes, or drops it if there is no space.
-    pub fn recycle(&self, list: Vec<Reference>) {
+    pub(super) fn recycle(&self, list: Vec<Reference>) {
         if let Ok(mut lists) = self.scratch.lists.lock()
             && lists.try_reserve(1).is_ok()
         {
@@ -124,7 +128,7 @@ impl BuildContext<'_> {
     }
 
     /// Does something with a thread's scratch.
-    pub fn with_worker<T>(
+    pub(super) fn with_worker<T>(
         &self,
         work: impl FnOnce(&mut ThreadScratch) -> Result<T, BuildError>,
     ) -> Result<T, BuildError> {

@@ -41,7 +41,7 @@ pub(super) struct SplitCosts {
 
 impl SplitCosts {
     /// The costs of a configuration, and the same with children taken for leaves throughout.
-    pub fn both(config: &BuildConfig, sweep: &Sweep) -> [SplitCosts; 2] {
+    pub(super) fn both(config: &BuildConfig, sweep: &Sweep) -> [SplitCosts; 2] {
         [SplitCosts::of(config, sweep, false), SplitCosts::of(config, sweep, true)]
     }
 
@@ -69,7 +69,7 @@ impl SplitCosts {
 
     /// Blocks of `n` references: `ceil(n / W)`. At most 2^30 references.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn blocks(&self, n: u32) -> f64 {
+    pub(super) fn blocks(&self, n: u32) -> f64 {
         // Half a step above the quotient, which is thus at least 2^-7 from the next integer on either
         // side: two roundings of at most 2^-22 cannot carry it over.
         ((f64::from((n + self.width - 1) as i32) + 0.5) * self.inverse).floor()
@@ -77,7 +77,7 @@ impl SplitCosts {
 
     /// The cost of a leaf, times the half area of the root.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn leaf(&self, area: f64, n: u32) -> f64 {
+    pub(super) fn leaf(&self, area: f64, n: u32) -> f64 {
         self.intersection * (self.blocks(n) * area)
     }
 
@@ -85,7 +85,7 @@ impl SplitCosts {
     /// them `4 (b / 4)^(3/4)` (see [`splitplane_core::sah::expected_quarters`], the same in whole
     /// numbers). Non-decreasing, and concave except for rounding: square roots round once.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn expected(&self, blocks: f64) -> f64 {
+    pub(super) fn expected(&self, blocks: f64) -> f64 {
         if self.leaves {
             return blocks;
         }
@@ -100,7 +100,7 @@ impl SplitCosts {
     /// decreases when any of the four grows, because every operation rounds once and none has a
     /// negative operand.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
+    pub(super) fn split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = [self.blocks(counts[0]), self.blocks(counts[1])];
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
@@ -108,14 +108,14 @@ impl SplitCosts {
     /// The same with children that cost what [`SplitCosts::expected`] says; planes are compared by
     /// this. Up to four blocks in all it is [`SplitCosts::split`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
+    pub(super) fn expected_split(&self, step: f64, areas: [f64; 2], counts: [u32; 2]) -> f64 {
         let blocks = counts.map(|n| self.expected_of(n));
         self.forgive(self.blocks_cost(step, areas, blocks), counts)
     }
 
     /// [`SplitCosts::expected`] of the blocks of `n` references.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn expected_of(&self, n: u32) -> f64 {
+    pub(super) fn expected_of(&self, n: u32) -> f64 {
         match self.known.get(n as usize) {
             Some(&known) => known,
             None => self.expected(self.blocks(n)),
@@ -130,13 +130,13 @@ impl SplitCosts {
 
     /// Whether [`SplitCosts::expected_split`] is [`SplitCosts::split`] for every split of `count` references.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn few(&self, count: u32) -> bool {
+    pub(super) fn few(&self, count: u32) -> bool {
         self.leaves || count <= 4 * self.width
     }
 
     /// The cost of a split from the costs of its children, in blocks.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
+    pub(super) fn blocks_cost(&self, step: f64, areas: [f64; 2], blocks: [f64; 2]) -> f64 {
         step + self.intersection * (blocks[0] * areas[0] + blocks[1] * areas[1])
     }
 }
@@ -164,19 +164,19 @@ pub(super) struct AxisAreas {
 impl AxisAreas {
     /// Half areas left and right of a plane.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn at(&self, plane: f64) -> [f64; 2] {
+    pub(super) fn at(&self, plane: f64) -> [f64; 2] {
         [self.below(plane), self.above(plane)]
     }
 
     /// Half area left of a plane.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn below(&self, plane: f64) -> f64 {
+    pub(super) fn below(&self, plane: f64) -> f64 {
         (plane - self.lo) * self.slope + self.base
     }
 
     /// Half area right of a plane.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn above(&self, plane: f64) -> f64 {
+    pub(super) fn above(&self, plane: f64) -> f64 {
         (self.hi - plane) * self.slope + self.base
     }
 }
@@ -196,7 +196,7 @@ pub(super) struct Cell {
 
 impl Cell {
     /// A cell; extents cannot overflow in `f64`.
-    pub fn new(costs: &SplitCosts, bounds: &Aabb) -> Cell {
+    pub(super) fn new(costs: &SplitCosts, bounds: &Aabb) -> Cell {
         let (lo, hi) = (bounds.lo.map(f64::from), bounds.hi.map(f64::from));
         let extents = [0, 1, 2].map(|axis| hi[axis] - lo[axis]);
         let area = half_area(extents);
@@ -215,7 +215,7 @@ impl Cell {
 
     /// Whether a plane lies strictly inside.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn contains(&self, axis: usize, position: f32) -> bool {
+    pub(super) fn contains(&self, axis: usize, position: f32) -> bool {
         self.bounds.lo[axis] < position && position < self.bounds.hi[axis]
     }
 }
@@ -246,14 +246,14 @@ pub(super) struct BestSplit {
 
 impl BestSplit {
     /// None so far; only splits that cost less than `limit` are accepted.
-    pub fn below(limit: f64) -> BestSplit {
+    pub(super) fn below(limit: f64) -> BestSplit {
         BestSplit { cost: limit, split: None }
     }
 
     /// Takes the better one of this and a plane, given the numbers of references that start before it, are planar
     /// in it, and end behind it: the least (cost, axis, position), planar references left on a tie.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn consider(
+    pub(super) fn consider(
         &mut self,
         costs: &SplitCosts,
         cell: &Cell,
@@ -279,7 +279,7 @@ impl BestSplit {
 
     /// Takes a split if it is better.
     #[inline]
-    pub fn offer(&mut self, split: Split) {
+    pub(super) fn offer(&mut self, split: Split) {
         let better = match &self.split {
             None => split.cost < self.cost,
             Some(best) => {

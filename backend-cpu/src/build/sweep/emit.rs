@@ -50,7 +50,7 @@ impl Built {
     ///
     /// # Errors
     /// No memory for it.
-    pub fn split(
+    pub(super) fn split(
         axis: Axis,
         position: f32,
         left: Built,
@@ -65,14 +65,18 @@ impl Built {
     ///
     /// # Errors
     /// No memory for it.
-    pub fn retracted(left: Built, right: Built, references: u64) -> Result<Built, TryReserveError> {
+    pub(super) fn retracted(
+        left: Built,
+        right: Built,
+        references: u64,
+    ) -> Result<Built, TryReserveError> {
         let (axis, position) = (Axis::X, 0.0);
         boxed(|| Children { axis, position, left, right, nodes: 1, references })
             .map(Built::Retracted)
     }
 
     /// How many nodes it has.
-    pub fn nodes(&self) -> u64 {
+    pub(super) fn nodes(&self) -> u64 {
         match self {
             Built::Whole(subtree) => subtree.nodes.len() as u64,
             Built::Split(parts) | Built::Retracted(parts) => parts.nodes,
@@ -81,7 +85,7 @@ impl Built {
     }
 
     /// How many references its leaves have.
-    pub fn references(&self) -> u64 {
+    pub(super) fn references(&self) -> u64 {
         match self {
             Built::Whole(subtree) => subtree.references.len() as u64,
             Built::Split(parts) | Built::Retracted(parts) => parts.references,
@@ -109,7 +113,7 @@ impl Built {
     }
 
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         match self {
             Built::Whole(_) => 0,
             Built::Split(parts) | Built::Retracted(parts) => {
@@ -123,7 +127,7 @@ impl Built {
     ///
     /// # Errors
     /// More than the format can address.
-    pub fn check_size(&self) -> Result<(usize, usize), BuildError> {
+    pub(super) fn check_size(&self) -> Result<(usize, usize), BuildError> {
         let (nodes, references) = (self.nodes(), self.references());
         if nodes > u64::from(MOST_NODES) || references > u64::from(u32::MAX) {
             return Err(BuildError::TooLarge { nodes, references });
@@ -136,7 +140,7 @@ impl Built {
     ///
     /// # Errors
     /// Less memory than merging leaves takes.
-    pub fn emit(
+    pub(super) fn emit(
         &self,
         meter: &ProgressMeter<'_>,
         workers: &[&ThreadScratch],

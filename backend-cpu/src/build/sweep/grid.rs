@@ -33,7 +33,7 @@ pub(super) struct Grid {
 }
 
 impl Grid {
-    pub fn new(cell: &Cell, bins: usize) -> Grid {
+    pub(super) fn new(cell: &Cell, bins: usize) -> Grid {
         let (mut half_lo, mut scale) = ([0.0; 8], [0.0; 8]);
         for axis in 0..3 {
             let half = cell.bounds.half_extent(axis);
@@ -60,7 +60,7 @@ impl Grid {
     }
 
     /// How the borders of an axis's bins are found.
-    pub fn borders(&self, axis: usize) -> Borders {
+    pub(super) fn borders(&self, axis: usize) -> Borders {
         // Without a scale all is in the first bin.
         if self.scale[axis] == 0.0 {
             return Borders { width: 0.0, slack: 1.0 };
@@ -78,7 +78,7 @@ pub(super) struct Borders {
 
 impl Borders {
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn of(&self, bin: usize) -> [f32; 2] {
+    pub(super) fn of(&self, bin: usize) -> [f32; 2] {
         let bin = bin as i32 as f32;
         let low = (bin - 0.5) * self.width - self.slack;
         let high = (bin + 0.5) * self.width + self.slack;

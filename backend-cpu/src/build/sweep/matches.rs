@@ -19,7 +19,7 @@ pub(super) struct Ranges {
 
 impl Ranges {
     /// From the first and last bin of each axis that has a range; for lower and upper faces.
-    pub fn new(axes: [Option<[u8; 2]>; 3]) -> Ranges {
+    pub(super) fn new(axes: [Option<[u8; 2]>; 3]) -> Ranges {
         let mut ranges = Ranges { first: [0; 64], span: [0; 64], there: 0 };
         for bit in 0..64 {
             if let Some(Some([first, last])) = axes.get(bit % 4) {
@@ -32,7 +32,7 @@ impl Ranges {
 
     /// Calls `found` with every word that is in its range: its reference's number and its own.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn search<S: Simd>(&self, places: &[FaceBins], mut found: impl FnMut(usize, usize)) {
+    pub(super) fn search<S: Simd>(&self, places: &[FaceBins], mut found: impl FnMut(usize, usize)) {
         for (block, chunk) in places.chunks(AT_ONCE).enumerate() {
             let mut bits = match chunk.first_chunk() {
                 Some(chunk) => self.of::<S>(chunk),

@@ -37,13 +37,13 @@ pub(super) struct SplitDecision {
 
 impl OpenNode {
     /// The root. A cell without references is never examined.
-    pub fn root(cell: Aabb, budget: u64) -> OpenNode {
+    pub(super) fn root(cell: Aabb, budget: u64) -> OpenNode {
         OpenNode { cell, depth: 0, bad: 0, budget }
     }
 
     /// The two children of a decision; `counts` references went left and right. The budget is handed down
     /// in proportion to them, so that it binds in the same place, whichever thread builds which child first.
-    pub fn children(&self, decision: &SplitDecision, counts: [usize; 2]) -> [OpenNode; 2] {
+    pub(super) fn children(&self, decision: &SplitDecision, counts: [usize; 2]) -> [OpenNode; 2] {
         let [left, right] = counts.map(|n| n as u64);
         // At most 2^30 each, so the product fits. What a child gets is never below its references.
         let share = (self.budget * left).checked_div(left + right).unwrap_or(0);
@@ -64,7 +64,7 @@ impl OpenNode {
     /// More memory than the limit allows.
     #[allow(clippy::too_many_arguments, reason = "a bundle of them would be made for each node")]
     #[inline]
-    pub fn decide(
+    pub(super) fn decide(
         &self,
         [costs, of_leaves]: &[SplitCosts; 2],
         set: InstructionSet,

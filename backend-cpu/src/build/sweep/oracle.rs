@@ -8,7 +8,7 @@ use splitplane_test_support::random::Random;
 use super::cost::{BestSplit, Cell, Split, SplitCosts};
 
 /// The split of least (cost, axis, position) that costs less than `limit`.
-pub fn best_split(
+pub(super) fn best_split(
     costs: &SplitCosts,
     cell: &Cell,
     references: &[Reference],
@@ -35,7 +35,7 @@ pub fn best_split(
 }
 
 /// Costs of many kinds.
-pub fn costs(random: &mut Random) -> [SplitCosts; 2] {
+pub(super) fn costs(random: &mut Random) -> [SplitCosts; 2] {
     SplitCosts::both(
         &BuildConfig {
             block_width: random.pick(&[1, 2, 3, 4, 8, 8, 8, 16, 64]),
@@ -48,7 +48,11 @@ pub fn costs(random: &mut Random) -> [SplitCosts; 2] {
 }
 
 /// A cell, and references in it: some planar, some sharing faces, some on its sides.
-pub fn node(random: &mut Random, costs: &SplitCosts, count: usize) -> (Cell, Vec<Reference>) {
+pub(super) fn node(
+    random: &mut Random,
+    costs: &SplitCosts,
+    count: usize,
+) -> (Cell, Vec<Reference>) {
     // Most are of a fair size, some as small or great as numbers are.
     let scales = [1.0, 1.0, 100.0, 1e-6, 1e15, 1e-25, 1e-36, 1e37, 2e38];
     let scales = [0, 1, 2].map(|_| random.pick(&scales));

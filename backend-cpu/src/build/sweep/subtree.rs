@@ -18,7 +18,7 @@ const WORK: usize = 2048;
 
 impl ThreadScratch {
     /// Builds a subtree from the first references of a list. Returns it with its cost.
-    pub fn task(
+    pub(super) fn task(
         &mut self,
         builder: &BuildContext<'_>,
         list: &mut Vec<Reference>,

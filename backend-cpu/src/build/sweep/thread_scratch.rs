@@ -33,12 +33,12 @@ pub(super) struct ThreadScratch {
 
 impl ThreadScratch {
     /// A worker of this number.
-    pub fn new(number: usize) -> ThreadScratch {
+    pub(super) fn new(number: usize) -> ThreadScratch {
         ThreadScratch { number, ..ThreadScratch::default() }
     }
 
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(super) fn bytes(&self) -> u64 {
         let [a, b] = self.stacks.each_ref().map(|stack| stack.references.capacity());
         let references = (a + b) * size_of::<Reference>();
         let out = self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4;

@@ -61,7 +61,7 @@ fn joined(
 impl BuildContext<'_> {
     /// Builds the subtree of a node whose references are the first `count` of a list. Returns it with its
     /// cost.
-    pub fn build(
+    pub(super) fn build(
         &self,
         list: Vec<Reference>,
         count: usize,

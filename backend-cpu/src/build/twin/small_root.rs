@@ -47,7 +47,7 @@ struct Pending {
 
 impl SmallRootBuilder {
     /// No reference.
-    pub fn new() -> SmallRootBuilder {
+    pub(crate) fn new() -> SmallRootBuilder {
         let nothing = Pending { mask: 0, cell: Aabb::EMPTY, depth: 0, parent: u32::MAX };
         SmallRootBuilder {
             count: 0,
@@ -60,7 +60,7 @@ impl SmallRootBuilder {
     }
 
     /// Takes up to 64 references.
-    pub fn load(&mut self, references: &[Reference]) {
+    pub(crate) fn load(&mut self, references: &[Reference]) {
         self.count = references.len();
         for (i, reference) in references.iter().enumerate() {
             self.triangles[i] = reference.triangle;
@@ -72,7 +72,7 @@ impl SmallRootBuilder {
     }
 
     /// Takes up to 64 rows of columns.
-    pub fn load_rows(&mut self, columns: &Columns, first: usize, count: usize) {
+    pub(crate) fn load_rows(&mut self, columns: &Columns, first: usize, count: usize) {
         self.count = count;
         self.triangles[..count].copy_from_slice(columns.triangles(first, count));
         for (axis, faces) in self.faces.iter_mut().enumerate() {
@@ -87,7 +87,7 @@ impl SmallRootBuilder {
     /// # Errors
     /// Less memory than it takes.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn build<A: Arithmetic, S: ReferenceOps>(
+    pub(crate) fn build<A: Arithmetic, S: ReferenceOps>(
         &mut self,
         costs: &SmallRootCosts,
         cell: &Aabb,
@@ -305,7 +305,7 @@ pub(crate) struct SmallRootCosts {
 
 impl SmallRootCosts {
     /// Of a valid configuration.
-    pub fn of(config: &BuildConfig) -> SmallRootCosts {
+    pub(crate) fn of(config: &BuildConfig) -> SmallRootCosts {
         SmallRootCosts {
             traversal: config.traversal_cost,
             intersection: config.intersection_cost,

@@ -6,7 +6,7 @@ use splitplane_core::tree::node::KdNode;
 
 /// Consecutive subtrees, each in preorder. The caller says where indices count from.
 #[derive(Debug, Default)]
-pub struct Subtrees {
+pub(crate) struct Subtrees {
     /// Nodes.
     pub nodes: Vec<KdNode>,
     /// References.
@@ -15,12 +15,12 @@ pub struct Subtrees {
 
 impl Subtrees {
     /// Bytes held.
-    pub fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         (self.nodes.capacity() * size_of::<KdNode>() + self.references.capacity() * 4) as u64
     }
 
     /// Removes all subtrees and keeps the memory.
-    pub fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.nodes.clear();
         self.references.clear();
     }
@@ -30,7 +30,7 @@ impl Subtrees {
     /// # Errors
     /// No memory for it.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn push(&mut self, node: KdNode) -> Result<(), TryReserveError> {
+    pub(crate) fn push(&mut self, node: KdNode) -> Result<(), TryReserveError> {
         self.nodes.try_reserve(1)?;
         self.nodes.push(node);
         Ok(())
@@ -41,7 +41,7 @@ impl Subtrees {
     /// # Errors
     /// No memory for it.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn leaf(
+    pub(crate) fn leaf(
         &mut self,
         base: usize,
         references: impl ExactSizeIterator<Item = u32>,

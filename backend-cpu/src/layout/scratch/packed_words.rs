@@ -61,7 +61,7 @@ impl PackedWords {
     }
 
     /// Its words.
-    pub fn words(&self) -> &[u32] {
+    pub(crate) fn words(&self) -> &[u32] {
         &self.words[..self.used]
     }
 }

@@ -12,7 +12,7 @@ use crate::simd::f32x16::{F32x16, Row16};
 
 /// By AVX-512 (F and DQ). To be used only where the processor has it.
 #[derive(Clone, Copy)]
-pub struct Avx512F32x16(__m512);
+pub(crate) struct Avx512F32x16(__m512);
 
 impl F32x16 for Avx512F32x16 {
     #[cfg_attr(not(unoptimised), inline(always))]

@@ -138,7 +138,7 @@ struct PacketStack {
 
 impl Packet {
     /// Memory for a packet.
-    pub fn new() -> Packet {
+    pub(crate) fn new() -> Packet {
         Packet {
             bounds: Bounds::default(),
             axes: [0, 1, 2],
@@ -155,7 +155,7 @@ impl Packet {
     ///
     /// # Errors
     /// Less memory than that.
-    pub fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
+    pub(crate) fn make_room(&mut self, room: usize) -> Result<(), TryReserveError> {
         lengthen(&mut self.stack.nodes, room, 0)?;
         lengthen(&mut self.stack.places, room, 0)?;
         lengthen(&mut self.stack.t, room, 0.0)
@@ -166,20 +166,24 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::trace`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn hits<S: Simd>(&self, group: usize, accuracy: Accuracy) -> [Hit; MOST_LANES] {
+    pub(crate) unsafe fn hits<S: Simd>(
+        &self,
+        group: usize,
+        accuracy: Accuracy,
+    ) -> [Hit; MOST_LANES] {
         // SAFETY: the caller's contract.
         unsafe { self.groups[group].hits::<S>(accuracy) }
     }
 
     /// Whether a ray of a group has a hit.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn is_hit(&self, group: usize, lane: usize) -> bool {
+    pub(crate) fn is_hit(&self, group: usize, lane: usize) -> bool {
         self.groups[group].is_hit(lane)
     }
 
     /// Whether rays have stayed together so far: then packets may be large.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub fn keeps_together(&self) -> bool {
+    pub(crate) fn keeps_together(&self) -> bool {
         self.met * ENOUGH_OF >= self.came * ENOUGH
     }
 
@@ -189,7 +193,7 @@ impl Packet {
     /// The processor must have the set, for whose width the layout was made; the rays must be those
     /// taken, in as many groups, and none of them wide; there must be space for the nodes' stack.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn trace<S: Simd, const G: usize>(
+    pub(crate) unsafe fn trace<S: Simd, const G: usize>(
         &mut self,
         layout: &TreeLayout,
         (ready, ray_states): (&PreparedRays, &mut [RayState; CHUNK]),

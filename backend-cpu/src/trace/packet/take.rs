@@ -29,7 +29,7 @@ impl Packet {
     /// # Safety
     /// As for [`Packet::take`].
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn take_coherent<S: Simd>(
+    pub(crate) unsafe fn take_coherent<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
         groups: Range<usize>,
@@ -57,7 +57,7 @@ impl Packet {
     /// # Safety
     /// The processor must have the set; there must be as many lanes, and at least one ray.
     #[cfg_attr(not(unoptimised), inline(always))]
-    pub unsafe fn take<S: Simd>(
+    pub(crate) unsafe fn take<S: Simd>(
         &mut self,
         ready: &mut PreparedRays,
         groups: Range<usize>,

@@ -30,7 +30,7 @@ impl Compiled for Fill<'_> {
 }
 
 /// The first rays as a set prepares them, and their states.
-pub fn filled(
+pub(crate) fn filled(
     set: InstructionSet,
     rays: &[Ray],
     scene: &SceneScale,

@@ -4,7 +4,6 @@ use super::{Budget, ReferenceExecutor};
 use crate::backend::BuildOptions;
 use crate::build::schedule;
 use crate::error::BuildError;
-use crate::kernel::Counter;
 use crate::mesh::Mesh;
 use crate::report::BuildSummary;
 use crate::tree::KdTree;
@@ -23,17 +22,10 @@ pub fn build(
 ) -> Result<(KdTree, BuildSummary), BuildError> {
     let BuildOptions { config, max_memory, watch, .. } = *options;
     let budget = Budget::new(max_memory, watch);
-    let mut executor: ReferenceExecutor<'_> = ReferenceExecutor::new(*mesh, config, budget)?;
+    let mut executor = ReferenceExecutor::new(*mesh, config, budget)?;
     let preset = config.preset();
     let planes = preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
     schedule::build(&mut executor, planes)?;
-    let summary = BuildSummary {
-        triangles: executor.buffers().counters[Counter::Triangles],
-        dropped: executor.buffers().counters[Counter::Dropped],
-        snapped: executor.buffers().counters[Counter::Snapped],
-        large_levels: executor.buffers().counters[Counter::Levels],
-        small_roots: executor.buffers().counters[Counter::SmallRoots],
-        peak_bytes: executor.budget().peak(),
-    };
+    let summary = executor.summary();
     Ok((executor.into_tree(), summary))
 }

@@ -15,6 +15,7 @@ use crate::error::BuildError;
 use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
 use crate::layout::Extent;
 use crate::mesh::Mesh;
+use crate::report::BuildSummary;
 use crate::tree::KdTree;
 use crate::watch::Stage;
 
@@ -31,12 +32,26 @@ pub struct ReferenceExecutor<'a, A = Strict> {
     arithmetic: PhantomData<A>,
 }
 
-impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
+impl<'a> ReferenceExecutor<'a> {
     /// An executor ready for [`crate::build::schedule::build`].
     ///
     /// # Errors
     /// A configuration out of range.
     pub fn new(
+        mesh: Mesh<'a>,
+        config: BuildConfig,
+        budget: Budget<'a>,
+    ) -> Result<ReferenceExecutor<'a>, BuildError> {
+        ReferenceExecutor::in_arithmetic(mesh, config, budget)
+    }
+}
+
+impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
+    /// As [`ReferenceExecutor::new`], in any arithmetic: for tests of the rules themselves.
+    ///
+    /// # Errors
+    /// A configuration out of range.
+    pub fn in_arithmetic(
         mesh: Mesh<'a>,
         config: BuildConfig,
         budget: Budget<'a>,
@@ -52,9 +67,30 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
         &self.buffers
     }
 
-    /// The buffers, for callers that run a kernel by other means.
+    /// The buffers, for callers that run a kernel by other means; [`ReferenceExecutor::make_room`] comes first.
     pub fn buffers_mut(&mut self) -> &mut Buffers {
         &mut self.buffers
+    }
+
+    /// Gives a kernel's buffers the room that it needs, within the budget. Dispatches do that themselves.
+    ///
+    /// # Errors
+    /// [`BuildError::OutOfMemory`].
+    pub fn make_room(&mut self, kernel: Kernel) -> Result<(), BuildError> {
+        self.buffers.make_room(kernel, &mut self.budget)
+    }
+
+    /// What the build did with its input, once it is done.
+    pub fn summary(&self) -> BuildSummary {
+        let counters = &self.buffers.counters;
+        BuildSummary {
+            triangles: counters[Counter::Triangles],
+            dropped: counters[Counter::Dropped],
+            snapped: counters[Counter::Snapped],
+            large_levels: counters[Counter::Levels],
+            small_roots: counters[Counter::SmallRoots],
+            peak_bytes: self.budget.peak(),
+        }
     }
 
     /// The memory and the progress of the build.
@@ -89,7 +125,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
         self.begin(kernel)?;
-        self.buffers.make_room(kernel, &mut self.budget)?;
+        self.make_room(kernel)?;
         let (mesh, config, budget) = (&self.mesh, &self.config, &mut self.budget);
         let b = &mut self.buffers;
         let active = b.count(Counter::ActiveNodes);

@@ -11,7 +11,7 @@ use crate::sets::Shaders;
 use crate::source::Parsed;
 
 /// Storage buffers of a stage.
-pub const MAX_STORAGE_BUFFERS: usize = 8;
+pub(crate) const MAX_STORAGE_BUFFERS: usize = 8;
 /// Invocations of a workgroup.
 const MAX_INVOCATIONS: u32 = 256;
 /// Invocations along the last axis.
@@ -20,7 +20,7 @@ const MAX_DEPTH: u32 = 64;
 const MAX_WORKGROUP_BYTES: u32 = 16384;
 
 /// Faults against the limits of plain WebGPU, and an entry point that is not as it should be.
-pub fn limit_faults(parsed: &Parsed) -> Vec<String> {
+pub(crate) fn limit_faults(parsed: &Parsed) -> Vec<String> {
     let module = &parsed.module;
     let mut faults = Vec::new();
     let [entry] = &module.entry_points[..] else {
@@ -59,7 +59,7 @@ pub fn limit_faults(parsed: &Parsed) -> Vec<String> {
 }
 
 /// Whether the bindings of a kernel are what its set's table says.
-pub fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
+pub(crate) fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
     let globals = parsed.module.global_variables.iter();
     let mut bound: Vec<(u32, &GlobalVariable)> =
         globals.filter_map(|(_, global)| Some((global.binding?.binding, global))).collect();
@@ -101,7 +101,11 @@ pub fn binding_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<Str
 
 /// Whether a kernel does with its buffers what its set's table says: reads what it is said to read, and
 /// writes what it is said to write. A text that is not `whole` may leave some of that out.
-pub fn use_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel, whole: bool) -> Vec<String> {
+pub(crate) fn use_faults<S: Shaders>(
+    parsed: &Parsed,
+    kernel: S::Kernel,
+    whole: bool,
+) -> Vec<String> {
     let mut faults = Vec::new();
     if parsed.module.entry_points.is_empty() {
         return faults;
@@ -138,7 +142,7 @@ pub fn use_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel, whole: bool) -
 }
 
 /// Whether workgroups are as wide as the grid says.
-pub fn grid_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
+pub(crate) fn grid_faults<S: Shaders>(parsed: &Parsed, kernel: S::Kernel) -> Vec<String> {
     let entry = parsed.module.entry_points.first();
     let size = entry.map_or([0; 3], |entry| entry.workgroup_size);
     match S::kernel(kernel).grid {

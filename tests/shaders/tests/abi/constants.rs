@@ -15,7 +15,7 @@ use crate::source::{Parsed, Text};
 
 /// A number, with its type. `usize` counts as `u32`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Number {
+pub(crate) enum Number {
     /// By its bits, so that equal means equal.
     F32(u32),
     U32(u32),
@@ -75,15 +75,15 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
 ];
 
 /// Numbers by name; several where one name stands for several.
-pub type Known = BTreeMap<String, BTreeSet<Number>>;
+pub(crate) type Known = BTreeMap<String, BTreeSet<Number>>;
 
 /// The constants of the core.
-pub fn of_core() -> Known {
+pub(crate) fn of_core() -> Known {
     of("../core/src")
 }
 
 /// The constants of the files of a folder, relative to this package, and of the folders in it.
-pub fn of(folder: &str) -> Known {
+pub(crate) fn of(folder: &str) -> Known {
     let mut known = Known::new();
     scan_folder(
         &Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders")).join(folder),
@@ -106,7 +106,7 @@ fn scan_folder(folder: &Path, known: &mut Known) {
 }
 
 /// Collects the constants of one file of Rust, up to its tests.
-pub fn scan(text: &str, known: &mut Known) {
+pub(crate) fn scan(text: &str, known: &mut Known) {
     let mut add = |name: String, number| {
         known.entry(name).or_default().insert(number);
     };
@@ -194,12 +194,12 @@ fn integer(text: &str) -> Option<i64> {
 }
 
 /// `ActiveNodes` as `ACTIVE_NODES`.
-pub fn screaming(name: &str) -> String {
+pub(crate) fn screaming(name: &str) -> String {
     snake(name).to_uppercase()
 }
 
 /// `ActiveNodes` as `active_nodes`.
-pub fn snake(name: &str) -> String {
+pub(crate) fn snake(name: &str) -> String {
     let mut out = String::new();
     for c in name.chars() {
         if c.is_ascii_uppercase() && !out.is_empty() {
@@ -211,7 +211,7 @@ pub fn snake(name: &str) -> String {
 }
 
 /// Faults of a shader's module-scope constants.
-pub fn faults(parsed: &Parsed, parts: &[Text], known: &Known) -> Vec<String> {
+pub(crate) fn faults(parsed: &Parsed, parts: &[Text], known: &Known) -> Vec<String> {
     let module = &parsed.module;
     let mut faults = Vec::new();
     let mut seen = BTreeSet::new();
@@ -277,6 +277,6 @@ fn declared(text: &str) -> Vec<&str> {
 }
 
 /// Entries of the list that the core knows by the same name, and so need no list.
-pub fn needless(known: &Known) -> Vec<&'static str> {
+pub(crate) fn needless(known: &Known) -> Vec<&'static str> {
     DEVICE_ONLY.iter().map(|(name, ..)| *name).filter(|name| known.contains_key(*name)).collect()
 }

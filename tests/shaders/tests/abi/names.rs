@@ -6,7 +6,7 @@ use std::path::Path;
 use splitplane_shaders::Shader;
 
 /// Names of the files with an ending in a folder, relative to this package; none when it is missing.
-pub fn files(folder: &str, ending: &str) -> BTreeSet<String> {
+pub(crate) fn files(folder: &str, ending: &str) -> BTreeSet<String> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders")).join(folder);
     let Ok(entries) = std::fs::read_dir(folder) else { return BTreeSet::new() };
     entries
@@ -18,7 +18,7 @@ pub fn files(folder: &str, ending: &str) -> BTreeSet<String> {
 }
 
 /// Names in one list and not in the other.
-pub fn differences<'a>(
+pub(crate) fn differences<'a>(
     what: &str,
     a: impl IntoIterator<Item = &'a str>,
     b: impl IntoIterator<Item = &'a str>,
@@ -28,13 +28,13 @@ pub fn differences<'a>(
 }
 
 /// The files that shaders of a table are named for: their last parts.
-pub fn own_files(table: &[Shader]) -> BTreeSet<String> {
+pub(crate) fn own_files(table: &[Shader]) -> BTreeSet<String> {
     let own = table.iter().filter_map(|shader| shader.parts.last());
     own.map(|part| part.name.to_owned()).collect()
 }
 
 /// What a kernel's text does not say in the comment it begins with.
-pub fn header_faults(text: &str) -> Vec<String> {
+pub(crate) fn header_faults(text: &str) -> Vec<String> {
     let header: Vec<_> = text.lines().take_while(|line| line.starts_with("//")).collect();
     ["// One ", "// Reads:", "// Writes:"]
         .iter()

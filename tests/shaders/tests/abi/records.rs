@@ -22,7 +22,7 @@ use splitplane_core::tree::node::KdNode;
 use crate::source::Parsed;
 
 /// The words of a type of Rust.
-pub trait Words {
+pub(crate) trait Words {
     /// The kind of each.
     fn kinds() -> Vec<ScalarKind>;
 }
@@ -58,21 +58,21 @@ impl Words for Aabb {
 }
 
 /// A member of a record.
-pub struct Member {
+pub(crate) struct Member {
     pub name: &'static str,
     pub offset: usize,
     pub kinds: Vec<ScalarKind>,
 }
 
 /// A record of the core.
-pub struct Record {
+pub(crate) struct Record {
     pub name: &'static str,
     pub size: usize,
     pub members: Vec<Member>,
 }
 
 /// The kinds of a member's words, from how it is reached.
-pub fn kinds_of<R, T: Words>(_: fn(&R) -> &T) -> Vec<ScalarKind> {
+pub(crate) fn kinds_of<R, T: Words>(_: fn(&R) -> &T) -> Vec<ScalarKind> {
     T::kinds()
 }
 
@@ -98,7 +98,7 @@ fn word(name: &'static str, offset: usize) -> Member {
 }
 
 /// The records of queries and of the self-test.
-pub fn of_queries() -> Vec<Record> {
+pub(crate) fn of_queries() -> Vec<Record> {
     vec![
         record!(Ray { origin t_min direction t_max }),
         record!(Hit { t triangle u v }),
@@ -116,7 +116,7 @@ pub fn of_queries() -> Vec<Record> {
 }
 
 /// The records of the tree builder.
-pub fn of_core() -> Vec<Record> {
+pub(crate) fn of_core() -> Vec<Record> {
     vec![
         record!(Reference { lo triangle hi padding }),
         record!(LargeNode {
@@ -152,7 +152,7 @@ pub fn of_core() -> Vec<Record> {
 
 /// Faults of the structs that a uniform or storage buffer holds, and of those in the file `layout`:
 /// each must be one of these records. Others never cross, and may share a name with a record.
-pub fn faults(parsed: &Parsed, records: &[Record], layout: &str) -> Vec<String> {
+pub(crate) fn faults(parsed: &Parsed, records: &[Record], layout: &str) -> Vec<String> {
     let module = &parsed.module;
     let mut crossing = Vec::new();
     for (_, global) in module.global_variables.iter() {

@@ -11,7 +11,7 @@ use crate::records::{Member, Record, kinds_of};
 use crate::source::Text;
 
 /// The records of the ray tracer.
-pub fn records() -> Vec<Record> {
+pub(crate) fn records() -> Vec<Record> {
     vec![
         record!(Path { weight pixel sequence padding }),
         record!(Surface {
@@ -32,14 +32,14 @@ pub fn records() -> Vec<Record> {
 }
 
 /// The constants of the core and of the ray tracer; where both have one of a name, the latter's.
-pub fn known() -> Known {
+pub(crate) fn known() -> Known {
     let mut known = constants::of_core();
     known.extend(constants::of("../render/src"));
     known
 }
 
 /// Every kernel with every choice of features, each combination of parts once.
-pub fn variants() -> Vec<(Kernel, Vec<Text>)> {
+pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
     let mut variants: Vec<(Kernel, Vec<Text>)> = Vec::new();
     for (kernel, shader) in Kernel::ALL.into_iter().zip(RENDER) {
         for choice in 0..32u32 {

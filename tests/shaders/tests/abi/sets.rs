@@ -14,7 +14,7 @@ use crate::render;
 use crate::source::{Parsed, Text, texts};
 
 /// A kernel set whose kernels have shaders.
-pub trait Shaders: KernelSet {
+pub(crate) trait Shaders: KernelSet {
     /// The shaders, by kernel and in the order of kernels, each with all that it may have.
     const TABLE: &'static [Shader];
     /// The folder of the kernels' own files.
@@ -47,14 +47,14 @@ pub trait Shaders: KernelSet {
 }
 
 /// The kernel that a shader is of.
-pub fn kernel_of<S: Shaders>(shader: &Shader) -> S::Kernel {
+pub(crate) fn kernel_of<S: Shaders>(shader: &Shader) -> S::Kernel {
     let own = shader.parts.last().map_or("", |part| part.name);
     let row = S::KERNELS.iter().find(|row| row.name == own);
     row.unwrap_or_else(|| panic!("{}: no such kernel", shader.name)).kernel
 }
 
 /// The text of a kernel with all that it may have.
-pub fn text_of<S: Shaders>(kernel: S::Kernel) -> Vec<Text> {
+pub(crate) fn text_of<S: Shaders>(kernel: S::Kernel) -> Vec<Text> {
     let shader = S::TABLE.iter().find(|shader| kernel_of::<S>(shader) == kernel);
     texts(shader.expect("a shader of the table"))
 }
@@ -121,7 +121,7 @@ impl Shaders for DeviceChecks {
 }
 
 /// All faults of a kernel's text.
-pub fn faults<S: Shaders>(parts: &[Text], kernel: S::Kernel, known: &Known) -> Vec<String> {
+pub(crate) fn faults<S: Shaders>(parts: &[Text], kernel: S::Kernel, known: &Known) -> Vec<String> {
     let parsed = match Parsed::new(parts.to_vec()) {
         Ok(parsed) => parsed,
         Err(error) => return vec![error],
@@ -136,7 +136,7 @@ pub fn faults<S: Shaders>(parts: &[Text], kernel: S::Kernel, known: &Known) -> V
 }
 
 /// Faults of a table itself.
-pub fn table_faults<K: KernelSet>() -> Vec<String> {
+pub(crate) fn table_faults<K: KernelSet>() -> Vec<String> {
     let mut faults = Vec::new();
     let mut names: Vec<&str> = K::KERNELS.iter().map(|row| row.name).collect();
     names.extend(K::BUFFERS.iter().map(|row| row.name));

@@ -13,7 +13,7 @@ use crate::source::Parsed;
 use crate::strict::inner_blocks;
 
 /// Applies the rules.
-pub fn check(
+pub(crate) fn check(
     parsed: &Parsed,
     bodies: &[Body<'_>],
     free_allowed: bool,

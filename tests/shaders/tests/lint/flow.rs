@@ -30,7 +30,7 @@ const FUNCTION: Kinds = 8;
 type Slots = Vec<Kinds>;
 
 /// Applies the rules.
-pub fn check(parsed: &Parsed, bodies: &[Body<'_>], findings: &mut Vec<Finding>) {
+pub(crate) fn check(parsed: &Parsed, bodies: &[Body<'_>], findings: &mut Vec<Finding>) {
     let mut flow = Flow::new(parsed, bodies);
     loop {
         flow.changed = false;

@@ -32,7 +32,7 @@ fn planted(text: &str) -> Vec<Text> {
 }
 
 /// A kernel without fault that uses every guarded operation.
-pub fn mini_kernel() -> Vec<Text> {
+pub(crate) fn mini_kernel() -> Vec<Text> {
     planted(
         "fn test(a: f32, b: f32, c: f32) -> f32 {
             return difference(sum(product(product(a, b), c), b), sum(a, difference(b, c)));

@@ -10,17 +10,17 @@ use naga::{Handle, Span};
 use crate::source::{Parsed, Place};
 
 /// The file that owns float arithmetic.
-pub const ARITHMETIC: &str = "arithmetic";
+pub(crate) const ARITHMETIC: &str = "arithmetic";
 /// Guarded operations: their results pass the barrier.
-pub const GUARDED: [&str; 3] = ["product", "sum", "difference"];
+pub(crate) const GUARDED: [&str; 3] = ["product", "sum", "difference"];
 /// Free operations: a compiler may do with them as it likes.
-pub const FREE: [&str; 4] = ["free_mul", "free_mul_add", "free_sub", "free_reciprocal"];
+pub(crate) const FREE: [&str; 4] = ["free_mul", "free_mul_add", "free_sub", "free_reciprocal"];
 /// The global that no compiler knows to be zero.
-pub const OPAQUE_ZERO: &str = "opaque_zero";
+pub(crate) const OPAQUE_ZERO: &str = "opaque_zero";
 
 /// What is wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Rule {
+pub(crate) enum Rule {
     /// A float operation outside the functions that may have one.
     Raw,
     /// A division, or a function that is not exact on every device.
@@ -43,7 +43,7 @@ pub enum Rule {
 
 /// One fault.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Finding {
+pub(crate) struct Finding {
     /// The rule.
     pub rule: Rule,
     /// The function.
@@ -67,7 +67,7 @@ impl fmt::Display for Finding {
 }
 
 /// A function or an entry point.
-pub struct Body<'a> {
+pub(crate) struct Body<'a> {
     /// Its name.
     pub name: &'a str,
     /// The function.
@@ -82,18 +82,18 @@ pub struct Body<'a> {
 
 impl Body<'_> {
     /// One of [`GUARDED`], not a namesake in another file.
-    pub fn is_guarded(&self) -> bool {
+    pub(crate) fn is_guarded(&self) -> bool {
         self.part == ARITHMETIC && GUARDED.contains(&self.name)
     }
 
     /// One of [`FREE`].
-    pub fn is_free(&self) -> bool {
+    pub(crate) fn is_free(&self) -> bool {
         self.part == ARITHMETIC && FREE.contains(&self.name)
     }
 }
 
 /// All functions, then all entry points. The number of a function is the index of its handle.
-pub fn bodies(parsed: &Parsed) -> Vec<Body<'_>> {
+pub(crate) fn bodies(parsed: &Parsed) -> Vec<Body<'_>> {
     let module = &parsed.module;
     let functions = module.functions.iter().map(|(handle, function)| Body {
         name: function.name.as_deref().unwrap_or("?"),
@@ -114,7 +114,7 @@ pub fn bodies(parsed: &Parsed) -> Vec<Body<'_>> {
 }
 
 /// The type of an expression.
-pub fn type_of<'a>(
+pub(crate) fn type_of<'a>(
     parsed: &'a Parsed,
     body: &'a Body<'_>,
     expression: Handle<Expression>,
@@ -123,7 +123,7 @@ pub fn type_of<'a>(
 }
 
 /// The kind of scalar a scalar, vector or matrix is made of.
-pub fn scalar_kind(inner: &TypeInner) -> Option<ScalarKind> {
+pub(crate) fn scalar_kind(inner: &TypeInner) -> Option<ScalarKind> {
     match inner {
         TypeInner::Scalar(scalar)
         | TypeInner::Vector { scalar, .. }
@@ -133,7 +133,7 @@ pub fn scalar_kind(inner: &TypeInner) -> Option<ScalarKind> {
 }
 
 /// Whether an expression is a float scalar, vector or matrix.
-pub fn is_float(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expression>) -> bool {
+pub(crate) fn is_float(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expression>) -> bool {
     matches!(
         scalar_kind(type_of(parsed, body, expression)),
         Some(ScalarKind::Float | ScalarKind::AbstractFloat)
@@ -141,7 +141,11 @@ pub fn is_float(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expression>
 }
 
 /// Whether an expression is the value of [`OPAQUE_ZERO`].
-pub fn is_opaque_zero(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expression>) -> bool {
+pub(crate) fn is_opaque_zero(
+    parsed: &Parsed,
+    body: &Body<'_>,
+    expression: Handle<Expression>,
+) -> bool {
     let expressions = &body.function.expressions;
     let Expression::Load { pointer } = expressions[expression] else { return false };
     let Expression::GlobalVariable(global) = expressions[pointer] else { return false };
@@ -150,7 +154,13 @@ pub fn is_opaque_zero(parsed: &Parsed, body: &Body<'_>, expression: Handle<Expre
 }
 
 /// A fault at a place.
-pub fn finding(parsed: &Parsed, rule: Rule, body: &Body<'_>, span: Span, what: String) -> Finding {
+pub(crate) fn finding(
+    parsed: &Parsed,
+    rule: Rule,
+    body: &Body<'_>,
+    span: Span,
+    what: String,
+) -> Finding {
     Finding {
         rule,
         function: body.name.to_owned(),

@@ -11,7 +11,7 @@ use crate::rules::{Body, Finding, Rule, finding, is_float};
 use crate::source::Parsed;
 
 /// Applies the rules to every function, called or not.
-pub fn check(parsed: &Parsed, bodies: &[Body<'_>], findings: &mut Vec<Finding>) {
+pub(crate) fn check(parsed: &Parsed, bodies: &[Body<'_>], findings: &mut Vec<Finding>) {
     for body in bodies {
         for (handle, _) in body.function.expressions.iter() {
             if let Some((rule, what)) = expression_fault(parsed, body, handle) {
@@ -80,7 +80,7 @@ fn expression_fault(
 }
 
 /// The functions of floats whose result is exact, hence the same on every device.
-pub fn is_exact(fun: MathFunction) -> bool {
+pub(crate) fn is_exact(fun: MathFunction) -> bool {
     use MathFunction as F;
     matches!(
         fun,
@@ -142,7 +142,7 @@ fn statements(parsed: &Parsed, body: &Body<'_>, block: &Block, findings: &mut Ve
 }
 
 /// Calls `visit` with every block directly inside a statement.
-pub fn inner_blocks<'a>(statement: &'a Statement, mut visit: impl FnMut(&'a Block)) {
+pub(crate) fn inner_blocks<'a>(statement: &'a Statement, mut visit: impl FnMut(&'a Block)) {
     match statement {
         Statement::Block(block) => visit(block),
         Statement::If { accept, reject, .. } => {

@@ -6,7 +6,7 @@ use splitplane_shaders::{Part, Shader};
 
 /// A file of a shader; like [`Part`], but owned, so that tests can change it.
 #[derive(Clone, Debug)]
-pub struct Text {
+pub(crate) struct Text {
     /// Name of the file.
     pub name: String,
     /// The text.
@@ -20,13 +20,13 @@ impl From<&Part> for Text {
 }
 
 /// The files of a shader, in the order they are joined.
-pub fn texts(shader: &Shader) -> Vec<Text> {
+pub(crate) fn texts(shader: &Shader) -> Vec<Text> {
     shader.parts.iter().map(Text::from).collect()
 }
 
 /// A line of a file.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Place {
+pub(crate) struct Place {
     /// Name of the file.
     pub part: String,
     /// The line, from 1.
@@ -42,7 +42,7 @@ impl std::fmt::Display for Place {
 }
 
 /// A shader in naga's form.
-pub struct Parsed {
+pub(crate) struct Parsed {
     /// The module.
     pub module: naga::Module,
     /// What validation found out: types of expressions, uses of globals.
@@ -53,7 +53,7 @@ pub struct Parsed {
 impl Parsed {
     /// Joins, parses and validates, with nothing that plain WebGPU lacks: no capability of naga's is
     /// granted.
-    pub fn new(parts: Vec<Text>) -> Result<Parsed, String> {
+    pub(crate) fn new(parts: Vec<Text>) -> Result<Parsed, String> {
         // As `splitplane_shaders::join` does.
         let source: String = parts.iter().map(|part| format!("{}\n", part.text)).collect();
         let module =
@@ -65,7 +65,7 @@ impl Parsed {
     }
 
     /// The line on which a span begins.
-    pub fn place(&self, span: Span) -> Place {
+    pub(crate) fn place(&self, span: Span) -> Place {
         let mut offset = span.to_range().map_or(0, |range| range.start);
         for part in &self.parts {
             if offset <= part.text.len() {

@@ -75,7 +75,7 @@ impl Volley {
 }
 
 /// How far origins inside lie from all triangles at least, in extents of the surface.
-pub const CLEARANCE: f64 = 0.01;
+pub(super) const CLEARANCE: f64 = 0.01;
 /// Origins inside that are kept for a surface.
 const ORIGINS: usize = 24;
 

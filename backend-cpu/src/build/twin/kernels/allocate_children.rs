@@ -10,7 +10,7 @@ use splitplane_core::layout::{Counters, Decision, LargeNode, Sides, SmallRoot, T
 
 /// The lists that grow.
 #[derive(Debug)]
-pub struct Lists<'a> {
+pub(crate) struct Lists<'a> {
     /// The next list, from its start.
     pub next: &'a mut Vec<LargeNode>,
     /// The small list.
@@ -24,14 +24,14 @@ pub struct Lists<'a> {
 }
 
 /// What a level adds to the lists at most, whatever caps do: top nodes, small roots and next nodes.
-pub fn most(decisions: &[Decision]) -> [usize; 3] {
+pub(crate) fn most(decisions: &[Decision]) -> [usize; 3] {
     let children = 2 * decisions.len();
     let cuts: usize = decisions.iter().map(|decision| 2 * decision.cut_count as usize).sum();
     [cuts + children, children, children]
 }
 
 /// Runs the kernel. The lists have space for what [`most`] says.
-pub fn run(
+pub(crate) fn run(
     config: &BuildConfig,
     active: &[LargeNode],
     decisions: &mut [Decision],

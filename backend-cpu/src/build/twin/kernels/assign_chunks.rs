@@ -6,7 +6,7 @@ use splitplane_core::config::CHUNK;
 use splitplane_core::layout::{Chunk, LargeNode};
 
 /// Runs the kernel. Serial: it writes 16 bytes for 256 references.
-pub fn run(active: &[LargeNode], chunks: &mut [Chunk]) {
+pub(crate) fn run(active: &[LargeNode], chunks: &mut [Chunk]) {
     for (index, node) in active.iter().enumerate() {
         let first_chunk = node.first_chunk as usize;
         for k in 0..node.count.div_ceil(CHUNK) {

@@ -18,7 +18,7 @@ use crate::cancel::ProgressMeter;
 use crate::simd::{Compiled, InstructionSet, Simd};
 
 /// Runs the kernel.
-pub fn run<A: Arithmetic>(
+pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     set: InstructionSet,
     bins: u32,

@@ -19,13 +19,13 @@ use crate::simd::references::ReferenceOps;
 use crate::simd::{Compiled, Simd};
 
 /// Roots of one task. Their subtrees share two vectors.
-pub const BATCH: usize = 32;
+pub(crate) const BATCH: usize = 32;
 
 /// Runs the kernel. `subtrees` holds one element for each [`BATCH`] roots.
 ///
 /// # Errors
 /// Less memory than the subtrees take.
-pub fn run<A: Arithmetic>(
+pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     set: InstructionSet,

@@ -8,7 +8,7 @@ use splitplane_core::kernel::Counter;
 use splitplane_core::layout::{Counters, LargeNode};
 
 /// Runs the kernel.
-pub fn run(active: &mut [LargeNode], counters: &mut Counters) {
+pub(crate) fn run(active: &mut [LargeNode], counters: &mut Counters) {
     let mut chunks = 0;
     for node in active {
         node.first_chunk = chunks;

@@ -14,7 +14,7 @@ use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
-pub fn run<A: Arithmetic>(
+pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     clipped: bool,
     chunks: &[Chunk],

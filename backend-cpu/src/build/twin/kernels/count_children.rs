@@ -7,7 +7,7 @@ use splitplane_core::config::CHUNK;
 use splitplane_core::layout::{Decision, LargeNode, Sides};
 
 /// Runs the kernel. Serial: it adds two numbers for 256 references.
-pub fn run(active: &[LargeNode], chunk_counts: &mut [Sides], decisions: &mut [Decision]) {
+pub(crate) fn run(active: &[LargeNode], chunk_counts: &mut [Sides], decisions: &mut [Decision]) {
     for (node, decision) in active.iter().zip(decisions) {
         let first = node.first_chunk as usize;
         let mut total = Sides::default();

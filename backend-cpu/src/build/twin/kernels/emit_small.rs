@@ -13,7 +13,7 @@ use crate::memory::Scatter;
 
 /// Runs the kernel. `subtrees` holds an element for each `batch` roots.
 #[allow(clippy::too_many_arguments, reason = "the buffers it reads and writes")]
-pub fn run(
+pub(crate) fn run(
     meter: &ProgressMeter<'_>,
     batch: usize,
     roots: &[SmallRoot],

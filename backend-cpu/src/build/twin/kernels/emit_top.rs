@@ -6,7 +6,7 @@ use splitplane_core::layout::{Extent, TopNode};
 use splitplane_core::tree::node::{Axis, KdNode};
 
 /// Runs the kernel. Serial: there is about one top node for 32 triangles.
-pub fn run(top: &[TopNode], addresses: &[Extent], nodes: &mut [KdNode]) {
+pub(crate) fn run(top: &[TopNode], addresses: &[Extent], nodes: &mut [KdNode]) {
     for (node, address) in top.iter().zip(addresses) {
         let out = address.nodes as usize;
         match node.kind {

@@ -13,7 +13,7 @@ use crate::cancel::ProgressMeter;
 use crate::memory::Scatter;
 
 /// Runs the kernel. `references` is as long as there are triangles kept.
-pub fn run(
+pub(crate) fn run(
     meter: &ProgressMeter<'_>,
     triangles: &[Triangle],
     chunk_counts: &[Sides],

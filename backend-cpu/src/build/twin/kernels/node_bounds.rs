@@ -11,7 +11,7 @@ use super::GRAIN;
 use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
-pub fn run(
+pub(crate) fn run(
     meter: &ProgressMeter<'_>,
     active: &[LargeNode],
     chunk_bounds: &[ChunkBounds],

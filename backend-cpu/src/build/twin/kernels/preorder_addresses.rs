@@ -6,7 +6,7 @@
 use splitplane_core::layout::{Extent, TopNode};
 
 /// Runs the kernel.
-pub fn run(top: &[TopNode], sizes: &[Extent], addresses: &mut [Extent]) {
+pub(crate) fn run(top: &[TopNode], sizes: &[Extent], addresses: &mut [Extent]) {
     addresses[0] = Extent::default();
     for index in 0..top.len() {
         let node = &top[index];

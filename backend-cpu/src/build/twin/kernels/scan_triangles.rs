@@ -9,7 +9,7 @@ use splitplane_core::kernel::Counter;
 use splitplane_core::layout::{ChunkBounds, Counters, LargeNode, Sides, TopNode};
 
 /// Runs the kernel.
-pub fn run(
+pub(crate) fn run(
     chunk_counts: &mut [Sides],
     chunk_bounds: &[ChunkBounds],
     root: &mut LargeNode,

@@ -15,7 +15,7 @@ use crate::memory::Scatter;
 
 /// What the kernel reads.
 #[derive(Debug)]
-pub struct Inputs<'a> {
+pub(crate) struct Inputs<'a> {
     /// T: a child of at most this many references is small.
     pub small_node_limit: u32,
     /// Whether references are clipped; if not, their bounds are cut at the plane.
@@ -35,7 +35,7 @@ pub struct Inputs<'a> {
 }
 
 /// Runs the kernel.
-pub fn run<A: Arithmetic>(
+pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     inputs: &Inputs<'_>,
     next_references: &mut [Reference],

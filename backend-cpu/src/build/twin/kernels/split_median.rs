@@ -15,7 +15,7 @@ use super::GRAIN;
 use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
-pub fn run<A: Arithmetic>(
+pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     active: &[LargeNode],

@@ -7,7 +7,12 @@ use splitplane_core::kernel::Counter;
 use splitplane_core::layout::{Counters, Extent, TopNode};
 
 /// Runs the kernel. Sums wrap; the executor checks the root's against 64-bit sums before.
-pub fn run(top: &[TopNode], small_sizes: &[Extent], sizes: &mut [Extent], counters: &mut Counters) {
+pub(crate) fn run(
+    top: &[TopNode],
+    small_sizes: &[Extent],
+    sizes: &mut [Extent],
+    counters: &mut Counters,
+) {
     for index in (0..top.len()).rev() {
         let node = &top[index];
         sizes[index] = match node.kind {

@@ -14,7 +14,7 @@ use super::GRAIN;
 use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
-pub fn run(
+pub(crate) fn run(
     meter: &ProgressMeter<'_>,
     mesh: &Mesh<'_>,
     triangles: &mut [Triangle],
