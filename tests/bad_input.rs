@@ -402,10 +402,10 @@ fn the_limit_of_memory_is_exact() {
         let mut random = Random::new(case);
         let positions: Vec<[f32; 3]> = (0..60).map(|_| point(&mut random, 2)).collect();
         let mesh = Mesh::soup(positions.as_chunks::<3>().0).expect("a few triangles");
-        let config = random
-            .pick(&Preset::ALL)
-            .config()
-            .with_stages(|stages| stages.small_node_limit = random.pick(&[4, 64]));
+        let mut config = random.pick(&Preset::ALL).config();
+        if let Some(stages) = config.stages_mut() {
+            stages.small_node_limit = random.pick(&[4, 64]);
+        }
         let build = |max_memory| {
             // A new backend each time: kept memory counts.
             CpuBackend::new()

@@ -213,8 +213,11 @@ fn a_forged_tree_is_refused_or_answers_rightly() {
     for scene in forged_scenes() {
         let mesh = scene.mesh();
         for preset in Preset::ALL {
-            let config = BuildConfig { block_width: 1, intersection_cost: 3, ..preset.config() }
-                .with_stages(|stages| stages.small_node_limit = 4);
+            let mut config =
+                BuildConfig { block_width: 1, intersection_cost: 3, ..preset.config() };
+            if let Some(stages) = config.stages_mut() {
+                stages.small_node_limit = 4;
+            }
             let options = BuildOptions::from(config);
             let (honest, _) = backend.build_tree(&mesh, &options).unwrap();
             let leaf = ExactBackend.build(&mesh, &options).unwrap();
