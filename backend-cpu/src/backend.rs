@@ -222,8 +222,7 @@ impl Backend for CpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
-        let own = accelerator.as_any_mut().and_then(|any| any.downcast_mut::<CpuAccelerator>());
-        match own {
+        match accelerator.downcast_mut::<CpuAccelerator>() {
             Some(own) => self.rebuild_accelerator(own, mesh, options),
             None => {
                 *accelerator = self.build(mesh, options)?;

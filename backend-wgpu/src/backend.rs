@@ -303,8 +303,7 @@ impl Backend for WgpuBackend {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), BuildError> {
-        let own = accelerator.as_any_mut().and_then(|any| any.downcast_mut::<WgpuAccelerator>());
-        match own {
+        match accelerator.downcast_mut::<WgpuAccelerator>() {
             Some(own) => self.rebuild_accelerator(own, mesh, options),
             None => {
                 *accelerator = self.build(mesh, options)?;

@@ -269,6 +269,41 @@ fn deep(count: usize) -> Scene {
     scene
 }
 
+/// The old tree stands until the new one does; then its buffers are the next rebuild's. What is rebuilt by another
+/// backend is replaced.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_rebuild_keeps_the_memory_of_the_tree_before() {
+    let backend = backend();
+    let options = BuildOptions::default();
+    let scenes = [1, 2].map(|seed| scenes::soup(5_000, 0.1, seed));
+    let buffers = |tree: &mut Box<dyn Accelerator>| {
+        let own = tree.downcast_mut::<WgpuAccelerator>().expect("a tree on the device");
+        let device = own.device_tree();
+        [device.nodes(), device.leaf_references(), device.triangles()].map(Clone::clone)
+    };
+    let mut tree = backend.build(&scenes[0].mesh(), &options).unwrap();
+    let first = buffers(&mut tree);
+    backend.rebuild(&mut tree, &scenes[1].mesh(), &options).unwrap();
+    let second = buffers(&mut tree);
+    for (first, second) in first.iter().zip(&second) {
+        assert_ne!(first, second);
+    }
+    assert_eq!(*tree.tree(), expected(&scenes[1], options.config).0);
+    backend.rebuild(&mut tree, &scenes[0].mesh(), &options).unwrap();
+    assert_eq!(buffers(&mut tree), first);
+    assert_eq!(*tree.tree(), expected(&scenes[0], options.config).0);
+    // An error leaves the tree and its buffers.
+    let refused = BuildOptions { max_memory: Some(0), ..options };
+    assert!(backend.rebuild(&mut tree, &scenes[1].mesh(), &refused).is_err());
+    assert_eq!(buffers(&mut tree), first);
+    let mut of_cpu = CpuBackend::new().build(&scenes[0].mesh(), &options).unwrap();
+    assert!(of_cpu.downcast_mut::<WgpuAccelerator>().is_none());
+    backend.rebuild(&mut of_cpu, &scenes[1].mesh(), &options).unwrap();
+    assert_eq!(*of_cpu.tree(), expected(&scenes[1], options.config).0);
+    assert_eq!(buffers(&mut of_cpu), second);
+}
+
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn recycled_buffers_hold_nothing_stale() {

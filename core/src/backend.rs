@@ -147,6 +147,13 @@ pub trait Accelerator: Send + Sync {
     }
 }
 
+impl dyn Accelerator {
+    /// The accelerator by its own type, where that is `T`: for [`Backend::rebuild`].
+    pub fn downcast_mut<T: Accelerator + 'static>(&mut self) -> Option<&mut T> {
+        self.as_any_mut()?.downcast_mut()
+    }
+}
+
 /// Rays between two calls of the watch.
 const SLICE: usize = 1 << 16;
 

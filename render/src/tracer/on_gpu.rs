@@ -79,9 +79,11 @@ impl OnGpu {
 
     /// Replaces the tree; the next build gets the old one's buffers.
     fn take(&mut self, tree: Tree) {
-        if let Tree::OnDevice(old, _) = std::mem::replace(&mut self.tree, tree) {
-            self.backend.recycle(*old);
-        }
+        let old = match std::mem::replace(&mut self.tree, tree) {
+            Tree::Copied(old) => old.into_device_tree(),
+            Tree::OnDevice(old, _) => *old,
+        };
+        self.backend.recycle(old);
     }
 
     pub(super) fn accelerator(&self) -> Option<&dyn Accelerator> {
