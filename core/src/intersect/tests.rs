@@ -261,7 +261,7 @@ fn counted(
 #[test]
 fn whole_numbers_are_met_where_counting_says() {
     let (mut met, mut edges, mut limited) = (0, 0, 0);
-    for round in 0..40_000 {
+    for round in 0..12_000 {
         let mut draws = Draws(17, 100 * round);
         let (origin, corners) = (draws.point(), [draws.point(), draws.point(), draws.point()]);
         let direction = [(); 3].map(|()| [0, 1, -1, 2, -2, 4, -4][draws.below(7) as usize]);
@@ -321,7 +321,7 @@ fn whole_numbers_are_met_where_counting_says() {
         edges += u32::from(weights.contains(&0.0));
         assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-9 && t.is_finite());
     }
-    assert!(met > 500 && edges > 200 && limited > 100, "{met} {edges} {limited}");
+    assert!(met > 200 && edges > 80 && limited > 40, "{met} {edges} {limited}");
 }
 
 /// The fast test answers the same but next to edges.
