@@ -356,4 +356,19 @@ mod tests {
         let area = 3 * 1023u64 * 1023;
         assert!(area * u64::from(BuildConfig::MAX_COST) <= u64::from(u32::MAX));
     }
+
+    /// What a preset says is part of every digest: these words change together with
+    /// [`crate::tree::DIGEST_VERSION`] only.
+    #[test]
+    fn presets_stay_what_they_are() {
+        let words = Preset::ALL.map(|preset| BuildConfig::preset(preset).words());
+        assert_eq!(
+            words,
+            [
+                [0, 1, 4, 16, 64, 64, 64, 8, 4, 0, 0, 0, 0],
+                [1, 1, 4, 16, 64, 64, 64, 8, 4, 32, 0, 0, 0],
+                [2, 1, 2, 8, 0, 0, 64, 8, 0, 0, 0, 26, 0],
+            ]
+        );
+    }
 }
