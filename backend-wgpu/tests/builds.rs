@@ -16,7 +16,8 @@ use splitplane_cpu::CpuBackend;
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{
-    DeviceBuild, DeviceMesh, DeviceTree, Effort, Gpu, GpuError, PendingBuild, WgpuBackend,
+    DeviceBuild, DeviceMesh, DeviceTree, Effort, Gpu, GpuError, PendingBuild, WgpuAccelerator,
+    WgpuBackend,
 };
 
 /// Nothing here takes as long; a test that waits longer hangs.

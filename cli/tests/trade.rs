@@ -755,8 +755,8 @@ fn files_that_are_no_earlier_run_are_refused() {
             "row 2: no such preset",
         ),
         (
-            changed("knob.json", |json| json["rows"][0]["config"]["bins"] = 1000.into()),
-            "bins is 1000",
+            changed("knob.json", |json| json["rows"][0]["config"]["block_width"] = 1000.into()),
+            "block_width is 1000",
         ),
         (
             changed("level.json", |json| json["rows"][0]["accuracy"] = "sloppy".into()),

@@ -196,4 +196,20 @@ mod tests {
         let bounds = Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] };
         assert_eq!(bounds.half_extent(0), f32::MAX);
     }
+
+    #[test]
+    fn roots_squared_are_what_they_are_of() {
+        for power in -1000..=1000 {
+            for part in [1.0, 1.5, 1.9999] {
+                let x = part * f64::from_bits(((1023 + power) as u64) << 52);
+                let root = sqrt(x);
+                let error = root * root / x - 1.0;
+                assert!(root > 0.0 && error.abs() < 8.0 * f64::EPSILON, "{x}: {root}");
+            }
+        }
+        assert_eq!(sqrt(f64::INFINITY), f64::INFINITY);
+        for none in [0.0, -0.0, -1.0, f64::NEG_INFINITY, f64::NAN] {
+            assert_eq!(sqrt(none), 0.0, "{none}");
+        }
+    }
 }

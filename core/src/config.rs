@@ -486,13 +486,13 @@ mod tests {
     #[test]
     fn presets_are_valid_and_words_round_trip() {
         assert_eq!(BuildConfig::default(), Preset::Fast.config());
-        let zeros = BuildConfig::default().words()[9..].to_vec();
-        assert_eq!(zeros, [0; 4], "digests of the first builder stay what they were");
+        assert_eq!("FAST".parse::<Preset>(), Err(UnknownPreset));
+        let words = BuildConfig::default().words();
+        assert_eq!(words[9..], [0; 4], "digests of the first builder stay what they were");
         for (number, preset) in Preset::ALL.into_iter().enumerate() {
             let config = preset.config();
             assert_eq!((config.preset(), config.validate()), (preset, Ok(())));
             assert_eq!(preset.name().parse(), Ok(preset));
-            assert_eq!(preset.name().to_uppercase().parse::<Preset>(), Err(UnknownPreset));
             assert_eq!(config.words()[0], number as u32);
             assert_eq!(config.stages().is_some(), preset.planes().is_some());
             assert_eq!(BuildConfig::from_words(config.words()), Some(config));
@@ -585,5 +585,20 @@ mod tests {
     fn the_greatest_cost_fits_32_bits() {
         let area = 3 * 1023u64 * 1023;
         assert!(area * u64::from(BuildConfig::MAX_COST) <= u64::from(u32::MAX));
+    }
+
+    /// What a preset says is part of every digest: these words change together with
+    /// [`crate::tree::DIGEST_VERSION`] only.
+    #[test]
+    fn presets_stay_what_they_are() {
+        let words = Preset::ALL.map(|preset| preset.config().words());
+        assert_eq!(
+            words,
+            [
+                [0, 1, 4, 16, 64, 64, 64, 8, 4, 0, 0, 0, 0],
+                [1, 1, 4, 16, 64, 64, 64, 8, 4, 32, 0, 0, 0],
+                [2, 1, 2, 8, 0, 0, 64, 8, 0, 0, 0, 26, 0],
+            ]
+        );
     }
 }

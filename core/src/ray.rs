@@ -209,4 +209,10 @@ mod tests {
         assert!(hit(1.0, 3).precedes(&hit(1.0, 7)) && !hit(1.0, 7).precedes(&hit(1.0, 3)));
         assert!(!hit(1.0, 3).precedes(&hit(1.0, 3)));
     }
+
+    #[test]
+    fn accuracies_are_told_apart_by_name() {
+        assert_eq!(Accuracy::ALL.map(Accuracy::name), ["fast", "watertight", "exact"]);
+        assert_eq!(Accuracy::default(), Accuracy::Watertight);
+    }
 }

@@ -11,6 +11,7 @@ use crate::config::Preset;
 use crate::query::inside::{Location, Rule};
 use crate::query::intersect::{Limits, SceneScale};
 use crate::query::traverse;
+use crate::ray::{Accuracy, Culling};
 use crate::tree::node::KdNode;
 use crate::triangle::Triangle;
 use crate::watch::Progress;
@@ -258,4 +259,92 @@ fn a_rebuild_replaces_what_was_there() {
     OneLeaf.rebuild(&mut built, &mesh, &other).expect("a tree");
     assert!(!core::ptr::addr_eq(before, &*built));
     assert_eq!(built.tree().config, other.config);
+}
+
+#[test]
+fn options_for_one_thing_keep_what_it_needs() {
+    let watch = |_: &Progress| ControlFlow::Continue(());
+    let config = Preset::Best.config();
+    assert_eq!(BuildOptions::from(config).config, config);
+    let (max_memory, layout) = (Some(77), QueryLayout::Compact);
+    let build = BuildOptions { config, max_memory, layout, watch: Some(&watch) };
+    let load = build.for_loading();
+    assert_eq!((load.max_memory, load.layout), (max_memory, layout));
+    assert!(load.watch.is_some());
+    let unwatched = build.unwatched();
+    assert_eq!((unwatched.config, unwatched.max_memory), (config, max_memory));
+    assert!(unwatched.layout == layout && unwatched.watch.is_none());
+
+    let (culling, ignore) = (Culling::Front, Some(3));
+    let all = AllHitsOptions { culling, ignore, max_memory, watch: Some(&watch) };
+    let query = all.query();
+    assert_eq!((query.culling, query.ignore), (culling, ignore));
+    // All hits are exact ones.
+    assert!(query.accuracy == Accuracy::Exact && query.watch.is_some());
+}
+
+/// Answers as a leaf does, and holds the questions to what places of points need.
+struct Asked {
+    leaf: Leaf,
+    room: u64,
+}
+
+impl Accelerator for Asked {
+    fn tree(&self) -> &KdTree {
+        self.leaf.tree()
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        self.leaf.summary()
+    }
+
+    fn query_bytes(&self) -> u64 {
+        0
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        assert!(options.watch.is_some());
+        assert_eq!((options.max_memory, options.culling), (Some(self.room), Culling::None));
+        self.leaf.all_hits(rays, options)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        self.leaf.closest_hit(ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        assert_eq!((options.accuracy, options.culling), (Accuracy::Exact, Culling::None));
+        self.leaf.any_hit(ray, options)
+    }
+}
+
+/// Every question is exact, watched, and has the memory that the answer leaves; progress counts points.
+#[test]
+fn points_are_located_within_their_limits() {
+    let points =
+        [[0.5, 0.5, 0.5], [3.0, 3.0, 3.0], [0.0, 1.0, 1.0], [-1.0, 0.5, 0.5], [4.0, 0.0, 0.0]];
+    let limit = 10_000;
+    let room = limit - size_of_val(&[None::<i32>; 5]) as u64;
+    let asked = Asked { leaf: OneLeaf::leaf(&BuildOptions::default()), room };
+    let (last, calls) = (AtomicU64::new(0), AtomicU64::new(0));
+    let watch = |progress: &Progress| {
+        let before = last.swap(progress.done, Relaxed);
+        assert!(before <= progress.done && progress.done <= before + 1 && progress.total == 5);
+        calls.fetch_add(1, Relaxed);
+        ControlFlow::Continue(())
+    };
+    let options = LocateOptions { max_memory: Some(limit), watch: Some(&watch) };
+    let located = asked.locate(&points, &options).expect("memory");
+    assert_eq!(located.windings, [Some(1), Some(0), None, Some(0), None]);
+    assert_eq!(last.load(Relaxed), 5);
+    // At each point and at the end.
+    assert!(calls.load(Relaxed) >= 6);
+    // A watch that hears nothing but of questions is asked by them, too: each can end the work.
+    for stop in 1..=calls.load(Relaxed) {
+        let recorder = Recorder::until(stop, 5);
+        let watched = LocateOptions { watch: Some(&recorder), ..options };
+        let ended = asked.locate(&points, &watched);
+        assert!(matches!(ended, Err(QueryError::Cancelled { total: 5, .. })), "{ended:?}");
+        assert_eq!(recorder.count.load(Relaxed), stop);
+    }
 }

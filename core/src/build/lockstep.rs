@@ -171,3 +171,147 @@ impl<A, B> Lockstep<A, B> {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
+
+    /// Two dispatches, then a broken executor: holds what it is given, and says what it was asked.
+    #[derive(Debug, Default)]
+    struct Held {
+        contents: Vec<(Buffer, Vec<u32>)>,
+        asked: Vec<String>,
+        pending: bool,
+        fails: bool,
+    }
+
+    impl Held {
+        fn ask(&mut self, what: String) -> Result<(), u32> {
+            self.asked.push(what);
+            if self.fails { Err(self.asked.len() as u32) } else { Ok(()) }
+        }
+    }
+
+    impl Executor<TreeBuilder> for Held {
+        type Error = u32;
+
+        fn dispatch(&mut self, kernel: Kernel) -> Result<(), u32> {
+            self.ask(format!("{kernel:?}"))
+        }
+
+        fn swap(&mut self, a: Buffer, b: Buffer) -> Result<(), u32> {
+            self.ask(format!("{a:?} {b:?}"))
+        }
+
+        fn pending(&mut self, counter: Counter, rounds: u32) -> Result<bool, u32> {
+            self.ask(format!("{counter:?} {rounds}"))?;
+            Ok(self.pending)
+        }
+    }
+
+    impl Inspect<TreeBuilder> for Held {
+        fn live(&mut self, buffer: Buffer) -> Result<Vec<u8>, u32> {
+            let held = self.contents.iter().find(|(name, _)| *name == buffer);
+            Ok(held.map_or(Vec::new(), |(_, words)| bytemuck::cast_slice(words).to_vec()))
+        }
+    }
+
+    /// A kernel and a buffer of several words an element that it writes.
+    fn written() -> (Kernel, Buffer, u32) {
+        let written = |kernel: Kernel| {
+            let mut found = None;
+            TreeBuilder::written(kernel, &mut |buffer| {
+                let words = TreeBuilder::element_size(buffer) as u32 / 4;
+                if words > 2 && buffer != Buffer::Counters {
+                    found = Some((kernel, buffer, words));
+                }
+            });
+            found
+        };
+        Kernel::ALL.into_iter().find_map(written).expect("a kernel that writes such a buffer")
+    }
+
+    #[test]
+    fn differences_are_placed_by_element_and_word() {
+        let (kernel, buffer, words) = written();
+        let good: Vec<u32> = (100..100 + 4 * words).collect();
+        for at in 0..good.len() {
+            for (second, value) in [
+                (
+                    good.iter().enumerate().map(|(i, &x)| if i < at { x } else { !x }).collect(),
+                    Some(!good[at]),
+                ),
+                (good[..at].to_vec(), None),
+            ] {
+                let held = |words: Vec<u32>| Held {
+                    contents: Vec::from([(buffer, words)]),
+                    ..Held::default()
+                };
+                let mut lockstep = Lockstep::new(held(good.clone()), held(good.clone()));
+                assert_eq!(lockstep.dispatch(kernel), Ok(()));
+                lockstep.second = held(second);
+                let expected = Difference {
+                    kernel: format!("{kernel:?}"),
+                    dispatch: 1,
+                    buffer: format!("{buffer:?}"),
+                    index: at / words as usize,
+                    word: at - at / words as usize * words as usize,
+                    first: Some(good[at]),
+                    second: value,
+                };
+                assert_eq!(lockstep.dispatch(kernel), Err(LockstepError::Differs(expected)));
+                assert_eq!(lockstep.dispatches(), 2);
+            }
+        }
+    }
+
+    /// Only what a kernel writes is compared after it.
+    #[test]
+    fn other_buffers_are_not_compared() {
+        let (_, buffer, _) = written();
+        for kernel in Kernel::ALL {
+            let held = |word| Held {
+                contents: Vec::from([(buffer, Vec::from([word]))]),
+                ..Held::default()
+            };
+            let mut writes = false;
+            TreeBuilder::written(kernel, &mut |one| writes |= one == buffer);
+            let mut lockstep = Lockstep::new(held(1), held(2));
+            assert_eq!(lockstep.dispatch(kernel).is_err(), writes, "{kernel:?}");
+        }
+    }
+
+    #[test]
+    fn both_do_every_step() {
+        let (a, b) = (Buffer::ActiveNodes, Buffer::NextNodes);
+        for (first, second) in [(true, false), (false, true)] {
+            let held = |pending| Held { pending, ..Held::default() };
+            let mut lockstep = Lockstep::new(held(first), held(second));
+            assert_eq!(lockstep.dispatch(Kernel::ScanTriangles), Ok(()));
+            assert_eq!(lockstep.swap(a, b), Ok(()));
+            // They agree where they work; the first one's answer counts.
+            assert_eq!(lockstep.pending(Counter::ActiveNodes, 3), Ok(first));
+            let (first, second) = lockstep.into_inner();
+            assert_eq!(first.asked, ["ScanTriangles", "ActiveNodes NextNodes", "ActiveNodes 3"]);
+            assert_eq!(first.asked, second.asked);
+        }
+    }
+
+    #[test]
+    fn errors_tell_whose_they_are() {
+        let pair = |first_fails: bool| {
+            let held = |fails| Held { fails, ..Held::default() };
+            Lockstep::new(held(first_fails), held(!first_fails))
+        };
+        let (first, second) = (LockstepError::First(1), LockstepError::Second(1));
+        for (fails, error) in [(true, first), (false, second)] {
+            assert_eq!(pair(fails).dispatch(Kernel::ScanTriangles), Err(error.clone()));
+            assert_eq!(
+                pair(fails).swap(Buffer::ActiveNodes, Buffer::NextNodes),
+                Err(error.clone())
+            );
+            assert_eq!(pair(fails).pending(Counter::ActiveNodes, 0), Err(error));
+        }
+    }
+}

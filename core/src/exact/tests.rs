@@ -211,3 +211,76 @@ fn edges_missed_by_one_part_in_2_to_68() {
     }
     assert!(undecided > 5_000, "{undecided}");
 }
+
+/// The ray moved by what is less than anything, but for these triangles is a float: by (e, e^2) along the first and second of
+/// the axes that a shear puts across it.
+#[test]
+fn crossings_are_those_of_a_ray_moved_a_little() {
+    const LITTLE: f32 = 1.0 / 256.0;
+    let (mut crossed, mut beside) = ([0; 2], 0);
+    for round in 0..40_000 {
+        let mut numbers = Numbers(round);
+        let (origin, direction, corners) =
+            (numbers.point(0), numbers.point(0), numbers.triangle(0));
+        let Some(ray) = ExactRay::new(&Ray::new(origin, direction)) else { continue };
+        let greatest = direction.iter().fold(0.0, |most: f32, x| most.max(x.abs()));
+        let z = direction.iter().position(|x| x.abs() == greatest).expect("one of them");
+        let mut across = [(z + 1) % 3, (z + 2) % 3];
+        if direction[z] < 0.0 {
+            across.reverse();
+        }
+        let mut moved = ray;
+        moved.origin[across[0]] += LITTLE;
+        moved.origin[across[1]] += LITTLE * LITTLE;
+        for culling in [Culling::None, Culling::Back, Culling::Front] {
+            let expected = meet(&moved, &corners, culling).map(|met| met.is_front());
+            let found = cross(&ray, &corners, culling);
+            assert_eq!(found.map(|met| met.is_front()), expected, "{ray:?} {corners:?}");
+            crossed[usize::from(expected.is_some())] += 1;
+            beside += u32::from(expected.is_some() != meet(&ray, &corners, culling).is_some());
+        }
+    }
+    assert!(crossed.iter().all(|&count| count > 1_000) && beside > 500, "{crossed:?} {beside}");
+}
+
+/// Distances between whole numbers, as fractions. Equal ones are often those of other triangles.
+#[test]
+fn distances_compare_as_fractions() {
+    let mut orders = [0; 3];
+    for round in 0..2_000 {
+        let mut numbers = Numbers(round);
+        let Some(ray) = numbers.ray(0) else { continue };
+        let whole = |p: [f32; 3]| p.map(|x| x as i64);
+        let mut met = Vec::new();
+        for _ in 0..40 {
+            let corners = numbers.triangle(0);
+            let Some(meeting) = meet(&ray, &corners, Culling::None) else { continue };
+            let [a, b, c] = corners.map(whole);
+            let minus = |p: [i64; 3], q: [i64; 3]| [0, 1, 2].map(|k| p[k] - q[k]);
+            let dot = |p: [i64; 3], q: [i64; 3]| p[0] * q[0] + p[1] * q[1] + p[2] * q[2];
+            let (ab, ac) = (minus(b, a), minus(c, a));
+            let normal = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| ab[i] * ac[j] - ab[j] * ac[i]);
+            let numerator = dot(normal, minus(a, whole(ray.origin)));
+            let denominator = dot(normal, whole(ray.direction));
+            met.push((meeting, numerator * denominator.signum(), denominator.abs()));
+        }
+        for (one, n, d) in &met {
+            for (other, m, e) in &met {
+                let expected = (n * e).cmp(&(m * d));
+                assert_eq!(one.compare_t(other), expected, "{n}/{d} {m}/{e}");
+                orders[(expected as i8 + 1) as usize] += 1;
+            }
+            let limit = f32::from_bits(numbers.bits() % 3 + 1.0f32.to_bits()) * numbers.float(0);
+            let expected = (*n as f64).total_cmp(&(f64::from(limit) * *d as f64));
+            // The product is of 32 bits, and exact; zeros are equal.
+            let expected =
+                if *n as f64 == f64::from(limit) * *d as f64 { Ordering::Equal } else { expected };
+            assert_eq!(one.compare_limit(limit), expected, "{n}/{d} {limit}");
+        }
+        for (one, ..) in &met {
+            assert!(one.compare_limit(f32::INFINITY).is_lt());
+            assert!(one.compare_limit(f32::NEG_INFINITY).is_gt());
+        }
+    }
+    assert!(orders.iter().all(|&count| count > 1_000), "{orders:?}");
+}

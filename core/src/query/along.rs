@@ -3,11 +3,12 @@
 use core::ops::ControlFlow;
 
 use crate::exact::ExactRay;
-#[cfg(feature = "alloc")]
 use crate::query::traverse::exact::Walker;
 use crate::query::walk::{Leaf, walk};
 use crate::ray::Ray;
-use crate::tree::{KdTree, KdTreeView};
+#[cfg(feature = "alloc")]
+use crate::tree::KdTree;
+use crate::tree::KdTreeView;
 
 /// A leaf that a ray passes.
 #[derive(Clone, Copy, Debug, PartialEq)]

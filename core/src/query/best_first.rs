@@ -194,3 +194,113 @@ impl KdTree {
         self.view().find_best(within, lower_bound, visit)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use alloc::vec::Vec;
+
+    use super::*;
+    use crate::config::BuildConfig;
+    use crate::random;
+    use crate::tree::node::{Axis, KdNode};
+
+    /// A leaf by its index: its cell, and the greatest bound on the way to it.
+    type Way = (f64, u32, Aabb);
+
+    /// Cuts a cell until chance says so.
+    fn grow(
+        nodes: &mut Vec<KdNode>,
+        ways: &mut Vec<Way>,
+        (above, cell): (f64, Aabb),
+        levels: u32,
+        lower_bound: &impl Fn(&Aabb) -> f64,
+        seed: u64,
+    ) {
+        let at = nodes.len();
+        let bound = above.max(lower_bound(&cell));
+        let chance = |what: u64| random::hash(seed, &[at as u64, what]);
+        if levels == 0 || chance(0).is_multiple_of(6) {
+            ways.push((bound, at as u32, cell));
+            return nodes.push(KdNode::leaf(at as u32 % 5, chance(1) as u32 % 3));
+        }
+        let axis = Axis::ALL[chance(2) as usize % 3];
+        let split = 0.5 * (cell.lo[axis.index()] + cell.hi[axis.index()]);
+        let (mut left, mut right) = (cell, cell);
+        left.hi[axis.index()] = split;
+        right.lo[axis.index()] = split;
+        nodes.push(KdNode::leaf(0, 0));
+        grow(nodes, ways, (bound, left), levels - 1, lower_bound, seed);
+        nodes[at] = KdNode::interior(axis, split, nodes.len() as u32);
+        grow(nodes, ways, (bound, right), levels - 1, lower_bound, seed);
+    }
+
+    /// All leaves put in order, and taken until one is worse than the best cost.
+    #[test]
+    fn leaves_come_in_the_order_of_their_bounds() {
+        let references: Vec<u32> = (0..8).collect();
+        let (mut visits, mut ends) = (0, 0);
+        for round in 0..2_000u64 {
+            // Whole numbers up to 10, so that many are equal; some NaN, some infinite either way.
+            let lower_bound = |cell: &Aabb| {
+                let words = [cell.lo, cell.hi].map(|p| p.map(|x| u64::from(x.to_bits())));
+                match random::hash(round, words.as_flattened()) % 40 {
+                    0..4 => f64::NAN,
+                    4 => f64::INFINITY,
+                    5..8 => f64::NEG_INFINITY,
+                    any => (any % 11) as f64,
+                }
+            };
+            // Leaves seldom cost less than what is looked for.
+            let cost = |node: u32| match random::hash(round, &[u64::from(node)]) % 32 {
+                0 => f64::NAN,
+                any => any as f64,
+            };
+            let within = [f64::INFINITY, 9.0, 4.0][round as usize % 3];
+            let bounds = Aabb { lo: [0.0, -1.0, 2.0], hi: [4.0, 3.0, 3.0] };
+            let (mut nodes, mut ways) = (Vec::new(), Vec::new());
+            grow(&mut nodes, &mut ways, (f64::NEG_INFINITY, bounds), 7, &lower_bound, round);
+            let config = BuildConfig::default();
+            let tree =
+                KdTreeView { nodes: &nodes, references: &references, bounds, triangles: 8, config };
+            ways.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).expect("no NaN"));
+            for limit in [usize::MAX, 1 + round as usize % 7] {
+                let mut seen = Vec::new();
+                let best = tree.find_best(within, lower_bound, |leaf| {
+                    seen.push((leaf.bound, leaf.node, leaf.cell));
+                    let NodeKind::Leaf { first, count } = nodes[leaf.node as usize].kind() else {
+                        panic!("{} is no leaf", leaf.node);
+                    };
+                    assert_eq!(leaf.triangles, tree.leaf(first, count));
+                    if seen.len() == limit {
+                        return ControlFlow::Break(());
+                    }
+                    ControlFlow::Continue(cost(leaf.node))
+                });
+                let (mut expected, mut least) = (Vec::new(), within);
+                for way in &ways {
+                    if way.0 > least || way.0 == f64::INFINITY {
+                        break;
+                    }
+                    expected.push(*way);
+                    if expected.len() == limit {
+                        break;
+                    }
+                    least = least.min(cost(way.1));
+                }
+                assert_eq!((seen.as_slice(), best), (expected.as_slice(), Ok(least)), "{round}");
+                visits += seen.len();
+                ends += usize::from(seen.len() < ways.len());
+            }
+        }
+        assert!(visits > 5_000 && ends > 2_000, "{visits} {ends}");
+    }
+
+    #[test]
+    fn a_tree_without_triangles_has_no_leaf_to_visit() {
+        let config = BuildConfig::default();
+        let (nodes, bounds) = ([KdNode::leaf(0, 0)], Aabb::EMPTY);
+        let tree = KdTreeView { nodes: &nodes, references: &[], bounds, triangles: 0, config };
+        let best = tree.find_best(3.0, |_| 0.0, |_| panic!("a leaf"));
+        assert_eq!(best, Ok(3.0));
+    }
+}

@@ -344,3 +344,21 @@ impl<A: Arithmetic> Inspect<TreeBuilder> for ReferenceExecutor<'_, A> {
         self.buffers.copy_live(buffer)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two planes of each reference against every reference; what stays one leaf is copied, be it as large as it likes.
+    #[test]
+    fn the_work_of_small_roots() {
+        let config = BuildConfig::default().with_stages(|stages| stages.small_node_limit = 64);
+        for count in 0..=64u32 {
+            let compared = (0..2 * count).map(|_| u64::from(count)).sum::<u64>();
+            assert_eq!(small_work(&config, count), compared);
+        }
+        for count in [65, 1 << 16, 1 << 30] {
+            assert_eq!(small_work(&config, count), u64::from(count));
+        }
+    }
+}

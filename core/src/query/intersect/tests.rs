@@ -2,6 +2,7 @@ use super::prepare::scale;
 use super::*;
 use crate::aabb::Aabb;
 use crate::arithmetic::{Hostile, Strict, power_of_two};
+use crate::random;
 use crate::ray::{Culling, Ray};
 use crate::triangle::Triangle;
 
@@ -202,4 +203,230 @@ fn what_devices_flush_decides_nothing() {
         assert!(hit.is_some(), "{ray:?}");
         assert_eq!(watertight::<Hostile>(&hostile, &triangle, Culling::None), hit, "{ray:?}");
     }
+}
+
+/// Whole numbers by chance, the same each time.
+struct Draws(u64, u64);
+
+impl Draws {
+    /// One of so many, from 0.
+    fn below(&mut self, count: u64) -> i64 {
+        self.1 += 1;
+        (random::hash(self.0, &[self.1]) % count) as i64
+    }
+
+    fn point(&mut self) -> [i64; 3] {
+        [(); 3].map(|()| self.below(7) - 3)
+    }
+}
+
+fn minus([a, b, c]: [i64; 3], [d, e, f]: [i64; 3]) -> [i64; 3] {
+    [a - d, b - e, c - f]
+}
+
+fn dot([a, b, c]: [i64; 3], [d, e, f]: [i64; 3]) -> i64 {
+    a * d + b * e + c * f
+}
+
+fn cross([a, b, c]: [i64; 3], [d, e, f]: [i64; 3]) -> [i64; 3] {
+    [b * f - c * e, c * d - a * f, a * e - b * d]
+}
+
+/// Where a line meets a triangle between whole numbers, edges and corners included: distance and weights of all corners, and
+/// whether from the front. By the plane's equation and three areas in the plane.
+fn counted(
+    origin: [i64; 3],
+    direction: [i64; 3],
+    [a, b, c]: [[i64; 3]; 3],
+) -> Option<(f64, [f64; 3], bool)> {
+    let normal = cross(minus(b, a), minus(c, a));
+    let (numerator, denominator) = (dot(normal, minus(a, origin)), dot(normal, direction));
+    if denominator == 0 {
+        return None;
+    }
+    // The point, and with it all corners, times the denominator.
+    let point = [0, 1, 2].map(|k| origin[k] * denominator + direction[k] * numerator);
+    let areas = [(b, c), (c, a), (a, b)].map(|(from, to)| {
+        let away = minus(point, from.map(|x| x * denominator));
+        dot(cross(minus(to, from), away), normal) * denominator.signum()
+    });
+    let whole = (dot(normal, normal) * denominator.abs()) as f64;
+    let weights = areas.map(|area| area as f64 / whole);
+    let met = areas.iter().all(|&area| area >= 0);
+    met.then_some((numerator as f64 / denominator as f64, weights, denominator < 0))
+}
+
+/// Rays whose slopes are powers of two leave nothing to round in the image of a triangle between whole numbers: it is met
+/// where the triangle is, edges and corners included, at any scale.
+#[test]
+fn whole_numbers_are_met_where_counting_says() {
+    let (mut met, mut edges, mut limited) = (0, 0, 0);
+    for round in 0..12_000 {
+        let mut draws = Draws(17, 100 * round);
+        let (origin, corners) = (draws.point(), [draws.point(), draws.point(), draws.point()]);
+        let direction = [(); 3].map(|()| [0, 1, -1, 2, -2, 4, -4][draws.below(7) as usize]);
+        if direction == [0; 3] {
+            continue;
+        }
+        let culling = [Culling::None, Culling::Back, Culling::Front][draws.below(3) as usize];
+        // Not where hits are, but between them.
+        let limits = [(); 2].map(|()| draws.below(10) as f32 - 3.0 + 1.0 / 1024.0);
+        let limits = if draws.below(3) > 0 { [-100.0, 100.0] } else { limits };
+        let expected = counted(origin, direction, corners);
+        if expected.is_some_and(|(t, ..)| limits.iter().any(|&x| (f64::from(x) - t).abs() < 1e-3)) {
+            continue;
+        }
+        let is_met = |(t, _, front): &(f64, [f64; 3], bool)| {
+            let culled = match culling {
+                Culling::None => false,
+                Culling::Back => !front,
+                Culling::Front => *front,
+            };
+            let within = f64::from(limits[0]) <= *t && *t <= f64::from(limits[1]);
+            limited += u32::from(!within);
+            !culled && within
+        };
+        let expected = expected.filter(is_met);
+        // In range, in tiny scenes and in huge ones.
+        for power in [0, -7, 20, -60, 60, -100, 100] {
+            let place = |p: [i64; 3]| p.map(|x| scale(x as f32, power));
+            let triangle = corners.map(place);
+            let [t_min, t_max] = limits.map(|t| scale(t, power));
+            let ray = Ray::new(place(origin), direction.map(|x| x as f32));
+            let ray = ray.with_limits(t_min, t_max);
+            let context = (ray, triangle);
+            let found =
+                PreparedRay::new::<Strict>(&ray, &scene(&[triangle])).and_then(|prepared| {
+                    let hit = watertight::<Strict>(&prepared, &triangle, culling)?;
+                    let t = prepared.outer_t::<Strict>(hit.t)?;
+                    Some((f64::from(scale(t, -power)), f64::from(hit.u), f64::from(hit.v)))
+                });
+            let hostile =
+                PreparedRay::new::<Hostile>(&ray, &scene(&[triangle])).and_then(|prepared| {
+                    let hit = watertight::<Hostile>(&prepared, &triangle, culling)?;
+                    let t = prepared.outer_t::<Hostile>(hit.t)?;
+                    Some((f64::from(scale(t, -power)), f64::from(hit.u), f64::from(hit.v)))
+                });
+            assert_eq!(hostile, found, "{context:?}");
+            let (Some((t, [_, v, w], _)), Some(hit)) = (expected, found) else {
+                assert_eq!(found.is_some(), expected.is_some(), "{context:?}");
+                continue;
+            };
+            assert!((hit.0 - t).abs() <= t.abs() / 8192.0 + 1e-5, "{context:?} {t} {hit:?}");
+            let off = (hit.1 - v).abs().max((hit.2 - w).abs());
+            assert!(off < 1.0 / 2048.0, "{context:?} {v} {w} {hit:?}");
+        }
+        let Some((t, weights, _)) = expected else { continue };
+        met += 1;
+        edges += u32::from(weights.contains(&0.0));
+        assert!((weights.iter().sum::<f64>() - 1.0).abs() < 1e-9 && t.is_finite());
+    }
+    assert!(met > 200 && edges > 80 && limited > 40, "{met} {edges} {limited}");
+}
+
+/// The fast test answers the same but next to edges.
+#[test]
+fn the_fast_test_agrees_off_the_edges() {
+    let mut answers = [0; 2];
+    for round in 0..20_000 {
+        let mut draws = Draws(23, 100 * round);
+        let (origin, direction) = (draws.point(), draws.point());
+        let corners = [draws.point(), draws.point(), draws.point()];
+        let culling = [Culling::None, Culling::Back, Culling::Front][draws.below(3) as usize];
+        let t_min = draws.below(7) as f32 - 3.001;
+        if direction == [0; 3] {
+            continue;
+        }
+        let expected = counted(origin, direction, corners);
+        let edge = |(t, weights, _): (f64, [f64; 3], bool)| {
+            weights.iter().any(|x| x.abs() < 1e-5) || (t - f64::from(t_min)).abs() < 1e-5
+        };
+        if expected.is_some_and(edge) {
+            continue;
+        }
+        let float = |p: [i64; 3]| p.map(|x| x as f32);
+        let triangle = corners.map(float);
+        let ray = Ray::new(float(origin), float(direction)).with_limits(t_min, 3.001);
+        let Some(prepared) = PreparedRay::new::<Strict>(&ray, &scene(&[triangle])) else {
+            continue;
+        };
+        let hit = moeller_trumbore::<Strict>(&prepared, &triangle, culling);
+        let expected = expected.filter(|&(t, _, front)| {
+            let culled = culling == Culling::Back && !front || culling == Culling::Front && front;
+            !culled && f64::from(t_min) <= t && t <= 3.001
+        });
+        assert_eq!(hit.is_some(), expected.is_some(), "{ray:?} {triangle:?}");
+        answers[usize::from(hit.is_some())] += 1;
+        if let (Some(hit), Some((t, [_, v, w], _))) = (hit, expected) {
+            let outer = f64::from(prepared.outer_t::<Strict>(hit.t).expect("within the limits"));
+            let off = [outer - t, f64::from(hit.u) - v, f64::from(hit.v) - w];
+            assert!(off.iter().all(|x| x.abs() < 1e-5), "{ray:?} {triangle:?} {off:?}");
+        }
+    }
+    assert!(answers.iter().all(|&count| count > 100), "{answers:?}");
+}
+
+/// A far origin is moved along the axis on which it is farthest off; of equals along the first.
+#[test]
+fn far_origins_are_moved_to_the_farthest_side() {
+    let bounds = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+    let scene =
+        SceneScale::new(bounds, &Limits { greatest: 1.0, least: 1.0, longest: 2.0, shortest: 2.0 });
+    for (origin, axis) in [
+        ([1025.0f32, 1025.0, 1025.0], 0),
+        ([0.0, 1025.0, 1025.0], 1),
+        ([1024.0, 0.0, 1025.0], 2),
+        ([-1025.0, 1025.0, 0.0], 0),
+        ([-1025.0, 2049.0, -2049.0], 1),
+    ] {
+        // Each axis comes to its side after another distance.
+        let direction = [0, 1, 2].map(|k| -origin[k].signum() * [1.0, 0.5, 0.25][k]);
+        let direction = [0, 1, 2].map(|k| if origin[k] == 0.0 { 0.0 } else { direction[k] });
+        let prepared = PreparedRay::new::<Strict>(&Ray::new(origin, direction), &scene).unwrap();
+        let way = (origin[axis].abs() - 1.0) / direction[axis].abs();
+        let outer = prepared.outer_t::<Strict>(0.0);
+        assert_eq!(outer, Some(way), "{origin:?}");
+        let arrived = [0, 1, 2].map(|k| origin[k] + way * direction[k]);
+        for k in 0..3 {
+            let off = (prepared.origin[k] - arrived[k]).abs();
+            // An origin of 0 may stand a little beside it.
+            assert!(off <= ORIGIN_LEAST, "{origin:?} {prepared:?}");
+        }
+        assert_eq!(prepared.origin[axis], origin[axis].signum());
+    }
+    // Within a hundred extents nothing is moved; far off on an axis on which it stays, a ray meets nothing.
+    let near = Ray::new([200.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+    assert_eq!(PreparedRay::new::<Strict>(&near, &scene).unwrap().offset, 0.0);
+    let beside = Ray::new([0.0, 0.0, 300.0], [-1.0, 0.0, 0.0]);
+    assert!(PreparedRay::new::<Strict>(&beside, &scene).is_none());
+}
+
+/// Wide enough and not much wider.
+#[test]
+fn widened_boxes_have_the_slack_of_their_triangles() {
+    for round in 0..1_000 {
+        let mut draws = Draws(5, 100 * round);
+        let mut float = || {
+            (draws.below(1 << 20) - (1 << 19)) as f32 * power_of_two(draws.below(40) as i32 - 30)
+        };
+        let (one, other, longest) =
+            ([float(), float(), float()], [float(), float(), float()], float().abs());
+        let part = Aabb::of_points(&[one, other]);
+        let wide = widened(&part, longest);
+        let slack = f64::from(longest) / f64::from(1 << 18);
+        for k in 0..3 {
+            for (from, to, side) in [(part.lo[k], wide.lo[k], -1.0), (part.hi[k], wide.hi[k], 1.0)]
+            {
+                let moved = side * (f64::from(to) - f64::from(from));
+                // Two roundings of the greater end.
+                let rounding = 4.0 * f64::from(f32::EPSILON) * f64::from(from.abs().max(to.abs()));
+                assert!(
+                    moved >= slack && moved <= slack + rounding + 1e-44,
+                    "{part:?} {longest} {wide:?}"
+                );
+            }
+        }
+    }
+    let all = widened(&Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] }, f32::MAX);
+    assert_eq!(all, Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] });
 }

@@ -148,3 +148,14 @@ fn bytes_must_be_aligned() {
     bytes.rotate_left(4 - start);
     assert_eq!(TreeFile::parse(&bytes[start..][..4 * words.len()]), Err(FileError::Alignment));
 }
+
+/// A file is made at once, in no more memory than it has bytes.
+#[test]
+fn files_take_their_own_length() {
+    let references: Vec<u32> = (0..1000).collect();
+    let nodes = [KdNode::leaf(0, 1000)];
+    let tree = KdTreeView { nodes: &nodes, references: &references, triangles: 1000, ..tree() };
+    let bytes = write(&tree, &Mesh::soup(&QUAD).expect("a mesh")).expect("memory");
+    assert_eq!(bytes.len(), 128 + 8 + 4 * 1000);
+    assert_eq!(bytes.capacity(), bytes.len());
+}

@@ -295,3 +295,43 @@ fn bounds_are_finite() {
         }
     }
 }
+
+/// The watch hears of triangles by the thousand, and no check goes on once it says so. Triangles that no builder
+/// keeps count like others.
+#[test]
+fn progress_is_told_by_the_thousand() {
+    let kept = [[0.5, 0.5, 0.5], [1.5, 0.5, 0.5], [0.5, 1.5, 0.5]];
+    for dropped in [[[0.5; 3]; 3], kept] {
+        let soup: alloc::vec::Vec<_> =
+            (0..5_000).map(|i| if i % 3 == 0 { kept } else { dropped }).collect();
+        let references: alloc::vec::Vec<u32> =
+            (0..5_000).filter(|i| i % 3 == 0 || dropped == kept).collect();
+        let mesh = Mesh::soup(&soup).unwrap();
+        let nodes = [KdNode::leaf(0, references.len() as u32)];
+        let (triangles, config) = (5_000, BuildConfig::default());
+        let tree = KdTreeView {
+            nodes: &nodes,
+            references: &references,
+            bounds: BOUNDS,
+            triangles,
+            config,
+        };
+        let mut told = alloc::vec::Vec::new();
+        let checked = validate_mesh_while(&tree, &mesh, |triangles| {
+            told.push(triangles);
+            true
+        });
+        assert_eq!(checked, Ok(true));
+        let all: u32 = told.iter().sum();
+        assert!(told.iter().all(|&more| more <= 1024), "{told:?}");
+        assert!(all <= 5_000 && all + 1024 >= 5_000, "{told:?}");
+        for calls in 1..=told.len() {
+            let mut heard = 0;
+            let stopped = validate_mesh_while(&tree, &mesh, |_| {
+                heard += 1;
+                heard < calls
+            });
+            assert_eq!((stopped, heard), (Ok(false), calls));
+        }
+    }
+}

@@ -28,3 +28,29 @@ pub fn subtree_sizes(
     counters[Counter::Nodes] = top_sizes[0].nodes;
     counters[Counter::LeafReferences] = top_sizes[0].references;
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A root above an empty leaf and an interior node with a small root and an empty leaf. What was there before makes no
+    /// difference.
+    #[test]
+    fn sizes_are_those_of_all_below() {
+        let node = |kind, left, right| TopNode { kind, split: 0, left, right };
+        let top_nodes = [
+            node(0, 1, 2),
+            node(TopNode::EMPTY, 0, 0),
+            node(1, 3, 4),
+            node(TopNode::SMALL_ROOT, 1, 0),
+            node(TopNode::EMPTY, 0, 0),
+        ];
+        let small = [Extent { nodes: 99, references: 99 }, Extent { nodes: 5, references: 7 }];
+        let mut sizes = [Extent { nodes: 1_000, references: 1_000 }; 5];
+        let mut counters = Counters::default();
+        subtree_sizes(&top_nodes, &small, &mut sizes, &mut counters);
+        let expected = [(9, 7), (1, 0), (7, 7), (5, 7), (1, 0)];
+        assert_eq!(sizes, expected.map(|(nodes, references)| Extent { nodes, references }));
+        assert_eq!((counters[Counter::Nodes], counters[Counter::LeafReferences]), (9, 7));
+    }
+}
