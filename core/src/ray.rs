@@ -63,13 +63,16 @@ pub struct Hit {
     pub v: f32,
 }
 
+/// The word of [`Hit::UNDECIDED`], by the name that shaders give it.
+const UNDECIDED_HIT: u32 = 0xffff_fffd;
+
 impl Hit {
     /// The record of a miss.
     pub const MISS: Hit = Hit { t: f32::INFINITY, triangle: u32::MAX, u: 0.0, v: 0.0 };
 
     /// The `triangle` of a ray of accuracy `exact` that bounds of error left undecided; see
     /// [`Undecided::Flag`]. Its `t` is no greater than that of anything undecided.
-    pub const UNDECIDED: u32 = 0xffff_fffd;
+    pub const UNDECIDED: u32 = UNDECIDED_HIT;
 
     /// True for a triangle that was hit: neither for a miss, nor for a mark that a device stores in
     /// place of an answer, such as [`Hit::UNDECIDED`].

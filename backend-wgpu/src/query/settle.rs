@@ -219,7 +219,7 @@ mod tests {
         // Met, beside, met, unfinished, met, met.
         let rays = [at(1.0), at(2.5), at(0.5), at(0.5), at(1.0), at(0.5).with_limits(1.5, 2.0)];
         let said = |triangle| Hit { t: 7.0, triangle, u: 7.0, v: 7.0 };
-        let device = [0, 0, UNFINISHED, 5, 0].map(said);
+        let device = [0, 0, Hit::UNDECIDED, UNFINISHED, 5, 0].map(said);
         for undecided in [Undecided::Redo, Undecided::Flag] {
             let options = QueryOptions { undecided, ..QueryOptions::default() };
             let mut hits = device;
