@@ -222,3 +222,20 @@ pub fn check_bytes(needed: u64, max_memory: Option<u64>) -> Result<(), QueryErro
 pub fn refused(bytes: u64) -> QueryError {
     QueryError::OutOfMemory { needed: bytes, limit: bytes }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_that_is_just_kept_is_kept() {
+        assert_eq!(check_bytes(7, None), Ok(()));
+        assert_eq!(check_bytes(7, Some(7)), Ok(()));
+        let over = QueryError::OutOfMemory { needed: 8, limit: 7 };
+        assert_eq!(check_bytes(8, Some(7)), Err(over.clone()));
+        // Ten bytes are held beside the part.
+        let whole = QueryError::OutOfMemory { needed: 18, limit: 17 };
+        assert_eq!(over.beside(10, Some(17)), whole);
+        assert_eq!(refused(5).beside(10, Some(100)), refused(15));
+    }
+}

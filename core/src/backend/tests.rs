@@ -305,7 +305,9 @@ impl Accelerator for Asked {
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
         assert!(options.watch.is_some());
         assert_eq!((options.max_memory, options.culling), (Some(self.room), Culling::None));
-        self.leaf.all_hits(rays, options)
+        let mut all = self.leaf.all_hits(rays, options)?;
+        all.report.answered_by_cpu = rays.len() as u64;
+        Ok(all)
     }
 
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
@@ -336,6 +338,8 @@ fn points_are_located_within_their_limits() {
     let options = LocateOptions { max_memory: Some(limit), watch: Some(&watch) };
     let located = asked.locate(&points, &options).expect("memory");
     assert_eq!(located.windings, [Some(1), Some(0), None, Some(0), None]);
+    // Of the points on the surface no one asked for crossings.
+    assert_eq!(located.report.answered_by_cpu, 3);
     assert_eq!(last.load(Relaxed), 5);
     // At each point and at the end.
     assert!(calls.load(Relaxed) >= 6);

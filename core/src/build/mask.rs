@@ -107,6 +107,14 @@ mod tests {
     }
 
     #[test]
+    fn masks_that_share_bits_join_and_meet() {
+        let (a, b) = (TriangleMask::first(40), !TriangleMask::first(20));
+        assert!((a | b).iter().eq(0..64) && (a & b).iter().eq(20..40));
+        assert!((a | a).iter().eq(0..40) && (a & a).iter().eq(0..40));
+        assert_eq!((a & !a).count(), 0);
+    }
+
+    #[test]
     fn words_and_bits_agree() {
         let mask = TriangleMask::EMPTY.with(3).with(40);
         assert_eq!(mask.bits(), 1 << 3 | 1 << 40);

@@ -312,6 +312,23 @@ mod tests {
     }
 
     #[test]
+    fn directions_have_length_one_and_no_bias() {
+        let (mut sum, mut squares) = ([0.0; 3], [0.0; 3]);
+        for number in 0..4_000 {
+            let direction = Draws::new(5, number).direction();
+            let square: f64 = direction.iter().map(|d| d * d).sum();
+            assert!((square - 1.0).abs() < 1e-9, "{direction:?}");
+            for k in 0..3 {
+                sum[k] += direction[k] / 4_000.0;
+                squares[k] += direction[k] * direction[k] / 4_000.0;
+            }
+        }
+        // Five times the standard deviations, 0.0091 and 0.0047.
+        assert!(sum.iter().all(|mean| mean.abs() < 0.046), "{sum:?}");
+        assert!(squares.iter().all(|mean| (mean - 1.0 / 3.0).abs() < 0.024), "{squares:?}");
+    }
+
+    #[test]
     fn sums_of_parts_are_sums_of_all() {
         let visit = |ray: u32| {
             let mut visits = Visits::new(4, false);
