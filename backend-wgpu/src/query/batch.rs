@@ -6,13 +6,14 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
 use std::time::{Duration, Instant};
 
+use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
-use super::layout::{RAY_BYTES, UNFINISHED, result_bytes};
+use super::layout::{RAY_BYTES, UNFINISHED};
 use super::pipelines::Queries;
 use super::record::QueryBuffers;
 use super::slices::SliceRays;
@@ -265,7 +266,7 @@ impl Queries {
             let buffers =
                 QueryBuffers { rays: &set.rays, results: &set.results, batch: &set.batch };
             self.dispatch(&mut encoder, tree, &buffers, count, options, query)?;
-            let bytes = u64::from(count) * result_bytes(query);
+            let bytes = u64::from(count) * QueryKernel::result_bytes(query);
             encoder.copy_buffer_to_buffer(&set.results, 0, &set.readback, 0, bytes);
             gpu.submit([encoder.finish()])?;
             Ok(())
@@ -295,7 +296,7 @@ impl Queries {
         slice: Pending,
         query: Query,
     ) -> Result<(Range<usize>, Vec<u8>, Duration), GpuError> {
-        let bytes = slice.rays.len() as u64 * result_bytes(query);
+        let bytes = slice.rays.len() as u64 * QueryKernel::result_bytes(query);
         let answers = self.gpu().read_mapped(&slice.set.readback, bytes)?;
         let took = slice.since.elapsed();
         self.staging.keep(slice.set);

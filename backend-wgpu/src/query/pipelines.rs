@@ -29,16 +29,12 @@ impl DeviceSet for RayQueries {
 
 /// The kernel that answers a query, and the test that its accuracy asks for.
 pub(super) fn kernel_of(query: Query, options: &QueryOptions<'_>) -> (QueryKernel, TriangleTest) {
-    let kernel = match query {
-        Query::Closest => QueryKernel::ClosestHit,
-        Query::Any => QueryKernel::AnyHit,
-    };
     let test = match options.accuracy {
         Accuracy::Fast => TriangleTest::MoellerTrumbore,
         Accuracy::Watertight => TriangleTest::Watertight,
         _ => TriangleTest::Certain,
     };
-    (kernel, test)
+    (QueryKernel::of(query), test)
 }
 
 /// A device with the pipelines of the queries and reusable staging memory. One serves any number

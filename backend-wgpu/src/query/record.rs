@@ -1,6 +1,6 @@
 //! Queries over rays that are on the device, recorded into a host's commands.
 
-use splitplane_core::kernel::{QueryBuffer, QueryUniform, RayQueries, Slot};
+use splitplane_core::kernel::{QueryBuffer, QueryKernel, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::QueryOptions;
@@ -8,9 +8,9 @@ use splitplane_core::ray::QueryOptions;
 use splitplane_core::ray::{Hit, Ray};
 
 use super::error::DeviceQueryError;
+use super::layout::RAY_BYTES;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
-use super::layout::{RAY_BYTES, result_bytes};
 use super::pipelines::{Queries, kernel_of};
 use super::tree::DeviceTree;
 use crate::device::once;
@@ -84,7 +84,7 @@ impl Queries {
             return Ok(());
         }
         self.suits("rays", rays, u64::from(count) * RAY_BYTES)?;
-        self.suits("results", results, u64::from(count) * result_bytes(query))?;
+        self.suits("results", results, u64::from(count) * QueryKernel::result_bytes(query))?;
         let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
         let batch = self.gpu().buffer("batch", size_of::<BatchUniform>() as u64, usage)?;
         // Each call needs its own buffer: writes of the queue come before all recorded commands.
@@ -144,7 +144,7 @@ impl Queries {
                 QueryBuffer::Triangles => Some(whole(tree.triangles())),
                 QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
                 QueryBuffer::Hits | QueryBuffer::Occluded => {
-                    Some(part(buffers.results, result_bytes(query)))
+                    Some(part(buffers.results, QueryKernel::result_bytes(query)))
                 }
                 QueryBuffer::Limits => None,
             },

@@ -2,6 +2,7 @@
 //! first. There is no schedule: each is one dispatch over what the host counts.
 
 use crate::kernel_set;
+use crate::query::traverse::Query;
 use crate::ray::{Hit, Ray};
 use crate::tree::node::KdNode;
 
@@ -54,6 +55,24 @@ kernel_set! {
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
+    }
+}
+
+impl QueryKernel {
+    /// The kernel that answers a query.
+    pub const fn of(query: Query) -> QueryKernel {
+        match query {
+            Query::Closest => QueryKernel::ClosestHit,
+            Query::Any => QueryKernel::AnyHit,
+        }
+    }
+
+    /// Bytes of an answer to a query: what its kernel writes for each ray.
+    pub const fn result_bytes(query: Query) -> u64 {
+        match query {
+            Query::Closest => size_of::<Hit>() as u64,
+            Query::Any => size_of::<u32>() as u64,
+        }
     }
 }
 
