@@ -97,7 +97,7 @@ mod guide {
             )*
         };
     }
-    pages!(accuracy, backend, cancel, executor, keep, no_std, query, rebuild, start);
+    pages!(accuracy, backend, cancel, executor, keep, no_std, own_backend, query, rebuild, start);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);
