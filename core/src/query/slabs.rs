@@ -16,7 +16,7 @@ impl Aabb {
     /// most two units in the last place of each end. A ray that passes the box by less than a part in 2^50 of
     /// the distance may count as meeting it.
     ///
-    /// Traversal does not call this: [`crate::query::traverse`] has each node's interval from its parent's.
+    /// Traversal does not call this: [`query::traverse`](crate::query::traverse) has each node's interval from its parent's.
     ///
     /// ```
     /// use splitplane_core::{aabb::Aabb, ray::Ray};
