@@ -38,7 +38,7 @@
 //! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
 //!   [`Digest`]: equal input gives an equal digest on any machine.
 //! - **Pictures** come from `tracer::Tracer` (feature `render`): it is loaded with a mesh and its
-//!   appearance, and makes frames that are equal on every backend, of scenes that may move; `render` has the
+//!   appearance, and makes frames of still and animated scenes that are equal on every backend; `render` has the
 //!   kernels, `picture` the files.
 //!
 //! # Features
