@@ -57,7 +57,7 @@
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
-//! | save and load a tree, pin it in a test | [`core::tree::file`](splitplane_core::tree::file), [`Backend::load`], [`Digest`], [keep a tree] |
+//! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, find the closest point, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
 //! | trace rays from your own shader | [custom shaders] |
