@@ -1,4 +1,4 @@
-//! An executor of one's own: the build schedule on plain threads, with nothing of splitplane but its
+//! A custom executor: the build schedule on plain threads, with nothing of splitplane but its
 //! core. `cargo run --example own_executor`
 //!
 //! The core says what each kernel does to one item of its grid (`reference::kernels`); an executor says

@@ -1,4 +1,4 @@
-//! A query of one's own: how thick the wall is that a ray comes to first.
+//! A custom query: how thick the wall is that a ray comes to first.
 
 use std::ops::ControlFlow;
 

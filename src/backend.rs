@@ -36,7 +36,8 @@ pub enum BackendKind {
     Wgpu,
 }
 
-/// Which device to open, and its limits. The CPU ignores all of this.
+/// Which device to open, and its limits. For [`BackendKind::Cpu`] an adapter's name is an error
+/// ([`OpenError::AdapterForCpu`]); it ignores the rest.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct OpenOptions {
     /// Part of a GPU adapter's name in any case, or its index in the list of adapters. When `None`,
@@ -59,9 +60,9 @@ pub struct OpenOptions {
     pub timeout: Option<Duration>,
     /// How long a GPU's driver may take to open the device, and for the pipelines that are made then,
     /// together; and for each one that is made later. When `None`, a minute, half an hour for
-    /// Mesa's llvmpipe, and 20 seconds for drivers that [`OpenOptions::probe`] tries.
+    /// Mesa's llvmpipe, and 20 seconds for drivers that `OpenOptions::probe` (feature `wgpu`) tries.
     ///
-    /// A driver that takes longer ends in `OpenError::DriverLimit`, and [`BackendKind::Auto`]
+    /// A driver that takes longer ends in `OpenError::DriverLimit` (feature `wgpu`), and [`BackendKind::Auto`]
     /// passes over it. But it compiles inside the process, in a thread that nothing can end, which
     /// continues to take time and memory until it is done or the process ends. A probe avoids that.
     pub driver_time: Option<Duration>,
@@ -307,6 +308,7 @@ pub struct UnknownBackend(String);
 impl FromStr for BackendKind {
     type Err = UnknownBackend;
 
+    /// The inverse of [`BackendKind::name`]; upper case is not accepted.
     fn from_str(name: &str) -> Result<BackendKind, UnknownBackend> {
         BackendKind::ALL
             .into_iter()

@@ -3,7 +3,7 @@
 //!
 #![cfg_attr(feature = "cpu", doc = "```")]
 #![cfg_attr(not(feature = "cpu"), doc = "```ignore")]
-//! use splitplane::{Backend, BackendKind, BuildOptions, Mesh, QueryOptions, Ray};
+//! use splitplane::{BackendKind, BuildOptions, Mesh, QueryOptions, Ray};
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let positions = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
@@ -22,30 +22,63 @@
 //! - **Geometry** stays in your arrays: [`Mesh`] borrows positions and indices (or a soup of
 //!   triangles) and never reorders them, so [`Hit::triangle`] is an index of yours.
 //! - **Backends** are chosen at run time: [`BackendKind::open`] gives a `Box<dyn Backend>` and the
-//!   reason for the choice; [`OpenOptions`] names a device. [`Backend`] is a public trait; bring
-//!   your own.
+//!   reason for the choice; [`OpenOptions`] names a device. With `CpuBackend::new()` import the trait
+//!   [`Backend`] too, which has its methods. The trait is public; you can write your own backend.
 //! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
-//!   is in [`BuildConfig`]; limits of memory are in [`BuildOptions`] and only ever end in errors.
+//!   is in [`BuildConfig`], which a [`Preset`] gives; limits of memory are in [`BuildOptions`] and only ever end in errors.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
-//! - **[`Accuracy`]** is a knob: watertight by default, exact on request; a test that may leak, by choice.
+//! - **[`Accuracy`]** is a knob: watertight by default, exact on request. A faster test that may
+//!   leak is available on request.
 //! - **GPUs** give the CPU's trees and watertight hits bit for bit, or say that they do not:
 //!   opening one runs a self-test. `Auto` takes only an adapter that is hardware and passes it;
 //!   [`BackendKind::Wgpu`] takes software too, and with [`OpenOptions::allow_structural`] also one
 //!   that differs in some bits.
-//!   Engines with a device of their own use the types in `gpu`.
+//!   Engines that have their own device use the types in `gpu`.
 //! - **The tree itself** is an array of 8-byte nodes and one of references, [`KdTree`], named by a
 //!   [`Digest`]: equal input gives an equal digest on any machine.
 //! - **Pictures** come from `tracer::Tracer` (feature `render`): it is loaded with a mesh and its
-//!   appearance, and makes frames that are equal on every backend, of scenes that may move; `render` has the
+//!   appearance, and makes frames of still and animated scenes that are equal on every backend; `render` has the
 //!   kernels, `picture` the files.
 //!
 //! # Features
 //!
 //! `cpu` (default) is the rayon backend, `wgpu` the GPU backend. `scene` has scenes, cameras and the built-in
 //! scenes; `obj`, `textures` and `animation` read files of them. `render` adds the ray tracer and `picture`
-//! the files that it gives. `verify` holds answers against a reference, `parity` CPU and GPU against one
-//! another. Nothing of what is not asked for is compiled.
+//! the files that it gives. `verify` checks answers against a reference; `parity` compares CPU and GPU.
+//! Only the features you enable are compiled.
+//!
+//! # Where to go next
+//!
+//! | to | see |
+//! |---|---|
+//! | rebuild a tree for each frame | [`Backend::rebuild`], [rebuild each frame] |
+//! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
+//! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
+//! | find out whether points are inside a mesh | [`Accelerator::locate`] |
+//! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
+//! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
+//! | filter triangles, find the closest point, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
+//! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
+//! | trace rays from your own shader | [custom shaders] |
+//! | trace without `std` | [embed the core] |
+//!
+//! The [guide] has a page for each task.
+//!
+//! The core is re-exported as [`core`](splitplane_core). A glob import, `use splitplane::*`, therefore shadows Rust's own
+//! `core`; import names instead.
+//!
+//! [guide]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/SUMMARY.md
+//! [rebuild each frame]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/rebuild.md
+//! [cancel]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/cancel.md
+//! [shadows]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/start.md#shadows
+//! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
+//! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
+//! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
+//! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
+//! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
+//! [custom shaders]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/shader.md
+//! [embed the core]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/no_std.md
 
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
@@ -97,7 +130,7 @@ mod guide {
             )*
         };
     }
-    pages!(accuracy, backend, cancel, executor, keep, no_std, query, rebuild, start);
+    pages!(accuracy, backend, cancel, executor, keep, no_std, own_backend, query, rebuild, start);
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

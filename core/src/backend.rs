@@ -19,8 +19,8 @@ use core::any::Any;
 pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
 
-/// Builds trees and the structures that answer rays through them. An embedder may implement it for
-/// a backend of its own.
+/// Builds trees and the structures that answer rays through them. Programs may implement it for their own
+/// backends; start summaries and reports from their `Default`, since they may gain fields.
 pub trait Backend: Send + Sync {
     /// Describes the backend, for reports.
     fn describe(&self) -> BackendInfo;
@@ -37,7 +37,9 @@ pub trait Backend: Send + Sync {
 
     /// As [`Backend::build`], but reuses the memory of an accelerator that is no longer needed,
     /// over any mesh and by any backend: for meshes that change every frame. After an error the
-    /// accelerator is unchanged.
+    /// accelerator is unchanged. For that, a backend may need new memory where a watch can cancel the
+    /// work: the CPU backend then makes the query layout in new memory, and until the rebuild ends both layouts
+    /// are held and count towards the limit.
     ///
     /// Backends that cannot reuse the memory keep this default, which replaces the accelerator.
     ///
@@ -67,6 +69,8 @@ pub trait Backend: Send + Sync {
 }
 
 /// A built tree, ready for rays. Answers do not depend on the order of rays or the thread count.
+///
+/// It has its own copy of all that it needs of the mesh: the caller may change or drop the arrays.
 pub trait Accelerator: Send + Sync {
     /// The canonical tree: the bytes the digest names.
     fn tree(&self) -> &KdTree;
@@ -90,7 +94,7 @@ pub trait Accelerator: Send + Sync {
     fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool;
 
     /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none. After an error
-    /// `hits` holds the answers to some of the rays.
+    /// `hits` holds the answers to some of the rays, and nothing says which: do not use it.
     ///
     /// The default answers one ray at a time, and calls the watch between slices of 65,536.
     ///
@@ -109,7 +113,7 @@ pub trait Accelerator: Send + Sync {
     }
 
     /// For every ray, whether it hits anything. After an error `occluded` holds the answers to some of the
-    /// rays.
+    /// rays, and nothing says which: do not use it.
     ///
     /// The default answers one ray at a time, and calls the watch between slices of 65,536.
     ///
@@ -126,14 +130,14 @@ pub trait Accelerator: Send + Sync {
     }
 
     /// All crossings of every ray with surfaces between its limits, in order along it: see
-    /// [`crate::query::all_hits`]. They are exact.
+    /// [`query::all_hits`](crate::query::all_hits). They are exact.
     ///
     /// # Errors
     /// More memory than the options allow or than the system has, a watch that cancels the batch,
     /// or a device that fails.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError>;
 
-    /// Where points lie relative to the surface that the triangles form: see [`crate::query::inside`].
+    /// Where points lie relative to the surface that the triangles form: see [`query::inside`](crate::query::inside).
     ///
     /// # Errors
     /// More memory than the options allow or than the system has, a watch that cancels the batch,

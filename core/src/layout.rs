@@ -138,7 +138,7 @@ pub struct Decision {
     pub cuts: [f32; 6],
     /// How many there are.
     pub cut_count: u32,
-    /// Their sides (0 to 5, see [`crate::build::split::empty_cutoff`]), 4 bits each, first lowest.
+    /// Their sides (0 to 5, see [`build::split::empty_cutoff`](crate::build::split::empty_cutoff)), 4 bits each, first lowest.
     pub cut_sides: u32,
     /// Axis of the split; [`Decision::TRANSFER`] when the node goes to the small list as it is.
     pub axis: u32,
@@ -248,7 +248,7 @@ pub struct ChunkBins {
     pub words: [[u32; MAX_BINS as usize]; 3],
 }
 
-/// Everything kernels count. One buffer of words; see [`crate::kernel::Counter`] for the names.
+/// Everything kernels count. One buffer of words; see [`kernel::Counter`](crate::kernel::Counter) for the names.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
@@ -258,7 +258,7 @@ pub struct Counters {
 
 /// The uniform that a device's kernels read. The configuration, limits that follow from it, and the
 /// capacity of each list that grows; a list that would outgrow its capacity sets its bit in
-/// [`crate::kernel::Counter::Overflow`].
+/// [`kernel::Counter::Overflow`](crate::kernel::Counter::Overflow).
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Parameters {

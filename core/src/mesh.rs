@@ -7,6 +7,11 @@ pub const MAX_TRIANGLES: usize = 1 << 28;
 
 /// A borrowed triangle mesh: corners by index, or a soup in which every three positions are a
 /// triangle. The arrays are never reordered; a triangle's index is its place in them.
+///
+/// Arrays of other types: a `#[repr(C)]` type of three `f32` that is `bytemuck::Pod` can be cast to `[[f32; 3]]` by
+/// `bytemuck::cast_slice`. Positions that lie among other data of a vertex have to be copied. A flat slice of
+/// indices becomes `&[[u32; 3]]` by `as_chunks::<3>()`. A build copies what it needs, so the arrays are borrowed
+/// only while it runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Mesh<'a> {
     positions: &'a [[f32; 3]],

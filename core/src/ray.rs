@@ -122,7 +122,7 @@ pub enum Accuracy {
     #[default]
     Watertight,
     /// The hit that real arithmetic gives for the mesh and the ray as they are (see
-    /// [`crate::exact`]): least exact distance, among equal ones the lowest index. Its `t` is that
+    /// [`exact`](crate::exact)): least exact distance, among equal ones the lowest index. Its `t` is that
     /// distance rounded to nearest. A triangle without area is met nowhere, and neither is one in
     /// whose plane the ray lies.
     Exact,
@@ -171,11 +171,12 @@ pub enum Undecided {
 /// Query settings.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct QueryOptions<'a> {
-    /// Which triangle test.
+    /// Which triangle test answers.
     pub accuracy: Accuracy,
     /// Which side to ignore.
     pub culling: Culling,
-    /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
+    /// One triangle to ignore, by its index in the caller's mesh. All rays of the call ignore it, so it serves
+    /// single rays that leave a surface. In a batch set [`Ray::t_min`] of each ray, or start it off the surface.
     pub ignore: Option<u32>,
     /// How to treat rays that a device cannot decide; accuracy [`Accuracy::Exact`] only.
     pub undecided: Undecided,

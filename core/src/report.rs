@@ -5,7 +5,7 @@ use crate::error::{QueryError, refused};
 use alloc::string::String;
 use alloc::vec::Vec;
 
-/// The report on a batch, in addition to its answers.
+/// Statistics about a batch.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QueryReport {

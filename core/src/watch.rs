@@ -45,7 +45,7 @@ impl Stage {
     }
 }
 
-/// How far work has come.
+/// How far the work has progressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// What is being done.
@@ -58,9 +58,11 @@ pub struct Progress {
 
 /// Observes the progress of a build or batch and may cancel it.
 ///
-/// Called often (about every millisecond of work of a thread; on devices between submissions and
-/// while waiting for one), from any worker thread, so it should return quickly. Backends of this
-/// project call it from one thread at a time for each build or batch: stages come in their order,
+/// Called from any worker thread, and often, so it should return quickly. The CPU backend divides its work so
+/// that a thread does at most about two milliseconds of it between two calls (a single ray that takes longer is
+/// not interrupted); calls may come many times per millisecond. Devices call it between submissions and while
+/// they wait for one. The default batches of the trait `Accelerator` call it every 65,536 rays.
+/// Backends of this project call it from one thread at a time for each build or batch: stages come in their order,
 /// and within one `done` never falls. After the first [`ControlFlow::Break`] the work ends with an
 /// error that says how far it got. Partial results are dropped, and all objects stay usable. The
 /// same holds when the watch panics; the panic is passed on to the caller of the build or batch.

@@ -18,7 +18,7 @@ kernel_set! {
 
     /// The inputs of kernels, which do not change.
     uniforms Uniform {
-        /// The picture, its camera and its settings: [`crate::layout::Frame`].
+        /// The picture, its camera and its settings: [`layout::Frame`](crate::layout::Frame).
         Frame "frame";
         /// The tree's scale, which traversals read: [`splitplane_core::layout::SceneUniform`].
         Scene "scene";
@@ -42,7 +42,7 @@ kernel_set! {
         LeafReferences "leaf_references", 4;
         /// Corners by triangle index, as the tree builder snapped them: 9 `f32`. The tree's own.
         Triangles "triangles", 36;
-        /// Materials, lights, normals and textures, as words: see [`crate::scene_data`].
+        /// Materials, lights, normals and textures, as words: see [`scene_data`](crate::scene_data).
         Scene "scene_words", 4;
         /// The surface at every hit: [`Surface`].
         Surfaces "surfaces", size_of::<Surface>(), live Paths;
@@ -56,9 +56,9 @@ kernel_set! {
         /// Sums by pixel of the whole picture: 4 `f32`, the last the number of rays that a device's
         /// driver did not follow to their end.
         Radiance "radiance", 16, live Pixels;
-        /// The hit of the first ray of each pixel: [`crate::layout::FirstHit`].
+        /// The hit of the first ray of each pixel: [`layout::FirstHit`](crate::layout::FirstHit).
         FirstHits "first_hits", size_of::<FirstHit>(), live Pixels;
-        /// The cost of its traversal: [`crate::layout::FirstCost`].
+        /// The cost of its traversal: [`layout::FirstCost`](crate::layout::FirstCost).
         FirstCosts "first_costs", size_of::<FirstCost>(), live Pixels;
         /// The pixels for a screen: 8 bits each of red, green, blue and 255, from the top left. The
         /// last is 0 where a ray was not followed to its end.

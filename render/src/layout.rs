@@ -140,15 +140,15 @@ pub struct Frame {
     pub step_y: [f32; 3],
     /// Camera rays per pixel.
     pub samples: u32,
-    /// [`crate::Environment::zenith`].
+    /// [`Environment::zenith`](crate::Environment::zenith).
     pub zenith: [f32; 3],
     /// Greatest number of bounces.
     pub depth: u32,
-    /// [`crate::Environment::horizon`].
+    /// [`Environment::horizon`](crate::Environment::horizon).
     pub horizon: [f32; 3],
     /// Samples of shining surfaces.
     pub area_samples: u32,
-    /// [`crate::Environment::nadir`].
+    /// [`Environment::nadir`](crate::Environment::nadir).
     pub nadir: [f32; 3],
     /// Seed of the samples.
     pub seed: u32,
@@ -194,7 +194,7 @@ pub struct Frame {
     pub texels_at: u32,
     /// Which side of a triangle rays ignore: 0 none, 1 the back, 2 the front. Read by devices.
     pub culling: u32,
-    /// The triangle that rays ignore; [`crate::scene_data::NONE`] for none. Read by devices.
+    /// The triangle that rays ignore; [`scene_data::NONE`](crate::scene_data::NONE) for none. Read by devices.
     pub ignore: u32,
     /// Not used: fills 256 bytes.
     pub padding: [u32; 14],

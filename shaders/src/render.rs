@@ -34,7 +34,7 @@ impl RenderFeatures {
 }
 
 /// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
-/// a name that no kernel has. Joined they are the shader: see [`crate::join`].
+/// a name that no kernel has. Joined they are the shader: see [`join`](crate::join).
 pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
     let shader = RENDER.iter().find(|shader| shader.name == kernel)?;
     let substitutes = [

@@ -139,7 +139,7 @@ queries! {
 
 shaders! {
     /// The kernels of the ray tracer, in the order of its schedule, each with all that a scene may
-    /// need and the watertight triangle test. [`crate::render_parts`] leaves out what it does not.
+    /// need and the watertight triangle test. [`render_parts`](crate::render_parts) leaves out what it does not.
     RENDER "render" {
         "begin_slice": RENDER_LAYOUT RENDER_KERNEL;
         "camera_rays": ARITHMETIC RAY RENDER_LAYOUT RENDER_KERNEL VECTOR RANDOM;

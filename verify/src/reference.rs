@@ -167,7 +167,7 @@ fn bounds_of(node: &Node) -> &Bounds {
     }
 }
 
-/// Where the ray enters the box; `None` when it passes by.
+/// Where the ray enters the box; `None` when it misses it.
 fn enter_box(ray: &Ray64, bounds: &Bounds) -> Option<f64> {
     let (mut enter, mut leave) = (ray.t_min, ray.t_max);
     for k in 0..3 {

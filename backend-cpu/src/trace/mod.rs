@@ -1,4 +1,4 @@
-//! Answering rays: traversals over what [`crate::layout`] has made.
+//! Answering rays: traversals over what [`layout`](crate::layout) has made.
 //!
 //! Every path gives the hits of [`splitplane_core::query::traverse`] bit for bit: the watertight test
 //! (`watertight.rs`, `refined.rs`) performs the operations of the reference in the same order, and

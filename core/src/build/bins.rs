@@ -5,7 +5,7 @@
 //! border are then prefix sums. Which bin a coordinate falls in is defined by the guarded
 //! operations of [`BinAxis::place`], so that every device counts alike; beside a border, rounding
 //! may count a reference on the wrong side of it. Counts only choose the plane.
-//! [`crate::build::split::goes_left`] and [`crate::build::split::goes_right`] decide which references go where.
+//! [`build::split::goes_left`](crate::build::split::goes_left) and [`build::split::goes_right`](crate::build::split::goes_right) decide which references go where.
 
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, exponent, truncated};
@@ -72,7 +72,7 @@ impl BinAxis {
     }
 }
 
-/// The cost of a split of a node of any size, times the node's half area: [`crate::sah::split_cost`]
+/// The cost of a split of a node of any size, times the node's half area: [`sah::split_cost`](crate::sah::split_cost)
 /// in 64 bits. Below 2^63.
 #[inline]
 pub fn wide_split_cost(config: &BuildConfig, areas: [u32; 3], left: u32, right: u32) -> u64 {

@@ -24,7 +24,7 @@ pub trait Executor<K: KernelSet> {
     fn swap(&mut self, a: K::Buffer, b: K::Buffer) -> Result<(), Self::Error>;
 
     /// Whether a loop must continue: whether `counter` is above zero after `rounds` rounds. An
-    /// executor whose counters are out of reach may answer `true` without looking at them, any
+    /// executor that cannot read its counters may answer `true` without looking at them, any
     /// number of times: kernels do nothing where there is nothing to do.
     ///
     /// # Errors

@@ -5,7 +5,7 @@
 //! flat, and between them or in one of them where it is. On the axes where it is not flat its
 //! points on any one plane are no more than a line (of a segment: a point). So a triangle is
 //! covered by closed cells if and only if what these leave of it holds no part inside any other
-//! cell: see [`crate::tree::validate`].
+//! cell: see [`tree::validate`](crate::tree::validate).
 //!
 //! *How.* Two convex sets, one of them with an inside, are disjoint (the triangle and the inside of
 //! the cell) if and only if the origin is not inside their Minkowski difference, that is, if some

@@ -209,8 +209,8 @@ pub struct Meeting {
     front: bool,
 }
 
-/// Whether the line of a ray meets a closed triangle (snapped corners), in both directions and
-/// whatever the limits.
+/// Whether the line of a ray meets a closed triangle ([snapped corners](crate::triangle::prepare)), in both
+/// directions and whatever the limits.
 #[inline]
 pub fn meet(ray: &ExactRay, corners: &Triangle, culling: Culling) -> Option<Meeting> {
     let edges = Edges::new(ray, corners);

@@ -1,7 +1,7 @@
 //! Hits as real arithmetic has them: accuracy [`Exact`](crate::ray::Accuracy::Exact), and all hits.
 //!
 //! Decisions are exact for the mesh and the ray as given: coordinates after snapping (see
-//! [`crate::arithmetic::snap`]), nothing else rounded. Each question is first decided in `f64` with
+//! [`arithmetic::snap`](crate::arithmetic::snap)), nothing else rounded. Each question is first decided in `f64` with
 //! a bound on its error (after Shewchuk 1997); where that does not suffice, in whole numbers
 //! (`integer.rs`), which round nothing.
 //!

@@ -1,4 +1,4 @@
-//! Crossings of surfaces, each counted once: the ray is moved by less than anything.
+//! Crossings of surfaces, each counted once: the ray is shifted infinitesimally.
 //!
 //! A ray through a shared edge meets two closed triangles, one through a vertex many. To count the
 //! surface and not the triangles, the ray is moved by (e, e^2) in the plane across it, e being
@@ -16,7 +16,7 @@ use super::meeting::{Edges, Meeting};
 use crate::ray::Culling;
 use crate::triangle::Triangle;
 
-/// Whether the line of a ray, moved by less than anything, crosses a triangle (snapped corners). The
+/// Whether the line of a ray, shifted infinitesimally, crosses a triangle ([snapped corners](crate::triangle::prepare)). The
 /// distance is that of the ray as it is.
 #[inline]
 pub fn cross(ray: &ExactRay, corners: &Triangle, culling: Culling) -> Option<Meeting> {

@@ -15,7 +15,7 @@ kernel_set! {
 
     /// The inputs of kernels, which do not change.
     uniforms Uniform {
-        /// Configuration and capacities: [`crate::layout::Parameters`].
+        /// Configuration and capacities: [`layout::Parameters`](crate::layout::Parameters).
         Parameters "parameters";
     }
 
@@ -36,7 +36,7 @@ kernel_set! {
         ActiveNodes "active_nodes", size_of::<LargeNode>(), live ActiveNodes;
         /// The next list.
         NextNodes "next_nodes", size_of::<LargeNode>(), live NextNodes;
-        /// Tight bounds of the active nodes: [`crate::aabb::Aabb`].
+        /// Tight bounds of the active nodes: [`aabb::Aabb`](crate::aabb::Aabb).
         NodeBounds "node_bounds", 24, live ActiveNodes;
         /// [`Chunk`].
         Chunks "chunks", size_of::<Chunk>(), live Chunks;

@@ -10,7 +10,7 @@ kernel_set! {
 
     /// The inputs of checks.
     uniforms CheckUniform {
-        /// How many pairs: [`crate::layout::CheckParameters`].
+        /// How many pairs: [`layout::CheckParameters`](crate::layout::CheckParameters).
         CheckParameters "parameters";
     }
 

@@ -14,11 +14,11 @@ kernel_set! {
 
     /// The inputs of query kernels.
     uniforms QueryUniform {
-        /// The scene as a whole: [`crate::layout::SceneUniform`].
+        /// The scene as a whole: [`layout::SceneUniform`](crate::layout::SceneUniform).
         Scene "scene";
-        /// How many rays, and the options: [`crate::layout::BatchUniform`].
+        /// How many rays, and the options: [`layout::BatchUniform`](crate::layout::BatchUniform).
         Batch "batch";
-        /// How many triangles: [`crate::layout::TriangleCount`].
+        /// How many triangles: [`layout::TriangleCount`](crate::layout::TriangleCount).
         TriangleCount "triangle_count";
     }
 
@@ -37,7 +37,7 @@ kernel_set! {
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
-        /// [`crate::query::intersect::Limits`].
+        /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
     }
 

@@ -40,7 +40,8 @@ pub struct AllHits {
 pub struct AllHitsOptions<'a> {
     /// Which side to ignore.
     pub culling: Culling,
-    /// One triangle to ignore, by its index in the caller's mesh; for rays that leave a surface.
+    /// One triangle to ignore, by its index in the caller's mesh. All rays of the call ignore it: in a batch of
+    /// rays that leave surfaces, set [`Ray::t_min`] of each instead.
     pub ignore: Option<u32>,
     /// Most bytes that the answer and its parts may take; `None` for no limit.
     pub max_memory: Option<u64>,
@@ -160,10 +161,10 @@ impl AllHits {
 const BETWEEN: usize = 64;
 
 /// The crossings of one ray between its limits, in order of (exact distance, triangle), added to `out`.
-/// They are exact: see [`crate::exact`]. A ray through an edge or a
+/// They are exact: see [`exact`](crate::exact). A ray through an edge or a
 /// vertex crosses the surface there once, or not at all where the surface turns back.
 ///
-/// `tree` must be valid (see [`crate::tree::validate`]).
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`] where the system has no memory for them; nothing is added then.
@@ -207,7 +208,7 @@ impl Collector {
     /// Tests between two checks for cancellation.
     pub(crate) const TESTS: u32 = 512;
 
-    /// Tests a triangle (snapped corners), which may come more than once. Every few hundred
+    /// Tests a triangle ([snapped corners](crate::triangle::prepare)), which may come more than once. Every few hundred
     /// triangles, and before it takes more memory, checks whether to continue with this many bytes
     /// held. Returns the `t` beyond which no triangle is of interest: none at all after a
     /// cancellation, or where the system has no more memory, until [`Collector::finish`].

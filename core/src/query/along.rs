@@ -1,4 +1,4 @@
-//! User-defined queries along a ray: the leaves that it passes, near ones first.
+//! Custom queries along a ray: the leaves that it passes, nearest first.
 
 use core::ops::ControlFlow;
 
@@ -25,11 +25,11 @@ pub struct LeafAlong<'a> {
 }
 
 impl KdTreeView<'_> {
-    /// Hands the leaves that a ray passes to `visit`, near ones first. `visit` returns the `t` at
-    /// which the ray may end, infinity to leave its end unchanged, or breaks off.
+    /// Hands the leaves that a ray passes to `visit`, nearest first. `visit` returns the `t` beyond which it
+    /// needs no more leaves, infinity to leave the ray's end unchanged, or breaks off.
     ///
     /// *Which leaves.* Every leaf, empty ones too, whose closed cell the ray meets between its
-    /// limits, be it in a corner, along an edge or within a face; and perhaps leaves that it passes
+    /// limits, be it in a corner, along an edge or within a face; and perhaps leaves that it misses
     /// by less than a part in 2^48 of the distance. A shortened ray skips leaves that begin beyond
     /// its end. The least of all returned ends is the ray's end. Leaves that begin exactly there
     /// are visited, since they may hold ties. A ray that hits nothing (see [`Ray`]) passes no leaf,
@@ -44,13 +44,17 @@ impl KdTreeView<'_> {
     /// runs within a split plane: the leaves below it precede those above it, each side near to
     /// far.
     ///
+    /// *Tests.* [`exact::meet`](crate::exact::meet) and [`exact::cross`](crate::exact::cross) test a triangle
+    /// without rounding in their decisions; they take the [`ExactRay`] of the ray and [snapped
+    /// corners](crate::triangle::prepare).
+    ///
     /// *Triangles* reach beyond their leaves, so a hit found in a leaf may lie beyond its `t_exit`.
     /// A search for the nearest hit returns the `t` of the best so far, and does not break off at
     /// the first.
     ///
     /// Nothing is allocated. As directions of rays, components below 2^-126 count as 0.
     ///
-    /// The tree must be valid (see [`crate::tree::validate`]), as built trees and those read from files are.
+    /// The tree must be valid (see [`tree::validate`](crate::tree::validate)), as built trees and those read from files are.
     ///
     /// # Panics
     /// With a tree that is not valid it may panic, or not end.

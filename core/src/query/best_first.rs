@@ -1,4 +1,4 @@
-//! User-defined queries by cost: the leaves of a tree, those that may hold the least cost first.
+//! Custom queries by cost: the leaves of a tree, those that may hold the least cost first.
 
 use alloc::collections::{BinaryHeap, TryReserveError};
 use core::cmp::Ordering;
@@ -56,7 +56,7 @@ impl Eq for Waiting {}
 impl KdTreeView<'_> {
     /// Searches for the least cost: visits leaves in the order of lower bounds (best-first branch
     /// and bound, Hjaltason and Samet 1999) until no leaf is left that may improve on the best.
-    /// Returns the least cost found, or `within` where none was less.
+    /// Returns the least cost that `visit` has returned, or `within` where none was less.
     ///
     /// - `within`: costs above it are of no interest; infinity for no limit.
     /// - `lower_bound` returns a cost for a box such that no part of a triangle in it costs less.
@@ -64,8 +64,10 @@ impl KdTreeView<'_> {
     ///   that nothing is known about it. A bound that is too high loses candidates, so it should
     ///   err on the low side.
     /// - `visit` looks at the triangles of a leaf and returns the least cost found so far, or
-    ///   breaks off. The returned cost counts where it is less than before. `visit` keeps the hit
-    ///   itself.
+    ///   breaks off. The returned cost counts where it is less than before. A break carries no cost: what
+    ///   that last visit found is not in the result. `visit` keeps the hit itself.
+    ///
+    /// For the distance to a point, [`Aabb::distance_squared`] is such a bound.
     ///
     /// *What a cost may be.* Anything that is the least over the points of triangles: the distance
     /// to a point, to a segment or to a plane, along one axis, within a class of triangles. The
@@ -83,7 +85,7 @@ impl KdTreeView<'_> {
     /// most as many nodes wait as the tree has leaves, 40 bytes each; with useful bounds, tens of them.
     /// A tree without triangles has no leaf to visit.
     ///
-    /// The tree must be valid (see [`crate::tree::validate`]), as built trees and those read from files are.
+    /// The tree must be valid (see [`tree::validate`](crate::tree::validate)), as built trees and those read from files are.
     ///
     /// # Errors
     /// The system has no memory for the waiting nodes.

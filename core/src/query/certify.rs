@@ -6,7 +6,7 @@
 //! products in double-float numbers, of about 46 bits. Distances are always double-float numbers.
 //! What even these cannot decide, within their bounds, is *undecided*. A ray is *decided* when
 //! nothing undecided lies at or before its hit. Decided rays have the triangle that
-//! [`crate::exact`] finds; the others are left to the CPU. The bounds are derived in
+//! [`exact`](crate::exact) finds; the others are left to the CPU. The bounds are derived in
 //! docs/design/exact.md.
 //!
 //! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
@@ -438,7 +438,7 @@ impl Search {
 /// Traces one ray as a device does under accuracy `exact`: the exact hit but for the last bits of
 /// `t` and the weights, a miss, or [`Hit::UNDECIDED`].
 ///
-/// `tree` must be valid (see [`crate::tree::validate`]).
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 pub fn trace<A: Arithmetic>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),

@@ -1,7 +1,7 @@
 //! Inside or outside: how often a closed surface winds around a point.
 //!
 //! A ray from the point counts the surfaces it leaves and enters, each once even where it runs
-//! through edges and vertices ([`crate::query::all_hits`]). Everything is decided exactly, so the answer
+//! through edges and vertices ([`query::all_hits`](crate::query::all_hits)). Everything is decided exactly, so the answer
 //! does not depend on the ray's direction, nor on how near a surface the point lies; a point
 //! exactly on a surface is reported as such.
 //!
@@ -202,7 +202,7 @@ pub fn no_windings(points: usize) -> Result<Vec<Option<i32>>, QueryError> {
 
 /// Where points lie, one at a time: the reference, which backends on devices use too.
 ///
-/// `tree` must be valid (see [`crate::tree::validate`]).
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 ///
 /// # Errors
 /// [`QueryError::OutOfMemory`] and [`QueryError::Cancelled`].

@@ -1,4 +1,4 @@
-//! The counted cost of random rays, for comparison with what [`crate::tree::stats`] expects.
+//! The counted cost of random rays, for comparison with what [`tree::stats`](crate::tree::stats) expects.
 //!
 //! Rays are drawn uniformly among the lines that meet the tree's bounds, once as lines that pass
 //! through everything, which is what the surface area heuristic is about, and once up to their
@@ -220,7 +220,7 @@ impl Tally {
 /// The counts of the same lines, traced in two ways.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Measured {
-    /// Passing through everything: what [`crate::tree::stats::TreeStats::expected`] predicts, up to the
+    /// Passing through everything: what [`tree::stats::TreeStats::expected`](crate::tree::stats::TreeStats::expected) predicts, up to the
     /// width that the traversal gives to planes so that no ray is lost.
     pub passing: Tally,
     /// Up to the closest hit.
@@ -239,7 +239,7 @@ impl Measured {
 }
 
 /// Traces the lines of these numbers by the reference traversal and counts what they do. `scene` is
-/// [`scene_scale`] of the same tree; the tree must be valid (see [`crate::tree::validate`]).
+/// [`scene_scale`] of the same tree; the tree must be valid (see [`tree::validate`](crate::tree::validate)).
 pub fn trace_lines(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),

@@ -9,14 +9,14 @@ const OUTWARDS: f64 = 1.0 / (1u64 << 51) as f64;
 
 impl Aabb {
     /// Where a ray is inside the box: from which `t` to which, within the ray's own limits and both included.
-    /// `None` where it passes the box, and for a ray that hits nothing or a box that holds nothing.
+    /// `None` where it misses the box, and for a ray that hits nothing or a box that holds nothing.
     ///
     /// Components of the direction below the least normal number, 2^-126, count as 0. Otherwise the interval is never too
     /// short: a ray that meets the box in exact arithmetic, be it in a corner, along an edge or within a face, is never `None`, and its interval holds the exact one. It is too long by at
-    /// most two units in the last place of each end. A ray that passes the box by less than a part in 2^50 of
+    /// most two units in the last place of each end. A ray that misses the box by less than a part in 2^50 of
     /// the distance may count as meeting it.
     ///
-    /// Traversal does not call this: [`crate::query::traverse`] has each node's interval from its parent's.
+    /// Traversal does not call this: [`query::traverse`](crate::query::traverse) has each node's interval from its parent's.
     ///
     /// ```
     /// use splitplane_core::{aabb::Aabb, ray::Ray};

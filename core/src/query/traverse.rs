@@ -46,7 +46,7 @@ pub enum Query {
 
 /// The closest hit of a ray.
 ///
-/// `tree` must be valid (see [`crate::tree::validate`]).
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 pub fn closest_hit(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),

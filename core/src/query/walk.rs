@@ -1,8 +1,8 @@
 //! The walk of a ray down a tree: from leaf to leaf, near ones first, without recursion or allocation.
 //!
 //! This is the one loop over the nodes of a tree that follows a ray (Havran 2000). The reference
-//! traversal ([`crate::query::traverse`]), the exact one ([`crate::exact`]), the one of a certain device
-//! ([`crate::query::certify`]) and users' own queries
+//! traversal ([`query::traverse`](crate::query::traverse)), the exact one ([`exact`](crate::exact)), the one of a certain device
+//! ([`query::certify`](crate::query::certify)) and users' own queries
 //! ([`KdTreeView::visit_along`](crate::tree::KdTreeView::visit_along)) are visitors of it. They
 //! differ in how distances are computed, which is a [`WalkRay`], and in what is done at a leaf,
 //! which is a [`Visitor`]. Both are static: a walk is compiled for each pair.
@@ -68,7 +68,7 @@ impl<T, F: FnMut(Leaf<T>) -> ControlFlow<(), T>> Visitor<T> for F {
 /// Leaves that begin at the `t` that the visitor returned last are still visited, since they may
 /// hold ties with the best hit; those beyond are not.
 ///
-/// The nodes must be those of a valid tree (see [`crate::tree::validate`]); the contents of their leaves
+/// The nodes must be those of a valid tree (see [`tree::validate`](crate::tree::validate)); the contents of their leaves
 /// make no difference.
 ///
 /// # Panics

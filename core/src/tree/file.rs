@@ -21,7 +21,7 @@
 //! Nodes and references are as [`KdTreeView`] has them, which [`validate`] checks: preorder, leaves
 //! that name consecutive ranges of the references, and in each leaf the triangles in ascending
 //! order, none twice. A triangle in a split plane is named completely on one side of it. Whether a
-//! tree belongs to a mesh can only be checked with both: [`crate::tree::validate::validate_mesh`], which
+//! tree belongs to a mesh can only be checked with both: [`tree::validate::validate_mesh`](crate::tree::validate::validate_mesh), which
 //! every backend calls when it loads a tree, refuses each tree that loses something.
 
 use crate::aabb::Aabb;

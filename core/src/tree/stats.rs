@@ -1,5 +1,5 @@
 //! Statistics of a tree: counts, histograms, and the expected cost of a random ray. The actual cost
-//! of rays is counted in [`crate::query::lines`].
+//! of rays is counted in [`query::lines`](crate::query::lines).
 
 use crate::config::MAX_DEPTH;
 use crate::sah::{area_ratio, half_area_of};
@@ -12,7 +12,7 @@ pub const LEAF_SIZE_CLASSES: usize = 17;
 
 /// The work of one ray on its way through a tree, or the average of many.
 ///
-/// *Expected*, it is for a uniform line (see [`crate::query::lines::Lines`]) through the bounds that passes
+/// *Expected*, it is for a uniform line (see [`query::lines::Lines`](crate::query::lines::Lines)) through the bounds that passes
 /// through everything. Such a line meets a convex cell inside the bounds with probability
 /// `A(cell) / A(root)`, A being the surface area (MacDonald and Booth 1990). A traversal that
 /// visits exactly the cells on the way therefore visits a class of nodes
@@ -153,7 +153,7 @@ impl TreeStats {
     }
 
     /// References for each triangle kept; 1 where no triangle is in two leaves. `kept` is the number
-    /// of triangles less those dropped ([`crate::mesh`] says which those are); 0 for none.
+    /// of triangles less those dropped ([`mesh`](crate::mesh) says which those are); 0 for none.
     pub fn duplication(&self, kept: u32) -> f64 {
         if kept == 0 { 0.0 } else { self.references as f64 / f64::from(kept) }
     }

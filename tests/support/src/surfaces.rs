@@ -1,4 +1,4 @@
-//! What is demanded of answers to rays that run along surfaces ([`crate::grazing`]): they depend on ray and mesh
+//! What is demanded of answers to rays that run along surfaces ([`grazing`](crate::grazing)): they depend on ray and mesh
 //! alone, not on tree, layout, instruction set or company; they name points that are there; and no ray gets out
 //! of a closed surface.
 

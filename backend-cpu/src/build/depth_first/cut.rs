@@ -99,7 +99,7 @@ impl Cut {
     }
 
     /// Cuts the references that the plane crosses, among `count` references from `first` (at most
-    /// [`crate::simd::references::TILE`]). Without triangles only their bounds are cut.
+    /// [`simd::references::TILE`](crate::simd::references::TILE)). Without triangles only their bounds are cut.
     #[cfg_attr(not(unoptimised), inline(always))]
     pub(super) fn tile<A: Arithmetic, S: ReferenceOps>(
         &mut self,

@@ -102,7 +102,7 @@ impl TaskScratch {
 pub(super) struct ColumnNode {
     pub first: usize,
     pub count: usize,
-    /// From this row on, and [`crate::simd::WIDTH`] rows after its own, the rows are free.
+    /// From this row on, and [`simd::WIDTH`](crate::simd::WIDTH) rows after its own, the rows are free.
     pub free: usize,
     pub cell: Aabb,
     pub depth: u32,

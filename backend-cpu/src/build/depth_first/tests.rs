@@ -83,7 +83,7 @@ fn tasks_build_what_the_levels_build() {
     }
 }
 
-/// Where a cap binds, or might, the tasks' tree is void, and [`crate::CpuBackend`] builds that of
+/// Where a cap binds, or might, the tasks' tree is void, and [`CpuBackend`](crate::CpuBackend) builds that of
 /// the levels. With spare capacity it is not.
 #[test]
 fn caps_make_it_void() {

@@ -1,5 +1,5 @@
 //! Where references start and end by bins: what `bin_references` does for chunks and
-//! [`crate::build::depth_first`] for nodes.
+//! [`build::depth_first`](crate::build::depth_first) for nodes.
 
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::bins::BinAxis;

@@ -1,5 +1,5 @@
 //! The subtree of one small root, in cache: what `build_small` does for each, and the end of every branch of
-//! [`crate::build::depth_first`].
+//! [`build::depth_first`](crate::build::depth_first).
 //!
 //! The small-node stage of Zhou et al. 2008 on 64-bit masks: the candidates are the faces of the
 //! references' bounds as they stand in the root; a candidate counts only where its own triangle is

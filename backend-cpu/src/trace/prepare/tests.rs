@@ -43,7 +43,7 @@ pub(crate) fn filled(
 
 /// Every field that a hit depends on is that of the scalar code, bit for bit, for rays of all
 /// kinds, on every instruction set. The fields that only steps at nodes depend on are compared with
-/// those of one ray prepared alone, by the tests of [`crate::query::prepare_one`].
+/// those of one ray prepared alone, by the tests of [`query::prepare_one`](crate::query::prepare_one).
 #[test]
 fn lanes_equal_the_scalar_code() {
     let bounds = Aabb { lo: [-1.0, -2.0, 0.5], hi: [3.0, 1.0, 4.0] };

@@ -70,7 +70,7 @@ pub struct Buffers {
 }
 
 impl Buffers {
-    /// Only the counters that [`crate::build::schedule::build`] asks for, for a mesh of this many
+    /// Only the counters that [`build::schedule::build`](crate::build::schedule::build) asks for, for a mesh of this many
     /// triangles.
     pub fn new(triangles: u32) -> Buffers {
         Buffers { counters: Counters::at_start(triangles), ..Buffers::default() }
@@ -144,7 +144,7 @@ impl Buffers {
         self.list(buffer)?.bytes(length)
     }
 
-    /// A copy of the live bytes of a buffer, as [`crate::build::lockstep::Inspect`] asks for it. Empty for the
+    /// A copy of the live bytes of a buffer, as [`build::lockstep::Inspect`](crate::build::lockstep::Inspect) asks for it. Empty for the
     /// input, and for buffers that stand for several.
     ///
     /// # Errors
@@ -158,7 +158,7 @@ impl Buffers {
         Ok(copy)
     }
 
-    /// As [`crate::build::schedule::Executor::swap`].
+    /// As [`build::schedule::Executor::swap`](crate::build::schedule::Executor::swap).
     ///
     /// # Errors
     /// Buffers that the schedule does not exchange.
@@ -183,7 +183,7 @@ impl Buffers {
         Ok(())
     }
 
-    /// The tree that [`crate::build::schedule::build`] has left here. `bounds` are those of all triangles kept: the
+    /// The tree that [`build::schedule::build`](crate::build::schedule::build) has left here. `bounds` are those of all triangles kept: the
     /// cell of the root that [`Kernel::ScanTriangles`] makes.
     pub fn into_tree(self, bounds: Aabb, config: BuildConfig) -> KdTree {
         let Buffers { mut nodes, leaf_references: mut references, counters, .. } = self;

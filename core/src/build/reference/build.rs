@@ -11,7 +11,7 @@ use crate::tree::KdTree;
 /// Builds a tree on the calling thread, with nothing but the core: the same bytes as every backend.
 ///
 /// Ignores the layout in the options: it says what queries read, and the reference traversal
-/// ([`crate::query::traverse`]) reads the tree itself.
+/// ([`query::traverse`](crate::query::traverse)) reads the tree itself.
 ///
 /// # Errors
 /// A configuration out of range, a limit that binds, a watch that cancels the build, and

@@ -33,7 +33,7 @@ pub struct ReferenceExecutor<'a, A = Strict> {
 }
 
 impl<'a> ReferenceExecutor<'a> {
-    /// An executor ready for [`crate::build::schedule::build`].
+    /// An executor ready for [`build::schedule::build`](crate::build::schedule::build).
     ///
     /// # Errors
     /// A configuration out of range.
@@ -98,7 +98,7 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
         &self.budget
     }
 
-    /// The tree that [`crate::build::schedule::build`] has built.
+    /// The tree that [`build::schedule::build`](crate::build::schedule::build) has built.
     pub fn into_tree(self) -> KdTree {
         self.buffers.into_tree(self.bounds, self.config)
     }

@@ -1,9 +1,9 @@
-//! The reference builder: every kernel of the schedule, serial and written to be read.
+//! The reference builder: every kernel of the schedule, serial and written for readability.
 //!
 //! [`kernels`] is the specification. Each kernel is a function over one item of its grid. It reads
 //! whole buffers, live ranges only, and returns or fills what that item writes. The backends'
 //! kernels are twins of these: they may do the work in any order, and must leave the same bytes.
-//! [`crate::build::lockstep::Lockstep`] checks that, dispatch by dispatch.
+//! [`build::lockstep::Lockstep`](crate::build::lockstep::Lockstep) checks that, dispatch by dispatch.
 //!
 //! [`ReferenceExecutor`] runs the kernels one item at a time over [`Buffers`], and [`build`]
 //! makes a tree with it. That takes a few times as long as the CPU backend on one thread, but needs

@@ -1,7 +1,7 @@
 //! Prepared rays for queries, and the ray/triangle tests.
 //!
 //! The watertight test is that of Woop, Benthin and Wald 2013 on exact signs, in guarded arithmetic
-//! (see [`crate::arithmetic`]). Its answer is a function of the ray and the mesh alone, independent
+//! (see [`arithmetic`](crate::arithmetic)). Its answer is a function of the ray and the mesh alone, independent
 //! of tree, traversal and backend; [`watertight`] says which function.
 
 mod closer_look;

@@ -72,7 +72,7 @@ impl WalkRay for Walker {
 
 /// The closest hit of a ray, exactly.
 ///
-/// `tree` must be valid (see [`crate::tree::validate`]).
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
 pub fn closest_hit(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),

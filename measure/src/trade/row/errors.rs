@@ -37,7 +37,7 @@ impl Apart {
     }
 }
 
-/// Answers that differ from the exact ones; what each word means is in [`crate::trade::judge`].
+/// Answers that differ from the exact ones; what each word means is in [`trade::judge`](crate::trade::judge).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Errors {

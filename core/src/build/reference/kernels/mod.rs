@@ -1,4 +1,4 @@
-//! The kernels, one per file, named as in [`crate::kernel::Kernel`]: what one item of each grid
+//! The kernels, one per file, named as in [`kernel::Kernel`](crate::kernel::Kernel): what one item of each grid
 //! does.
 //!
 //! | kernel | an item of its grid |
