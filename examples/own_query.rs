@@ -6,7 +6,8 @@ use splitplane::core::exact::{ExactRay, meet};
 use splitplane::core::query::traverse::Triangles;
 use splitplane::{Backend, BuildOptions, CpuBackend, Culling, KdTree, Mesh, Ray};
 
-/// From where the ray first enters a closed surface to where it first leaves one after that.
+/// From where the ray first enters a closed surface to where it first leaves one after that. `None` also where the ray starts
+/// inside, since its first exit has no entry.
 fn thickness(tree: &KdTree, mesh: &Mesh<'_>, ray: &Ray) -> Option<f32> {
     let exact = ExactRay::new(ray)?;
     let (mut entry, mut exit) = (f32::INFINITY, f32::INFINITY);

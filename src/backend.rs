@@ -197,7 +197,7 @@ impl BackendKind {
     /// All names, in the order a help text lists them.
     pub const ALL: [BackendKind; 3] = [BackendKind::Auto, BackendKind::Cpu, BackendKind::Wgpu];
 
-    /// The name on the command line and in reports.
+    /// The name that [`FromStr`] reads; also used in reports.
     pub const fn name(self) -> &'static str {
         match self {
             BackendKind::Auto => "auto",
@@ -363,7 +363,6 @@ mod tests {
 
     #[cfg(feature = "cpu")]
     #[test]
-    #[cfg(feature = "cpu")]
     fn auto_takes_the_cpu_for_what_only_it_can_build() {
         let options = OpenOptions { preset: Preset::Best, ..OpenOptions::default() };
         let opened = BackendKind::Auto.open_with(&options).unwrap();
@@ -371,6 +370,7 @@ mod tests {
         assert_eq!(opened.reason, "auto: the CPU, since preset best is built on the CPU only");
     }
 
+    #[cfg(feature = "cpu")]
     #[test]
     fn auto_says_what_it_took_and_why() {
         let opened = BackendKind::Auto.open().unwrap();

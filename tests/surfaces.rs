@@ -17,7 +17,7 @@ use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::grazing::{Kind, Shape, Surface, Volley};
 use splitplane_test_support::scenes::parse_obj;
 use splitplane_test_support::surfaces::{
-    Asked, OneLeaf, Tally, Way, ask, compare, examine, judge, ray_of, seed_of, volleys,
+    Asked, OneLeaf, QueryMode, Tally, ask, compare, examine, judge, ray_of, seed_of, volleys,
 };
 
 /// A way to make what is asked.
@@ -70,10 +70,10 @@ fn examine_surface(surface: &Surface, volleys: &[Volley], asked: &[Configuration
         let expected = one_leaf.closest(&volley.rays, &volley.options);
         let contradictions = one_leaf.contradictions(volley, &expected);
         assert_eq!(contradictions, Vec::<usize>::new(), "of the reference, {:?}", surface.seed);
-        let ways: Vec<[Way; 2]> = (0..asked.len())
+        let ways: Vec<[QueryMode; 2]> = (0..asked.len())
             .map(|i| {
                 let turn = turn + i + surface.seed as usize;
-                [Way::CLOSEST[turn % 3], Way::ANY[(turn / 3) % 3]]
+                [QueryMode::CLOSEST[turn % 3], QueryMode::ANY[(turn / 3) % 3]]
             })
             .collect();
         let asked: Vec<Asked<'_>> = asked
@@ -135,7 +135,7 @@ fn limits_at_a_hit_include_it() {
         let options = BuildOptions::from(Preset::ALL[number % 3]);
         let tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
         for volley in volleys(&surface, 200) {
-            let hits = ask(&tree, &volley.rays, &volley.options, Way::Together, 0);
+            let hits = ask(&tree, &volley.rays, &volley.options, QueryMode::Together, 0);
             for from in [true, false] {
                 let (mut rays, mut expected) = (Vec::new(), Vec::new());
                 for (ray, hit) in volley.rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
@@ -143,7 +143,7 @@ fn limits_at_a_hit_include_it() {
                     rays.push(ray.with_limits(limits.0, limits.1));
                     expected.push(*hit);
                 }
-                let again = ask(&tree, &rays, &volley.options, Way::Shuffled, number as u64);
+                let again = ask(&tree, &rays, &volley.options, QueryMode::Shuffled, number as u64);
                 for ((ray, expected), found) in rays.iter().zip(&expected).zip(&again) {
                     assert_eq!(found, expected, "{shape:?} {number}: {ray:?}");
                 }
@@ -255,7 +255,7 @@ fn planted_hits_are_found() {
             let mesh = surface.scene.mesh();
             let built = backend.build(&mesh, &BuildOptions::default()).expect("a tree");
             for volley in volleys(&surface, 60) {
-                let hits = ask(&*built, &volley.rays, &volley.options, Way::Together, 0);
+                let hits = ask(&*built, &volley.rays, &volley.options, QueryMode::Together, 0);
                 tally.add(judge(&surface, &surface.scene.triangles(), &volley, &hits));
             }
         }
@@ -275,10 +275,10 @@ fn every_way_of_asking_is_compared() {
     let mesh = surface.scene.mesh();
     let built = CpuBackend::new().build(&mesh, &BuildOptions::default()).expect("a tree");
     let volley = &volleys(&surface, 40)[0];
-    for way in Way::CLOSEST.into_iter().chain(Way::ANY) {
+    for way in QueryMode::CLOSEST.into_iter().chain(QueryMode::ANY) {
         let name = ["cpu".to_owned()];
         let asked = [Asked { name: &name, accelerator: &*built, ways: &[way] }];
-        let right = ask(&*built, &volley.rays, &volley.options, Way::Singly, 0);
+        let right = ask(&*built, &volley.rays, &volley.options, QueryMode::Singly, 0);
         let tally = compare(&surface, volley, &right, &asked);
         assert_eq!((tally.answers, tally.different, tally.disagreeing), (40, 0, 0), "{way:?}");
         let mut wrong = right.clone();
@@ -288,5 +288,5 @@ fn every_way_of_asking_is_compared() {
         assert_eq!(tally.different + tally.disagreeing, 1, "{way:?}");
     }
     let far: Ray = Ray::new([1e30; 3], [1.0; 3]);
-    assert_eq!(ask(&*built, &[far], &volley.options, Way::Singly, 0), [Hit::MISS]);
+    assert_eq!(ask(&*built, &[far], &volley.options, QueryMode::Singly, 0), [Hit::MISS]);
 }

@@ -14,6 +14,9 @@ mod trace;
 
 pub use accelerator::CpuAccelerator;
 pub use backend::CpuBackend;
-pub use build::twin::{CpuExecutor, buffers};
+pub use build::twin::CpuExecutor;
+#[doc(hidden)]
+pub use build::twin::buffers;
+#[doc(hidden)]
 pub use memory::Memory;
 pub use simd::InstructionSet;

@@ -40,9 +40,9 @@ impl Watch for Ends {
 }
 
 /// Keeps the reported number of finished rays.
-struct Told(Mutex<Vec<u64>>);
+struct DoneCounts(Mutex<Vec<u64>>);
 
-impl Watch for Told {
+impl Watch for DoneCounts {
     fn progress(&self, progress: &Progress) -> ControlFlow<()> {
         self.0.try_lock().unwrap().push(progress.done);
         ControlFlow::Continue(())
@@ -158,7 +158,7 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
         Ok(())
     };
     assert!(ends_anywhere(any, cancelled) >= 2);
-    let told = Told(Mutex::default());
+    let told = DoneCounts(Mutex::default());
     let mut hits = vec![Hit::MISS; rays.len()];
     built.closest_hits(&rays, &mut hits, &QueryOptions { watch: Some(&told), ..exactly }).unwrap();
     let told = told.0.into_inner().unwrap();

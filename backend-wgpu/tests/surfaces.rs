@@ -12,7 +12,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::grazing::{Kind, Shape, Surface, Volley};
 use splitplane_test_support::surfaces::{
-    Asked, OneLeaf, Tally, Way, compare, examine, seed_of, volleys,
+    Asked, OneLeaf, QueryMode, Tally, compare, examine, seed_of, volleys,
 };
 use splitplane_wgpu::{Queries, WgpuAccelerator};
 
@@ -31,8 +31,11 @@ fn examine_surface(queries: &Arc<Queries>, surface: &Surface, preset: Preset) ->
         .expect("an upload");
     let one_leaf = OneLeaf::new(&mesh);
     let name = [format!("preset {}", preset.name()), "wgpu".to_owned()];
-    let asked =
-        [Asked { name: &name, accelerator: &device, ways: &[Way::Together, Way::AnyTogether] }];
+    let asked = [Asked {
+        name: &name,
+        accelerator: &device,
+        ways: &[QueryMode::Together, QueryMode::AnyTogether],
+    }];
     let mut tally = Tally { surfaces: 1, ..Tally::default() };
     // Of rays from inside none may miss; the others go together, whatever else was asked with them.
     let (inside, others): (Vec<Volley>, Vec<Volley>) =

@@ -34,7 +34,7 @@ impl Preset {
     /// All presets, by build time.
     pub const ALL: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
 
-    /// The preset's name on the command line and in reports.
+    /// The name that [`FromStr`](core::str::FromStr) reads; also used in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Fast => "fast",
@@ -167,7 +167,8 @@ pub struct Sweep {
 }
 
 /// All settings that shape a tree. Equal mesh and equal configuration give equal bytes on every
-/// backend and thread count.
+/// backend and thread count. The other way round: every field has an effect, so trees of different configurations
+/// differ on some mesh, except where both costs are multiplied by one factor.
 ///
 /// Start from a [`Preset`] and change what you need:
 ///
@@ -504,7 +505,7 @@ mod tests {
         }
     }
 
-    /// Equal trees have equal configurations: no word can hold what the builder does not read.
+    /// No word can hold what the builder does not read.
     #[test]
     fn words_of_other_builders_are_refused() {
         let others: [&[usize]; 3] = [&[9, 11, 12], &[11, 12], &[4, 5, 8, 9]];

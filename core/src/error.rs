@@ -95,7 +95,7 @@ pub enum BuildError {
         /// What differs.
         reason: String,
     },
-    /// A mesh on a device whose counts do not fit its buffers.
+    /// The counts of a mesh on the device do not fit its buffers.
     #[error("the mesh cannot be used: {reason}")]
     InvalidMesh {
         /// What is wrong with it.

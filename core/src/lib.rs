@@ -21,6 +21,7 @@ pub mod kernel;
 pub mod layout;
 pub mod mesh;
 pub mod query;
+#[doc(hidden)]
 pub mod random;
 pub mod ray;
 #[cfg(feature = "alloc")]

@@ -132,7 +132,7 @@ impl Accuracy {
     /// All of them, in ascending order of their guarantees.
     pub const ALL: [Accuracy; 3] = [Accuracy::Fast, Accuracy::Watertight, Accuracy::Exact];
 
-    /// The name on the command line and in reports.
+    /// The name that [`FromStr`](core::str::FromStr) reads; also used in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Accuracy::Fast => "fast",

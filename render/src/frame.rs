@@ -31,6 +31,7 @@ pub struct FrameInput<'a> {
 
 /// The statistics of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct FrameStats {
     /// The plan by which it was rendered.
     pub plan: Plan,

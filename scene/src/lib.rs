@@ -68,6 +68,7 @@ pub struct Scene {
 
 /// What a reader left out or found odd. Nothing is dropped without being counted here.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Notes {
     /// Points, lines and faces of fewer than three corners, which have no area to hit.
     pub skipped_elements: u64,

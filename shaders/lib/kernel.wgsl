@@ -1,4 +1,4 @@
-// Twin of core/src/kernel.rs: counters, and the part of a grid that a workgroup takes.
+// Twin of core/src/kernel/builder.rs: counters, and the part of a grid that a workgroup takes.
 // Needs the bindings `parameters` and `counters`.
 
 const CHUNK: u32 = 256u;

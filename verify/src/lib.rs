@@ -43,6 +43,7 @@ const SPOT_TESTS: u64 = 50_000_000;
 
 /// What a check found.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Report {
     /// Rays traced.
     pub rays: u64,

@@ -208,6 +208,7 @@ impl DebugView {
 
 /// What a frame took and what it is of.
 #[derive(Clone, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct FrameReport {
     /// Time to bring triangles to where they are at [`FrameRequest::time`]; 0 when they stood still.
     pub update_ms: f64,
@@ -231,6 +232,7 @@ pub struct FrameReport {
 
 /// Counts and cost of a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct TreeReport {
     /// All nodes.
     pub nodes: usize,

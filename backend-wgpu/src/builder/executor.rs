@@ -11,7 +11,7 @@ use super::capacities::{Capacities, binding_limit};
 use crate::device::executor::CopyOut;
 use crate::device::gpu::Gpu;
 use crate::device::{
-    BindGroups, DeviceExecutor, DeviceSet, Job, Looking, Piece, Pipelines, Round, Text,
+    BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
 };
 use crate::error::GpuError;
 use crate::query::Queries;
@@ -159,7 +159,7 @@ impl Job for Build<'_> {
         counters[Counter::Overflow] != 0
     }
 
-    fn may_look(&self, counters: &Counters) -> Result<(), GpuError> {
+    fn check_counters(&self, counters: &Counters) -> Result<(), GpuError> {
         if self.is_void(counters) {
             // The capacities were made as large as the device allows: counts now go beyond them.
             let (allowed, limit) = self.room;
@@ -201,7 +201,7 @@ impl<'a> WgpuExecutor<'a> {
         capacities: Capacities,
     ) -> WgpuExecutor<'a> {
         let build = Build::new(gpu, buffers, capacities, 0, true);
-        DeviceExecutor::new(gpu, pipelines, build, Looking::Always)
+        DeviceExecutor::new(gpu, pipelines, build, LoopControl::ReadCounters)
     }
 
     /// Records the kernel that finds the range of the triangles' coordinates, for queries.

@@ -23,7 +23,7 @@ use super::shared::{Pooled, Shared};
 use super::source::Source;
 use crate::device::gpu::Gpu;
 use crate::device::profile::Profile;
-use crate::device::{Looking, Pipelines};
+use crate::device::{LoopControl, Pipelines};
 use crate::error::GpuError;
 
 /// The device work of a build.
@@ -195,7 +195,7 @@ impl PendingBuild {
         let (gpu, pipelines): (&Gpu, &Pipelines) = (&shared.gpu, &shared.pipelines);
         let buffers = self.buffers.as_mut().expect("until finished");
         let build = Build::new(gpu, buffers, self.capacities, levels, from_start);
-        let mut executor = WgpuExecutor::new(gpu, pipelines, build, Looking::Never)
+        let mut executor = WgpuExecutor::new(gpu, pipelines, build, LoopControl::Recorded)
             .limited(shared.max_workgroups());
         if let Some(profile) = &mut self.profile {
             executor = executor.profiled(profile);
@@ -300,7 +300,7 @@ impl PendingBuild {
             } else if submitted.elapsed() > timeout {
                 return Err(GpuError::TimedOut { seconds: timeout.as_secs() }.into());
             }
-            std::thread::sleep(BETWEEN_LOOKS);
+            std::thread::sleep(POLL_INTERVAL);
         }
     }
 
@@ -332,7 +332,7 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
 }
 
 /// Interval between two calls of the watch.
-const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
+const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
 /// little from frame to frame.

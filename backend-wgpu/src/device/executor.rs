@@ -57,7 +57,7 @@ pub trait Job {
     ///
     /// # Errors
     /// Why not.
-    fn may_look(&self, _counters: &Self::Counters) -> Result<(), Self::Error> {
+    fn check_counters(&self, _counters: &Self::Counters) -> Result<(), Self::Error> {
         Ok(())
     }
 
@@ -110,11 +110,11 @@ pub struct CopyOut {
 
 /// How the executor decides whether a loop continues.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Looking {
+pub enum LoopControl {
     /// As [`Job::round`] says; the counters, read later, tell whether that sufficed.
-    Never,
+    Recorded,
     /// It submits what is recorded and reads the counter.
-    Always,
+    ReadCounters,
 }
 
 /// An executor on a device. Dispatches are recorded; submitting them is up to its creator.
@@ -123,7 +123,7 @@ pub struct DeviceExecutor<'a, J: Job> {
     gpu: &'a Gpu,
     pipelines: &'a Pipelines,
     job: J,
-    looking: Looking,
+    loops: LoopControl,
     profile: Option<&'a mut Profile<J::Set>>,
     /// By kernel, once it was needed.
     compiled: Vec<Option<Compiled>>,
@@ -145,13 +145,13 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         gpu: &'a Gpu,
         pipelines: &'a Pipelines,
         job: J,
-        looking: Looking,
+        loops: LoopControl,
     ) -> DeviceExecutor<'a, J> {
         DeviceExecutor {
             gpu,
             pipelines,
             job,
-            looking,
+            loops,
             profile: None,
             compiled: vec![None; J::Set::KERNELS.len()],
             pieces: Vec::new(),
@@ -357,13 +357,13 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn pending(&mut self, counter: SetCounter<J>, rounds: u32) -> Result<bool, J::Error> {
         let Round { goes_on, submit } = self.job.round(counter, rounds);
-        match self.looking {
-            Looking::Always => {
+        match self.loops {
+            LoopControl::ReadCounters => {
                 let counters = self.counters()?;
                 // Void work need not be finished.
                 Ok(!self.job.is_void(&counters) && counters[counter] > 0)
             }
-            Looking::Never => {
+            LoopControl::Recorded => {
                 if submit {
                     self.submit()?;
                 }
@@ -379,7 +379,7 @@ impl<J: Job> Inspect<J::Set> for DeviceExecutor<'_, J> {
         if is_counters::<J>(buffer) {
             return Ok(bytemuck::bytes_of(&counters).to_vec());
         }
-        self.job.may_look(&counters)?;
+        self.job.check_counters(&counters)?;
         let row = J::Set::buffer(buffer);
         match (row.live, self.held(buffer)) {
             (Some(length), Some(held)) => {

@@ -19,6 +19,6 @@ pub mod readback;
 pub(crate) mod scope;
 
 pub use bindings::BindGroups;
-pub use executor::{DeviceExecutor, Job, Looking, Piece, Round};
+pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
 pub use kernel_set::{DeviceSet, Text};
 pub use pipelines::{Compiled, Pipelines};

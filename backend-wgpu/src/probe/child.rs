@@ -7,7 +7,7 @@ use std::time::Duration;
 
 #[cfg(doc)]
 use super::Probe;
-use super::outcome::{over, say, told};
+use super::outcome::{encode, over, say};
 use crate::backend::WgpuBackend;
 use crate::device::adapters::{Adapter, Adapters};
 use crate::device::gpu::Gpu;
@@ -71,7 +71,7 @@ impl Asked {
             ..OpenOptions::default()
         };
         match adapter.open(&options) {
-            Ok(gpu) => told(tested(gpu)),
+            Ok(gpu) => encode(tested(gpu)),
             Err(OpenError::DriverLimit { doing, limit, .. }) => over(&doing, limit),
             Err(OpenError::Unusable { reason, .. }) => say("failed", reason),
             Err(error) => say("failed", error),

@@ -52,7 +52,7 @@ pub(super) fn say(word: &str, text: impl Display) -> String {
 }
 
 /// The line about what the self-test found, or why it did not.
-pub(super) fn told(tested: Result<Parity, GpuError>) -> String {
+pub(super) fn encode(tested: Result<Parity, GpuError>) -> String {
     match tested {
         Ok(Parity::Bitwise) => say("bitwise", ""),
         Ok(Parity::Structural(difference)) => say("structural", difference),
@@ -79,16 +79,16 @@ mod tests {
     #[test]
     fn what_the_child_says_comes_across() {
         let across = |line: String| parse(line.strip_prefix(MARK)?.trim_end(), BOUNDS);
-        assert_eq!(across(told(Ok(Parity::Bitwise))), Some(Tried::Parity(Parity::Bitwise)));
+        assert_eq!(across(encode(Ok(Parity::Bitwise))), Some(Tried::Parity(Parity::Bitwise)));
         let structural = Parity::Structural("the quotient of 1 and 3".into());
-        assert_eq!(across(told(Ok(structural.clone()))), Some(Tried::Parity(structural)));
+        assert_eq!(across(encode(Ok(structural.clone()))), Some(Tried::Parity(structural)));
         let refused = GpuError::Refused("line one\nsplitplane probe: bitwise".into());
-        let line = told(Err(refused));
+        let line = encode(Err(refused));
         assert_eq!(line.lines().count(), 1);
         assert!(matches!(across(line), Some(Tried::Failed(text)) if text.ends_with("bitwise")));
         for limit in [DriverLimit::Time(BOUNDS.time), DriverLimit::Memory(BOUNDS.memory)] {
             let doing = "compiling `x y`".to_owned();
-            let line = told(Err(GpuError::DriverLimit { doing: doing.clone(), limit }));
+            let line = encode(Err(GpuError::DriverLimit { doing: doing.clone(), limit }));
             assert_eq!(across(line), Some(Tried::Exceeded { doing, limit }));
         }
         assert_eq!(parse("what a driver prints", BOUNDS), None);

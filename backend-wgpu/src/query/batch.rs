@@ -45,7 +45,7 @@ impl Marked {
 }
 
 /// Interval between two calls of the watch.
-const BETWEEN_LOOKS: Duration = Duration::from_micros(500);
+const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 /// A slice that was submitted.
 struct Pending {
@@ -284,7 +284,7 @@ impl Queries {
         let gpu = self.gpu();
         while !done.load(Acquire) && slice.since.elapsed() < gpu.timeout() {
             ask()?;
-            std::thread::sleep(BETWEEN_LOOKS);
+            std::thread::sleep(POLL_INTERVAL);
             gpu.poll()?;
         }
         Ok(())

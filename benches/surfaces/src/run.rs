@@ -9,7 +9,7 @@ use splitplane_core::triangle::{Triangle, prepare};
 use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::grazing::{Shape, Surface, Volley};
 use splitplane_test_support::surfaces::{
-    Asked, OneLeaf, Tally, Way, ask, compare, judge, seed_of, volleys,
+    Asked, OneLeaf, QueryMode, Tally, ask, compare, judge, seed_of, volleys,
 };
 use splitplane_wgpu::{Gpu, OpenOptions, Queries, WgpuAccelerator};
 use std::fmt;
@@ -131,7 +131,7 @@ impl<'a> Worker<'a> {
         let mut tally = Tally { surfaces: 1, ..Tally::default() };
         let mut all_expected = Vec::new();
         for volley in &volleys {
-            let expected = ask(&*one_leaf, &volley.rays, &volley.options, Way::Together, 0);
+            let expected = ask(&*one_leaf, &volley.rays, &volley.options, QueryMode::Together, 0);
             tally.add(judge(&surface, &triangles, volley, &expected));
             tally.add(self.sample(&surface, volley, &reference, &*one_leaf));
             all_expected.push(expected);
@@ -148,7 +148,7 @@ impl<'a> Worker<'a> {
             let device = WgpuAccelerator::upload(queries, tree, corners, summary)?;
             lap(&mut self.spent.building);
             let name = [format!("preset {}", preset.name()), "wgpu".to_owned()];
-            let ways = [Way::Together, Way::AnyTogether];
+            let ways = [QueryMode::Together, QueryMode::AnyTogether];
             let asked = [Asked { name: &name, accelerator: &device, ways: &ways }];
             for (volley, expected) in volleys.iter().zip(&all_expected) {
                 tally.add(compare(&surface, volley, expected, &asked));
@@ -165,7 +165,8 @@ impl<'a> Worker<'a> {
             lap(&mut self.spent.building);
             // One more once all configurations have had their turn.
             let way = ((turn + turn / count) % 3) as usize;
-            let ways = [Way::CLOSEST[way], Way::ANY[(way + (turn / count / 3) as usize) % 3]];
+            let ways =
+                [QueryMode::CLOSEST[way], QueryMode::ANY[(way + (turn / count / 3) as usize) % 3]];
             let asked =
                 [Asked { name: &configuration.name, accelerator: &accelerator, ways: &ways }];
             for (volley, expected) in volleys.iter().zip(&all_expected) {
@@ -188,7 +189,7 @@ impl<'a> Worker<'a> {
         let sample = Volley { rays, ..volley.clone() };
         let expected: Vec<Hit> = reference.closest(&sample.rays, &sample.options);
         let name = ["one leaf".to_owned()];
-        let ways = [Way::Together, Way::AnyTogether];
+        let ways = [QueryMode::Together, QueryMode::AnyTogether];
         let asked = [Asked { name: &name, accelerator: one_leaf, ways: &ways }];
         compare(surface, &sample, &expected, &asked)
     }

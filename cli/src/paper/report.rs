@@ -36,12 +36,12 @@ impl Arguments {
             files.iter().map(|name| self.out.join(name).display().to_string()).collect();
         if self.json {
             #[derive(serde::Serialize)]
-            struct Told<'a> {
+            struct Output<'a> {
                 #[serde(flatten)]
                 report: &'a Report,
                 output: Vec<String>,
             }
-            return print_json(&Told { report, output: paths });
+            return print_json(&Output { report, output: paths });
         }
         if self.quiet {
             return Ok(());

@@ -54,13 +54,13 @@ impl Arguments {
     ) -> Result<(), Failure> {
         if self.json {
             #[derive(serde::Serialize)]
-            struct Told<'a> {
+            struct Output<'a> {
                 #[serde(flatten)]
                 trade: &'a Trade,
                 comparison: Option<&'a Comparison>,
                 output: Vec<String>,
             }
-            return print_json(&Told { trade, comparison, output });
+            return print_json(&Output { trade, comparison, output });
         }
         if self.quiet {
             return Ok(());

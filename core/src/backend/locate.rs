@@ -34,7 +34,7 @@ pub fn locate_along(
     for (done, (&point, winding)) in points.iter().zip(&mut located.windings).enumerate() {
         let done = done as u64;
         let point_watch = watch.map(|watch| OfPoint { watch, done, total });
-        let told: Option<&dyn Watch> = match &point_watch {
+        let watch: Option<&dyn Watch> = match &point_watch {
             Some(watch) => Some(watch),
             None => None,
         };
@@ -42,13 +42,12 @@ pub fn locate_along(
             QueryError::Cancelled { .. } => QueryError::Cancelled { done, total },
             error => error,
         };
-        let exactly =
-            QueryOptions { accuracy: Accuracy::Exact, watch: told, ..QueryOptions::default() };
-        let all = AllHitsOptions { max_memory: room, watch: told, ..AllHitsOptions::default() };
+        let exactly = QueryOptions { accuracy: Accuracy::Exact, watch, ..QueryOptions::default() };
+        let all = AllHitsOptions { max_memory: room, watch, ..AllHitsOptions::default() };
         let rays = boundary_rays(point);
         let mut on = [false; 3];
-        let told = accelerator.any_hits(&rays, &mut on, &exactly).map_err(place)?;
-        let mut by_cpu = told.answered_by_cpu > 0;
+        let answered = accelerator.any_hits(&rays, &mut on, &exactly).map_err(place)?;
+        let mut by_cpu = answered.answered_by_cpu > 0;
         if on.contains(&true) {
             *winding = None;
             located.report.answered_by_cpu += u64::from(by_cpu);

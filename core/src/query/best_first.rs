@@ -207,12 +207,12 @@ mod tests {
     use crate::tree::node::{Axis, KdNode};
 
     /// A leaf by its index: its cell, and the greatest bound on the way to it.
-    type Way = (f64, u32, Aabb);
+    type Path = (f64, u32, Aabb);
 
     /// Cuts a cell until chance says so.
     fn grow(
         nodes: &mut Vec<KdNode>,
-        ways: &mut Vec<Way>,
+        leaves: &mut Vec<Path>,
         (above, cell): (f64, Aabb),
         levels: u32,
         lower_bound: &impl Fn(&Aabb) -> f64,
@@ -222,7 +222,7 @@ mod tests {
         let bound = above.max(lower_bound(&cell));
         let chance = |what: u64| random::hash(seed, &[at as u64, what]);
         if levels == 0 || chance(0).is_multiple_of(6) {
-            ways.push((bound, at as u32, cell));
+            leaves.push((bound, at as u32, cell));
             return nodes.push(KdNode::leaf(at as u32 % 5, chance(1) as u32 % 3));
         }
         let axis = Axis::ALL[chance(2) as usize % 3];
@@ -231,9 +231,9 @@ mod tests {
         left.hi[axis.index()] = split;
         right.lo[axis.index()] = split;
         nodes.push(KdNode::leaf(0, 0));
-        grow(nodes, ways, (bound, left), levels - 1, lower_bound, seed);
+        grow(nodes, leaves, (bound, left), levels - 1, lower_bound, seed);
         nodes[at] = KdNode::interior(axis, split, nodes.len() as u32);
-        grow(nodes, ways, (bound, right), levels - 1, lower_bound, seed);
+        grow(nodes, leaves, (bound, right), levels - 1, lower_bound, seed);
     }
 
     /// All leaves put in order, and taken until one is worse than the best cost.
@@ -259,12 +259,12 @@ mod tests {
             };
             let within = [f64::INFINITY, 9.0, 4.0][round as usize % 3];
             let bounds = Aabb { lo: [0.0, -1.0, 2.0], hi: [4.0, 3.0, 3.0] };
-            let (mut nodes, mut ways) = (Vec::new(), Vec::new());
-            grow(&mut nodes, &mut ways, (f64::NEG_INFINITY, bounds), 7, &lower_bound, round);
+            let (mut nodes, mut leaves) = (Vec::new(), Vec::new());
+            grow(&mut nodes, &mut leaves, (f64::NEG_INFINITY, bounds), 7, &lower_bound, round);
             let config = BuildConfig::default();
             let tree =
                 KdTreeView { nodes: &nodes, references: &references, bounds, triangles: 8, config };
-            ways.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).expect("no NaN"));
+            leaves.sort_by(|a, b| (a.0, a.1).partial_cmp(&(b.0, b.1)).expect("no NaN"));
             for limit in [usize::MAX, 1 + round as usize % 7] {
                 let mut seen = Vec::new();
                 let best = tree.find_best(within, lower_bound, |leaf| {
@@ -279,7 +279,7 @@ mod tests {
                     ControlFlow::Continue(cost(leaf.node))
                 });
                 let (mut expected, mut least) = (Vec::new(), within);
-                for way in &ways {
+                for way in &leaves {
                     if way.0 > least || way.0 == f64::INFINITY {
                         break;
                     }
@@ -291,7 +291,7 @@ mod tests {
                 }
                 assert_eq!((seen.as_slice(), best), (expected.as_slice(), Ok(least)), "{round}");
                 visits += seen.len();
-                ends += usize::from(seen.len() < ways.len());
+                ends += usize::from(seen.len() < leaves.len());
             }
         }
         assert!(visits > 5_000 && ends > 2_000, "{visits} {ends}");

@@ -12,8 +12,8 @@ impl Aabb {
     /// `None` where it misses the box, and for a ray that hits nothing or a box that holds nothing.
     ///
     /// Components of the direction below the least normal number, 2^-126, count as 0. Otherwise the interval is never too
-    /// short: a ray that meets the box in exact arithmetic, be it in a corner, along an edge or within a face, is never `None`, and its interval holds the exact one. It is too long by at
-    /// most two units in the last place of each end. A ray that misses the box by less than a part in 2^50 of
+    /// short: a ray that meets the box in exact arithmetic, be it in a corner, along an edge or within a face, is never `None`, and its
+    /// interval holds the exact one. It is too long by at most two units in the last place of each end. A ray that misses the box by less than a part in 2^50 of
     /// the distance may count as meeting it.
     ///
     /// Traversal does not call this: [`query::traverse`](crate::query::traverse) has each node's interval from its parent's.

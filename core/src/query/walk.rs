@@ -1,7 +1,7 @@
 //! The walk of a ray down a tree: from leaf to leaf, near ones first, without recursion or allocation.
 //!
 //! This is the one loop over the nodes of a tree that follows a ray (Havran 2000). The reference
-//! traversal ([`query::traverse`](crate::query::traverse)), the exact one ([`exact`](crate::exact)), the one of a certain device
+//! traversal ([`query::traverse`](crate::query::traverse)), the exact one ([`traverse::exact`](crate::query::traverse::exact)), the one of a certain device
 //! ([`query::certify`](crate::query::certify)) and users' own queries
 //! ([`KdTreeView::visit_along`](crate::tree::KdTreeView::visit_along)) are visitors of it. They
 //! differ in how distances are computed, which is a [`WalkRay`], and in what is done at a leaf,
@@ -73,7 +73,7 @@ impl<T, F: FnMut(Leaf<T>) -> ControlFlow<(), T>> Visitor<T> for F {
 ///
 /// # Panics
 /// Where nodes name children that do not exist, or are deeper than [`MAX_DEPTH`]. Nodes that name themselves or
-/// those before them may keep it going for ever.
+/// those before them may make it loop forever.
 #[inline(always)]
 pub fn walk<R: WalkRay, V: Visitor<R::T>>(
     nodes: &[KdNode],

@@ -65,6 +65,7 @@ impl RayCost {
 
 /// Measures of a finished tree.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct TreeStats {
     /// All nodes.
     pub nodes: usize,

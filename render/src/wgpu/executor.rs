@@ -12,7 +12,7 @@ use splitplane_core::ray::Accuracy;
 use splitplane_shaders::{RenderFeatures, TriangleTest, render_parts};
 use splitplane_wgpu::Gpu;
 use splitplane_wgpu::device::{
-    BindGroups, DeviceExecutor, DeviceSet, Job, Looking, Piece, Pipelines, Round, Text,
+    BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
 };
 use wgpu::BufferBinding;
 
@@ -75,11 +75,11 @@ pub(super) fn executor<'a>(
     buffers: &'a mut Buffers,
     plan: Plan,
     features: RenderFeatures,
-    looking: Looking,
+    loops: LoopControl,
 ) -> WgpuExecutor<'a> {
     let radiance = buffers.get(Buffer::Radiance).cloned();
     let frame = FrameJob { gpu, buffers, plan, features, wave: 0 };
-    let mut executor = DeviceExecutor::new(gpu, pipelines, frame, looking);
+    let mut executor = DeviceExecutor::new(gpu, pipelines, frame, loops);
     // The values that the schedule expects to be zero.
     if let Some(radiance) = radiance.filter(|_| plan.outputs().shades()) {
         executor.encoder().clear_buffer(&radiance, 0, Some(plan.bytes(Buffer::Radiance)));

@@ -12,7 +12,7 @@ use crate::schedule;
 use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
-use splitplane_wgpu::device::{Looking, Pipelines};
+use splitplane_wgpu::device::{LoopControl, Pipelines};
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -206,7 +206,8 @@ impl WgpuRenderer {
         let submissions = gpu.guard(|| -> Result<u32, RenderError> {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
             let counters = buffers.get(Buffer::Counters).cloned();
-            let mut executor = executor(&gpu, pipelines, buffers, plan, features, Looking::Never);
+            let mut executor =
+                executor(&gpu, pipelines, buffers, plan, features, LoopControl::Recorded);
             schedule::frame(&mut executor, &plan)?;
             if let Some(counters) = counters {
                 executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, 64);
@@ -316,7 +317,7 @@ impl WgpuRenderer {
         let out = gpu.guard(|| {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
             buffers.fill(&gpu, plan);
-            run(executor(&gpu, pipelines, buffers, *plan, features, Looking::Always))
+            run(executor(&gpu, pipelines, buffers, *plan, features, LoopControl::ReadCounters))
         })?;
         Ok(out)
     }

@@ -50,7 +50,7 @@ impl OneLeaf {
 
 /// A way to ask.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Way {
+pub enum QueryMode {
     /// Closest hits, one ray a call.
     Singly,
     /// Closest hits of a batch in which neighbours stay together.
@@ -65,26 +65,28 @@ pub enum Way {
     AnyShuffled,
 }
 
-impl Way {
+impl QueryMode {
     /// Closest hits.
-    pub const CLOSEST: [Way; 3] = [Way::Singly, Way::Together, Way::Shuffled];
+    pub const CLOSEST: [QueryMode; 3] =
+        [QueryMode::Singly, QueryMode::Together, QueryMode::Shuffled];
     /// Any hit.
-    pub const ANY: [Way; 3] = [Way::AnySingly, Way::AnyTogether, Way::AnyShuffled];
+    pub const ANY: [QueryMode; 3] =
+        [QueryMode::AnySingly, QueryMode::AnyTogether, QueryMode::AnyShuffled];
 
     /// The name in reports.
     pub const fn name(self) -> &'static str {
         match self {
-            Way::Singly => "singly",
-            Way::Together => "together",
-            Way::Shuffled => "shuffled",
-            Way::AnySingly => "any singly",
-            Way::AnyTogether => "any together",
-            Way::AnyShuffled => "any shuffled",
+            QueryMode::Singly => "singly",
+            QueryMode::Together => "together",
+            QueryMode::Shuffled => "shuffled",
+            QueryMode::AnySingly => "any singly",
+            QueryMode::AnyTogether => "any together",
+            QueryMode::AnyShuffled => "any shuffled",
         }
     }
 
     fn is_any(self) -> bool {
-        Way::ANY.contains(&self)
+        QueryMode::ANY.contains(&self)
     }
 }
 
@@ -94,7 +96,7 @@ pub fn ask(
     accelerator: &dyn Accelerator,
     rays: &[Ray],
     options: &QueryOptions<'_>,
-    way: Way,
+    way: QueryMode,
     seed: u64,
 ) -> Vec<Hit> {
     let some = Hit { t: 0.0, triangle: 0, u: 0.0, v: 0.0 };
@@ -102,26 +104,28 @@ pub fn ask(
     // Results of an earlier batch: one that is left standing is found out.
     let stale = Hit { t: -7.0, triangle: 0xdead, u: 7.0, v: 7.0 };
     match way {
-        Way::Singly => {
+        QueryMode::Singly => {
             let hit = |ray| accelerator.closest_hit(ray, options).unwrap_or(Hit::MISS);
             rays.iter().map(hit).collect()
         }
-        Way::AnySingly => rays.iter().map(|ray| told(accelerator.any_hit(ray, options))).collect(),
-        Way::Together => {
+        QueryMode::AnySingly => {
+            rays.iter().map(|ray| told(accelerator.any_hit(ray, options))).collect()
+        }
+        QueryMode::Together => {
             let mut hits = vec![stale; rays.len()];
             accelerator.closest_hits(rays, &mut hits, options).expect("equal lengths");
             hits
         }
-        Way::AnyTogether => {
+        QueryMode::AnyTogether => {
             let mut any: Vec<bool> = (0..rays.len()).map(|i| i % 2 == 0).collect();
             accelerator.any_hits(rays, &mut any, options).expect("equal lengths");
             any.into_iter().map(told).collect()
         }
-        Way::Shuffled | Way::AnyShuffled => {
+        QueryMode::Shuffled | QueryMode::AnyShuffled => {
             let mut order: Vec<usize> = (0..rays.len()).collect();
             Random::new(seed).shuffle(&mut order);
             let batch: Vec<Ray> = order.iter().map(|&i| rays[i]).collect();
-            let together = if way.is_any() { Way::AnyTogether } else { Way::Together };
+            let together = if way.is_any() { QueryMode::AnyTogether } else { QueryMode::Together };
             let hits = ask(accelerator, &batch, options, together, seed);
             let mut answers = vec![stale; rays.len()];
             order.into_iter().zip(hits).for_each(|(i, hit)| answers[i] = hit);
@@ -132,7 +136,7 @@ pub fn ask(
 
 /// The rays whose answers, asked in one way, are not the expected ones: closest hits to the bit, any hit as to
 /// whether there is one.
-pub fn differences(answers: &[Hit], expected: &[Hit], way: Way) -> Vec<usize> {
+pub fn differences(answers: &[Hit], expected: &[Hit], way: QueryMode) -> Vec<usize> {
     let bits = |hit: &Hit| [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
     let differs = |i: &usize| match way.is_any() {
         true => answers[*i].is_hit() != expected[*i].is_hit(),
@@ -417,7 +421,7 @@ pub struct Asked<'a> {
     /// Which backend is asked.
     pub accelerator: &'a dyn Accelerator,
     /// In which ways.
-    pub ways: &'a [Way],
+    pub ways: &'a [QueryMode],
 }
 
 /// Holds the expected answers to a volley against the surface, and all others against them.
