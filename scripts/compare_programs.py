@@ -3,8 +3,8 @@
 
     scripts/compare_programs.py OLD NEW SCENE... [--backend cpu|wgpu] [--rays N]
 
-OLD and NEW are programs `splitplane`, SCENE what they take for one. For each scene: the tree file of every preset, the answers of every
-kind to the same N rays by every accuracy and layout, and one picture. Exits with 1 where a byte differs.
+OLD and NEW are programs `splitplane`, SCENE what they take for one. For each scene: the tree file of every preset; closest, any and all hits of
+the same N rays by every preset, accuracy and layout; and one picture with the default preset and accuracy. Exits with 1 where a byte differs.
 """
 import argparse
 import hashlib

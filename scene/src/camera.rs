@@ -169,6 +169,17 @@ mod tests {
         Camera::new([0.0, 0.0, 5.0], [0.0; 3], [0.0, 1.0, 0.0], 90.0).unwrap()
     }
 
+    /// Rays take the vectors of glam as they are.
+    #[test]
+    fn rays_are_made_of_vectors() {
+        use glam::Vec3;
+        use splitplane_core::ray::Ray;
+
+        let (a, b) = (Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 6.0, 8.0));
+        assert_eq!(Ray::new(a, b), Ray::new([1.0, 2.0, 3.0], [4.0, 6.0, 8.0]));
+        assert_eq!(Ray::segment(a, b), Ray::new(a, b - a).with_limits(0.0, 1.0));
+    }
+
     #[test]
     fn the_first_ray_is_the_top_left_pixel() {
         let rays = camera().rays(4, 2);
