@@ -324,3 +324,21 @@ pub(crate) fn make_room<T>(
     list.try_reserve_exact(more - list.len())?;
     Ok(true)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_grows_by_what_it_needs_and_at_least_doubles() {
+        let mut list: Vec<u32> = Vec::with_capacity(8);
+        let room = list.capacity();
+        list.resize(room, 0);
+        assert_eq!(growth(&list, 0), 0);
+        assert_eq!(growth(&list, 1), 4 * 2 * room as u64);
+        assert_eq!(growth(&list, 5 * room), 4 * 6 * room as u64);
+        list.pop();
+        assert_eq!(growth(&list, 1), 0);
+        assert_eq!(growth(&list, 2), 4 * 2 * room as u64);
+    }
+}

@@ -236,3 +236,35 @@ pub fn one_by_one(
     go_on_tracing(watch, total, total)?;
     Ok(located)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whichever of the faces the ray leaves through, by whatever index, and inside out.
+    #[test]
+    fn windings_count_backs_less_fronts() {
+        let corners = [[0.0; 3], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 4.0]];
+        let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+        let mut locator = Locator::default();
+        for first in 0..4 {
+            for (inside_out, winding) in [(false, 1), (true, -1)] {
+                let visit = |ray: &Ray, test: &mut Test<'_>| {
+                    let ray = ExactRay::new(ray).expect("a ray");
+                    for index in 0..4 {
+                        let [a, b, c] =
+                            faces[(first + index) % 4].map(|corner: usize| corners[corner]);
+                        let triangle = if inside_out { [a, c, b] } else { [a, b, c] };
+                        test(&ray, &triangle, index as u32);
+                    }
+                };
+                let mut of = |point| locator.winding(point, visit, &mut |_| true);
+                assert_eq!(of([0.5; 3]), Ok(Some(winding)));
+                assert_eq!(of([3.0; 3]), Ok(Some(0)));
+                // In through one face and out through another.
+                assert_eq!(of([-0.5, 0.5, -0.25]), Ok(Some(0)));
+                assert_eq!(of([1.0, 1.0, 0.0]), Ok(None));
+            }
+        }
+    }
+}
