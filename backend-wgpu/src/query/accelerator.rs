@@ -1,14 +1,9 @@
 //! A tree on the device behind the core's `Accelerator`.
 
-use core::any::Any;
 use std::sync::Arc;
 
-use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
-use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
-use splitplane_core::query::inside::{LocateOptions, Located};
-use splitplane_core::query::{inside, traverse};
-use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
+use splitplane_core::ray::{Accuracy, QueryOptions, Ray, Undecided};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::Triangle;
@@ -16,7 +11,7 @@ use splitplane_core::watch::Watch;
 
 use super::batch::Marked;
 use super::pipelines::Queries;
-use super::settle::{Asking, HostScene, list};
+use super::settle::{Asking, HostScene};
 use super::tree::DeviceTree;
 use crate::error::GpuError;
 
@@ -35,11 +30,11 @@ use crate::error::GpuError;
 /// undecided.
 #[derive(Debug)]
 pub struct WgpuAccelerator {
-    queries: Arc<Queries>,
-    device: DeviceTree,
-    tree: KdTree,
-    triangles: Vec<Triangle>,
-    summary: BuildSummary,
+    pub(super) queries: Arc<Queries>,
+    pub(super) device: DeviceTree,
+    pub(super) tree: KdTree,
+    pub(super) triangles: Vec<Triangle>,
+    pub(super) summary: BuildSummary,
 }
 
 impl WgpuAccelerator {
@@ -94,12 +89,12 @@ impl WgpuAccelerator {
         self.device
     }
 
-    fn host_scene(&self) -> HostScene<'_> {
+    pub(super) fn host_scene(&self) -> HostScene<'_> {
         HostScene { tree: self.tree.view(), triangles: &self.triangles }
     }
 
     /// The report on a batch whose marked rays the host has answered.
-    fn report(&self, marked: Marked, options: &QueryOptions<'_>) -> QueryReport {
+    pub(super) fn report(&self, marked: Marked, options: &QueryOptions<'_>) -> QueryReport {
         let mut report = QueryReport::default();
         report.unfinished = marked.unfinished.len() as u64;
         report.undecided = marked.undecided.len() as u64;
@@ -110,61 +105,6 @@ impl WgpuAccelerator {
         }
         report
     }
-
-    fn find_closest_hits(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        let watch = options.watch;
-        let queries = &self.queries;
-        in_slices(rays, hits, options, watch, |rays, hits, watch, asking| {
-            let mut marked =
-                queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
-            if options.accuracy == Accuracy::Exact {
-                if !queries.is_certain() {
-                    hits.fill(Hit { triangle: Hit::UNDECIDED, ..Hit::MISS });
-                    marked = Marked::default();
-                }
-                marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;
-            }
-            for &ray in &marked.unfinished {
-                asking.check()?;
-                hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
-            }
-            Ok(self.report(marked, options))
-        })
-    }
-
-    fn find_any_hits(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        let watch = options.watch;
-        let queries = &self.queries;
-        in_slices(rays, occluded, options, watch, |rays, occluded, watch, asking| {
-            let mut marked =
-                queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
-            if options.accuracy == Accuracy::Exact {
-                if !queries.is_certain() {
-                    marked = Marked { undecided: list(rays.len())?, ..Marked::default() };
-                    marked.undecided.extend(0..rays.len());
-                }
-                if options.undecided == Undecided::Redo {
-                    let undecided = &marked.undecided;
-                    self.host_scene().settle_any(rays, undecided, occluded, options, asking)?;
-                }
-            }
-            for &ray in &marked.unfinished {
-                asking.check()?;
-                occluded[ray] = self.any_hit(&rays[ray], options);
-            }
-            Ok(self.report(marked, options))
-        })
-    }
 }
 
 /// Rays of a slice whose answers the host makes exact before the next, if there is a watch.
@@ -172,7 +112,7 @@ const SLICE: usize = 1 << 16;
 
 /// Answers a batch. If the host processes all rays after the device and there is a watch, it works
 /// in slices, so that rays reported as done are done.
-fn in_slices<T>(
+pub(super) fn in_slices<T>(
     rays: &[Ray],
     answers: &mut [T],
     options: &QueryOptions<'_>,
@@ -207,73 +147,4 @@ fn in_slices<T>(
     }
     asking.check()?;
     Ok(report)
-}
-
-impl Accelerator for WgpuAccelerator {
-    fn tree(&self) -> &KdTree {
-        &self.tree
-    }
-
-    fn summary(&self) -> &BuildSummary {
-        &self.summary
-    }
-
-    /// Bytes on the device; the host copy is not counted.
-    fn query_bytes(&self) -> u64 {
-        self.device.bytes()
-    }
-
-    /// Calls the watch between slices and while the device works on one.
-    fn closest_hits(
-        &self,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.find_closest_hits(rays, hits, options)
-    }
-
-    /// Calls the watch between slices and while the device works on one.
-    fn any_hits(
-        &self,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        self.find_any_hits(rays, occluded, options)
-    }
-
-    /// From the host copy, one ray at a time; the report says so.
-    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
-        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut all = AllHits::one_by_one(&tree, triangles, rays, options)?;
-        all.report.answered_by_cpu = rays.len() as u64;
-        Ok(all)
-    }
-
-    /// From the host copy, one point at a time; the report says so.
-    fn locate(
-        &self,
-        points: &[[f32; 3]],
-        options: &LocateOptions<'_>,
-    ) -> Result<Located, QueryError> {
-        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut located = inside::one_by_one(&tree, triangles, points, options)?;
-        located.report.answered_by_cpu = points.len() as u64;
-        Ok(located)
-    }
-
-    fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
-        Some(self)
-    }
-
-    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
-        let scale = self.device.scene_scale();
-        traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
-    }
-
-    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
-        let scale = self.device.scene_scale();
-        traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
-    }
 }

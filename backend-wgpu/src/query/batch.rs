@@ -9,11 +9,11 @@ use std::time::{Duration, Instant};
 use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::query::traverse::Query;
-use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
 use super::error::DeviceQueryError;
-use super::layout::{RAY_BYTES, UNFINISHED};
+use super::layout::RAY_BYTES;
 use super::pipelines::Queries;
 use super::record::QueryBuffers;
 use super::slices::SliceRays;
@@ -33,7 +33,7 @@ pub struct Marked {
 
 impl Marked {
     /// An error when there are any.
-    fn none(&self) -> Result<(), DeviceQueryError> {
+    pub(super) fn none(&self) -> Result<(), DeviceQueryError> {
         if let Some(&first) = self.unfinished.first() {
             return Err(DeviceQueryError::Unfinished { rays: self.unfinished.len(), first });
         }
@@ -57,129 +57,6 @@ struct Pending {
 }
 
 impl Queries {
-    /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none.
-    ///
-    /// Rays cross to the device in slices that respect its limits and its watchdog; while one slice
-    /// is traced, the next is uploaded.
-    ///
-    /// # Errors
-    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are
-    /// left undecided, or a device that fails; then some of `hits` may hold answers and others
-    /// their old contents; treat all of them as undefined.
-    pub fn closest_hits(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-    ) -> Result<(), DeviceQueryError> {
-        self.closest_hits_marking(tree, rays, hits, options)?.none()
-    }
-
-    /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
-    ///
-    /// # Errors
-    /// As for [`Queries::closest_hits`].
-    pub fn any_hits(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-    ) -> Result<(), DeviceQueryError> {
-        self.any_hits_marking(tree, rays, occluded, options)?.none()
-    }
-
-    /// As [`Queries::closest_hits`], but rays without an answer are no error: returns their indices
-    /// in the batch. Their `hits` must not be used.
-    ///
-    /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
-    /// the device computed, see [`splitplane_core::query::certify`].
-    ///
-    /// # Errors
-    /// `rays` and `hits` of different length, a device that fails, or accuracy `exact` on one whose
-    /// arithmetic is not known to be the CPU's.
-    pub fn closest_hits_marking(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-    ) -> Result<Marked, DeviceQueryError> {
-        self.may_answer(options)?;
-        self.closest_hits_under(tree, rays, hits, options, None)
-    }
-
-    /// As [`Queries::closest_hits_marking`], with a watch.
-    pub(super) fn closest_hits_under(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        hits: &mut [Hit],
-        options: &QueryOptions<'_>,
-        watch: Option<&dyn Watch>,
-    ) -> Result<Marked, DeviceQueryError> {
-        same_length(rays.len(), hits.len())?;
-        let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Closest, watch, |range, bytes| {
-            let first = range.start;
-            let hits = &mut hits[range];
-            bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
-            for (place, hit) in hits.iter().enumerate() {
-                match hit.triangle {
-                    UNFINISHED => push(&mut out.unfinished, first + place)?,
-                    Hit::UNDECIDED => push(&mut out.undecided, first + place)?,
-                    _ => {}
-                }
-            }
-            Ok(())
-        })?;
-        Ok(out)
-    }
-
-    /// As [`Queries::any_hits`], but rays without an answer are no error: returns their indices in
-    /// the batch. Their answers must not be used.
-    ///
-    /// # Errors
-    /// As for [`Queries::closest_hits_marking`].
-    pub fn any_hits_marking(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-    ) -> Result<Marked, DeviceQueryError> {
-        self.may_answer(options)?;
-        self.any_hits_under(tree, rays, occluded, options, None)
-    }
-
-    /// As [`Queries::any_hits_marking`], with a watch.
-    pub(super) fn any_hits_under(
-        &self,
-        tree: &DeviceTree,
-        rays: &[Ray],
-        occluded: &mut [bool],
-        options: &QueryOptions<'_>,
-        watch: Option<&dyn Watch>,
-    ) -> Result<Marked, DeviceQueryError> {
-        same_length(rays.len(), occluded.len())?;
-        let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Any, watch, |range, bytes| {
-            for (place, word) in range.zip(bytes.chunks_exact(4)) {
-                let word = [word[0], word[1], word[2], word[3]];
-                occluded[place] = false;
-                match u32::from_ne_bytes(word) {
-                    1 => occluded[place] = true,
-                    2 => push(&mut out.unfinished, place)?,
-                    3 => push(&mut out.undecided, place)?,
-                    _ => {}
-                }
-            }
-            Ok(())
-        })?;
-        Ok(out)
-    }
-
     /// Most rays of a slice under the limits of the device.
     fn slice_limit(&self) -> u32 {
         let limits = self.gpu().device().limits();
@@ -187,8 +64,9 @@ impl Queries {
         (bytes / RAY_BYTES).clamp(1, u64::from(SliceRays::MOST)) as u32
     }
 
-    /// Traces slices two deep: while the device works on one, the next one is submitted.
-    fn trace_slices(
+    /// Traces slices two deep: while the device works on one, the next one is submitted. `answer` gets
+    /// the places of a slice's rays and the bytes that the kernel wrote for them.
+    pub(super) fn trace_slices(
         &self,
         tree: &DeviceTree,
         rays: &[Ray],
@@ -312,16 +190,4 @@ fn go_on(watch: Option<&dyn Watch>, done: usize, total: usize) -> Result<(), Dev
         true => Err(DeviceQueryError::Cancelled { done, total }),
         false => Ok(()),
     }
-}
-
-/// Adds a place to a list.
-fn push(places: &mut Vec<usize>, place: usize) -> Result<(), DeviceQueryError> {
-    let needed = ((places.len() + 1) * size_of::<usize>()) as u64;
-    places.try_reserve(1).map_err(|_| DeviceQueryError::HostMemory { needed })?;
-    places.push(place);
-    Ok(())
-}
-
-fn same_length(rays: usize, results: usize) -> Result<(), DeviceQueryError> {
-    if rays == results { Ok(()) } else { Err(DeviceQueryError::LengthMismatch { rays, results }) }
 }

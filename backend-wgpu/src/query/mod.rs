@@ -6,6 +6,7 @@
 //! [`splitplane_shaders::traversal`] and [`DeviceTree::bind_group_entries`].
 
 mod accelerator;
+mod answers;
 mod batch;
 mod error;
 mod layout;

@@ -1,0 +1,285 @@
+//! Every query by name: what the device is asked, what its words mean, and what the host answers after it.
+
+use core::any::Any;
+
+use splitplane_core::backend::Accelerator;
+use splitplane_core::error::QueryError;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::query::{inside, traverse};
+use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
+use splitplane_core::report::{BuildSummary, QueryReport};
+use splitplane_core::tree::KdTree;
+use splitplane_core::watch::Watch;
+
+use super::accelerator::{WgpuAccelerator, in_slices};
+use super::batch::Marked;
+use super::error::DeviceQueryError;
+use super::layout::UNFINISHED;
+use super::pipelines::Queries;
+use super::settle::list;
+use super::tree::DeviceTree;
+
+impl Queries {
+    /// The hit of least `(t, triangle)` of every ray; [`Hit::MISS`] where there is none.
+    ///
+    /// Rays cross to the device in slices that respect its limits and its watchdog; while one slice
+    /// is traced, the next is uploaded.
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length, a driver that ends traversals early, rays that are
+    /// left undecided, or a device that fails; then some of `hits` may hold answers and others
+    /// their old contents; treat all of them as undefined.
+    pub fn closest_hits(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<(), DeviceQueryError> {
+        self.closest_hits_marking(tree, rays, hits, options)?.none()
+    }
+
+    /// For every ray, whether it hits anything. As [`Queries::closest_hits`].
+    ///
+    /// # Errors
+    /// As for [`Queries::closest_hits`].
+    pub fn any_hits(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<(), DeviceQueryError> {
+        self.any_hits_marking(tree, rays, occluded, options)?.none()
+    }
+
+    /// As [`Queries::closest_hits`], but rays without an answer are no error: returns their indices
+    /// in the batch. Their `hits` must not be used.
+    ///
+    /// Under accuracy `exact` the triangles of the others are the exact ones; `t` and weights are what
+    /// the device computed, see [`splitplane_core::query::certify`].
+    ///
+    /// # Errors
+    /// `rays` and `hits` of different length, a device that fails, or accuracy `exact` on one whose
+    /// arithmetic is not known to be the CPU's.
+    pub fn closest_hits_marking(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<Marked, DeviceQueryError> {
+        self.may_answer(options)?;
+        self.closest_hits_under(tree, rays, hits, options, None)
+    }
+
+    /// As [`Queries::closest_hits_marking`], with a watch.
+    pub(super) fn closest_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
+        same_length(rays.len(), hits.len())?;
+        let mut out = Marked::default();
+        self.trace_slices(tree, rays, options, Query::Closest, watch, |range, bytes| {
+            let first = range.start;
+            let hits = &mut hits[range];
+            bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
+            for (place, hit) in hits.iter().enumerate() {
+                match hit.triangle {
+                    UNFINISHED => push(&mut out.unfinished, first + place)?,
+                    Hit::UNDECIDED => push(&mut out.undecided, first + place)?,
+                    _ => {}
+                }
+            }
+            Ok(())
+        })?;
+        Ok(out)
+    }
+
+    /// As [`Queries::any_hits`], but rays without an answer are no error: returns their indices in
+    /// the batch. Their answers must not be used.
+    ///
+    /// # Errors
+    /// As for [`Queries::closest_hits_marking`].
+    pub fn any_hits_marking(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<Marked, DeviceQueryError> {
+        self.may_answer(options)?;
+        self.any_hits_under(tree, rays, occluded, options, None)
+    }
+
+    /// As [`Queries::any_hits_marking`], with a watch.
+    pub(super) fn any_hits_under(
+        &self,
+        tree: &DeviceTree,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+        watch: Option<&dyn Watch>,
+    ) -> Result<Marked, DeviceQueryError> {
+        same_length(rays.len(), occluded.len())?;
+        let mut out = Marked::default();
+        self.trace_slices(tree, rays, options, Query::Any, watch, |range, bytes| {
+            for (place, word) in range.zip(bytes.chunks_exact(4)) {
+                let word = [word[0], word[1], word[2], word[3]];
+                occluded[place] = false;
+                match u32::from_ne_bytes(word) {
+                    1 => occluded[place] = true,
+                    2 => push(&mut out.unfinished, place)?,
+                    3 => push(&mut out.undecided, place)?,
+                    _ => {}
+                }
+            }
+            Ok(())
+        })?;
+        Ok(out)
+    }
+}
+
+impl WgpuAccelerator {
+    fn find_closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let watch = options.watch;
+        let queries = &self.queries;
+        in_slices(rays, hits, options, watch, |rays, hits, watch, asking| {
+            let mut marked =
+                queries.closest_hits_under(&self.device, rays, hits, options, watch)?;
+            if options.accuracy == Accuracy::Exact {
+                if !queries.is_certain() {
+                    hits.fill(Hit { triangle: Hit::UNDECIDED, ..Hit::MISS });
+                    marked = Marked::default();
+                }
+                marked.undecided = self.host_scene().settle(rays, hits, options, asking)?;
+            }
+            for &ray in &marked.unfinished {
+                asking.check()?;
+                hits[ray] = self.closest_hit(&rays[ray], options).unwrap_or(Hit::MISS);
+            }
+            Ok(self.report(marked, options))
+        })
+    }
+
+    fn find_any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let watch = options.watch;
+        let queries = &self.queries;
+        in_slices(rays, occluded, options, watch, |rays, occluded, watch, asking| {
+            let mut marked =
+                queries.any_hits_under(&self.device, rays, occluded, options, watch)?;
+            if options.accuracy == Accuracy::Exact {
+                if !queries.is_certain() {
+                    marked = Marked { undecided: list(rays.len())?, ..Marked::default() };
+                    marked.undecided.extend(0..rays.len());
+                }
+                if options.undecided == Undecided::Redo {
+                    let undecided = &marked.undecided;
+                    self.host_scene().settle_any(rays, undecided, occluded, options, asking)?;
+                }
+            }
+            for &ray in &marked.unfinished {
+                asking.check()?;
+                occluded[ray] = self.any_hit(&rays[ray], options);
+            }
+            Ok(self.report(marked, options))
+        })
+    }
+}
+
+impl Accelerator for WgpuAccelerator {
+    fn tree(&self) -> &KdTree {
+        &self.tree
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        &self.summary
+    }
+
+    /// Bytes on the device; the host copy is not counted.
+    fn query_bytes(&self) -> u64 {
+        self.device.bytes()
+    }
+
+    /// Calls the watch between slices and while the device works on one.
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_closest_hits(rays, hits, options)
+    }
+
+    /// Calls the watch between slices and while the device works on one.
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_any_hits(rays, occluded, options)
+    }
+
+    /// From the host copy, one ray at a time; the report says so.
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        let mut all = AllHits::one_by_one(&tree, triangles, rays, options)?;
+        all.report.answered_by_cpu = rays.len() as u64;
+        Ok(all)
+    }
+
+    /// From the host copy, one point at a time; the report says so.
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
+        let mut located = inside::one_by_one(&tree, triangles, points, options)?;
+        located.report.answered_by_cpu = points.len() as u64;
+        Ok(located)
+    }
+
+    fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        Some(self)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        let scale = self.device.scene_scale();
+        traverse::closest_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        let scale = self.device.scene_scale();
+        traverse::any_hit(&self.tree.view(), &self.triangles[..], scale, ray, options)
+    }
+}
+
+/// Adds a place to a list.
+fn push(places: &mut Vec<usize>, place: usize) -> Result<(), DeviceQueryError> {
+    let needed = ((places.len() + 1) * size_of::<usize>()) as u64;
+    places.try_reserve(1).map_err(|_| DeviceQueryError::HostMemory { needed })?;
+    places.push(place);
+    Ok(())
+}
+
+fn same_length(rays: usize, results: usize) -> Result<(), DeviceQueryError> {
+    if rays == results { Ok(()) } else { Err(DeviceQueryError::LengthMismatch { rays, results }) }
+}
