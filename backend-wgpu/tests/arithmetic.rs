@@ -384,8 +384,8 @@ fn planted_faults_are_seen() {
     type Reference<'a> = &'a dyn Fn(f32, f32) -> Option<[u32; 2]>;
     let faults: [(&str, &str, String, Reference<'_>); 5] = [
         ("2u * rest > divisor", "rest > divisor", one("quotient(a, b)"), &quotient),
-        ("(rest != 0u || ", "(false || ", one("quotient(a, b)"), &quotient),
-        ("dividend - digit * divisor", "dividend", one("quotient(a, b)"), &quotient),
+        ("divisor, shift) - 8u", "divisor, shift)", one("quotient(a, b)"), &quotient),
+        ("rest -= by_2 * divisor;", "", one("quotient(a, b)"), &quotient),
         ("select(rest, -rest", "select(rest, rest", pair("two_product(a, b)"), &two_product),
         ("scaled == 0 && mantissa", "scaled == 1 && mantissa", one("scale(a, -3)"), &scaled),
     ];

@@ -190,17 +190,23 @@ fn opening_makes_what_the_self_test_needs_and_nothing_is_made_twice() {
     let backend = WgpuBackend::new(gpu).unwrap();
     let made = driver.labels();
     assert_eq!(backend.gpu().pipelines_made(), made.len() as u64);
-    for needed in
-        ["arithmetic_check", "triangle_bounds", "triangle_limits", "closest_hit", "any_hit"]
-    {
+    for needed in [
+        "arithmetic_check",
+        "triangle_bounds",
+        "triangle_limits",
+        "closest_hit",
+        "closest_hit_retry",
+        "any_hit",
+        "any_hit_retry",
+    ] {
         assert_eq!(driver.count(needed), 1, "{needed} in {made:?}");
     }
-    // No query but the two, and of the builder no more than there is.
+    // No query but the two, each of two kernels, and of the builder no more than there is.
     let queries = splitplane_shaders::QUERIES.iter().map(|shader| shader.name);
     let builder = splitplane_shaders::KERNELS.iter().map(|shader| shader.name);
-    assert_eq!(made.iter().filter(|name| queries.clone().any(|q| q == *name)).count(), 3);
+    assert_eq!(made.iter().filter(|name| queries.clone().any(|q| q == *name)).count(), 5);
     let of_builder = made.iter().filter(|name| builder.clone().any(|k| k == *name)).count();
-    assert_eq!(of_builder + 3 + 1, made.len(), "{made:?}");
+    assert_eq!(of_builder + 5 + 1, made.len(), "{made:?}");
     // A build and rays like those of the self-test make none.
     let scene = scenes::soup(700, 0.1, 3);
     let options = QueryOptions::default();
@@ -212,12 +218,12 @@ fn opening_makes_what_the_self_test_needs_and_nothing_is_made_twice() {
         backend.queries().any_hits(&tree, &rays, &mut [false], &options).unwrap();
         assert_eq!(driver.labels(), made);
     }
-    // Another query makes one, once.
+    // Another query makes its two, once.
     let tree = backend.build_on_device(&scene.mesh(), &BuildOptions::default()).unwrap().tree;
     let fast = QueryOptions { accuracy: Accuracy::Fast, ..options };
     for _ in 0..2 {
         backend.queries().closest_hits(&tree, &rays, &mut hits, &fast).unwrap();
-        assert_eq!(driver.labels()[made.len()..], ["closest_hit_fast"]);
+        assert_eq!(driver.labels()[made.len()..], ["closest_hit_fast", "closest_hit_retry_fast"]);
     }
 }
 

@@ -368,35 +368,56 @@ fn traversals_that_the_driver_ends() {
     }
 }
 
-/// Closest hits by any source of the kernel, through the device tree of a case.
-fn hits_by_source(source: &str, case: &Case, rays: &[Ray]) -> Vec<Hit> {
+/// Closest hits by any sources of the kernels, the lean one and that for the rays it defers, through the device tree
+/// of a case; and how many were deferred.
+fn hits_by_sources(sources: &[String; 2], case: &Case, rays: &[Ray]) -> (Vec<Hit>, u32) {
     let gpu = common::gpu();
-    let pipeline = gpu.pipeline("planted", source).expect("a pipeline");
     let (given, hits) = (storage(size_of_val(rays)), storage(16 * rays.len()));
     gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
+    let deferred = storage(4 * (rays.len() + 1));
+    gpu.queue().write_buffer(&deferred, 0, &[0; 4]);
     let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
     let batch = gpu.buffer("batch", 16, usage).expect("a buffer");
     let words = [rays.len() as u32, 0, u32::MAX, 0];
     gpu.queue().write_buffer(&batch, 0, bytemuck::cast_slice(&words));
     let mut entries = case.device.device_tree().bind_group_entries(0).to_vec();
-    for (binding, buffer) in [(4, &given), (5, &hits), (6, &batch)] {
+    for (binding, buffer) in [(4, &given), (5, &hits), (6, &batch), (7, &deferred)] {
         let resource = buffer.as_entire_binding();
         entries.push(wgpu::BindGroupEntry { binding, resource });
     }
-    let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &entries,
-    });
     let mut encoder = gpu.device().create_command_encoder(&Default::default());
-    {
+    for (retries, source) in [false, true].into_iter().zip(sources) {
+        // Stated, since a fault may leave a binding unused.
+        let stages = wgpu::ShaderStages::COMPUTE;
+        let mut slots = splitplane_wgpu::DeviceTree::bind_group_layout_entries(0, stages).to_vec();
+        for (binding, read_only) in [(4, true), (5, false), (7, retries)] {
+            slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
+            let slot = slots.last_mut().expect("pushed");
+            slot.ty = wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            };
+        }
+        slots.push(wgpu::BindGroupLayoutEntry { binding: 6, ..slots[3] });
+        let layout = gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &slots,
+        });
+        let pipeline = gpu.pipeline_with_layout("planted", source, &layout).expect("a pipeline");
+        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &entries,
+        });
         let mut pass = encoder.begin_compute_pass(&Default::default());
         pass.set_pipeline(&pipeline);
         pass.set_bind_group(0, &bindings, &[]);
         pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
     }
     gpu.submit([encoder.finish()]).expect("commands");
-    bytemuck::pod_collect_to_vec(&common::read(&hits))
+    let count = bytemuck::pod_read_unaligned(&common::read(&deferred)[..4]);
+    (bytemuck::pod_collect_to_vec(&common::read(&hits)), count)
 }
 
 /// The traversal as a library, bound elsewhere than in the kernels, in a shader of a host's own.
@@ -495,6 +516,44 @@ fn main(@builtin(local_invocation_index) index: u32) {
     }
 }
 
+/// Rays towards vertices, from as many extents of the scene away.
+fn away(scene: &Scene, extents: f32) -> Vec<Ray> {
+    let first = scene.positions[0];
+    let farthest =
+        |k: usize| scene.positions.iter().map(|p| (p[k] - first[k]).abs()).fold(0.0, f32::max);
+    let extent = farthest(0).max(farthest(1)).max(farthest(2));
+    let towards = [0.6, -0.48, 0.64];
+    let vertices = scene.positions.iter().step_by(scene.positions.len() / 40 + 1);
+    vertices
+        .map(|p| Ray::new([0, 1, 2].map(|k| p[k] - extents * extent * towards[k]), towards))
+        .collect()
+}
+
+/// Rays that run along x, spread a little, from the octaves of [`scenes::octaves`] on.
+fn along_x(count: u32) -> Vec<Ray> {
+    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
+    let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];
+    (0..count).map(|i| Ray::new(start(i), [1.0, slope(i), slope(7 * i + 3)])).collect()
+}
+
+/// A lean traversal answers most rays; the others, which its short stack does not serve, are traced again.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn deep_stacks_are_deferred() {
+    let case = Case::new(&scenes::octaves());
+    let rays = along_x(2000);
+    let sources = ["closest_hit", "closest_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    let (found, deferred) = hits_by_sources(&sources, &case, &rays);
+    let options = QueryOptions::default();
+    for (ray, hit) in rays.iter().zip(&found) {
+        let expected = case.reference(ray, &options, Query::Closest);
+        assert_eq!(bits(hit), bits(&expected), "{ray:?}");
+    }
+    assert!((10..1500).contains(&deferred), "{deferred} deferred");
+    case.check(&rays, &options, "deep stacks");
+}
+
 /// Each fault in the text of the kernel changes hits; the text as it is changes none.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -506,9 +565,12 @@ fn planted_faults_are_seen() {
         scenes::seams(true),
         scenes::ratio(),
         scenes::scaled(&twice, 1e30, "soup at 1e30"),
+        scenes::scaled(&twice, 1e11, "soup at 1e11"),
+        scenes::scaled(&twice, 1e-30, "soup at 1e-30"),
         scenes::coplanar(1, 200),
         scenes::collinear(),
         scenes::grid_boxes(4),
+        scenes::octaves(),
     ];
     let options = QueryOptions::default();
     let cases: Vec<(Case, Vec<Ray>, Vec<Hit>)> = scenes
@@ -522,24 +584,27 @@ fn planted_faults_are_seen() {
             let closed: Vec<Ray> =
                 closed.map(|(ray, hit)| ray.with_limits(ray.t_min, hit.t)).collect();
             rays.extend(closed);
+            rays.extend(away(scene, 50.0));
+            rays.extend(along_x(200));
             let expected =
                 rays.iter().map(|ray| case.reference(ray, &options, Query::Closest)).collect();
             (case, rays, expected)
         })
         .collect();
     // The first scene that shows a difference suffices: compiling takes longer than tracing.
-    let differs = |source: &str| {
+    let differs = |sources: &[String; 2]| {
         cases.iter().any(|(case, rays, expected)| {
-            let found = hits_by_source(source, case, rays);
+            let (found, _) = hits_by_sources(sources, case, rays);
             found.iter().zip(expected).any(|(a, b)| bits(a) != bits(b))
         })
     };
-    let source = splitplane_shaders::find("closest_hit").expect("a kernel").source();
-    assert!(!differs(&source), "without a fault");
+    let sources = ["closest_hit", "closest_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    assert!(!differs(&sources), "without a fault");
     let mut unseen = Vec::new();
     for (name, right, wrong) in [
         ("edges swapped", "edge_function(seen.c, seen.b)", "edge_function(seen.b, seen.c)"),
-        ("higher index wins", "triangle < best.triangle", "triangle > best.triangle"),
+        ("higher index wins", "triangle < search.triangle", "triangle > search.triangle"),
         ("open interval", "key <= ray.greatest_key", "key < ray.greatest_key"),
         (
             "t is only interpolated",
@@ -553,22 +618,33 @@ fn planted_faults_are_seen() {
         ),
         ("nothing is robust", "if is_robust(edges, area) && spread", "if false && spread"),
         ("all is robust", "if is_robust(edges, area) && spread", "if true && spread"),
-        (
-            "zeros are inside",
-            "let signs = vec3<i32>(",
-            "return select(-1, 1, above);\n    let signs = vec3<i32>(",
-        ),
+        ("zeros are inside", "return side_by_exact_signs(seen);", "return select(-1, 1, above);"),
         ("thin images have weights", "THIN: f32 = 0x1p-21f", "THIN: f32 = 0x1p-80f"),
         ("far origins stay", "if plane.moves {", "if false {"),
-        ("no wide test", "if !ray.wide {", "if true {"),
+        (
+            "no wide test",
+            "wide = wide_sheared(ray, triangle);",
+            "wide.seen = sheared(ray, triangle);",
+        ),
         ("no slack of planes", "free_mul_add(abs(t), PLANE_SLACK, slack)", "0.0"),
         ("stops too early", "STOP_SLACK: f32 = 0x1p-13f", "STOP_SLACK: f32 = -0x1p-3f"),
         ("nodes below a cell", "interval.y < enter", "interval.y < leave"),
-        ("weights swapped", "hit.u = quotient(edges.y, det)", "hit.u = quotient(edges.x, det)"),
+        ("weights swapped", "weights_over(vec3<f32>(edges.y", "weights_over(vec3<f32>(edges.x"),
+        ("deferred rays are lost", "defer_ray(index);", ""),
+        ("edges are not deferred", "deferred = true;\n    return 0;", "return 0;"),
+        (
+            "closer looks are not deferred",
+            "deferred = true;\n    return no_candidate",
+            "return no_candidate",
+        ),
+        ("far origins are not deferred", "|| !is_near(given)", ""),
+        ("wide scenes are not deferred", "scene.wide != 0u || !is_near", "!is_near"),
+        ("deep stacks are not deferred", "entry < STACK_STEP + SHORT_SIZE", "true"),
+        ("other rays are retried", "deferred_rays[1u + place];", "deferred_rays[place];"),
         ("-0 below +0", "if bits == 0x80000000u {", "if false {"),
     ] {
-        let faulty = source.replacen(right, wrong, 1);
-        assert_ne!(faulty, source, "{name}: the text is not there");
+        let faulty = sources.clone().map(|source| source.replacen(right, wrong, 1));
+        assert_ne!(faulty, sources, "{name}: the text is not there");
         if !differs(&faulty) {
             unseen.push(name);
         }

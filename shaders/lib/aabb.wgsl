@@ -14,11 +14,6 @@ fn is_empty(bounds: Aabb) -> bool {
     return any(bounds.lo > bounds.hi);
 }
 
-// One coordinate of a vector, without indexing memory.
-fn on_axis(v: vec3<f32>, axis: u32) -> f32 {
-    return select(select(v.x, v.y, axis == 1u), v.z, axis == 2u);
-}
-
 // The vector with one coordinate replaced.
 fn with_axis(v: vec3<f32>, axis: u32, value: f32) -> vec3<f32> {
     return vec3<f32>(

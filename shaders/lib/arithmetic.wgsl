@@ -49,8 +49,16 @@ fn snapped_difference(a: f32, b: f32) -> f32 {
     return snap(difference(a, b));
 }
 
-// a / b, rounded to nearest, by long division of the mantissas: exact on every device. Subnormal
-// operands count as zero, subnormal results are zero.
+// 2^shift a / b of two mantissas, from 2^23 to 2^24, give or take 6: WGSL allows the reciprocal an error of 2.5 units in
+// the last place, which are up to 5 here, and a product rounds. The only free operations whose result reaches a tree:
+// `quotient` makes it exact.
+fn near_quotient(a: u32, b: u32, shift: u32) -> u32 {
+    let near = guard(free_mul(f32(a), free_reciprocal(f32(b))));
+    return u32(product(near, bitcast<f32>((127u + shift) << 23u)));
+}
+
+// a / b, rounded to nearest: exact on every device. A free quotient of the mantissas is made exact by what is
+// left of the dividend, in whole numbers. Subnormal operands count as zero, subnormal results are zero.
 fn quotient(a: f32, b: f32) -> f32 {
     let a_bits = bitcast<u32>(a);
     let b_bits = bitcast<u32>(b);
@@ -63,40 +71,35 @@ fn quotient(a: f32, b: f32) -> f32 {
     if b_field == 0u || a_field == 0xffu {
         return bitcast<f32>(sign | (0x7f800000u ^ opaque_zero));
     }
+    let dividend = (a_bits & 0x7fffffu) | 0x800000u;
     let divisor = (b_bits & 0x7fffffu) | 0x800000u;
-    // 8 bits of the quotient at a time: each dividend fits 32 bits.
-    var rest = ((a_bits & 0x7fffffu) | 0x800000u);
-    var digits = 0u;
-    for (var i = 0u; i < 3u; i++) {
-        let dividend = rest << 8u;
-        let digit = dividend / divisor;
-        rest = dividend - digit * divisor;
-        digits = (digits << 8u) + digit;
-    }
-    // digits = floor(2^24 * a / b) of the mantissas, from above 2^23 to below 2^25.
-    var field = i32(a_field) - i32(b_field) + 126;
-    var mantissa = digits;
-    if digits >= 0x1000000u {
-        // One bit too many: round it off, to even on a tie.
-        field += 1;
-        mantissa = digits >> 1u;
-        if (digits & 1u) == 1u && (rest != 0u || (mantissa & 1u) == 1u) {
-            mantissa += 1u;
-        }
-    } else if 2u * rest > divisor || (2u * rest == divisor && (mantissa & 1u) == 1u) {
-        mantissa += 1u;
-    }
-    if mantissa == 0x1000000u {
-        mantissa = 0x800000u;
-        field += 1;
-    }
-    if field <= 0 {
+    // The mantissa is floor(2^shift dividend / divisor), from 2^23 to below 2^24, and then rounded.
+    let less = select(0u, 1u, dividend < divisor);
+    let shift = 23u + less;
+    // 8 too low is too low for certain, and by less than 16. What is left is below 2^28: its last 32 bits tell it.
+    var mantissa = near_quotient(dividend, divisor, shift) - 8u;
+    var rest = (dividend << shift) - mantissa * divisor;
+    let by_8 = select(0u, 8u, rest >= 8u * divisor);
+    mantissa += by_8;
+    rest -= by_8 * divisor;
+    let by_4 = select(0u, 4u, rest >= 4u * divisor);
+    mantissa += by_4;
+    rest -= by_4 * divisor;
+    let by_2 = select(0u, 2u, rest >= 2u * divisor);
+    mantissa += by_2;
+    rest -= by_2 * divisor;
+    let by_1 = select(0u, 1u, rest >= divisor);
+    mantissa += by_1;
+    rest -= by_1 * divisor;
+    // A quotient of two mantissas never lies half way between two others.
+    mantissa += select(0u, 1u, 2u * rest > divisor);
+    // Rounding up to 2^24 carries into the exponent.
+    let field = i32(a_field) - i32(b_field) + 127 - i32(less);
+    let bits = (clamp(field, -1, 255) << 23u) + i32(mantissa) - 0x800000;
+    if bits < 0x800000 {
         return bitcast<f32>(sign);
     }
-    if field >= 255 {
-        return bitcast<f32>(sign | (0x7f800000u ^ opaque_zero));
-    }
-    return bitcast<f32>(sign | (u32(field) << 23u) | (mantissa & 0x7fffffu));
+    return bitcast<f32>(sign | min(u32(bits), 0x7f800000u ^ opaque_zero));
 }
 
 // The square root, rounded to nearest: exact on every device. An approximation by guarded products is
@@ -221,23 +224,36 @@ fn double_minus(a: Double, b: Double) -> Double {
 
 // A vector of doubles.
 struct Double3 {
-    x: Double,
-    y: Double,
-    z: Double,
+    high: vec3<f32>,
+    low: vec3<f32>,
+}
+
+// One coordinate of a vector, by selection: an index that is not constant would send the vector to memory.
+fn on_axis(v: vec3<f32>, axis: u32) -> f32 {
+    return select(select(v.x, v.y, axis == 1u), v.z, axis == 2u);
+}
+
+// One coordinate of a vector of doubles.
+fn double_on_axis(v: Double3, axis: u32) -> Double {
+    return Double(on_axis(v.high, axis), on_axis(v.low, axis));
+}
+
+// The axis after this one; after the last comes the first.
+fn axis_after(axis: u32) -> u32 {
+    return select(axis + 1u, 0u, axis == 2u);
 }
 
 // p - q without error.
 fn double3_difference_of(p: vec3<f32>, q: vec3<f32>) -> Double3 {
-    return Double3(
-        double_difference_of(p.x, q.x),
-        double_difference_of(p.y, q.y),
-        double_difference_of(p.z, q.z),
-    );
+    let x = double_difference_of(p.x, q.x);
+    let y = double_difference_of(p.y, q.y);
+    let z = double_difference_of(p.z, q.z);
+    return Double3(vec3<f32>(x.high, y.high, z.high), vec3<f32>(x.low, y.low, z.low));
 }
 
 // A vector as doubles.
 fn double3_of(v: vec3<f32>) -> Double3 {
-    return Double3(Double(v.x, 0.0), Double(v.y, 0.0), Double(v.z, 0.0));
+    return Double3(v, vec3<f32>());
 }
 
 // floor(log2 |x|) of a normal number, -127 for zero and subnormals.

@@ -51,29 +51,39 @@ fn minor_magnitude(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> f32 {
 }
 
 fn certain_cross(p: Double3, q: Double3) -> Normal {
-    return Normal(
-        Double3(
-            double_minor(p.y, p.z, q.y, q.z),
-            double_minor(p.z, p.x, q.z, q.x),
-            double_minor(p.x, p.y, q.x, q.y),
-        ),
-        vec3<f32>(
-            minor_magnitude(p.y, p.z, q.y, q.z),
-            minor_magnitude(p.z, p.x, q.z, q.x),
-            minor_magnitude(p.x, p.y, q.x, q.y),
-        ),
-    );
+    var normal: Normal;
+    // In a loop, which keeps the shader small.
+    for (var k = 0u; k < 3u; k++) {
+        let i = axis_after(k);
+        let j = axis_after(i);
+        let p_i = double_on_axis(p, i);
+        let p_j = double_on_axis(p, j);
+        let q_i = double_on_axis(q, i);
+        let q_j = double_on_axis(q, j);
+        let minor = double_minor(p_i, p_j, q_i, q_j);
+        normal.parts.high[k] = minor.high;
+        normal.parts.low[k] = minor.low;
+        normal.magnitudes[k] = minor_magnitude(p_i, p_j, q_i, q_j);
+    }
+    return normal;
 }
 
 fn certain_dot(normal: Normal, other: Double3) -> Known {
-    let x = double_times(normal.parts.x, other.x);
-    let y = double_times(normal.parts.y, other.y);
-    let z = double_times(normal.parts.z, other.z);
-    let size = sum(
-        sum(magnitude(normal.magnitudes.x, other.x.high), magnitude(normal.magnitudes.y, other.y.high)),
-        magnitude(normal.magnitudes.z, other.z.high),
-    );
-    return Known(double_plus(double_plus(x, y), z), product(size, DOUBLE_NOISE));
+    var total: Double;
+    var size: f32;
+    for (var k = 0u; k < 3u; k++) {
+        let component = double_on_axis(other, k);
+        let term = double_times(double_on_axis(normal.parts, k), component);
+        let term_size = magnitude(on_axis(normal.magnitudes, k), component.high);
+        if k == 0u {
+            total = term;
+            size = term_size;
+        } else {
+            total = double_plus(total, term);
+            size = sum(size, term_size);
+        }
+    }
+    return Known(total, product(size, DOUBLE_NOISE));
 }
 
 // A triangle that is certainly met, between the ray's limits.
@@ -148,9 +158,10 @@ fn is_beside(a: f32, b: f32, c: f32, blur: f32) -> bool {
 // `farthest`, an inner `t`, nothing need be said.
 fn examine(ray: PreparedRay, triangle: Triangle, culling: u32, farthest: f32) -> Verdict {
     var seen: Sheared;
-    seen.away_a = corner_away(ray.axes, triangle.a, ray.origin);
-    seen.away_b = corner_away(ray.axes, triangle.b, ray.origin);
-    seen.away_c = corner_away(ray.axes, triangle.c, ray.origin);
+    let axes = axes_of(ray);
+    seen.away_a = corner_away(axes, triangle.a, ray.origin);
+    seen.away_b = corner_away(axes, triangle.b, ray.origin);
+    seen.away_c = corner_away(axes, triangle.c, ray.origin);
     seen.a = shear_corner(seen.away_a, ray.shear);
     seen.b = shear_corner(seen.away_b, ray.shear);
     seen.c = shear_corner(seen.away_c, ray.shear);
@@ -188,6 +199,10 @@ fn examine(ray: PreparedRay, triangle: Triangle, culling: u32, farthest: f32) ->
         return verdict_not();
     }
     return decide(ray, triangle, culling, farthest, seen, edges, margin, nearest);
+}
+
+fn corner_of(triangle: Triangle, corner: u32) -> vec3<f32> {
+    return select(select(triangle.a, triangle.b, corner == 1u), triangle.c, corner == 2u);
 }
 
 // An edge function and its error: as sheared where that is decided, else by the triple product of the
@@ -236,12 +251,28 @@ fn decide(
     let a = most(abs(seen.a.x), abs(seen.a.y));
     let b = most(abs(seen.b.x), abs(seen.b.y));
     let c = most(abs(seen.c.x), abs(seen.c.y));
-    let u = decide_edge(ray, edges.x, margin, triangle.c, triangle.b, b < c);
-    let v = decide_edge(ray, edges.y, margin, triangle.a, triangle.c, c < a);
-    let w = decide_edge(ray, edges.z, margin, triangle.b, triangle.a, a < b);
-    let positive = u.x > u.y || v.x > v.y || w.x > w.y;
-    let negative = u.x < -u.y || v.x < -v.y || w.x < -w.y;
-    let open = is_open(u) || is_open(v) || is_open(w);
+    // Edges u, v, w, opposite corners a, b, c.
+    let widths = vec3<f32>(a, b, c);
+    var known: vec3<f32>;
+    var positive = false;
+    var negative = false;
+    var open = false;
+    for (var k = 0u; k < 3u; k++) {
+        let second = axis_after(k);
+        let first = axis_after(second);
+        let edge = decide_edge(
+            ray,
+            on_axis(edges, k),
+            margin,
+            corner_of(triangle, first),
+            corner_of(triangle, second),
+            on_axis(widths, second) < on_axis(widths, first),
+        );
+        positive = positive || edge.x > edge.y;
+        negative = negative || edge.x < -edge.y;
+        open = open || is_open(edge);
+        known[k] = edge.x;
+    }
     let culled = (culling == CULL_BACK && negative) || (culling == CULL_FRONT && positive);
     let some = positive || negative || open;
     if (positive && negative) || culled || !some {
@@ -264,9 +295,9 @@ fn decide(
     if !distance.some {
         return verdict_in_doubt(nearest);
     }
-    let det = sum(sum(u.x, v.x), w.x);
+    let det = sum(sum(known.x, known.y), known.z);
     let met =
-        Certain(distance.t, distance.error, snap(quotient(v.x, det)), snap(quotient(w.x, det)));
+        Certain(distance.t, distance.error, snap(quotient(known.y, det)), snap(quotient(known.z, det)));
     let at_least = most(least_t(met), nearest);
     if at_least > farthest {
         return verdict_not();

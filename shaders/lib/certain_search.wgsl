@@ -84,7 +84,7 @@ fn searched(
 // What was found, as a hit.
 fn search_hit(search: Search, ray: PreparedRay) -> Hit {
     if search.found && greatest_t(search.best) < search.doubt {
-        let t = scale(search.best.t.high, -ray.exponent);
+        let t = scale(search.best.t.high, -exponent_of(ray));
         return Hit(t, search.triangle, search.best.u, search.best.v);
     }
     if !search.found && search.doubt == GREATEST {
@@ -94,5 +94,5 @@ fn search_hit(search: Search, ray: PreparedRay) -> Hit {
     if search.found {
         t = least(t, least_t(search.best));
     }
-    return Hit(scale(t, -ray.exponent), UNDECIDED_HIT, 0.0, 0.0);
+    return Hit(scale(t, -exponent_of(ray)), UNDECIDED_HIT, 0.0, 0.0);
 }

@@ -28,21 +28,33 @@ fn loose_minor(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> Double {
 }
 
 fn loose_cross(p: Double3, q: Double3) -> Double3 {
-    return Double3(
-        loose_minor(p.y, p.z, q.y, q.z),
-        loose_minor(p.z, p.x, q.z, q.x),
-        loose_minor(p.x, p.y, q.x, q.y),
-    );
+    var cross: Double3;
+    for (var k = 0u; k < 3u; k++) {
+        let i = axis_after(k);
+        let j = axis_after(i);
+        let minor = loose_minor(
+            double_on_axis(p, i),
+            double_on_axis(p, j),
+            double_on_axis(q, i),
+            double_on_axis(q, j),
+        );
+        cross.high[k] = minor.high;
+        cross.low[k] = minor.low;
+    }
+    return cross;
 }
 
 // The dot product, rounded.
 fn loose_dot(p: Double3, q: Double3) -> f32 {
-    let x = double_times_loosely(p.x, q.x);
-    let y = double_times_loosely(p.y, q.y);
-    let z = double_times_loosely(p.z, q.z);
-    let first = two_sum(x.high, y.high);
-    let second = two_sum(first.high, z.high);
-    let low = sum(sum(x.low, y.low), z.low);
+    var terms: Double3;
+    for (var k = 0u; k < 3u; k++) {
+        let term = double_times_loosely(double_on_axis(p, k), double_on_axis(q, k));
+        terms.high[k] = term.high;
+        terms.low[k] = term.low;
+    }
+    let first = two_sum(terms.high.x, terms.high.y);
+    let second = two_sum(first.high, terms.high.z);
+    let low = sum(sum(terms.low.x, terms.low.y), terms.low.z);
     return sum(second.high, sum(low, sum(first.low, second.low)));
 }
 
@@ -66,18 +78,28 @@ fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f
     let way = double3_of(direction);
     let normal = loose_cross(ab, ac);
     let across = loose_cross(way, oa);
-    let det = loose_dot(normal, way);
-    let distance = loose_dot(normal, oa);
-    var t = quotient(select(distance, 0.0, abs(distance) < DISTANCE_LEAST), det);
+    // The determinant, the distance, and twice a weight: in a loop, which keeps the shader small.
+    var dots: vec4<f32>;
+    for (var k = 0u; k < 4u; k++) {
+        var one = normal;
+        var other = way;
+        if k == 1u {
+            other = oa;
+        } else if k > 1u {
+            one = across;
+            other = ac;
+            if k == 3u {
+                other = ab;
+            }
+        }
+        dots[k] = loose_dot(one, other);
+    }
+    let det = dots.x;
+    var t = quotient(select(dots.y, 0.0, abs(dots.y) < DISTANCE_LEAST), det);
     if power != 0 {
         t = scale(t, -power);
     }
-    return Candidate(
-        true,
-        t,
-        quotient(-loose_dot(across, ac), det),
-        quotient(loose_dot(across, ab), det),
-    );
+    return Candidate(true, t, vec3<f32>(-dots.z, dots.w, det));
 }
 
 // The product without error, or 0.
@@ -107,63 +129,65 @@ fn careful_weight(a: vec2<f32>, b: vec2<f32>, side: i32) -> Double {
 fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
     let x = -exponent(most_of(abs(vec3<f32>(seen.a.x, seen.b.x, seen.c.x))));
     let y = -exponent(most_of(abs(vec3<f32>(seen.a.y, seen.b.y, seen.c.y))));
-    let a = vec2<f32>(scale(seen.a.x, x), scale(seen.a.y, y));
-    let b = vec2<f32>(scale(seen.b.x, x), scale(seen.b.y, y));
-    let c = vec2<f32>(scale(seen.c.x, x), scale(seen.c.y, y));
-    let u = careful_weight(c, b, side);
-    let v = careful_weight(a, c, side);
-    let w = careful_weight(b, a, side);
-    let det = double_plus(double_plus(u, v), w);
-    if det.high < THIN {
-        return on_longest_edge(a, b, c, depths);
+    // Corners a, b, c.
+    var corners: array<vec2<f32>, 3>;
+    for (var k = 0u; k < 3u; k++) {
+        let corner = corner_image(seen, k);
+        corners[k] = vec2<f32>(scale(corner.x, x), scale(corner.y, y));
     }
-    let ab = double_plus(double_times_float(u, depths.x), double_times_float(v, depths.y));
-    let total = double_plus(ab, double_times_float(w, depths.z));
+    // What is left over for each corner, its sum and the depth there.
+    var weights: Double3;
+    var det: Double;
+    var total: Double;
+    for (var k = 0u; k < 3u; k++) {
+        let next = axis_after(k);
+        let weight = careful_weight(corners[axis_after(next)], corners[next], side);
+        let part = double_times_float(weight, on_axis(depths, k));
+        if k == 0u {
+            det = weight;
+            total = part;
+        } else {
+            det = double_plus(det, weight);
+            total = double_plus(total, part);
+        }
+        weights.high[k] = weight.high;
+    }
+    if det.high < THIN {
+        return on_longest_edge(corners, depths);
+    }
     return Candidate(
         true,
         quotient(total.high, det.high),
-        quotient(v.high, det.high),
-        quotient(w.high, det.high),
+        vec3<f32>(weights.high.y, weights.high.z, det.high),
     );
 }
 
-// The longest edge so far, how far along it the point nearest to the ray is, and its depth.
-struct LongestEdge {
-    squared: f32,
-    along: f32,
-    depth: f32,
-    // Which corner it starts at.
-    from_corner: u32,
-}
-
-fn longer_edge(
-    best: LongestEdge,
-    p: vec2<f32>,
-    q: vec2<f32>,
-    p_depth: f32,
-    q_depth: f32,
-    from_corner: u32,
-) -> LongestEdge {
-    let edge = vec2<f32>(difference(q.x, p.x), difference(q.y, p.y));
-    let squared = snapped_sum(snapped_product(edge.x, edge.x), snapped_product(edge.y, edge.y));
-    if squared > best.squared {
-        let dot = double_plus(flat_product(edge.x, p.x), flat_product(edge.y, p.y)).high;
-        let along = snap(least(most(quotient(-dot, squared), 0.0), 1.0));
-        let depth = product(along, difference(q_depth, p_depth));
-        return LongestEdge(squared, along, sum(p_depth, depth), from_corner);
-    }
-    return best;
-}
-
 // The point of an image's longest edge that is nearest to the ray.
-fn on_longest_edge(a: vec2<f32>, b: vec2<f32>, c: vec2<f32>, depths: vec3<f32>) -> Candidate {
-    var best = LongestEdge(0.0, 0.0, depths.x, 0u);
-    best = longer_edge(best, a, b, depths.x, depths.y, 0u);
-    best = longer_edge(best, b, c, depths.y, depths.z, 1u);
-    best = longer_edge(best, c, a, depths.z, depths.x, 2u);
-    let rest = difference(1.0, best.along);
+fn on_longest_edge(corners: array<vec2<f32>, 3>, depths: vec3<f32>) -> Candidate {
+    var ends = corners;
+    var longest = 0.0;
+    // How far along it the nearest point is, its depth, and the corner that the edge starts at.
+    var along = 0.0;
+    var depth = depths.x;
+    var start = 0u;
+    for (var k = 0u; k < 3u; k++) {
+        let p = ends[k];
+        let q = ends[axis_after(k)];
+        let edge = vec2<f32>(difference(q.x, p.x), difference(q.y, p.y));
+        let squared = snapped_sum(snapped_product(edge.x, edge.x), snapped_product(edge.y, edge.y));
+        if squared > longest {
+            longest = squared;
+            let dot = double_plus(flat_product(edge.x, p.x), flat_product(edge.y, p.y)).high;
+            along = snap(least(most(quotient(-dot, squared), 0.0), 1.0));
+            let from_depth = on_axis(depths, k);
+            let deeper = difference(on_axis(depths, axis_after(k)), from_depth);
+            depth = sum(from_depth, product(along, deeper));
+            start = k;
+        }
+    }
+    let rest = difference(1.0, along);
     // From the first corner on, to the second; from the second to the third; from the third to the first.
-    let u = select(select(0.0, rest, best.from_corner == 1u), best.along, best.from_corner == 0u);
-    let v = select(select(0.0, rest, best.from_corner == 2u), best.along, best.from_corner == 1u);
-    return Candidate(true, best.depth, u, v);
+    let u = select(select(0.0, rest, start == 1u), along, start == 0u);
+    let v = select(select(0.0, rest, start == 2u), along, start == 1u);
+    return Candidate(true, depth, vec3<f32>(u, v, 1.0));
 }

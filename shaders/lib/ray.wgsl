@@ -13,7 +13,8 @@ struct Ray {
 // Where a ray meets a triangle. The point is (1 - u - v) * a + u * b + v * c. For a miss `triangle`
 // is NO_TRIANGLE, `t` GREATEST (WGSL has no infinity) and the weights 0. `triangle` is UNFINISHED, and
 // the rest as for a miss, when the driver ended the traversal early. It is UNDECIDED_HIT when a test that
-// tells exact hits leaves open which it is; whatever may be hit is no nearer than `t`.
+// tells exact hits leaves open which it is; whatever may be hit is no nearer than `t`. It is DEFERRED when the ray is
+// left to another shader; no shader writes that.
 struct Hit {
     t: f32,
     triangle: u32,
@@ -32,6 +33,7 @@ struct QueryOptions {
 const NO_TRIANGLE: u32 = 0xffffffffu;
 const UNFINISHED: u32 = 0xfffffffeu;
 const UNDECIDED_HIT: u32 = 0xfffffffdu;
+const DEFERRED: u32 = 0xfffffffcu;
 const CULL_NONE: u32 = 0u;
 const CULL_BACK: u32 = 1u;
 const CULL_FRONT: u32 = 2u;
@@ -50,7 +52,7 @@ fn no_hit() -> Hit {
 }
 
 fn is_hit(hit: Hit) -> bool {
-    return hit.triangle < UNDECIDED_HIT;
+    return hit.triangle < DEFERRED;
 }
 
 // A ray from the 32 bytes of its record.

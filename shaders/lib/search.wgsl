@@ -4,13 +4,16 @@
 // What a traversal has found.
 struct Search {
     found: bool,
-    best: Hit,
+    // The caller's.
+    t: f32,
+    triangle: u32,
+    weights: vec3<f32>,
     // No leaf farther than this is of interest.
     stop: f32,
 }
 
 fn new_search() -> Search {
-    return Search(false, no_hit(), GREATEST);
+    return Search(false, GREATEST, NO_TRIANGLE, vec3<f32>(), GREATEST);
 }
 
 // Whether hits can be told of the ray at all: of every one.
@@ -23,9 +26,9 @@ fn may_skip(search: Search, triangle: u32) -> bool {
     return false;
 }
 
-// True when a hit comes before `best`: lesser `t`, at equal `t` the lower triangle index.
-fn precedes(t: f32, triangle: u32, best: Hit) -> bool {
-    return t < best.t || (t == best.t && triangle < best.triangle);
+// True when a hit comes before what was found: lesser `t`, at equal `t` the lower triangle index.
+fn precedes(t: f32, triangle: u32, search: Search) -> bool {
+    return t < search.t || (t == search.t && triangle < search.triangle);
 }
 
 // The search after a triangle was tested. With `any` the first hit is the answer.
@@ -37,7 +40,7 @@ fn searched(
     any: bool,
 ) -> Search {
     var search = before;
-    let candidate = test_triangle(ray, corners_of(triangle), culling);
+    let candidate = test_triangle(ray, triangle, culling);
     if !candidate.some {
         return search;
     }
@@ -45,9 +48,11 @@ fn searched(
     if !within_limits(ray, t) {
         return search;
     }
-    if any || precedes(t, triangle, search.best) {
+    if any || precedes(t, triangle, search) {
         search.found = true;
-        search.best = Hit(t, triangle, candidate.u, candidate.v);
+        search.t = t;
+        search.triangle = triangle;
+        search.weights = candidate.weights;
         search.stop = stop_after(ray, candidate.t, t);
     }
     return search;
@@ -55,5 +60,9 @@ fn searched(
 
 // What was found, as a hit.
 fn search_hit(search: Search, ray: PreparedRay) -> Hit {
-    return search.best;
+    if !search.found {
+        return no_hit();
+    }
+    let at = barycentric(ray, search.triangle, search.weights);
+    return Hit(search.t, search.triangle, at.x, at.y);
 }

@@ -29,3 +29,8 @@ fn shear_corner(away: vec3<f32>, shear: vec3<f32>) -> vec2<f32> {
         difference(away.y, product(shear.y, away.z)),
     );
 }
+
+// The image of corner 0, 1 or 2.
+fn corner_image(seen: Sheared, corner: u32) -> vec2<f32> {
+    return select(select(seen.a, seen.b, corner == 1u), seen.c, corner == 2u);
+}

@@ -1,18 +1,31 @@
 // Twin of core/src/query/walk.rs: the walk of a ray down the tree, for closest and any hits. Tree, triangles and
 // scene are read from the bindings `nodes`, `leaf_references`, `triangles` and `scene`.
 //
+// The stack stands in private_stack.wgsl or short_stack.wgsl. Where it is short, or rays and triangles are those of the
+// plain case, a ray may be deferred: the triangle of its hit is DEFERRED, and another shader must trace it.
+//
 // What is done with the triangles of leaves stands in search.wgsl or certain_search.wgsl: a struct `Search` with
 // at least `found` and `stop`, and the functions `new_search`, `is_traceable`, `may_skip`, `searched` and
 // `search_hit`.
-
-// MAX_DEPTH + 1: one entry a level, and the first, which is not used.
-const STACK_ENTRIES: u32 = 97u;
 
 // A subtree that is yet to be visited, and the ray's interval in it.
 struct StackEntry {
     node: u32,
     enter: f32,
     leave: f32,
+}
+
+// False once a driver ends the loops of the invocation, those of triangle tests included: llvmpipe then lets each loop
+// run once.
+fn loops_run() -> bool {
+    var rounds = 0u;
+    loop {
+        if rounds >= (2u ^ opaque_zero) {
+            break;
+        }
+        rounds += 1u;
+    }
+    return (rounds ^ opaque_zero) == 2u;
 }
 
 // Front to back; both children are visited when the plane lies within its error of the interval;
@@ -25,6 +38,9 @@ struct StackEntry {
 fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     opaque_zero = scene.zero;
     let prepared = prepare_ray(ray);
+    if is_deferred() {
+        return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+    }
     if !prepared.some {
         return no_hit();
     }
@@ -38,9 +54,8 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
         return no_hit();
     }
     var search = new_search();
-    var stack: array<StackEntry, STACK_ENTRIES>;
-    // Entry 0 is not used: at the end `top` is 0, and only then.
-    var top = 1u;
+    // At the end there is nothing on the stack, and only then.
+    var top = stack_start();
     var node = 0u;
     var cut_short = false;
     loop {
@@ -50,7 +65,7 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
         let payload = words.y >> 2u;
         if tag != 3u {
             let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
-            let backwards = on_axis(prepared.direction, tag) < 0.0;
+            let backwards = is_backwards(prepared, tag);
             let near = select(node + 1u, payload, backwards);
             let far = select(payload, node + 1u, backwards);
             if interval.y < enter {
@@ -58,36 +73,46 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             } else if interval.x > leave {
                 node = near;
             } else {
-                stack[top] = StackEntry(far, most(enter, interval.x), leave);
-                top += 1u;
+                if !stack_has(top) {
+                    return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                }
+                stack_store(top, StackEntry(far, most(enter, interval.x), leave));
+                top += STACK_STEP;
                 node = near;
                 leave = least(leave, interval.y);
             }
             continue;
         }
-        var i = 0u;
+        var at = words.x;
+        let end = at + payload;
         loop {
-            if i >= payload {
+            if at >= end {
                 break;
             }
-            let triangle = leaf_references[words.x + i];
-            i += 1u;
+            let triangle = leaf_references[at];
+            at += 1u;
             if triangle == options.ignore || may_skip(search, triangle) {
                 continue;
             }
             observe_triangle();
             search = searched(search, prepared, triangle, options.culling, any);
+            if is_deferred() {
+                return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+            }
             if any && search.found {
+                if !loops_run() {
+                    return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
+                }
                 return search_hit(search, prepared);
             }
         }
-        cut_short = cut_short || (i ^ opaque_zero) < payload;
+        cut_short = cut_short || (at ^ opaque_zero) < end;
         loop {
-            top -= 1u;
-            if top == 0u {
+            top -= STACK_STEP;
+            if top < STACK_STEP {
                 break;
             }
-            let entry = stack[top];
+            let entry = stack_entry(top);
             if entry.enter <= search.stop {
                 node = entry.node;
                 enter = entry.enter;
@@ -95,11 +120,11 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
                 break;
             }
         }
-        if top == 0u {
+        if top < STACK_STEP {
             break;
         }
     }
-    if cut_short || (top ^ opaque_zero) != 0u {
+    if cut_short || (top ^ opaque_zero) >= STACK_STEP || !loops_run() {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
     return search_hit(search, prepared);

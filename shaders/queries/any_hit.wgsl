@@ -1,10 +1,9 @@
-// Whether each ray of a batch hits anything.
+// Whether each ray of a batch hits anything, as far as a lean traversal can tell.
 // One invocation a ray.
 // Reads: nodes, references, corners and scale of the scene; the rays of the batch.
-// Writes: a word a ray.
+// Writes: a word a ray, except for those that are left to `any_hit_retry`; the indices of these, in any order.
 // Ties: none; the answer does not depend on which hit is found.
 
-// 1 for a hit, 0 for none, 2 for a ray that the driver did not let finish, 3 for one that is undecided.
 @group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
 
 @compute @workgroup_size(64)
@@ -17,7 +16,10 @@ fn main(
     if index >= batch.count {
         return;
     }
+    stack_lane = local;
     let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
-    let marked = select(select(0u, 2u, hit.triangle == UNFINISHED), 3u, hit.triangle == UNDECIDED_HIT);
-    occluded[index] = select(marked, 1u, is_hit(hit));
+    occluded[index] = occluded_word(hit);
+    if hit.triangle == DEFERRED {
+        defer_ray(index);
+    }
 }

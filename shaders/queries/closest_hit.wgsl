@@ -1,8 +1,9 @@
-// The closest hit of every ray of a batch.
+// The closest hit of every ray of a batch, as far as a lean traversal can tell.
 // One invocation a ray.
 // Reads: nodes, references, corners and scale of the scene; the rays of the batch.
 // Writes: a hit a ray. The record of a miss is (infinity, NO_TRIANGLE, 0, 0); that of a ray which the
-// driver did not let finish has UNFINISHED as its triangle, that of an undecided one UNDECIDED_HIT.
+// driver did not let finish has UNFINISHED as its triangle, that of an undecided one UNDECIDED_HIT, that of one
+// which is left to `closest_hit_retry` DEFERRED. The indices of these, in any order.
 // Ties: among equal `t` the lower triangle index.
 
 // 16 bytes a hit: t, triangle, u, v. As bits, since the `t` of a miss is infinite.
@@ -18,6 +19,10 @@ fn main(
     if index >= batch.count {
         return;
     }
+    stack_lane = local;
     let hit = closest_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
     hits[index] = hit_words(hit);
+    if hit.triangle == DEFERRED {
+        defer_ray(index);
+    }
 }

@@ -141,8 +141,12 @@ impl Queries {
         let gpu = self.gpu();
         checked(gpu, "a batch of rays", || {
             let mut encoder = gpu.device().create_command_encoder(&Default::default());
-            let buffers =
-                QueryBuffers { rays: &set.rays, results: &set.results, batch: &set.batch };
+            let buffers = QueryBuffers {
+                rays: &set.rays,
+                results: &set.results,
+                batch: &set.batch,
+                deferred: &set.deferred,
+            };
             self.dispatch(&mut encoder, tree, &buffers, count, options, query)?;
             let bytes = u64::from(count) * QueryKernel::result_bytes(query);
             encoder.copy_buffer_to_buffer(&set.results, 0, &set.readback, 0, bytes);

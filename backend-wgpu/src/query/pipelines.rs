@@ -1,10 +1,9 @@
 //! The queries of a device: their kernels, compiled when they are first used, and what batches share.
 
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use splitplane_core::kernel::{QueryKernel, RayQueries};
-use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_shaders::TriangleTest;
 
@@ -27,14 +26,13 @@ impl DeviceSet for RayQueries {
     }
 }
 
-/// The kernel that answers a query, and the test that its accuracy asks for.
-pub(super) fn kernel_of(query: Query, options: &QueryOptions<'_>) -> (QueryKernel, TriangleTest) {
-    let test = match options.accuracy {
+/// The triangle test that an accuracy asks for.
+pub(super) fn test_of(options: &QueryOptions<'_>) -> TriangleTest {
+    match options.accuracy {
         Accuracy::Fast => TriangleTest::MoellerTrumbore,
         Accuracy::Watertight => TriangleTest::Watertight,
         _ => TriangleTest::Certain,
-    };
-    (QueryKernel::of(query), test)
+    }
 }
 
 /// A device with the pipelines of the queries and reusable staging memory. One serves any number
@@ -47,6 +45,8 @@ pub struct Queries {
     /// Whether bounds of error hold on the device.
     certain: AtomicBool,
     pub(super) slice_rays: SliceRays,
+    /// For rays on the device: the list that commands of hosts share.
+    pub(super) deferred: Mutex<Option<wgpu::Buffer>>,
 }
 
 impl Queries {
@@ -65,6 +65,7 @@ impl Queries {
             staging: StagingPool::default(),
             certain: AtomicBool::new(false),
             slice_rays: SliceRays::default(),
+            deferred: Mutex::default(),
         }
     }
 
@@ -96,27 +97,30 @@ impl Queries {
 
 #[cfg(test)]
 mod tests {
+    use splitplane_core::query::traverse::Query;
+
     use super::*;
 
     #[test]
     fn every_kernel_has_its_text() {
-        for (query, accuracy, name) in [
-            (Query::Closest, Accuracy::Watertight, "closest_hit"),
-            (Query::Closest, Accuracy::Fast, "closest_hit_fast"),
-            (Query::Closest, Accuracy::Exact, "closest_hit_exact"),
-            (Query::Any, Accuracy::Watertight, "any_hit"),
-            (Query::Any, Accuracy::Fast, "any_hit_fast"),
-            (Query::Any, Accuracy::Exact, "any_hit_exact"),
+        for (query, accuracy, names) in [
+            (Query::Closest, Accuracy::Watertight, ["closest_hit", "closest_hit_retry"]),
+            (Query::Closest, Accuracy::Fast, ["closest_hit_fast", "closest_hit_retry_fast"]),
+            (Query::Closest, Accuracy::Exact, ["closest_hit_exact", "closest_hit_retry_exact"]),
+            (Query::Any, Accuracy::Watertight, ["any_hit", "any_hit_retry"]),
+            (Query::Any, Accuracy::Fast, ["any_hit_fast", "any_hit_retry_fast"]),
+            (Query::Any, Accuracy::Exact, ["any_hit_exact", "any_hit_retry_exact"]),
         ] {
-            let options = QueryOptions { accuracy, ..QueryOptions::default() };
-            let (kernel, test) = kernel_of(query, &options);
-            let text = RayQueries::text(kernel, &test);
-            assert_eq!(text.name, name);
-            assert!(!text.parts.is_empty());
+            let test = test_of(&QueryOptions { accuracy, ..QueryOptions::default() });
+            for (kernel, name) in QueryKernel::of(query).into_iter().zip(names) {
+                let text = RayQueries::text(kernel, &test);
+                assert_eq!(text.name, name);
+                assert!(!text.parts.is_empty());
+            }
         }
         let text = RayQueries::text(QueryKernel::TriangleLimits, &TriangleTest::default());
         assert_eq!(text.name, "triangle_limits");
         assert!(!text.parts.is_empty());
-        assert_eq!(splitplane_shaders::QUERIES.len(), 7);
+        assert_eq!(splitplane_shaders::QUERIES.len(), 13);
     }
 }

@@ -1,5 +1,7 @@
 //! Queries over rays that are on the device, recorded into a host's commands.
 
+use std::sync::PoisonError;
+
 use splitplane_core::kernel::{QueryBuffer, QueryKernel, QueryUniform, RayQueries, Slot};
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::query::traverse::Query;
@@ -11,16 +13,22 @@ use super::error::DeviceQueryError;
 use super::layout::RAY_BYTES;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
-use super::pipelines::{Queries, kernel_of};
+use super::pipelines::{Queries, test_of};
 use super::tree::DeviceTree;
 use crate::device::once;
 use crate::error::GpuError;
 
-/// The buffers of one dispatch of a query.
+/// What a list of deferred rays is used for.
+pub(super) const DEFERRED_USAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
+
+/// The buffers of one query.
 pub(super) struct QueryBuffers<'a> {
     pub(super) rays: &'a wgpu::Buffer,
     pub(super) results: &'a wgpu::Buffer,
     pub(super) batch: &'a wgpu::Buffer,
+    /// Of at least [`QueryKernel::deferred_bytes`]; what it holds does not matter.
+    pub(super) deferred: &'a wgpu::Buffer,
 }
 
 impl Queries {
@@ -90,7 +98,8 @@ impl Queries {
         // Each call needs its own buffer: writes of the queue come before all recorded commands.
         let uniform = BatchUniform::new(count, options);
         self.gpu().queue().write_buffer(&batch, 0, bytemuck::bytes_of(&uniform));
-        let buffers = QueryBuffers { rays, results, batch: &batch };
+        let deferred = self.deferred_list(count)?;
+        let buffers = QueryBuffers { rays, results, batch: &batch, deferred: &deferred };
         self.dispatch(encoder, tree, &buffers, count, options, query)?;
         Ok(())
     }
@@ -117,7 +126,8 @@ impl Queries {
         Ok(())
     }
 
-    /// Records one dispatch. Only the parts of the buffers that the rays need are bound.
+    /// Records a lean kernel, and the one for the rays that it defers. Only the parts of the buffers that the
+    /// rays need are bound.
     pub(super) fn dispatch(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -127,7 +137,7 @@ impl Queries {
         options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), GpuError> {
-        let (kernel, test) = kernel_of(query, options);
+        let test = test_of(options);
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
             offset: 0,
@@ -146,9 +156,32 @@ impl Queries {
                 QueryBuffer::Hits | QueryBuffer::Occluded => {
                     Some(part(buffers.results, QueryKernel::result_bytes(query)))
                 }
+                QueryBuffer::Deferred => Some(wgpu::BufferBinding {
+                    buffer: buffers.deferred,
+                    offset: 0,
+                    size: wgpu::BufferSize::new(QueryKernel::deferred_bytes(count)),
+                }),
                 QueryBuffer::Limits => None,
             },
         };
-        once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)
+        // No ray is deferred yet.
+        encoder.clear_buffer(buffers.deferred, 0, Some(4));
+        for kernel in QueryKernel::of(query) {
+            once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
+        }
+        Ok(())
+    }
+
+    /// A list for the deferred rays of a batch. One serves all commands that hosts record: what is recorded later
+    /// runs later.
+    fn deferred_list(&self, rays: u32) -> Result<wgpu::Buffer, GpuError> {
+        let mut held = self.deferred.lock().unwrap_or_else(PoisonError::into_inner);
+        let needed = QueryKernel::deferred_bytes(rays);
+        if let Some(list) = held.as_ref().filter(|list| list.size() >= needed) {
+            return Ok(list.clone());
+        }
+        let list = self.gpu().buffer("deferred rays", needed, DEFERRED_USAGE)?;
+        *held = Some(list.clone());
+        Ok(list)
     }
 }

@@ -2,10 +2,12 @@
 
 use std::sync::Mutex;
 
+use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
 use super::layout::RAY_BYTES;
+use super::record::DEFERRED_USAGE;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
@@ -23,6 +25,7 @@ pub(super) struct Staging {
     pub(super) rays: wgpu::Buffer,
     pub(super) results: wgpu::Buffer,
     pub(super) readback: wgpu::Buffer,
+    pub(super) deferred: wgpu::Buffer,
 }
 
 /// The sets that no batch is using.
@@ -61,6 +64,11 @@ impl StagingPool {
                 "results, read back",
                 hit_bytes,
                 Usage::MAP_READ | Usage::COPY_DST,
+            )?,
+            deferred: gpu.buffer(
+                "deferred rays",
+                QueryKernel::deferred_bytes(capacity),
+                DEFERRED_USAGE,
             )?,
         })
     }

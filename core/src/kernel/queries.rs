@@ -36,6 +36,8 @@ kernel_set! {
         Hits "hits", size_of::<Hit>(), live Rays;
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;
+        /// The rays that a lean kernel leaves to another: their number, then their indices.
+        Deferred "deferred_rays", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
@@ -44,14 +46,22 @@ kernel_set! {
     /// The kernels of queries. Each is a file of the same name, joined with one triangle test or
     /// another.
     kernels QueryKernel {
-        /// The closest hit of every ray.
+        /// The closest hit of every ray of the plain case.
         ClosestHit "closest_hit", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
-            reads Rays, writes Hits, uniform Batch;
-        /// Whether every ray hits anything.
+            reads Rays, writes Hits, uniform Batch, updates Deferred;
+        /// The closest hit of every ray that the kernel before deferred.
+        ClosestHitRetry "closest_hit_retry", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, scatters Hits, uniform Batch, reads Deferred;
+        /// Whether every ray of the plain case hits anything.
         AnyHit "any_hit", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
-            reads Rays, writes Occluded, uniform Batch;
+            reads Rays, writes Occluded, uniform Batch, updates Deferred;
+        /// Whether every ray that the kernel before deferred hits anything.
+        AnyHitRetry "any_hit_retry", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, scatters Occluded, uniform Batch, reads Deferred;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -59,12 +69,18 @@ kernel_set! {
 }
 
 impl QueryKernel {
-    /// The kernel that answers a query.
-    pub const fn of(query: Query) -> QueryKernel {
+    /// The kernels that answer a query, one after the other: a lean one for the plain case, and one for the
+    /// rays that it defers.
+    pub const fn of(query: Query) -> [QueryKernel; 2] {
         match query {
-            Query::Closest => QueryKernel::ClosestHit,
-            Query::Any => QueryKernel::AnyHit,
+            Query::Closest => [QueryKernel::ClosestHit, QueryKernel::ClosestHitRetry],
+            Query::Any => [QueryKernel::AnyHit, QueryKernel::AnyHitRetry],
         }
+    }
+
+    /// Bytes of the list of deferred rays of a batch: a number, and an index for each.
+    pub const fn deferred_bytes(rays: u32) -> u64 {
+        4 * (rays as u64 + 1)
     }
 
     /// Bytes of an answer to a query: what its kernel writes for each ray.

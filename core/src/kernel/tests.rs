@@ -73,7 +73,8 @@ fn slots_follow_from_the_table() {
     };
     assert_eq!(places[3], Some(Slot::Uniform(QueryUniform::Scene)));
     assert_eq!(places[6], Some(Slot::Uniform(QueryUniform::Batch)));
-    assert_eq!(places[7], None);
+    let deferred = Binding { buffer: QueryBuffer::Deferred, access: ReadWrite };
+    assert_eq!(places[7], Some(Slot::Storage(deferred)));
 }
 
 #[test]

@@ -15,7 +15,7 @@
 //! - *Barrier*: every entry point whose functions use `opaque_zero`, or the function through which it
 //!   reaches them, sets it first, from a member `zero` of a buffer, and nothing else writes it. *Free*: kernels
 //!   that trace no rays, as the tables of their sets say, call no free operation at all: all of the tree
-//!   builder's, some of the ray tracer's and of the queries.
+//!   builder's, some of the ray tracer's and of the queries. But for the first guess of `quotient`, which that corrects.
 //! - *NotFinite*: no infinity or NaN that a compiler can see, as a literal or a constant's bits.
 //!
 //! Shaders of accuracy `fast` (names that end in `_fast`) may compute as they like.
@@ -192,9 +192,13 @@ fn only_those_that_trace_rays_may_be_free() {
         names,
         [
             "closest_hit",
+            "closest_hit_retry",
             "closest_hit_exact",
+            "closest_hit_retry_exact",
             "any_hit",
+            "any_hit_retry",
             "any_hit_exact",
+            "any_hit_retry_exact",
             "first_costs",
             "closest_hits",
             "shadow_hits",

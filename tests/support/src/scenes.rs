@@ -352,6 +352,24 @@ pub fn scaled(scene: &Scene, factor: f32, name: &str) -> Scene {
     Scene { name: name.into(), positions, indices: scene.indices.clone() }
 }
 
+/// Small triangles around (2^i, 0, 0) for i from 0 to 20, as wide as far apart. A ray along x meets few of them, but
+/// cells of all sizes, the small ones first: it leaves one after the other for later.
+pub fn octaves() -> Scene {
+    let mut random = Random::new(77);
+    let mut triangles = Vec::new();
+    for octave in 0..=20 {
+        let size = f64::from(1 << octave);
+        for _ in 0..48 {
+            let middle = [size, 0.0, 0.0].map(|x| x + 0.3 * size * random.between(-1.0, 1.0));
+            triangles
+                .push([(); 3].map(|()| {
+                    middle.map(|x| (x + 0.02 * size * random.between(-1.0, 1.0)) as f32)
+                }));
+        }
+    }
+    Scene::of_soup("octaves", &triangles)
+}
+
 /// A floor of two triangles a million units wide under a small sphere.
 pub fn ratio() -> Scene {
     let w = 1e6;

@@ -64,7 +64,7 @@ fn faults_of_the_ray_tracers_kernels_are_found() {
 fn faults_of_the_queries_are_found() {
     found::<RayQueries>(&[
         // Bindings out of order, missing, besides, of another access or type.
-        (Q::ClosestHit, "@binding(5)", "@binding(7)", "batch at 6 in place of hits at 5"),
+        (Q::ClosestHit, "@binding(5)", "@binding(9)", "batch at 6 in place of hits at 5"),
         (Q::ClosestHit, "@binding(4)", "@binding(8)", "hits at 5 in place of rays at 4"),
         (
             Q::AnyHit,
@@ -81,7 +81,7 @@ fn faults_of_the_queries_are_found() {
         (
             Q::AnyHit,
             "@compute",
-            "@group(0) @binding(7) var<storage> more: array<u32>;\n@compute",
+            "@group(0) @binding(9) var<storage> more: array<u32>;\n@compute",
             "more is bound besides",
         ),
         (Q::AnyHit, "read> rays", "read_write> rays", "rays is Storage"),

@@ -41,7 +41,7 @@ pub(crate) fn check(
                 }
                 let callee = &bodies[function.index()];
                 needed |= needs[function.index()];
-                if !free_allowed && callee.is_free() {
+                if !free_allowed && callee.is_free() && !body.is_made_exact() {
                     let what = format!("call of `{}`", callee.name);
                     findings.push(finding(parsed, Rule::Free, body, span, what));
                 }

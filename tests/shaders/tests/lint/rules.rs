@@ -15,6 +15,8 @@ pub(crate) const ARITHMETIC: &str = "arithmetic";
 pub(crate) const GUARDED: [&str; 3] = ["product", "sum", "difference"];
 /// Free operations: a compiler may do with them as it likes.
 pub(crate) const FREE: [&str; 4] = ["free_mul", "free_mul_add", "free_sub", "free_reciprocal"];
+/// What may call free operations everywhere: whatever they round, its caller makes the result exact.
+pub(crate) const MADE_EXACT: [&str; 1] = ["near_quotient"];
 /// The global that no compiler knows to be zero.
 pub(crate) const OPAQUE_ZERO: &str = "opaque_zero";
 
@@ -89,6 +91,11 @@ impl Body<'_> {
     /// One of [`FREE`].
     pub(crate) fn is_free(&self) -> bool {
         self.part == ARITHMETIC && FREE.contains(&self.name)
+    }
+
+    /// One of [`MADE_EXACT`].
+    pub(crate) fn is_made_exact(&self) -> bool {
+        self.part == ARITHMETIC && MADE_EXACT.contains(&self.name)
     }
 }
 

@@ -1,0 +1,64 @@
+// Triangles of the plain case only: those that the ray meets between their edges, or plainly misses. Of every other the
+// ray is deferred: left to a shader with any_triangle.wgsl. Needs plain_ray.wgsl.
+
+fn side_by_exact_signs(seen: Sheared) -> i32 {
+    deferred = true;
+    return 0;
+}
+
+fn look_closer(
+    ray: PreparedRay,
+    origin: vec3<f32>,
+    triangle: Triangle,
+    seen: Sheared,
+    edges: vec3<f32>,
+    depths: vec3<f32>,
+    side: i32,
+    area: f32,
+    width: f32,
+    spread: f32,
+) -> Candidate {
+    deferred = true;
+    return no_candidate();
+}
+
+// An inner limit, from the key of the caller's: it takes no register meanwhile, and few triangles need it.
+fn inner_limit(ray: PreparedRay, key: u32) -> f32 {
+    let bits = select(~key, key ^ 0x80000000u, (key >> 31u) == 1u);
+    return scale_bits(bits, exponent_of(ray));
+}
+
+fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
+    let triangle = corners_of(index);
+    let seen = sheared(ray, triangle);
+    let edges = edge_functions(seen);
+    let side = side_met(seen, edges);
+    if side == 0 || is_culled(side, culling) {
+        return no_candidate();
+    }
+    let t_min = inner_limit(ray, ray.least_key);
+    let t_max = inner_limit(ray, ray.greatest_key);
+    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, t_min, t_max);
+}
+
+// u and v of a hit: computed again from the triangle, so that no weights take registers during the traversal.
+fn barycentric(ray: PreparedRay, triangle: u32, weights: vec3<f32>) -> vec2<f32> {
+    let edges = edge_functions(sheared(ray, corners_of(triangle)));
+    let det = sum(sum(edges.x, edges.y), edges.z);
+    return weights_over(vec3<f32>(edges.y, edges.z, det));
+}
+
+// `reach_of`, from corners that are read again: few triangles need it, and the first six distances would take registers
+// until then. No compiler can tell that the index is the same.
+fn reach_again(origin: vec3<f32>, triangle: Triangle, index: u32, seen: Sheared) -> f32 {
+    let again = corners_of(index ^ opaque_zero);
+    let a = abs(difference3(again.a, origin));
+    let b = abs(difference3(again.b, origin));
+    let c = abs(difference3(again.c, origin));
+    let most_away = max(max(a, b), c);
+    return max(max(most_away.x, most_away.y), most_away.z);
+}
+
+fn difference3(p: vec3<f32>, q: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(difference(p.x, q.x), difference(p.y, q.y), difference(p.z, q.z));
+}

@@ -1,0 +1,22 @@
+// Whether each ray that `any_hit` deferred hits anything.
+// One invocation a ray; those beyond the list do nothing.
+// Reads: nodes, references, corners and scale of the scene; the rays of the batch; the deferred ones.
+// Writes: the words of the deferred rays.
+// Ties: none; the answer does not depend on which hit is found.
+
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let place = ray_index(workgroup, workgroups, local);
+    if place >= deferred_count() {
+        return;
+    }
+    let index = deferred_rays[1u + place];
+    let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
+    occluded[index] = occluded_word(hit);
+}

@@ -1,0 +1,22 @@
+// The closest hit of every ray that `closest_hit` deferred.
+// One invocation a ray; those beyond the list do nothing.
+// Reads: nodes, references, corners and scale of the scene; the rays of the batch; the deferred ones.
+// Writes: the hits of the deferred rays, as `closest_hit` does; none is deferred again.
+// Ties: among equal `t` the lower triangle index.
+
+@group(0) @binding(5) var<storage, read_write> hits: array<vec4<u32>>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let place = ray_index(workgroup, workgroups, local);
+    if place >= deferred_count() {
+        return;
+    }
+    let index = deferred_rays[1u + place];
+    let hit = closest_hit(batch_ray(index), QueryOptions(batch.culling, batch.ignore));
+    hits[index] = hit_words(hit);
+}
