@@ -65,12 +65,6 @@ fn quotient(a: f32, b: f32) -> f32 {
     let sign = (a_bits ^ b_bits) & 0x80000000u;
     let a_field = (a_bits >> 23u) & 0xffu;
     let b_field = (b_bits >> 23u) & 0xffu;
-    if a_field == 0u || b_field == 0xffu {
-        return bitcast<f32>(sign);
-    }
-    if b_field == 0u || a_field == 0xffu {
-        return bitcast<f32>(sign | (0x7f800000u ^ opaque_zero));
-    }
     let dividend = (a_bits & 0x7fffffu) | 0x800000u;
     let divisor = (b_bits & 0x7fffffu) | 0x800000u;
     // The mantissa is floor(2^shift dividend / divisor), from 2^23 to below 2^24, and then rounded.
@@ -96,10 +90,10 @@ fn quotient(a: f32, b: f32) -> f32 {
     // Rounding up to 2^24 carries into the exponent.
     let field = i32(a_field) - i32(b_field) + 127 - i32(less);
     let bits = (clamp(field, -1, 255) << 23u) + i32(mantissa) - 0x800000;
-    if bits < 0x800000 {
-        return bitcast<f32>(sign);
-    }
-    return bitcast<f32>(sign | min(u32(bits), 0x7f800000u ^ opaque_zero));
+    let infinity = 0x7f800000u ^ opaque_zero;
+    var out = select(min(u32(bits), infinity), 0u, bits < 0x800000);
+    out = select(out, infinity, b_field == 0u || a_field == 0xffu);
+    return bitcast<f32>(sign | select(out, 0u, a_field == 0u || b_field == 0xffu));
 }
 
 // The square root, rounded to nearest: exact on every device. An approximation by guarded products is
@@ -160,16 +154,15 @@ fn two_product(a: f32, b: f32) -> Double {
     let high_field = (high_bits >> 23u) & 0xffu;
     let a_exponent = exponent(a);
     let b_exponent = exponent(b);
-    if high_field == 0u || high_field == 0xffu || a_exponent == -127 || b_exponent == -127 {
-        return Double(snap(high), 0.0);
-    }
+    let all_high = high_field == 0u || high_field == 0xffu || a_exponent == -127 || b_exponent == -127;
     let a_mantissa = (a_bits & 0x7fffffu) | 0x800000u;
     let b_mantissa = (b_bits & 0x7fffffu) | 0x800000u;
     let high_mantissa = (high_bits & 0x7fffffu) | 0x800000u;
-    let shift = u32(i32(high_field) - 127 - a_exponent - b_exponent + 23);
+    let shift = u32(i32(high_field) - 127 - a_exponent - b_exponent + 23) & 31u;
     let rest = bitcast<i32>(a_mantissa * b_mantissa - (high_mantissa << shift));
     let rounded = f32(select(rest, -rest, (high_bits >> 31u) == 1u));
-    return Double(high, scale(rounded, a_exponent + b_exponent - 46));
+    let low = scale(rounded, a_exponent + b_exponent - 46);
+    return Double(select(high, snap(high), all_high), select(low, 0.0, all_high));
 }
 
 // a + b without error, as a rounded part and what is left (Knuth's two-sum).

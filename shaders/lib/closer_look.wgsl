@@ -125,23 +125,47 @@ fn careful_weight(a: vec2<f32>, b: vec2<f32>, side: i32) -> Double {
     return Double(0.0, 0.0);
 }
 
+// The images of three corners. An array indexed by a variable would lie in memory.
+struct Image {
+    a: vec2<f32>,
+    b: vec2<f32>,
+    c: vec2<f32>,
+}
+
+fn corner_at(image: Image, corner: u32) -> vec2<f32> {
+    return select(select(image.a, image.b, corner == 1u), image.c, corner == 2u);
+}
+
+fn with_corner(image: Image, corner: u32, place: vec2<f32>) -> Image {
+    return Image(
+        select(image.a, place, corner == 0u),
+        select(image.b, place, corner == 1u),
+        select(image.c, place, corner == 2u),
+    );
+}
+
 // Where the ray meets the image of a triangle, and the weights of that point.
 fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
     let x = -exponent(most_of(abs(vec3<f32>(seen.a.x, seen.b.x, seen.c.x))));
     let y = -exponent(most_of(abs(vec3<f32>(seen.a.y, seen.b.y, seen.c.y))));
-    // Corners a, b, c.
-    var corners: array<vec2<f32>, 3>;
+    var image: Image;
     for (var k = 0u; k < 3u; k++) {
         let corner = corner_image(seen, k);
-        corners[k] = vec2<f32>(scale(corner.x, x), scale(corner.y, y));
+        image = with_corner(image, k, vec2<f32>(scale(corner.x, x), scale(corner.y, y)));
     }
-    // What is left over for each corner, its sum and the depth there.
+    // The weight of each corner.
     var weights: Double3;
+    for (var k = 0u; k < 3u; k++) {
+        let next = axis_after(k);
+        let weight = careful_weight(corner_at(image, axis_after(next)), corner_at(image, next), side);
+        weights.high[k] = weight.high;
+        weights.low[k] = weight.low;
+    }
+    // Their sum, and that of the depths.
     var det: Double;
     var total: Double;
     for (var k = 0u; k < 3u; k++) {
-        let next = axis_after(k);
-        let weight = careful_weight(corners[axis_after(next)], corners[next], side);
+        let weight = Double(weights.high[k], weights.low[k]);
         let part = double_times_float(weight, on_axis(depths, k));
         if k == 0u {
             det = weight;
@@ -150,10 +174,9 @@ fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
             det = double_plus(det, weight);
             total = double_plus(total, part);
         }
-        weights.high[k] = weight.high;
     }
     if det.high < THIN {
-        return on_longest_edge(corners, depths);
+        return on_longest_edge(image, depths);
     }
     return Candidate(
         true,
@@ -163,16 +186,15 @@ fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
 }
 
 // The point of an image's longest edge that is nearest to the ray.
-fn on_longest_edge(corners: array<vec2<f32>, 3>, depths: vec3<f32>) -> Candidate {
-    var ends = corners;
+fn on_longest_edge(image: Image, depths: vec3<f32>) -> Candidate {
     var longest = 0.0;
     // How far along it the nearest point is, its depth, and the corner that the edge starts at.
     var along = 0.0;
     var depth = depths.x;
     var start = 0u;
     for (var k = 0u; k < 3u; k++) {
-        let p = ends[k];
-        let q = ends[axis_after(k)];
+        let p = corner_at(image, k);
+        let q = corner_at(image, axis_after(k));
         let edge = vec2<f32>(difference(q.x, p.x), difference(q.y, p.y));
         let squared = snapped_sum(snapped_product(edge.x, edge.x), snapped_product(edge.y, edge.y));
         if squared > longest {

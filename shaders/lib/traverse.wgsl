@@ -4,6 +4,8 @@
 // The stack stands in private_stack.wgsl or short_stack.wgsl. Where it is short, or rays and triangles are those of the
 // plain case, a ray may be deferred: the triangle of its hit is DEFERRED, and another shader must trace it.
 //
+// Whether a ray passes what it meets stands in one_hit.wgsl or through_glass.wgsl.
+//
 // What is done with the triangles of leaves stands in search.wgsl or certain_search.wgsl: a struct `Search` with
 // at least `found` and `stop`, and the functions `new_search`, `is_traceable`, `may_skip`, `searched` and
 // `search_hit`.
@@ -37,7 +39,7 @@ fn loops_run() -> bool {
 // run, written so that no compiler can draw this conclusion. The hit is then `UNFINISHED`.
 fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     opaque_zero = scene.zero;
-    let prepared = prepare_ray(ray);
+    var prepared = prepare_ray(ray);
     if is_deferred() {
         return Hit(GREATEST, DEFERRED, 0.0, 0.0);
     }
@@ -121,7 +123,16 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             }
         }
         if top < STACK_STEP {
-            break;
+            if !passes(search) {
+                break;
+            }
+            // Once more from the start, for what lies behind.
+            prepared = passed(prepared, search);
+            search = new_search();
+            top = stack_start();
+            node = 0u;
+            enter = entered.x;
+            leave = entered.y;
         }
     }
     if cut_short || (top ^ opaque_zero) >= STACK_STEP || !loops_run() {

@@ -1,5 +1,5 @@
 // The closest hit of every path's ray.
-// One invocation a path.
+// One invocation a path; each chunk has a workgroup of its own.
 // Reads: rays; nodes, references, corners and scale of the scene.
 // Writes: a hit a ray; UNFINISHED in place of the triangle where the driver did not follow it to its end.
 // Ties: among equal `t` the lower triangle index.
@@ -17,17 +17,14 @@
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
     let count = counters[COUNTER_PATHS];
     let options = QueryOptions(frame.culling, frame.ignore);
-    for (var chunk = group.x; chunk < chunks_of(count); chunk += groups.x) {
-        let index = chunk * CHUNK + lane;
-        if index < count {
-            let ray = ray_of_words(rays[2u * index], rays[2u * index + 1u]);
-            hits[index] = hit_words(closest_hit(ray, options));
-        }
+    let index = group.x * CHUNK + lane;
+    if index < count {
+        let ray = ray_of_words(rays[2u * index], rays[2u * index + 1u]);
+        hits[index] = hit_words(closest_hit(ray, options));
     }
 }

@@ -1,5 +1,5 @@
 // Notes what the traversal of the first ray of every pixel cost.
-// One invocation a path; only first ones do something.
+// One invocation a path; each chunk has a workgroup of its own. Only first ones do something.
 // Reads: rays and paths; nodes, references, corners and scale of the scene.
 // Writes: nodes visited and triangles tested, by pixel; of a ray that the driver did not follow to its
 // end, those until then.
@@ -17,18 +17,15 @@
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
     let count = counters[COUNTER_PATHS];
     let options = QueryOptions(frame.culling, frame.ignore);
-    for (var chunk = group.x; chunk < chunks_of(count); chunk += groups.x) {
-        let index = chunk * CHUNK + lane;
-        if index < count && paths[index].sequence == 0u {
-            counted = vec2<u32>(0u);
-            trace_ray(ray_of_words(rays[2u * index], rays[2u * index + 1u]), options, false);
-            first_costs[paths[index].pixel] = FirstCost(counted.x, counted.y);
-        }
+    let index = group.x * CHUNK + lane;
+    if index < count && paths[index].sequence == 0u {
+        counted = vec2<u32>(0u);
+        trace_ray(ray_of_words(rays[2u * index], rays[2u * index + 1u]), options, false);
+        first_costs[paths[index].pixel] = FirstCost(counted.x, counted.y);
     }
 }

@@ -1,5 +1,5 @@
 // Removes the light of shadow rays that hit something.
-// One invocation a shadow ray.
+// One invocation a shadow ray; each chunk has a workgroup of its own.
 // Reads: shadow rays; nodes, references, corners and scale of the scene.
 // Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray
 // to its end.
@@ -16,21 +16,18 @@
 @compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
     let count = counters[COUNTER_SHADOW_RAYS];
     let options = QueryOptions(frame.culling, frame.ignore);
-    for (var chunk = group.x; chunk < chunks_of(count); chunk += groups.x) {
-        let index = chunk * CHUNK + lane;
-        if index < count {
-            let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
-            let hit = trace_ray(ray, options, true);
-            if hit.triangle != NO_TRIANGLE {
-                let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
-                shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);
-            }
+    let index = group.x * CHUNK + lane;
+    if index < count {
+        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let hit = trace_ray(ray, options, true);
+        if hit.triangle != NO_TRIANGLE {
+            let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
+            shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);
         }
     }
 }
