@@ -6,6 +6,8 @@
 //! out: WGSL does not say what comes then, and no kernel lets it happen.
 
 mod common;
+#[path = "common/hostile.rs"]
+mod hostile;
 
 use splitplane_core::arithmetic::{
     Arithmetic, Double, Strict, exponent, flush, ordered_bits, power_of_two, snap,
@@ -369,6 +371,24 @@ fn raw_arithmetic_differs_and_guarded_does_not() {
     if common::is_llvmpipe() {
         assert!(raw > 0, "llvmpipe no longer rearranges raw arithmetic");
     }
+}
+
+/// Quotients are exact whatever a driver rounds within what WGSL allows; beyond that they are not.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn quotients_on_drivers_that_round_badly() {
+    let pairs = pairs(MIDDLE, 26);
+    let statement = "r = vec2<u32>(bitcast<u32>(quotient(a, b)), 0u);";
+    let reference = |a: f32, b: f32| finite(Strict::quotient(a, b));
+    let count = |driver: &hostile::Driver| {
+        let library = driver.compiled(&arithmetic());
+        differences(&library, statement, Form::Floats, &pairs, &reference)
+    };
+    for driver in hostile::ALLOWED {
+        let (differ, first) = count(driver);
+        assert_eq!(differ, 0, "{}: {first}", driver.name);
+    }
+    assert!(count(&hostile::FORBIDDEN).0 > 0, "{}: not seen", hostile::FORBIDDEN.name);
 }
 
 /// Faults in the text of the arithmetic change results.

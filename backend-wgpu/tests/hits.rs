@@ -1,6 +1,8 @@
 //! Hits of the device against the core's reference traversal, bit for bit.
 
 mod common;
+#[path = "common/hostile.rs"]
+mod hostile;
 
 use std::sync::{Arc, OnceLock};
 
@@ -19,7 +21,7 @@ use splitplane_shaders::{TriangleTest, traversal};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes::{self, Scene};
-use splitplane_wgpu::{DeviceQueryError, Queries, WgpuAccelerator};
+use splitplane_wgpu::{DeviceQueryError, Queries, UNFINISHED, WgpuAccelerator};
 
 fn queries() -> Arc<Queries> {
     static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
@@ -552,6 +554,49 @@ fn deep_stacks_are_deferred() {
     }
     assert!((10..1500).contains(&deferred), "{deferred} deferred");
     case.check(&rays, &options, "deep stacks");
+}
+
+/// Hits are the same on drivers that do what WGSL allows and this machine's do not.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn drivers_that_round_as_they_like() {
+    let sources = ["closest_hit", "closest_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    let options = QueryOptions::default();
+    let scenes = [
+        scenes::soup(400, 0.3, 18),
+        scenes::needle_star(),
+        scenes::seams(true),
+        scenes::ratio(),
+        scenes::coplanar(1, 200),
+        scenes::grid_boxes(4),
+        scenes::octaves(),
+        scenes::scaled(&scenes::soup(200, 0.4, 15), 1e30, "soup at 1e30"),
+        scenes::scaled(&scenes::soup(200, 0.4, 15), 1e-30, "soup at 1e-30"),
+    ];
+    let cases = scenes.map(|scene| {
+        let case = Case::new(&scene);
+        let mut rays = all_rays(&scene, &case, 20, 19);
+        rays.extend(away(&scene, 50.0));
+        let expected: Vec<Hit> =
+            rays.iter().map(|ray| case.reference(ray, &options, Query::Closest)).collect();
+        (case, rays, expected)
+    });
+    for driver in hostile::ALLOWED {
+        let compiled = sources.clone().map(|source| driver.compiled(&source));
+        for (case, rays, expected) in &cases {
+            let (found, _) = hits_by_sources(&compiled, case, rays);
+            // llvmpipe ends loops after 65,535 rounds, and unrolls fewer of those of longer texts.
+            let unfinished = found.iter().filter(|hit| hit.triangle == UNFINISHED).count();
+            let most = if common::is_llvmpipe() { rays.len() / 5 } else { 0 };
+            assert!(unfinished <= most, "{}, {}: {unfinished}", driver.name, case.name);
+            let pairs = rays.iter().zip(&found).zip(expected);
+            for ((ray, hit), expected) in pairs.filter(|((_, hit), _)| hit.triangle != UNFINISHED) {
+                let place = format!("{}, {}: {ray:?}", driver.name, case.name);
+                assert_eq!(bits(hit), bits(expected), "{place}, {hit:?} and {expected:?}");
+            }
+        }
+    }
 }
 
 /// Each fault in the text of the kernel changes hits; the text as it is changes none.
