@@ -41,7 +41,7 @@ pub const DIGEST: Digest = Digest(0x3bb2_3b4d_0a14_e334);
 /// # Errors
 /// A device that fails, or that builds a tree that is not valid.
 pub(crate) fn run(shared: &Arc<Shared>) -> Result<Parity, GpuError> {
-    let arithmetic = check_arithmetic(&shared.gpu)?;
+    let arithmetic = check_arithmetic(&shared.gpu, &Pipelines::default())?;
     let tree = check_tree(shared)?;
     Ok(match arithmetic.or(tree) {
         None => Parity::Bitwise,
@@ -113,8 +113,44 @@ fn expected(x: f32, y: f32) -> [u32; 8] {
     .map(|value| snap(value).to_bits())
 }
 
+/// The same where the barrier's zero is one, so that the last bit of every guarded result changes. `None` for operations
+/// whose result is exact whatever they are made of, or not defined then.
+fn expected_through_one(x: f32, y: f32) -> [Option<u32>; 8] {
+    let through = |value: f32| f32::from_bits(value.to_bits() ^ 1);
+    let product = |a: f32, b: f32| through(a * b);
+    let sum = |a: f32, b: f32| through(a + b);
+    let difference = |a: f32, b: f32| through(a - b);
+    let z = sum(x, 1.0);
+    let high = sum(x, y);
+    let y_part = difference(high, x);
+    let x_part = difference(high, y_part);
+    [
+        Some(product(x, y)),
+        Some(high),
+        Some(difference(x, y)),
+        Some(Strict::quotient(x, y)),
+        None,
+        Some(sum(difference(x, x_part), difference(y, y_part))),
+        Some(difference(product(x, z), product(y, z))),
+        Some(sum(sum(product(x, y), product(y, z)), product(z, x))),
+    ]
+    .map(|value| value.map(|value| snap(value).to_bits()))
+}
+
+/// The part of the self-test that is about arithmetic, with another text in place of its kernel: for tests that plant
+/// faults.
+///
+/// # Errors
+/// A device that fails.
+#[doc(hidden)]
+pub fn arithmetic_of(gpu: &Gpu, source: String) -> Result<Option<String>, GpuError> {
+    let pipelines = Pipelines::default();
+    pipelines.replace::<DeviceChecks>(CheckKernel::ArithmeticCheck, Some(source));
+    check_arithmetic(gpu, &pipelines)
+}
+
 /// The first operation whose result is not the CPU's.
-fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
+fn check_arithmetic(gpu: &Gpu, pipelines: &Pipelines) -> Result<Option<String>, GpuError> {
     let mut sequence = Sequence(1);
     // A third of them near one another, where sums cancel; none whose results leave the range.
     let pairs: Vec<[f32; 2]> = (0..PAIRS)
@@ -123,15 +159,33 @@ fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
             [sequence.float(reach), sequence.float(reach)]
         })
         .collect();
+    let found = run_arithmetic(gpu, pipelines, &pairs, 0)?;
+    let strict = |x, y| expected(x, y).map(Some);
+    if let Some(difference) = first_difference(&pairs, &found, strict) {
+        return Ok(Some(difference));
+    }
+    // A compiler that saw through the barrier would take no notice of another zero.
+    let found = run_arithmetic(gpu, pipelines, &pairs, 1)?;
+    let difference = first_difference(&pairs, &found, expected_through_one);
+    Ok(difference.map(|difference| format!("with a zero of one, {difference}")))
+}
+
+/// The results of all operations for pairs of operands, with this word as the barrier's zero.
+fn run_arithmetic(
+    gpu: &Gpu,
+    pipelines: &Pipelines,
+    pairs: &[[f32; 2]],
+    zero: u32,
+) -> Result<Vec<u32>, GpuError> {
     let bytes = u64::from(PAIRS) * 32;
     let uniform = gpu.buffer("self-test", 16, Usage::UNIFORM | Usage::COPY_DST)?;
     let operands = gpu.buffer("self-test operands", bytes / 4, Usage::STORAGE | Usage::COPY_DST)?;
     let results = gpu.buffer("self-test results", bytes, Usage::STORAGE | Usage::COPY_SRC)?;
     let readback = gpu.buffer("self-test readback", bytes, Usage::MAP_READ | Usage::COPY_DST)?;
     let commands = gpu.guard(|| {
-        let parameters = CheckParameters { zero: 0, count: PAIRS };
+        let parameters = CheckParameters { zero, count: PAIRS };
         gpu.queue().write_buffer(&uniform, 0, bytemuck::bytes_of(&parameters));
-        gpu.queue().write_buffer(&operands, 0, bytemuck::cast_slice(&pairs));
+        gpu.queue().write_buffer(&operands, 0, bytemuck::cast_slice(pairs));
         let find = |slot: Slot<DeviceChecks>| {
             let buffer = match slot {
                 Slot::Uniform(CheckUniform::CheckParameters) => &uniform,
@@ -143,26 +197,32 @@ fn check_arithmetic(gpu: &Gpu) -> Result<Option<String>, GpuError> {
             Some(buffer.as_entire_buffer_binding())
         };
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
-        // It is not needed again.
-        let pipelines = Pipelines::default();
         let kernel = (CheckKernel::ArithmeticCheck, &());
-        once::record(gpu, &pipelines, &mut encoder, kernel, PAIRS, find)?;
+        once::record(gpu, pipelines, &mut encoder, kernel, PAIRS, find)?;
         encoder.copy_buffer_to_buffer(&results, 0, &readback, 0, bytes);
         Ok(encoder.finish())
     })??;
     gpu.submit([commands])?;
-    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&gpu.read_mapped(&readback, bytes)?);
+    Ok(bytemuck::pod_collect_to_vec(&gpu.read_mapped(&readback, bytes)?))
+}
+
+/// The first result that is not as expected, in words.
+fn first_difference(
+    pairs: &[[f32; 2]],
+    found: &[u32],
+    expected: impl Fn(f32, f32) -> [Option<u32>; 8],
+) -> Option<String> {
     for ([x, y], found) in pairs.iter().zip(found.chunks_exact(8)) {
         for ((name, expected), found) in OPERATIONS.iter().zip(expected(*x, *y)).zip(found) {
-            if expected != *found {
+            if let Some(expected) = expected
+                && expected != *found
+            {
                 let [expected, found] = [expected, *found].map(f32::from_bits);
-                return Ok(Some(format!(
-                    "{name} of {x:e} and {y:e} is {found:e}, not {expected:e}"
-                )));
+                return Some(format!("{name} of {x:e} and {y:e} is {found:e}, not {expected:e}"));
             }
         }
     }
-    Ok(None)
+    None
 }
 
 /// The triangles of the small build: of many sizes, some clipped by many planes, some planar, some at
