@@ -2,8 +2,8 @@
 // invocations in workgroup memory, one invocation a triangle. Twin of backend-cpu's build_small.rs.
 //
 // Candidates are the faces of the references' bounds as they stand in the root. A candidate counts
-// only where its own triangle is in the node and the plane lies strictly inside. Each invocation keeps
-// the masks of its six candidates. Depth first, left before right.
+// only where its own triangle is in the node and the plane lies strictly inside. The masks of all candidates
+// lie in workgroup memory. Depth first, left before right.
 //
 // The kernel says what becomes of nodes and references: `put_node`, `put_right`, `put_reference`.
 // Needs the bindings `parameters` and `small_references`.
@@ -41,28 +41,37 @@ var<workgroup> running: u32;
 var<workgroup> best_cost: atomic<u32>;
 var<workgroup> best_axis: atomic<u32>;
 var<workgroup> best_order: atomic<u32>;
+// The masks of the six candidate planes of every invocation, those of the low face of an axis before those of the high
+// one: left low, left high, right low, right high. In registers they would leave room for half as many workgroups.
+var<workgroup> plane_sides: array<vec4<u32>, 384>;
 // The masks of the chosen plane: left low, left high, right low, right high.
 var<workgroup> chosen: array<atomic<u32>, 4>;
 
-// The masks of one candidate plane.
-struct Sides {
-    left: vec2<u32>,
-    right: vec2<u32>,
+// The masks of an invocation's six planes, one word of each: of the planes at the low faces of its bounds and of those
+// at the high faces, by axis.
+struct PlaneMasks {
+    low_left: vec3<u32>,
+    low_right: vec3<u32>,
+    high_left: vec3<u32>,
+    high_right: vec3<u32>,
 }
 
-// Which of the root's references go to which side of a plane: masks (Zhou et al. 2008, small-node
-// stage).
-fn sides_of_plane(axis: u32, position: f32, count: u32) -> Sides {
-    var sides = Sides(vec2<u32>(0u), vec2<u32>(0u));
-    for (var i = 0u; i < count; i++) {
-        let lo = on_axis(bounds_lo[i], axis);
-        let hi = on_axis(bounds_hi[i], axis);
-        let bit = 1u << (i % 32u);
-        let word = select(vec2<u32>(bit, 0u), vec2<u32>(0u, bit), i >= 32u);
-        sides.left |= select(vec2<u32>(0u), word, goes_left(lo, hi, position));
-        sides.right |= select(vec2<u32>(0u), word, goes_right(hi, position));
+// Which of the references from `first` to below `end`, at most 32, go to which side of the planes at `lo` and `hi`
+// (Zhou et al. 2008, small-node stage). One loop for all twelve masks, since the bounds are what it waits for.
+fn masks_of_planes(lo: vec3<f32>, hi: vec3<f32>, first: u32, end: u32) -> PlaneMasks {
+    var masks: PlaneMasks;
+    for (var i = first; i < end; i++) {
+        let other_lo = bounds_lo[i];
+        let other_hi = bounds_hi[i];
+        let bit = vec3<u32>(1u << (i - first));
+        let none = vec3<u32>();
+        // `goes_left` and `goes_right` on three axes at once.
+        masks.low_left |= select(none, bit, (other_lo < lo) | (other_hi <= lo));
+        masks.low_right |= select(none, bit, other_hi > lo);
+        masks.high_left |= select(none, bit, (other_lo < hi) | (other_hi <= hi));
+        masks.high_right |= select(none, bit, other_hi > hi);
     }
-    return sides;
+    return masks;
 }
 
 fn count_mask(mask: vec2<u32>) -> u32 {
@@ -107,10 +116,10 @@ fn precedes(a: Candidate, b: Candidate) -> bool {
     return a.order < b.order;
 }
 
-// The candidate of one face, if it counts and is better than `best`.
+// The candidate of one face, whose masks are at `place`, if it counts and is better than `best`.
 fn consider(
     best: Candidate,
-    sides: Sides,
+    place: u32,
     axis: u32,
     position: f32,
     mask: vec2<u32>,
@@ -121,8 +130,9 @@ fn consider(
     if !strictly_inside(cell, axis, position) {
         return best;
     }
-    let left = blocks(count_mask(sides.left & mask));
-    let right = blocks(count_mask(sides.right & mask));
+    let sides = plane_sides[place];
+    let left = blocks(count_mask(sides.xy & mask));
+    let right = blocks(count_mask(sides.zw & mask));
     let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
     let areas = split_areas(extents, axis, offset);
     let cost = parameters.traversal_cost * area
@@ -168,23 +178,21 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         allocated = vec2<u32>(1u, root.count);
     }
     workgroupBarrier();
-    var low_x: Sides;
-    var high_x: Sides;
-    var low_y: Sides;
-    var high_y: Sides;
-    var low_z: Sides;
-    var high_z: Sides;
     var lo = vec3<f32>(0.0);
     var hi = vec3<f32>(0.0);
     if lane < root.count {
         lo = bounds_lo[lane];
         hi = bounds_hi[lane];
-        low_x = sides_of_plane(0u, lo.x, root.count);
-        high_x = sides_of_plane(0u, hi.x, root.count);
-        low_y = sides_of_plane(1u, lo.y, root.count);
-        high_y = sides_of_plane(1u, hi.y, root.count);
-        low_z = sides_of_plane(2u, lo.z, root.count);
-        high_z = sides_of_plane(2u, hi.z, root.count);
+        // The first 32 references, and the others.
+        let near = masks_of_planes(lo, hi, 0u, min(root.count, 32u));
+        let rest = masks_of_planes(lo, hi, 32u, root.count);
+        for (var axis = 0u; axis < 3u; axis++) {
+            let place = 2u * axis * 64u + lane;
+            plane_sides[place] = vec4<u32>(
+                near.low_left[axis], rest.low_left[axis], near.low_right[axis], rest.low_right[axis]);
+            plane_sides[place + 64u] = vec4<u32>(
+                near.high_left[axis], rest.high_left[axis], near.high_right[axis], rest.high_right[axis]);
+        }
     }
     loop {
         let node = pending;
@@ -200,12 +208,11 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         let none = Candidate(leaf_cost, 0u, 0u);
         var best = none;
         if open && contains(mask, lane) {
-            best = consider(best, low_x, 0u, lo.x, mask, cell, extents, area);
-            best = consider(best, high_x, 0u, hi.x, mask, cell, extents, area);
-            best = consider(best, low_y, 1u, lo.y, mask, cell, extents, area);
-            best = consider(best, high_y, 1u, hi.y, mask, cell, extents, area);
-            best = consider(best, low_z, 2u, lo.z, mask, cell, extents, area);
-            best = consider(best, high_z, 2u, hi.z, mask, cell, extents, area);
+            for (var plane = 0u; plane < 6u; plane++) {
+                let axis = plane / 2u;
+                let position = on_axis(select(lo, hi, plane % 2u == 1u), axis);
+                best = consider(best, plane * 64u + lane, axis, position, mask, cell, extents, area);
+            }
         }
         if lane == 0u {
             atomicStore(&best_cost, leaf_cost);
