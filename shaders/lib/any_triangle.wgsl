@@ -163,8 +163,8 @@ fn at_one_scale(wide: WideSheared, power: i32) -> Sheared {
     return seen;
 }
 
-// The watertight test: where the ray meets the triangle within its limits.
-fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
+// The watertight test in full, for any triangle and ray.
+fn test_closely(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
     let triangle = corners_of(index);
     var wide: WideSheared;
     if ray.wide {
@@ -175,7 +175,10 @@ fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
     }
     var seen = wide.seen;
     var edges = edge_functions(seen);
-    let side = side_met(seen, edges);
+    var side = side_met(seen, edges);
+    if side == SIDE_OPEN {
+        side = side_by_exact_signs(seen);
+    }
     if side == 0 || is_culled(side, culling) {
         return no_candidate();
     }
@@ -200,6 +203,9 @@ fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
         t_max = GREATEST;
     }
     var hit = finish_test(ray, origin, index, held, seen, edges, side, t_min, t_max);
+    if hit.open {
+        hit = look_closer(ray, origin, held, seen, edges, side, t_min, t_max);
+    }
     if ray.wide {
         hit.t = scale(hit.t, -power);
         // Held to the inner limits as well, like that of the plain test: scaled to the caller's units, a
@@ -218,16 +224,40 @@ fn look_closer(
     triangle: Triangle,
     seen: Sheared,
     edges: vec3<f32>,
-    depths: vec3<f32>,
     side: i32,
-    area: f32,
-    width: f32,
-    spread: f32,
+    t_min: f32,
+    t_max: f32,
 ) -> Candidate {
-    if is_robust(edges, area) && spread <= product(NEEDLE, width) {
-        return refined(origin, ray.direction, triangle, width);
+    let sz = ray.shear.z;
+    let depths = vec3<f32>(
+        product(sz, seen.away_a.z),
+        product(sz, seen.away_b.z),
+        product(sz, seen.away_c.z),
+    );
+    let nearest = least_of(depths);
+    let farthest = most_of(depths);
+    let width = width_of(seen);
+    let area = product(reach_of(seen), width);
+    var hit: Candidate;
+    if is_robust(edges, area) && difference(farthest, nearest) <= product(NEEDLE, width) {
+        hit = refined(origin, ray.direction, triangle, width);
+    } else {
+        hit = careful(seen, depths, side);
     }
-    return careful(seen, depths, side);
+    hit.t = select(hit.t, 0.0, abs(hit.t) < T_LEAST);
+    hit.t = least(most(hit.t, nearest), farthest);
+    if hit.t < t_min || hit.t > t_max {
+        return no_candidate();
+    }
+    return hit;
+}
+
+fn looks_closer() -> bool {
+    return true;
+}
+
+fn inner_limits(ray: PreparedRay) -> vec2<f32> {
+    return vec2<f32>(ray.t_min, ray.t_max);
 }
 
 // u and v of a hit, from the weights of its candidate.

@@ -5,6 +5,8 @@
 // What a traversal has found.
 struct Search {
     found: bool,
+    // No triangle takes a closer look.
+    open: bool,
     // Of `best`, if it was found.
     triangle: u32,
     best: Certain,
@@ -16,7 +18,7 @@ struct Search {
 
 fn new_search() -> Search {
     let nothing = Certain(Double(0.0, 0.0), 0.0, 0.0, 0.0);
-    return Search(false, NO_TRIANGLE, nothing, GREATEST, GREATEST);
+    return Search(false, false, NO_TRIANGLE, nothing, GREATEST, GREATEST);
 }
 
 // Whether hits can be told of the ray at all.
@@ -95,4 +97,18 @@ fn search_hit(search: Search, ray: PreparedRay) -> Hit {
         t = least(t, least_t(search.best));
     }
     return Hit(scale(t, -exponent_of(ray)), UNDECIDED_HIT, 0.0, 0.0);
+}
+
+fn looks_closer() -> bool {
+    return false;
+}
+
+fn searched_closely(
+    before: Search,
+    ray: PreparedRay,
+    triangle: u32,
+    culling: u32,
+    any: bool,
+) -> Search {
+    return before;
 }

@@ -99,7 +99,7 @@ fn refined(origin: vec3<f32>, direction: vec3<f32>, triangle: Triangle, width: f
     if power != 0 {
         t = scale(t, -power);
     }
-    return Candidate(true, t, vec3<f32>(-dots.z, dots.w, det));
+    return Candidate(true, false, t, vec3<f32>(-dots.z, dots.w, det));
 }
 
 // The product without error, or 0.
@@ -180,6 +180,7 @@ fn careful(seen: Sheared, depths: vec3<f32>, side: i32) -> Candidate {
     }
     return Candidate(
         true,
+        false,
         quotient(total.high, det.high),
         vec3<f32>(weights.high.y, weights.high.z, det.high),
     );
@@ -211,5 +212,5 @@ fn on_longest_edge(image: Image, depths: vec3<f32>) -> Candidate {
     // From the first corner on, to the second; from the second to the third; from the third to the first.
     let u = select(select(0.0, rest, start == 1u), along, start == 0u);
     let v = select(select(0.0, rest, start == 2u), along, start == 1u);
-    return Candidate(true, depth, vec3<f32>(u, v, 1.0));
+    return Candidate(true, false, depth, vec3<f32>(u, v, 1.0));
 }

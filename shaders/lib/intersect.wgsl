@@ -64,13 +64,19 @@ struct PreparedRay {
 // A hit in inner units; none unless `some`.
 struct Candidate {
     some: bool,
+    // Whether the test leaves to a closer look if there is one.
+    open: bool,
     t: f32,
     // What the triangle test makes u and v from, once it is known which hit is the answer: see `barycentric`.
     weights: vec3<f32>,
 }
 
 fn no_candidate() -> Candidate {
-    return Candidate(false, 0.0, vec3<f32>());
+    return Candidate(false, false, 0.0, vec3<f32>());
+}
+
+fn open_candidate() -> Candidate {
+    return Candidate(false, true, 0.0, vec3<f32>());
 }
 
 fn is_finite_bits(bits: u32) -> bool {

@@ -1,24 +1,10 @@
-// Triangles of the plain case only: those that the ray meets between their edges, or plainly misses. Of every other the
-// ray is deferred: left to a shader with any_triangle.wgsl. Needs plain_ray.wgsl.
+// Of triangles that take a closer look the ray is deferred: left to a shader with any_triangle.wgsl.
 
-fn side_by_exact_signs(seen: Sheared) -> i32 {
-    deferred = true;
-    return 0;
+fn looks_closer() -> bool {
+    return false;
 }
 
-fn look_closer(
-    ray: PreparedRay,
-    origin: vec3<f32>,
-    triangle: Triangle,
-    seen: Sheared,
-    edges: vec3<f32>,
-    depths: vec3<f32>,
-    side: i32,
-    area: f32,
-    width: f32,
-    spread: f32,
-) -> Candidate {
-    deferred = true;
+fn test_closely(ray: PreparedRay, triangle: u32, culling: u32) -> Candidate {
     return no_candidate();
 }
 
@@ -28,17 +14,8 @@ fn inner_limit(ray: PreparedRay, key: u32) -> f32 {
     return scale_bits(bits, exponent_of(ray));
 }
 
-fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
-    let triangle = corners_of(index);
-    let seen = sheared(ray, triangle);
-    let edges = edge_functions(seen);
-    let side = side_met(seen, edges);
-    if side == 0 || is_culled(side, culling) {
-        return no_candidate();
-    }
-    let t_min = inner_limit(ray, ray.least_key);
-    let t_max = inner_limit(ray, ray.greatest_key);
-    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, t_min, t_max);
+fn inner_limits(ray: PreparedRay) -> vec2<f32> {
+    return vec2<f32>(inner_limit(ray, ray.least_key), inner_limit(ray, ray.greatest_key));
 }
 
 // u and v of a hit: computed again from the triangle, so that no weights take registers during the traversal.

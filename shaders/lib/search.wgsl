@@ -4,6 +4,8 @@
 // What a traversal has found.
 struct Search {
     found: bool,
+    // Whether the last triangle takes a closer look.
+    open: bool,
     // The caller's.
     t: f32,
     triangle: u32,
@@ -13,7 +15,7 @@ struct Search {
 }
 
 fn new_search() -> Search {
-    return Search(false, GREATEST, NO_TRIANGLE, vec3<f32>(), GREATEST);
+    return Search(false, false, GREATEST, NO_TRIANGLE, vec3<f32>(), GREATEST);
 }
 
 // Whether hits can be told of the ray at all: of every one.
@@ -39,8 +41,36 @@ fn searched(
     culling: u32,
     any: bool,
 ) -> Search {
-    var search = before;
     let candidate = test_triangle(ray, triangle, culling);
+    if candidate.open {
+        var search = before;
+        search.open = true;
+        return search;
+    }
+    return accepted(before, ray, triangle, candidate, any);
+}
+
+// The search after a closer look at a triangle that was left open.
+fn searched_closely(
+    before: Search,
+    ray: PreparedRay,
+    triangle: u32,
+    culling: u32,
+    any: bool,
+) -> Search {
+    var search = before;
+    search.open = false;
+    return accepted(search, ray, triangle, test_closely(ray, triangle, culling), any);
+}
+
+fn accepted(
+    before: Search,
+    ray: PreparedRay,
+    triangle: u32,
+    candidate: Candidate,
+    any: bool,
+) -> Search {
+    var search = before;
     if !candidate.some {
         return search;
     }

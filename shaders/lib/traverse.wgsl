@@ -10,6 +10,9 @@
 // at least `found` and `stop`, and the functions `new_search`, `is_traceable`, `may_skip`, `searched` and
 // `search_hit`.
 
+// Where the walk is at no node.
+const NO_NODE: u32 = 0xffffffffu;
+
 // A subtree that is yet to be visited, and the ray's interval in it.
 struct StackEntry {
     node: u32,
@@ -58,71 +61,80 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     var search = new_search();
     // At the end there is nothing on the stack, and only then.
     var top = stack_start();
+    // None in a leaf and after it.
     var node = 0u;
-    var cut_short = false;
+    // What is left of the leaf that the walk is in.
+    var at = 0u;
+    var end = 0u;
+    // A closer look is taken outside of the walk: there it costs nothing to rays that take none.
     loop {
-        observe_node();
-        let words = nodes[node];
-        let tag = words.y & 3u;
-        let payload = words.y >> 2u;
-        if tag != 3u {
-            let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
-            let backwards = is_backwards(prepared, tag);
-            let near = select(node + 1u, payload, backwards);
-            let far = select(payload, node + 1u, backwards);
-            if interval.y < enter {
-                node = far;
-            } else if interval.x > leave {
-                node = near;
-            } else {
-                if !stack_has(top) {
-                    return Hit(GREATEST, DEFERRED, 0.0, 0.0);
-                }
-                stack_store(top, StackEntry(far, most(enter, interval.x), leave));
-                top += STACK_STEP;
-                node = near;
-                leave = least(leave, interval.y);
-            }
-            continue;
-        }
-        var at = words.x;
-        let end = at + payload;
+        var pending = NO_TRIANGLE;
+        // One loop for nodes, triangles and stack: drivers that run rays in step count the rounds of inner loops even
+        // for rays that are in none.
         loop {
-            if at >= end {
-                break;
+            if node != NO_NODE {
+                observe_node();
+                let words = nodes[node];
+                let tag = words.y & 3u;
+                let payload = words.y >> 2u;
+                if tag != 3u {
+                    let interval = plane_interval(prepared, tag, bitcast<f32>(words.x));
+                    let backwards = is_backwards(prepared, tag);
+                    let near = select(node + 1u, payload, backwards);
+                    let far = select(payload, node + 1u, backwards);
+                    if interval.y < enter {
+                        node = far;
+                    } else if interval.x > leave {
+                        node = near;
+                    } else {
+                        if !stack_has(top) {
+                            return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                        }
+                        stack_store(top, StackEntry(far, most(enter, interval.x), leave));
+                        top += STACK_STEP;
+                        node = near;
+                        leave = least(leave, interval.y);
+                    }
+                    continue;
+                }
+                at = words.x;
+                end = at + payload;
+                node = NO_NODE;
             }
-            let triangle = leaf_references[at];
-            at += 1u;
-            if triangle == options.ignore || may_skip(search, triangle) {
+            if at < end {
+                let triangle = leaf_references[at];
+                at += 1u;
+                if triangle != options.ignore && !may_skip(search, triangle) {
+                    observe_triangle();
+                    search = searched(search, prepared, triangle, options.culling, any);
+                    if search.open {
+                        if !looks_closer() {
+                            return Hit(GREATEST, DEFERRED, 0.0, 0.0);
+                        }
+                        pending = triangle;
+                        break;
+                    }
+                    if any && search.found {
+                        if !loops_run() {
+                            return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
+                        }
+                        return search_hit(search, prepared);
+                    }
+                }
+            }
+            if at < end {
                 continue;
             }
-            observe_triangle();
-            search = searched(search, prepared, triangle, options.culling, any);
-            if is_deferred() {
-                return Hit(GREATEST, DEFERRED, 0.0, 0.0);
-            }
-            if any && search.found {
-                if !loops_run() {
-                    return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
-                }
-                return search_hit(search, prepared);
-            }
-        }
-        cut_short = cut_short || (at ^ opaque_zero) < end;
-        loop {
             top -= STACK_STEP;
-            if top < STACK_STEP {
-                break;
+            if top >= STACK_STEP {
+                let entry = stack_entry(top);
+                if entry.enter <= search.stop {
+                    node = entry.node;
+                    enter = entry.enter;
+                    leave = entry.leave;
+                }
+                continue;
             }
-            let entry = stack_entry(top);
-            if entry.enter <= search.stop {
-                node = entry.node;
-                enter = entry.enter;
-                leave = entry.leave;
-                break;
-            }
-        }
-        if top < STACK_STEP {
             if !passes(search) {
                 break;
             }
@@ -134,8 +146,18 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
             enter = entered.x;
             leave = entered.y;
         }
+        if pending == NO_TRIANGLE {
+            break;
+        }
+        search = searched_closely(search, prepared, pending, options.culling, any);
+        if any && search.found {
+            if !loops_run() {
+                return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
+            }
+            return search_hit(search, prepared);
+        }
     }
-    if cut_short || (top ^ opaque_zero) >= STACK_STEP || !loops_run() {
+    if (top ^ opaque_zero) >= STACK_STEP || !loops_run() {
         return Hit(GREATEST, UNFINISHED, 0.0, 0.0);
     }
     return search_hit(search, prepared);

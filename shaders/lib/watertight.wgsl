@@ -30,6 +30,9 @@ fn edge_functions(seen: Sheared) -> vec3<f32> {
     );
 }
 
+// What `side_met` says when rounded edge functions leave it open.
+const SIDE_OPEN: i32 = 2;
+
 // 1 where the image's front is met, -1 where its back is, 0 where neither.
 fn side_met(seen: Sheared, edges: vec3<f32>) -> i32 {
     let below = edges.x < 0.0 || edges.y < 0.0 || edges.z < 0.0;
@@ -41,7 +44,7 @@ fn side_met(seen: Sheared, edges: vec3<f32>) -> i32 {
         return select(-1, 1, above);
     }
     // An edge function is zero, or rounded to it.
-    return side_by_exact_signs(seen);
+    return SIDE_OPEN;
 }
 
 fn is_culled(side: i32, culling: u32) -> bool {
@@ -61,7 +64,7 @@ fn sheared(ray: PreparedRay, triangle: Triangle) -> Sheared {
     return seen;
 }
 
-// Where a triangle is met, once it is known to be.
+// Where a triangle is met, once it is known to be; open where interpolation does not serve.
 fn finish_test(
     ray: PreparedRay,
     origin: vec3<f32>,
@@ -95,7 +98,7 @@ fn finish_test(
     let disorder = product(area, spread);
     let fat = most(product(product(width, width), SLIVER), DET_LEAST);
     let eightfold = product(8.0, abs(total));
-    var hit = Candidate(true, 0.0, vec3<f32>(edges.y, edges.z, det));
+    var hit = Candidate(true, false, 0.0, vec3<f32>(edges.y, edges.z, det));
     if abs(det) >= fat && most(disorder, SUM_LEAST) <= eightfold {
         hit.t = quotient(total, det);
     } else {
@@ -111,11 +114,7 @@ fn finish_test(
                 }
             }
         }
-        hit = look_closer(ray, origin, triangle, seen, edges, depths, side, area, width, spread);
-        if !hit.some {
-            return hit;
-        }
-        hit.t = select(hit.t, 0.0, abs(hit.t) < T_LEAST);
+        return open_candidate();
     }
     hit.t = least(most(hit.t, nearest), farthest);
     if hit.t < t_min || hit.t > t_max {
@@ -139,6 +138,25 @@ fn reach_of(seen: Sheared) -> f32 {
 fn width_of(seen: Sheared) -> f32 {
     let widest = max(max(abs(seen.a), abs(seen.b)), abs(seen.c));
     return max(widest.x, widest.y);
+}
+
+// The watertight test: where the ray meets the triangle within its limits; open where that takes a closer look.
+fn watertight(ray: PreparedRay, index: u32, culling: u32) -> Candidate {
+    if ray.wide {
+        return open_candidate();
+    }
+    let triangle = corners_of(index);
+    let seen = sheared(ray, triangle);
+    let edges = edge_functions(seen);
+    let side = side_met(seen, edges);
+    if side == SIDE_OPEN {
+        return open_candidate();
+    }
+    if side == 0 || is_culled(side, culling) {
+        return no_candidate();
+    }
+    let limits = inner_limits(ray);
+    return finish_test(ray, ray.origin, index, triangle, seen, edges, side, limits.x, limits.y);
 }
 
 // The triangle test of this shader.

@@ -1,9 +1,11 @@
 //! Drivers that do what WGSL lets them do and no driver at hand does, modelled by rewriting the arithmetic of a shader.
 
+#![allow(dead_code, reason = "each test uses a part")]
+
 /// A driver: what it does, and the texts of `arithmetic.wgsl` that it replaces.
-pub struct Driver {
+pub(crate) struct Driver {
     /// In words.
-    pub name: &'static str,
+    pub(crate) name: &'static str,
     changes: &'static [[&'static str; 2]],
 }
 
@@ -13,7 +15,7 @@ const GUARD: &str = "    return bitcast<f32>(bitcast<u32>(x) ^ opaque_zero);\n";
 const RECIPROCAL: &str = "    return 1.0 / a;\n";
 
 /// Drivers under which all results must stay as they are. WGSL allows reciprocals 2.5 units in the last place.
-pub const ALLOWED: &[Driver] = &[
+pub(crate) const ALLOWED: &[Driver] = &[
     Driver {
         name: "reciprocals are too large",
         changes: &[[RECIPROCAL, "    return bitcast<f32>(bitcast<u32>(1.0 / a) + 2u);\n"]],
@@ -81,7 +83,7 @@ pub const ALLOWED: &[Driver] = &[
 ];
 
 /// A driver that does what WGSL does not allow, and that a test of quotients must notice.
-pub const FORBIDDEN: Driver = Driver {
+pub(crate) const FORBIDDEN: Driver = Driver {
     name: "reciprocals are wrong",
     changes: &[[RECIPROCAL, "    return bitcast<f32>(bitcast<u32>(1.0 / a) + 40u);\n"]],
 };
@@ -91,7 +93,7 @@ impl Driver {
     ///
     /// # Panics
     /// If a text to replace is not there.
-    pub fn compiled(&self, source: &str) -> String {
+    pub(crate) fn compiled(&self, source: &str) -> String {
         let mut source = source.to_owned();
         for [right, changed] in self.changes {
             assert!(source.contains(right), "{}: the text is not there: {right}", self.name);
