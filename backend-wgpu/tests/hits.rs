@@ -3,6 +3,8 @@
 mod common;
 #[path = "common/hostile.rs"]
 mod hostile;
+#[path = "common/poison.rs"]
+mod poison;
 
 use std::sync::{Arc, OnceLock};
 
@@ -595,6 +597,25 @@ fn drivers_that_round_as_they_like() {
                 let place = format!("{}, {}: {ray:?}", driver.name, case.name);
                 assert_eq!(bits(hit), bits(expected), "{place}, {hit:?} and {expected:?}");
             }
+        }
+    }
+}
+
+/// No query reads memory of its workgroup that it has not written: that memory is not cleared.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_of_workgroups_may_hold_anything() {
+    let [lean, retry] = ["closest_hit", "closest_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    let scene = scenes::soup(400, 0.3, 18);
+    let case = Case::new(&scene);
+    let rays = all_rays(&scene, &case, 20, 19);
+    for word in poison::WORDS {
+        let lean = poison::poisoned(&lean, word).expect("memory of a workgroup");
+        let (found, _) = hits_by_sources(&[lean, retry.clone()], &case, &rays);
+        for (ray, hit) in rays.iter().zip(&found) {
+            let expected = case.reference(ray, &QueryOptions::default(), Query::Closest);
+            assert_eq!(bits(hit), bits(&expected), "{word}, {ray:?}");
         }
     }
 }

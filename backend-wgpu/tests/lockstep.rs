@@ -2,6 +2,8 @@
 //! them, with WebGPU's default limits requested.
 
 mod common;
+#[path = "common/poison.rs"]
+mod poison;
 
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
 use splitplane_core::build::schedule;
@@ -208,6 +210,50 @@ fn planted_faults_are_named() {
     }
     assert!(missed.is_empty(), "{missed:#?}");
     assert!(missing.is_empty(), "no fault is planted in {missing:?}");
+}
+
+/// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_of_workgroups_may_hold_anything() {
+    let scene = scenes::grid_boxes(4)
+        .joined(&scenes::soup(500, 0.4, 9), "poisoned")
+        .joined(&scenes::identical(100), "poisoned");
+    let mut seen = 0;
+    for (index, kernel) in Kernel::ALL.into_iter().enumerate() {
+        let source = splitplane_shaders::KERNELS[index].source();
+        for source in poison::WORDS.iter().filter_map(|&word| poison::poisoned(&source, word)) {
+            let backend =
+                WgpuBackend::with_replaced_kernel(Gpu::clone(&common::gpu()), kernel, source);
+            for config in by_every_staged_builder(BuildConfig::default()) {
+                check(&backend, &scene, &config);
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen >= 20, "{seen}");
+}
+
+/// A kernel that reads what it has not written is found.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_that_is_read_before_it_is_written_is_seen() {
+    let scene = scenes::soup(3000, 0.4, 9);
+    for (kernel, text) in [
+        (Kernel::AllocateChildren, "        atomicStore(&unfinished, 0u);\n"),
+        (Kernel::ClassifyReferences, "        atomicStore(&ballot_words[lane], 0u);\n"),
+    ] {
+        let source = splitplane_shaders::KERNELS[kernel as usize].source();
+        assert!(source.contains(text), "{kernel:?}: the text is not there");
+        let source = source.replace(text, "");
+        let seen = poison::WORDS.iter().any(|&word| {
+            let source = poison::poisoned(&source, word).expect("memory of a workgroup");
+            let backend =
+                WgpuBackend::with_replaced_kernel(Gpu::clone(&common::gpu()), kernel, source);
+            in_step(&backend, &scene.mesh(), &BuildConfig::default()).is_err()
+        });
+        assert!(seen, "{kernel:?}");
+    }
 }
 
 /// A schedule for planes that the executor's preset does not find ends in an error.

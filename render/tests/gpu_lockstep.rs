@@ -2,6 +2,8 @@
 //! WebGPU's default limits requested.
 
 mod device;
+#[path = "../../backend-wgpu/tests/common/poison.rs"]
+mod poison;
 
 use device::scenes::{self, Scene};
 use device::{Both, both};
@@ -101,6 +103,29 @@ fn overflow() {
     let mut renderer = device::renderer();
     let room = Room { paths: 64, ..Room::GPU };
     assert!(check(&mut renderer, scenes::overflowing(), room).void);
+}
+
+/// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_of_workgroups_may_hold_anything() {
+    let scene = both(scenes::all().with_samples("poisoned", 2));
+    let room = Room { paths: 600, ..Room::GPU };
+    let mut renderer = device::renderer();
+    let mut seen = 0;
+    for kernel in Kernel::ALL {
+        let source = splitplane_shaders::find(kernel.name()).expect("a kernel").source();
+        for source in poison::WORDS.iter().filter_map(|&word| poison::poisoned(&source, word)) {
+            renderer.replace_kernel(kernel, Some(source));
+            let found = in_step(&mut renderer, &scene, room);
+            renderer.replace_kernel(kernel, None);
+            if let Err(difference) = found {
+                panic!("{kernel:?}: {difference}");
+            }
+            seen += 1;
+        }
+    }
+    assert!(seen >= 10, "{seen}");
 }
 
 /// A fault in any kernel is seen, at the first dispatch of that kernel.

@@ -114,6 +114,7 @@ fn is_large(decision: Decision, count: u32) -> bool {
 fn main(@builtin(local_invocation_index) lane: u32) {
     opaque_zero = parameters.zero;
     if lane == 0u {
+        atomicStore(&unfinished, 0u);
         node_count = active_node_count();
         let level = counters[COUNTER_LEVELS];
         top_count = counters[COUNTER_TOP_NODES];

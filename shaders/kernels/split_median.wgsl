@@ -117,6 +117,9 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = parameters.zero;
+    if lane == 0u {
+        atomicStore(&unfinished, 0u);
+    }
     let end = slice_end(active_node_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let node = active_nodes[index];
