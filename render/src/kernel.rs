@@ -10,6 +10,12 @@ use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 /// Paths of a chunk: what one workgroup takes at a time.
 pub const CHUNK: u32 = 256;
 
+/// Rays that a workgroup of a kernel that traces takes: no more, since their stacks lie in its memory.
+pub const TRACED: u32 = 64;
+
+/// Words of [`Buffer::Deferred`] before the list: the numbers of paths and of shadow rays.
+pub const DEFERRED_HEAD: u32 = 2;
+
 kernel_set! {
     /// The ray tracer: Whitted 1980, in waves (Laine, Karras, Aila 2013).
     set RayTracer "ray tracer", counted by Counter;
@@ -63,6 +69,9 @@ kernel_set! {
         /// The pixels for a screen: 8 bits each of red, green, blue and 255, from the top left. The
         /// last is 0 where a ray was not followed to its end.
         Pixels "pixels", 4, live Pixels;
+        /// Rays of this wave that a lean kernel of a device left to its second one: numbers, then indices. Other executors
+        /// do not need it.
+        Deferred "deferred_rays", 4;
         /// [`Counters`].
         Counters "counters", size_of::<Counters>();
     }
@@ -70,7 +79,7 @@ kernel_set! {
     /// The kernels of the ray tracer. Each is a file of the same name in every executor.
     kernels Kernel {
         /// Takes the next slice of the picture.
-        BeginSlice "begin_slice", One => updates Counters;
+        BeginSlice "begin_slice", One => updates Counters, scatters Deferred;
         /// A ray through every sample of the slice's pixels.
         CameraRays "camera_rays", Invocations(Paths, CHUNK) => writes Rays, writes Paths;
         /// Records the cost of the first ray of every pixel.
@@ -78,9 +87,9 @@ kernel_set! {
             reads Rays, reads Paths, scatters FirstCosts,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
         /// The closest hit of every path's ray.
-        ClosestHits "closest_hits", Invocations(Paths, CHUNK) =>
+        ClosestHits "closest_hits", Invocations(Paths, TRACED) =>
             reads Rays, writes Hits,
-            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
         /// Records the hit of the first ray of every pixel.
         FirstHits "first_hits", Invocations(Paths, CHUNK) =>
             reads Rays, reads Paths, reads Hits, reads Triangles, scatters FirstHits;
@@ -96,14 +105,14 @@ kernel_set! {
             reads Paths, reads Triangles, reads Scene, reads Surfaces, reads Spawned,
             writes ShadowRays, writes ShadowLight;
         /// Removes the light of shadow rays that hit something.
-        ShadowHits "shadow_hits", Invocations(ShadowRays, CHUNK) =>
+        ShadowHits "shadow_hits", Invocations(ShadowRays, TRACED) =>
             reads ShadowRays, scatters ShadowLight,
-            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
         /// As [`Kernel::ShadowHits`], where clear bodies only tint the light. The scene says which
         /// triangles are clear.
-        ShadowHitsThroughGlass "shadow_hits_through_glass", Invocations(ShadowRays, CHUNK) =>
+        ShadowHitsThroughGlass "shadow_hits_through_glass", Invocations(ShadowRays, TRACED) =>
             reads ShadowRays, reads Scene, updates ShadowLight,
-            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene;
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
         /// Sums the light of the paths, pixel by pixel.
         Accumulate "accumulate", Invocations(Paths, CHUNK) =>
             reads Paths, reads Surfaces, reads Spawned, reads ShadowLight, updates Radiance;
@@ -112,7 +121,7 @@ kernel_set! {
             reads Rays, reads Paths, reads Scene, reads Surfaces, reads Spawned,
             writes NextRays, writes NextPaths;
         /// Makes the next wave the current one.
-        BeginWave "begin_wave", One => updates Counters;
+        BeginWave "begin_wave", One => updates Counters, scatters Deferred;
         /// Converts radiance to screen pixels. The scene holds the table of sRGB.
         Resolve "resolve", Invocations(Pixels, CHUNK) =>
             reads Radiance, reads Scene, writes Pixels;
@@ -127,7 +136,7 @@ impl Kernel {
 }
 
 impl Buffer {
-    /// All buffers that a frame allocates, in the order that a plan lists them.
+    /// All buffers that a frame allocates on any executor, in the order that a plan lists them.
     pub const ALLOCATED: [Buffer; 14] = [
         Buffer::Rays,
         Buffer::Paths,

@@ -285,6 +285,10 @@ impl Plan {
             Buffer::Triangles => self.triangles,
             // These are the tree's; the frame does not determine how many there are.
             Buffer::Nodes | Buffer::LeafReferences => 0,
+            Buffer::Deferred => {
+                let shadows = when(self.casts_shadows(), self.shadow_room);
+                crate::kernel::DEFERRED_HEAD + self.path_room.max(shadows)
+            }
             Buffer::Counters => 1,
         }
     }

@@ -138,6 +138,9 @@ fn planted_faults_are_named() {
         (K::CameraRays, "0x91e10da5u", "0x91e00da5u"),
         (K::FirstCosts, "counted.y += 1u", "counted.y += 2u"),
         (K::ClosestHits, "triangle < search.triangle", "triangle > search.triangle"),
+        (K::ClosestHits, "defer_ray(DEFERRED_PATHS, index);", ""),
+        (K::ShadowHits, "hit.triangle == DEFERRED", "false"),
+        (K::ShadowHitsThroughGlass, "defer_ray(DEFERRED_SHADOW_RAYS, index);", ""),
         (K::FirstHits, "dot3(normal, direction) > 0.0", "dot3(normal, direction) < 0.0"),
         (K::Shade, "OFFSET_UNITS: f32 = 64.0", "OFFSET_UNITS: f32 = 32.0"),
         (K::ScanSpawned, "spawned[chunk] = Spawned(before.x", "spawned[chunk] = Spawned(total.x"),
@@ -169,6 +172,30 @@ fn planted_faults_are_named() {
             Ok(_) => missed.push(format!("{kernel:?}: the fault was not seen")),
             Err(difference) if difference.kernel == format!("{kernel:?}") => {}
             Err(difference) => missed.push(format!("{kernel:?}: {difference}")),
+        }
+    }
+    // What finishes the work of a kernel.
+    for (kernel, text, fault) in [
+        (K::ClosestHits, "deferred_rays[DEFERRED_HEAD + place]", "deferred_rays[1u + place]"),
+        (K::ShadowHits, "hit.triangle != NO_TRIANGLE", "true"),
+        (
+            K::ShadowHitsThroughGlass,
+            "light_left = shadow_light[index].xyz",
+            "light_left = vec3<f32>(1.0)",
+        ),
+    ] {
+        let name = splitplane_shaders::render_retry(kernel.name()).expect("a second shader");
+        let source = splitplane_shaders::find(name).expect("a shader").source();
+        let planted = source.replace(text, fault);
+        assert!(planted != source, "{name}: the text to change is gone");
+        renderer.replace_retry(kernel, Some(planted));
+        let scene = if kernel == K::ShadowHitsThroughGlass { &glass } else { &opaque };
+        let found = in_step(&mut renderer, scene, room);
+        renderer.replace_retry(kernel, None);
+        match found {
+            Ok(_) => missed.push(format!("{name}: the fault was not seen")),
+            Err(difference) if difference.kernel == format!("{kernel:?}") => {}
+            Err(difference) => missed.push(format!("{name}: {difference}")),
         }
     }
     assert!(missed.is_empty(), "{missed:#?}");

@@ -29,13 +29,13 @@ fn barycentric(ray: PreparedRay, triangle: u32, weights: vec3<f32>) -> vec2<f32>
 // until then. No compiler can tell that the index is the same.
 fn reach_again(origin: vec3<f32>, triangle: Triangle, index: u32, seen: Sheared) -> f32 {
     let again = corners_of(index ^ opaque_zero);
-    let a = abs(difference3(again.a, origin));
-    let b = abs(difference3(again.b, origin));
-    let c = abs(difference3(again.c, origin));
+    let a = abs(distance3(again.a, origin));
+    let b = abs(distance3(again.b, origin));
+    let c = abs(distance3(again.c, origin));
     let most_away = max(max(a, b), c);
     return max(max(most_away.x, most_away.y), most_away.z);
 }
 
-fn difference3(p: vec3<f32>, q: vec3<f32>) -> vec3<f32> {
+fn distance3(p: vec3<f32>, q: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(difference(p.x, q.x), difference(p.y, q.y), difference(p.z, q.z));
 }

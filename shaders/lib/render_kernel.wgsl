@@ -3,6 +3,15 @@
 // Paths, or whatever a grid stands for, that a workgroup takes at a time.
 const CHUNK: u32 = 256u;
 
+// Rays that a workgroup of a kernel that traces takes.
+const TRACED: u32 = 64u;
+
+// Words of `deferred_rays` before the list.
+const DEFERRED_HEAD: u32 = 2u;
+// Where the number of deferred paths is, and that of shadow rays. The list is first of the ones, then of the others.
+const DEFERRED_PATHS: u32 = 0u;
+const DEFERRED_SHADOW_RAYS: u32 = 1u;
+
 const COUNTER_PIXELS: u32 = 0u;
 const COUNTER_PIXELS_LEFT: u32 = 1u;
 const COUNTER_FIRST_PIXEL: u32 = 2u;

@@ -5,6 +5,7 @@
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read_write> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read_write> deferred_rays: array<u32>;
 
 @compute @workgroup_size(1)
 fn main() {
@@ -17,6 +18,8 @@ fn main() {
     counters[COUNTER_PATHS] = paths;
     counters[COUNTER_PATH_CHUNKS] = chunks_of(paths);
     counters[COUNTER_NEXT_PATHS] = 0u;
+    deferred_rays[DEFERRED_PATHS] = 0u;
+    deferred_rays[DEFERRED_SHADOW_RAYS] = 0u;
     counters[COUNTER_SHADOW_RAYS] = 0u;
     let low = counters[COUNTER_TOTAL_PATHS_LOW] + paths;
     counters[COUNTER_TOTAL_PATHS_LOW] = low;

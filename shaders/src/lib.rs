@@ -12,8 +12,8 @@ mod table;
 
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
 pub use query::query;
-pub use render::{RenderFeatures, render_parts};
-pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER};
+pub use render::{RenderFeatures, render_parts, render_retry};
+pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES};
 
 use alloc::string::String;
 
@@ -57,5 +57,6 @@ pub fn join(parts: &[Part]) -> String {
 
 /// The kernel of this name, of any table.
 pub fn find(name: &str) -> Option<&'static Shader> {
-    KERNELS.iter().chain(QUERIES).chain(RENDER).chain(CHECKS).find(|shader| shader.name == name)
+    let tables = [KERNELS, QUERIES, RENDER, RENDER_RETRIES, CHECKS];
+    tables.into_iter().flatten().find(|shader| shader.name == name)
 }

@@ -2,9 +2,9 @@
 
 use alloc::vec::Vec;
 
-use crate::Part;
 use crate::embed::TriangleTest;
-use crate::table::{RENDER, SUBSTITUTES};
+use crate::table::{RENDER, RENDER_RETRIES, SUBSTITUTES};
+use crate::{Part, Shader};
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
 /// covers what the scene has.
@@ -36,7 +36,7 @@ impl RenderFeatures {
 /// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
 /// a name that no kernel has. Joined they are the shader: see [`join`](crate::join).
 pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
-    let shader = RENDER.iter().find(|shader| shader.name == kernel)?;
+    let shader = RENDER.iter().chain(RENDER_RETRIES).find(|shader| shader.name == kernel)?;
     let substitutes = [
         (features.textures, &SUBSTITUTES.textures[..]),
         (features.smooth_normals, &SUBSTITUTES.smooth_normals),
@@ -53,6 +53,12 @@ pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>
         }
     };
     Some(shader.parts.iter().filter_map(part).collect())
+}
+
+/// The name of the shader that finishes what this kernel leaves to it, if there is one.
+pub fn render_retry(kernel: &str) -> Option<&'static str> {
+    let is_retry = |shader: &&Shader| shader.name.strip_suffix("_retry") == Some(kernel);
+    RENDER_RETRIES.iter().find(is_retry).map(|shader| shader.name)
 }
 
 #[cfg(test)]

@@ -125,8 +125,8 @@ pub struct DeviceExecutor<'a, J: Job> {
     job: J,
     loops: LoopControl,
     profile: Option<&'a mut Profile<J::Set>>,
-    /// By kernel, once it was needed.
-    compiled: Vec<Option<Compiled>>,
+    /// By kernel, once it was needed: its own, and what finishes what that leaves.
+    compiled: Vec<Option<(Compiled, Option<Compiled>)>>,
     pieces: Vec<Piece>,
     encoder: Option<wgpu::CommandEncoder>,
     pass: Option<wgpu::ComputePass<'static>>,
@@ -266,13 +266,15 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         self.job.buffer(if self.swapped { J::Set::exchanged(storage) } else { storage })
     }
 
-    fn compiled(&mut self, kernel: SetKernel<J>) -> Result<Compiled, GpuError> {
+    fn compiled(&mut self, kernel: SetKernel<J>) -> Result<(Compiled, Option<Compiled>), GpuError> {
         let place = J::Set::kernel_index(kernel);
         if let Some(compiled) = &self.compiled[place] {
             return Ok(compiled.clone());
         }
-        let compiled = self.pipelines.get::<J::Set>(self.gpu, kernel, self.job.variant())?;
-        Ok(self.compiled[place].insert(compiled).clone())
+        let (gpu, variant) = (self.gpu, self.job.variant());
+        let own = self.pipelines.get::<J::Set>(gpu, kernel, variant)?;
+        let retry = self.pipelines.get_retry::<J::Set>(gpu, kernel, variant)?;
+        Ok(self.compiled[place].insert((own, retry)).clone())
     }
 
     fn group(
@@ -308,7 +310,7 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn dispatch(&mut self, kernel: SetKernel<J>) -> Result<(), J::Error> {
         // All that can fail comes before the pass is opened.
-        let compiled = self.compiled(kernel)?;
+        let (compiled, retry) = self.compiled(kernel)?;
         let group = self.group(kernel, &compiled.layout)?;
         self.pieces.clear();
         self.job.pieces(kernel, self.swapped, &mut self.pieces);
@@ -327,14 +329,16 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
             self.pass = Some(pass.forget_lifetime());
         }
         let pass = self.pass.as_mut().expect("opened above");
-        pass.set_pipeline(&compiled.pipeline);
         let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
-        for piece in &self.pieces {
-            let workgroups = piece.workgroups.min(most);
-            self.most_workgroups = self.most_workgroups.max(workgroups);
-            pass.set_bind_group(0, &group, piece.block.as_slice());
-            pass.dispatch_workgroups(workgroups, 1, 1);
-            self.dispatches += 1;
+        for compiled in [Some(compiled), retry].iter().flatten() {
+            pass.set_pipeline(&compiled.pipeline);
+            for piece in &self.pieces {
+                let workgroups = piece.workgroups.min(most);
+                self.most_workgroups = self.most_workgroups.max(workgroups);
+                pass.set_bind_group(0, &group, piece.block.as_slice());
+                pass.dispatch_workgroups(workgroups, 1, 1);
+                self.dispatches += 1;
+            }
         }
         if let Some(CopyOut { from, to, at, bytes }) = self.job.copy_behind(kernel) {
             self.encoder().copy_buffer_to_buffer(&from, 0, &to, at, bytes);

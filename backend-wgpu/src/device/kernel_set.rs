@@ -14,6 +14,12 @@ pub trait DeviceSet: KernelSet {
     /// The shader of a kernel.
     fn text(kernel: Self::Kernel, variant: &Self::Variant) -> Text;
 
+    /// The shader that finishes what a kernel's own leaves to it: run right after it, over the same bindings and
+    /// with the same workgroups. Together they are the kernel.
+    fn retry(_kernel: Self::Kernel, _variant: &Self::Variant) -> Option<Text> {
+        None
+    }
+
     /// Whether a uniform is a list of blocks, of which each dispatch takes one by a dynamic offset.
     fn is_list_of_blocks(_uniform: Self::Uniform) -> bool {
         false

@@ -44,6 +44,8 @@ impl Held {
 struct Replaced {
     set: &'static str,
     kernel: &'static str,
+    /// Of what finishes the kernel's work, and not the kernel's own.
+    retry: bool,
     source: String,
 }
 
@@ -64,9 +66,19 @@ impl Pipelines {
     /// Gives one kernel another text from now on, or its own again: for tests that plant faults.
     #[doc(hidden)]
     pub fn replace<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
+        self.replace_text::<K>(kernel, false, source);
+    }
+
+    /// The same for what finishes the kernel's work: see [`DeviceSet::retry`].
+    #[doc(hidden)]
+    pub fn replace_retry<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
+        self.replace_text::<K>(kernel, true, source);
+    }
+
+    fn replace_text<K: KernelSet>(&self, kernel: K::Kernel, retry: bool, source: Option<String>) {
         lock(&self.held).retain(|held| !held.is_of::<K>(kernel));
         let (set, kernel) = (K::NAME, K::kernel(kernel).name);
-        *lock(&self.replaced) = source.map(|source| Replaced { set, kernel, source });
+        *lock(&self.replaced) = source.map(|source| Replaced { set, kernel, retry, source });
     }
 
     /// A kernel, compiled if it was not yet.
@@ -79,7 +91,31 @@ impl Pipelines {
         kernel: K::Kernel,
         variant: &K::Variant,
     ) -> Result<Compiled, GpuError> {
-        let Text { name, parts } = K::text(kernel, variant);
+        self.of_text::<K>(gpu, kernel, K::text(kernel, variant), false)
+    }
+
+    /// What finishes what a kernel leaves to it: see [`DeviceSet::retry`].
+    ///
+    /// # Errors
+    /// As for [`Pipelines::get`].
+    pub fn get_retry<K: DeviceSet>(
+        &self,
+        gpu: &Gpu,
+        kernel: K::Kernel,
+        variant: &K::Variant,
+    ) -> Result<Option<Compiled>, GpuError> {
+        let text = K::retry(kernel, variant);
+        text.map(|text| self.of_text::<K>(gpu, kernel, text, true)).transpose()
+    }
+
+    /// `retry` where the text is not the kernel's own.
+    fn of_text<K: DeviceSet>(
+        &self,
+        gpu: &Gpu,
+        kernel: K::Kernel,
+        Text { name, parts }: Text,
+        retry: bool,
+    ) -> Result<Compiled, GpuError> {
         let same = |held: &&Held| held.is_of::<K>(kernel) && held.is_made_of(&parts);
         // Variants of a kernel bind the same.
         let mut known = None;
@@ -92,7 +128,8 @@ impl Pipelines {
         let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel));
         let source = match &*lock(&self.replaced) {
             Some(replaced)
-                if (replaced.set, replaced.kernel) == (K::NAME, K::kernel(kernel).name) =>
+                if (replaced.set, replaced.kernel, replaced.retry)
+                    == (K::NAME, K::kernel(kernel).name, retry) =>
             {
                 replaced.source.clone()
             }

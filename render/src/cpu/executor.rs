@@ -240,9 +240,12 @@ impl Inspect<RayTracer> for CpuExecutor<'_> {
             Buffer::FirstCosts => bytes(&b.first_costs),
             Buffer::Pixels => bytes(&b.pixels),
             Buffer::Counters => bytemuck::bytes_of(&b.counters).to_vec(),
-            Buffer::Nodes | Buffer::LeafReferences | Buffer::Triangles | Buffer::Scene => {
-                Vec::new()
-            }
+            // The tree's, the scene's, and what no kernel here uses.
+            Buffer::Nodes
+            | Buffer::LeafReferences
+            | Buffer::Triangles
+            | Buffer::Scene
+            | Buffer::Deferred => Vec::new(),
         })
     }
 }

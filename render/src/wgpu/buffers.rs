@@ -74,6 +74,7 @@ impl Buffers {
     /// are lost.
     pub(super) fn reserve(&mut self, gpu: &Gpu, plan: &Plan) -> Result<(), GpuError> {
         self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
+        self.grow(gpu, Buffer::Deferred, plan.bytes(Buffer::Deferred))?;
         for kernel in plan.kernels() {
             for buffer in kernel.bindings().map(|binding| binding.buffer) {
                 // The tree has its own buffers, and the caller may have one for the picture.

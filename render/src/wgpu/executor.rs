@@ -25,6 +25,11 @@ impl DeviceSet for RayTracer {
         let parts = render_parts(kernel.name(), features).unwrap_or_default();
         Text { name: kernel.name(), parts: parts.into() }
     }
+
+    fn retry(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
+        let name = splitplane_shaders::render_retry(kernel.name())?;
+        Some(Text { name, parts: render_parts(name, features)?.into() })
+    }
 }
 
 /// The features that shaders need for a plan.

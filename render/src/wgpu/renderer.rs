@@ -69,6 +69,12 @@ impl WgpuRenderer {
         self.pipelines.replace::<RayTracer>(kernel, source);
     }
 
+    /// The same for what finishes the work of a kernel.
+    #[doc(hidden)]
+    pub fn replace_retry(&mut self, kernel: Kernel, source: Option<String>) {
+        self.pipelines.replace_retry::<RayTracer>(kernel, source);
+    }
+
     /// Limits the paths of a wave, for less memory; results do not depend on it. The limit is at
     /// most [`Room::GPU`] and what the device allows.
     pub fn limit_paths(&mut self, paths: u32) {

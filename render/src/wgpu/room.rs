@@ -1,6 +1,6 @@
 //! How much a frame may hold on a device, and how many workgroups its grids have.
 
-use crate::kernel::{CHUNK, Kernel};
+use crate::kernel::{Kernel, TRACED};
 use crate::plan::Room;
 use splitplane_core::ray::Ray;
 use splitplane_wgpu::Gpu;
@@ -10,11 +10,10 @@ const MOST_GROUPS: u32 = 65_535;
 /// Workgroups of a grid whose chunks all take about as long: enough to fill a large GPU.
 const EVEN_GROUPS: u32 = 2048;
 
-/// Limits of the queues of a frame on a device. No queue has more chunks than a grid has
-/// workgroups.
+/// Limits of the queues of a frame on a device. No queue needs more workgroups than a grid has.
 pub(super) fn of(gpu: &Gpu) -> Room {
     let limits = gpu.limits();
-    let queue = u64::from(MOST_GROUPS) * u64::from(CHUNK) * size_of::<Ray>() as u64;
+    let queue = u64::from(MOST_GROUPS) * u64::from(TRACED) * size_of::<Ray>() as u64;
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
     Room { buffer_bytes: bytes.min(queue), ..Room::GPU }
 }

@@ -26,7 +26,9 @@ use splitplane_core::kernel::{
 };
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
-use splitplane_shaders::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, Shader, TriangleTest, query};
+use splitplane_shaders::{
+    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, Shader, TriangleTest, query,
+};
 
 use constants::Number;
 use sets::Shaders;
@@ -72,7 +74,9 @@ fn assert_none(shaders: &[Shader], faults: impl Fn(&Shader) -> Vec<String>) {
 /// All texts of a set, held to its table.
 fn assert_agrees<S: Shaders>() {
     assert_eq!(sets::table_faults::<S>(), [""; 0]);
-    assert_eq!(names::own_files(S::TABLE), names::files(S::FOLDER, ".wgsl"));
+    let mut own = names::own_files(S::TABLE);
+    own.extend(names::own_files(S::RETRIES));
+    assert_eq!(own, names::files(S::FOLDER, ".wgsl"));
     let known = S::known();
     let mut missing: Vec<&str> = S::KERNELS.iter().map(|row| row.name).collect();
     let mut all = Vec::new();
@@ -165,7 +169,7 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, QUERIES, RENDER, CHECKS] {
+    for table in [KERNELS, QUERIES, RENDER, RENDER_RETRIES, CHECKS] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

@@ -33,7 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RenderFeatures, Shader, render_parts,
+    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RenderFeatures, Shader,
+    render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -78,8 +79,9 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
+    let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
-    let all = kernels.chain(queries).chain(render).chain(checks);
+    let all = kernels.chain(queries).chain(render).chain(retries).chain(checks);
     all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
 }
 
@@ -203,6 +205,9 @@ fn only_those_that_trace_rays_may_be_free() {
             "closest_hits",
             "shadow_hits",
             "shadow_hits_through_glass",
+            "closest_hits_retry",
+            "shadow_hits_retry",
+            "shadow_hits_through_glass_retry",
         ]
     );
 }

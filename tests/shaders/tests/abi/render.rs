@@ -4,7 +4,7 @@ use core::mem::offset_of;
 
 use splitplane_render::kernel::Kernel;
 use splitplane_render::layout::{Counters, FirstCost, FirstHit, Frame, Path, Spawned, Surface};
-use splitplane_shaders::{RENDER, RenderFeatures, TriangleTest, render_parts};
+use splitplane_shaders::{RENDER, RenderFeatures, TriangleTest, render_parts, render_retry};
 
 use crate::constants::{self, Known};
 use crate::records::{Member, Record, kinds_of};
@@ -41,7 +41,9 @@ pub(crate) fn known() -> Known {
 /// Every kernel with every choice of features, each combination of parts once.
 pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
     let mut variants: Vec<(Kernel, Vec<Text>)> = Vec::new();
-    for (kernel, shader) in Kernel::ALL.into_iter().zip(RENDER) {
+    let own = Kernel::ALL.into_iter().zip(RENDER.iter().map(|shader| shader.name));
+    let retries = Kernel::ALL.into_iter().filter_map(|k| Some((k, render_retry(k.name())?)));
+    for (kernel, name) in own.chain(retries) {
         for choice in 0..32u32 {
             let has = |bit: u32| choice & (1 << bit) != 0;
             let features = RenderFeatures {
@@ -51,7 +53,7 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
                 dielectrics: has(3),
                 test: if has(4) { TriangleTest::Watertight } else { TriangleTest::MoellerTrumbore },
             };
-            let parts = render_parts(shader.name, &features).expect("a kernel of the table");
+            let parts = render_parts(name, &features).expect("a kernel of the table");
             let texts: Vec<Text> = parts.iter().map(Text::from).collect();
             let same = |held: &(Kernel, Vec<Text>)| {
                 held.0 == kernel && held.1.iter().map(|t| &t.name).eq(texts.iter().map(|t| &t.name))

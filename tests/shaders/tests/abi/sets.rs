@@ -5,7 +5,7 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
-use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, Shader};
+use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, Shader};
 
 use crate::bindings;
 use crate::constants::{self, Known, snake};
@@ -17,6 +17,8 @@ use crate::source::{Parsed, Text, texts};
 pub(crate) trait Shaders: KernelSet {
     /// The shaders, by kernel and in the order of kernels, each with all that it may have.
     const TABLE: &'static [Shader];
+    /// What finishes what kernels leave to it.
+    const RETRIES: &'static [Shader] = &[];
     /// The folder of the kernels' own files.
     const FOLDER: &'static str;
     /// The file of `lib/` with the twins of records.
@@ -73,6 +75,7 @@ impl Shaders for TreeBuilder {
 
 impl Shaders for RayTracer {
     const TABLE: &'static [Shader] = RENDER;
+    const RETRIES: &'static [Shader] = RENDER_RETRIES;
     const FOLDER: &'static str = "render";
     const LAYOUT: &'static str = "render_layout";
     const SINGLES: &'static [render_kernel::Buffer] = &[render_kernel::Buffer::Counters];

@@ -1,0 +1,35 @@
+// What `shadow_hits` leaves to this kernel: removes the light of shadow rays that hit something, for any ray.
+// One invocation a shadow ray of the list; those beyond it do nothing.
+// Reads: shadow rays; nodes, references, corners and scale of the scene; the list.
+// Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray
+// to its end.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read_write> shadow_light: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> nodes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> leaf_references: array<u32>;
+@group(0) @binding(6) var<storage, read> triangles: array<f32>;
+@group(0) @binding(7) var<uniform> scene: Scene;
+@group(0) @binding(8) var<storage, read_write> deferred_rays: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    opaque_zero = frame.zero;
+    let count = deferred_rays[DEFERRED_SHADOW_RAYS];
+    let options = QueryOptions(frame.culling, frame.ignore);
+    let place = group.x * TRACED + lane;
+    if place < count {
+        let index = deferred_rays[DEFERRED_HEAD + place];
+        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let hit = trace_ray(ray, options, true);
+        if hit.triangle != NO_TRIANGLE {
+            let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
+            shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);
+        }
+    }
+}

@@ -1,0 +1,40 @@
+// What `shadow_hits_through_glass` leaves to this kernel: removes the light of shadow rays that hit something opaque; clear surfaces only tint it, for any ray.
+// One invocation a shadow ray of the list; those beyond it do nothing.
+// Reads: shadow rays; the materials; nodes, references, corners and scale of the scene; the list.
+// Writes: what is left of the light; 1 in the last component where the driver did not follow the ray to
+// its end.
+
+@group(0) @binding(0) var<uniform> frame: Frame;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(2) var<storage, read> shadow_rays: array<vec4<u32>>;
+@group(0) @binding(3) var<storage, read> scene_words: array<u32>;
+@group(0) @binding(4) var<storage, read_write> shadow_light: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> nodes: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> leaf_references: array<u32>;
+@group(0) @binding(7) var<storage, read> triangles: array<f32>;
+@group(0) @binding(8) var<uniform> scene: Scene;
+@group(0) @binding(9) var<storage, read_write> deferred_rays: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    opaque_zero = frame.zero;
+    let count = deferred_rays[DEFERRED_SHADOW_RAYS];
+    let options = QueryOptions(frame.culling, frame.ignore);
+    let place = group.x * TRACED + lane;
+    if place < count {
+        let index = deferred_rays[DEFERRED_HEAD + place];
+        light_left = shadow_light[index].xyz;
+        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let hit = trace_ray(ray, options, false);
+        if hit.triangle == UNFINISHED {
+            shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+        } else if is_dark {
+            shadow_light[index] = vec4<f32>(0.0);
+        } else {
+            shadow_light[index] = vec4<f32>(light_left, 0.0);
+        }
+    }
+}
