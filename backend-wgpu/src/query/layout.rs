@@ -8,3 +8,7 @@ pub const UNFINISHED: u32 = u32::MAX - 1;
 
 /// Bytes of a ray.
 pub(super) const RAY_BYTES: u64 = size_of::<Ray>() as u64;
+
+/// What a list of deferred rays is used for.
+pub(super) const DEFERRED_USAGE: wgpu::BufferUsages =
+    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);

@@ -10,17 +10,13 @@ use splitplane_core::ray::QueryOptions;
 use splitplane_core::ray::{Hit, Ray};
 
 use super::error::DeviceQueryError;
-use super::layout::RAY_BYTES;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
+use super::layout::{DEFERRED_USAGE, RAY_BYTES};
 use super::pipelines::{Queries, test_of};
 use super::tree::DeviceTree;
 use crate::device::once;
 use crate::error::GpuError;
-
-/// What a list of deferred rays is used for.
-pub(super) const DEFERRED_USAGE: wgpu::BufferUsages =
-    wgpu::BufferUsages::STORAGE.union(wgpu::BufferUsages::COPY_DST);
 
 /// The buffers of one query.
 pub(super) struct QueryBuffers<'a> {

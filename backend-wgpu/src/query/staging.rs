@@ -6,8 +6,7 @@ use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
 use splitplane_core::ray::Hit;
 
-use super::layout::RAY_BYTES;
-use super::record::DEFERRED_USAGE;
+use super::layout::{DEFERRED_USAGE, RAY_BYTES};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
