@@ -52,6 +52,13 @@ fn fill<T: Send>(buffer: &mut [T], kernel: impl Fn(usize) -> T + Sync) {
     each(buffer.iter_mut().enumerate(), |(item, out)| *out = kernel(item));
 }
 
+/// The first step of two kernels.
+fn name_chunks(nodes: &[LargeNode], chunks: &mut [Chunk]) {
+    let mut parts = Parts::new(chunks);
+    let own = nodes.iter().map(|node| parts.take(k::chunks_of(node))).enumerate();
+    each(own, |(node, chunks)| k::name_chunks(node, nodes, chunks));
+}
+
 impl Executor<TreeBuilder> for Threads<'_> {
     type Error = BuildError;
 
@@ -84,19 +91,19 @@ impl Executor<TreeBuilder> for Threads<'_> {
                     k::gather_references(chunk, &b.triangles, references);
                 });
             }
-            Kernel::NodeBounds => fill(&mut b.node_bounds[..active], |node| {
-                k::node_bounds(node, &b.active_nodes, &b.chunk_bounds)
-            }),
-            Kernel::ChunkNodes => k::chunk_nodes(&mut b.active_nodes[..active], &mut b.counters),
-            Kernel::AssignChunks => {
-                fill(&mut b.chunks[..chunks], |chunk| {
-                    k::assign_chunks(chunk, &b.active_nodes[..active])
+            Kernel::SplitMedian => {
+                name_chunks(&b.active_nodes[..active], &mut b.chunks);
+                fill(&mut b.decisions[..active], |node| {
+                    let (nodes, bounds) = (&b.active_nodes, &b.chunk_bounds);
+                    k::split_median::<Strict>(config, node, nodes, bounds, &b.references)
                 });
             }
-            Kernel::SplitMedian => fill(&mut b.decisions[..active], |node| {
-                let (nodes, bounds) = (&b.active_nodes, &b.node_bounds);
-                k::split_median::<Strict>(config, node, nodes, bounds, &b.references)
-            }),
+            Kernel::NodeBounds => {
+                name_chunks(&b.active_nodes[..active], &mut b.chunks);
+                fill(&mut b.node_bounds[..active], |node| {
+                    k::node_bounds(node, &b.active_nodes, &b.chunk_bounds)
+                });
+            }
             Kernel::BinReferences => fill(&mut b.chunk_bins[..chunks], |chunk| {
                 let (chunks, bounds) = (&b.chunks, &b.node_bounds);
                 k::bin_references::<Strict>(config, chunk, chunks, bounds, &b.references)

@@ -34,24 +34,27 @@ fn without_triangles_no_level_runs() {
     assert!(lines.contains("EmitTop"));
 }
 
-/// A level repeats the same kernels and two swaps, however many levels there are: eight kernels, or
-/// nine where planes are found by bins.
+/// A level repeats the same kernels and two swaps, however many levels there are: five kernels, or
+/// seven where planes are found by bins.
 #[test]
 fn levels_are_alike() {
     for preset in [Preset::Fast, Preset::Balanced] {
         let lines = trace(5000, preset);
         let count = |kernel| lines.matches(&format!("dispatch {kernel:?}\n")).count();
-        let levels = count(Kernel::NodeBounds);
+        let levels = count(Kernel::ClassifyReferences);
         assert!(levels > 5);
         let mut kernels = 0;
-        for &kernel in &Kernel::ALL[3..13] {
-            let binned = matches!(kernel, Kernel::BinReferences | Kernel::SplitBinned);
+        for &kernel in &Kernel::ALL[3..11] {
+            let binned = matches!(
+                kernel,
+                Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned
+            );
             let runs = if kernel == Kernel::SplitMedian { preset == Preset::Fast } else { true }
                 && (!binned || preset == Preset::Balanced);
             assert_eq!(count(kernel), if runs { levels } else { 0 }, "{kernel:?}");
             kernels += u32::from(runs);
         }
-        assert_eq!(kernels, if preset == Preset::Fast { 8 } else { 9 });
+        assert_eq!(kernels, if preset == Preset::Fast { 5 } else { 7 });
         assert_eq!(lines.matches("swap").count(), 2 * levels);
     }
 }

@@ -143,10 +143,10 @@ fn planted_faults_are_named() {
         (K::TriangleBounds, "magnitude < vec3<u32>(0x800000u)", "magnitude < vec3<u32>(1u)"),
         (K::ScanTriangles, "select(0u, 1u, kept > 0u)", "2u"),
         (K::GatherReferences, "Reference(bounds.lo, triangle", "Reference(bounds.lo, chunk"),
-        (K::NodeBounds, "node.source + chunk, node.side", "node.source + chunk, 0u"),
         (K::SplitMedian, "position, gap > limit)", "position, false)"),
-        (K::ChunkNodes, "count = chunks_of(active_nodes[index].count)", "count = 1u"),
-        (K::AssignChunks, "min(CHUNK, rest)", "rest"),
+        (K::SplitMedian, "min(CHUNK, node.count - offset)", "node.count - offset"),
+        (K::SplitMedian, "node.source + chunk, node.side", "node.source + chunk, 0u"),
+        (K::AllocateChildren, "first_chunk += chunks_of(count)", "first_chunk += 1u"),
         (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),
         (K::CountChildren, "counts = total;", "counts = total.yx;"),
         (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
@@ -163,6 +163,8 @@ fn planted_faults_are_named() {
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, fast));
     let of_balanced = [
+        (K::NodeBounds, "node.source + chunk, node.side", "node.source + chunk, 0u"),
+        (K::NodeBounds, "Chunk(index, node.first", "Chunk(index + 1u, node.first"),
         (K::BinReferences, "whole > 0u", "false"),
         (K::BinReferences, "range.x], 0x10001u", "range.x], 1u"),
         (

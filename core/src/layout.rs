@@ -62,7 +62,7 @@ pub struct LargeNode {
     pub side: u32,
     /// 1 when the plane that made this node separated nothing: both children got all references.
     pub inseparable: u32,
-    /// First of its own chunks; written by `chunk_nodes`.
+    /// First of its own chunks.
     pub first_chunk: u32,
     /// Zero.
     pub padding: u32,
@@ -130,7 +130,7 @@ impl ChunkSides {
 
 /// The decision on an active node: up to six cuts of empty space, then a split or a transfer.
 ///
-/// `split_median` writes the planes, `count_children` the counts, `allocate_children` the rest.
+/// `split_median` or `split_binned` writes the planes, `count_children` the counts, `allocate_children` the rest.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct Decision {
@@ -248,12 +248,12 @@ pub struct ChunkBins {
     pub words: [[u32; MAX_BINS as usize]; 3],
 }
 
-/// Everything kernels count. One buffer of words; see [`kernel::Counter`](crate::kernel::Counter) for the names.
+/// Everything kernels count. One buffer of words, of which the last are not in use; see [`kernel::Counter`](crate::kernel::Counter) for the names.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 pub struct Counters {
     /// The words.
-    pub words: [u32; 16],
+    pub words: [u32; 32],
 }
 
 /// The uniform that a device's kernels read. The configuration, limits that follow from it, and the
@@ -328,5 +328,5 @@ const _: () = {
     assert!(size_of::<TopNode>() == 16);
     assert!(size_of::<SmallRoot>() == 48);
     assert!(size_of::<ChunkBounds>() == 48);
-    assert!(size_of::<Counters>() == 64);
+    assert!(size_of::<Counters>() == 128);
 };

@@ -6,7 +6,7 @@
 // transferred unsplit.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read_write> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read_write> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
 @group(0) @binding(3) var<storage, read_write> decisions: array<Decision>;
 @group(0) @binding(4) var<storage, read_write> next_nodes: array<LargeNode>;
@@ -22,6 +22,7 @@ var<workgroup> alive: u32;
 var<workgroup> top_count: u32;
 var<workgroup> next_count: u32;
 var<workgroup> next_reference_count: u32;
+var<workgroup> next_chunk_count: u32;
 var<workgroup> small_count: u32;
 var<workgroup> small_reference_count: u32;
 // Whether the cap on nodes may bind among these 256, so that they must be taken one by one.
@@ -83,6 +84,7 @@ fn place_child(
     side: u32,
     index: u32,
     first: u32,
+    first_chunk: u32,
 ) {
     let count = select(decision.counts.x, decision.counts.y, side == 1u);
     if count == 0u {
@@ -93,7 +95,7 @@ fn place_child(
             let inseparable = all(decision.counts == vec2<u32>(node.count));
             next_nodes[index] = LargeNode(
                 cell.lo, first, cell.hi, count, top, depth, node.first_chunk, chunks_of(node.count),
-                side, select(0u, 1u, inseparable), 0u, 0u,
+                side, select(0u, 1u, inseparable), first_chunk, 0u,
             );
         }
     } else {
@@ -121,6 +123,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         alive = counters[COUNTER_SMALL_REFERENCES] + counters[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
         next_count = 0u;
         next_reference_count = 0u;
+        next_chunk_count = 0u;
         small_count = counters[COUNTER_SMALL_ROOTS];
         small_reference_count = counters[COUNTER_SMALL_REFERENCES];
         if node_count > 0u && level < parameters.level_room {
@@ -135,6 +138,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         // With no active nodes the next list becomes empty and all else stays.
         counters[COUNTER_NEXT_NODES - parameters.swapped] = next_count;
         counters[COUNTER_NEXT_REFERENCES - parameters.swapped] = next_reference_count;
+        counters[COUNTER_NEXT_CHUNKS - parameters.swapped] = next_chunk_count;
         if nodes > 0u {
             counters[COUNTER_SMALL_ROOTS] = small_count;
             counters[COUNTER_SMALL_REFERENCES] = small_reference_count;
@@ -143,6 +147,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
             var overflow = 0u;
             overflow |= select(0u, OVERFLOW_NODES, next_count > parameters.node_room);
             overflow |= select(0u, OVERFLOW_REFERENCES, next_reference_count > parameters.reference_room);
+            overflow |= select(0u, OVERFLOW_CHUNKS, next_chunk_count > parameters.chunk_room);
             overflow |= select(0u, OVERFLOW_SMALL_ROOTS, small_count > parameters.small_root_room);
             overflow |= select(0u, OVERFLOW_SMALL_REFERENCES, small_reference_count > parameters.small_reference_room);
             overflow |= select(0u, OVERFLOW_TOP_NODES, top_count > parameters.top_node_room);
@@ -198,6 +203,7 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
     }
     var places = vec4<u32>(0u);
     var emitted = 0u;
+    var chunks = 0u;
     if present {
         let verdict = verdicts[lane];
         if verdict == REFUSED_ALL {
@@ -213,6 +219,7 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
             let references = decision.counts[side];
             if is_large(decision, references) {
                 places += vec4<u32>(1u, references, 0u, 0u);
+                chunks += chunks_of(references);
             } else if references > 0u {
                 places += vec4<u32>(0u, 0u, 1u, references);
             }
@@ -220,12 +227,12 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
     }
     let first_place = exclusive_scan(lane, places);
     let place_total = scan_total();
-    let first_top = exclusive_scan(lane, vec4<u32>(emitted, 0u, 0u, 0u)).x;
-    let top_total = scan_total().x;
+    let firsts = exclusive_scan(lane, vec4<u32>(emitted, chunks, 0u, 0u));
+    let totals = scan_total();
     if present {
-        decision.first_node = top_count + first_top;
+        decision.first_node = top_count + firsts.x;
         emit_nodes(&decision, node, first_place + vec4<u32>(
-            next_count, next_reference_count, small_count, small_reference_count));
+            next_count, next_reference_count, small_count, small_reference_count), next_chunk_count + firsts.y);
         decisions[index] = decision;
     }
     workgroupBarrier();
@@ -234,7 +241,8 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         next_reference_count += place_total.y;
         small_count += place_total.z;
         small_reference_count += place_total.w;
-        top_count += top_total;
+        top_count += totals.x;
+        next_chunk_count += totals.y;
     }
     workgroupBarrier();
 }
@@ -247,8 +255,8 @@ fn alive_after(sums: vec4<u32>) -> u32 {
 }
 
 // Writes one node's part of the top tree and its children. `place` is where its children's places
-// begin: next list, next references, small list, small references.
-fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>) {
+// begin: next list, next references, small list, small references; `chunk` where their chunks do.
+fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>, chunk: u32) {
     // A tree that outgrows its room is not written: the build will be repeated.
     let emitted = 2u * (*decision).cut_count + select(2u, 0u, (*decision).axis == TRANSFER);
     if (*decision).first_node + emitted > parameters.top_node_room {
@@ -279,7 +287,7 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
     if (*decision).axis == TRANSFER {
         // Never large: the transfer says so.
         (*decision).first = vec2<u32>(place.w, 0u);
-        place_child(*decision, node, cell, depth, current, 0u, place.z, place.w);
+        place_child(*decision, node, cell, depth, current, 0u, place.z, place.w, 0u);
         return;
     }
     let axis = (*decision).axis;
@@ -288,6 +296,7 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
     top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
     top_nodes[current] = interior(axis, position, top, top + 1u);
     var here = place;
+    var first_chunk = chunk;
     for (var side = 0u; side < 2u; side++) {
         let count = (*decision).counts[side];
         let large = is_large(*decision, count);
@@ -299,9 +308,11 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
         }
         let first = select(here.w, here.y, large);
         (*decision).first[side] = first;
-        place_child(*decision, node, part, depth + 1u, top + side, side, select(here.z, here.x, large), first);
+        let index = select(here.z, here.x, large);
+        place_child(*decision, node, part, depth + 1u, top + side, side, index, first, first_chunk);
         if large {
             here += vec4<u32>(1u, count, 0u, 0u);
+            first_chunk += chunks_of(count);
         } else if count > 0u {
             here += vec4<u32>(0u, 0u, 1u, count);
         }

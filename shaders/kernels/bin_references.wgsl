@@ -4,7 +4,7 @@
 // Writes: how many of the chunk's references start and end in each bin of each axis.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> chunks: array<Chunk>;
 @group(0) @binding(3) var<storage, read> node_bounds: array<f32>;
 @group(0) @binding(4) var<storage, read> references: array<Reference>;
@@ -36,7 +36,7 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = parameters.zero;
-    let end = select(0u, slice_end(live(COUNTER_CHUNKS)), active_node_count() > 0u);
+    let end = select(0u, slice_end(active_chunk_count()), active_node_count() > 0u);
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let chunk = chunks[index];
         workgroupBarrier();

@@ -4,7 +4,7 @@
 // Writes: their exclusive scan in their place, and the node's counts in its decision.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
 @group(0) @binding(3) var<storage, read_write> chunk_state: array<u32>;
 @group(0) @binding(4) var<storage, read_write> decisions: array<Decision>;

@@ -6,7 +6,7 @@
 // Ties: least cost, then axis, then position.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> small_roots: array<SmallRoot>;
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
 @group(0) @binding(4) var<storage, read> small_sizes: array<vec2<u32>>;

@@ -4,7 +4,7 @@
 // Writes: a reference for each triangle kept, in order.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> triangles: array<u32>;
 @group(0) @binding(3) var<storage, read> chunk_state: array<u32>;
 @group(0) @binding(4) var<storage, read_write> references: array<Reference>;

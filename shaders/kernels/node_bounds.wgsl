@@ -1,13 +1,15 @@
-// Bounds every active node: segmented reduction over chunks (Zhou et al. 2008, Algorithm 2).
+// Names the chunks of every active node, and bounds it: segmented reduction over chunks (Zhou et al. 2008,
+// Algorithm 2).
 // One workgroup an active node.
 // Reads: bounds of the parent's chunks on the node's side.
-// Writes: the node's tight bounds.
+// Writes: the node's chunks and tight bounds.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
 @group(0) @binding(3) var<storage, read> chunk_state: array<u32>;
-@group(0) @binding(4) var<storage, read_write> node_bounds: array<f32>;
+@group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>;
+@group(0) @binding(5) var<storage, read_write> node_bounds: array<f32>;
 
 const LANES: u32 = 64u;
 
@@ -21,12 +23,8 @@ fn main(
     let end = slice_end(active_node_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let node = active_nodes[index];
-        var bounds = empty_aabb();
-        for (var chunk = lane; chunk < node.source_chunks; chunk += LANES) {
-            let here = load_bounds(node.source + chunk, node.side);
-            bounds = Aabb(least3(bounds.lo, here.lo), most3(bounds.hi, here.hi));
-        }
-        reduce_bounds(lane, bounds);
+        name_chunks(index, node, lane);
+        bound_node(node, lane);
         if lane < 6u {
             node_bounds[6u * index + lane] = reduced[lane];
         }

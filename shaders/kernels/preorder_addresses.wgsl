@@ -5,7 +5,7 @@
 // behind the left one.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> top_nodes: array<TopNode>;
 @group(0) @binding(3) var<storage, read> level_starts: array<u32>;
 @group(0) @binding(4) var<storage, read> top_sizes: array<vec2<u32>>;

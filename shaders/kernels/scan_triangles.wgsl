@@ -5,7 +5,7 @@
 // empty leaf when nothing is kept.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read_write> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read_write> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read_write> chunk_state: array<u32>;
 @group(0) @binding(3) var<storage, read_write> active_nodes: array<LargeNode>;
 @group(0) @binding(4) var<storage, read_write> top_nodes: array<TopNode>;
@@ -48,6 +48,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         counters[COUNTER_SNAPPED] = snapped;
         counters[COUNTER_ACTIVE_NODES] = select(0u, 1u, kept > 0u);
         counters[COUNTER_ACTIVE_REFERENCES] = kept;
+        counters[COUNTER_CHUNKS] = chunks_of(kept);
         counters[COUNTER_TOP_NODES] = 1u;
         if kept > parameters.reference_room {
             counters[COUNTER_OVERFLOW] = OVERFLOW_REFERENCES;

@@ -5,7 +5,7 @@
 // Ties: least expected cost, then axis, then position.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
 @group(0) @binding(3) var<storage, read> node_bounds: array<f32>;
 @group(0) @binding(4) var<storage, read> chunk_bins: array<u32>;
@@ -22,6 +22,11 @@ var<workgroup> best_low: atomic<u32>;
 var<workgroup> best_lane: atomic<u32>;
 
 const NO_LANE: u32 = 0xffffffffu;
+
+// A coordinate of a node's tight bounds: three of the lower corner, then three of the upper.
+fn tight_bound(index: u32, coordinate: u32) -> f32 {
+    return node_bounds[6u * index + coordinate];
+}
 
 // What the node's chunks have in one bin: starts, ends.
 fn sum_bins(node: LargeNode, lane: u32) -> vec2<u32> {

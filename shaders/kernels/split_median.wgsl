@@ -1,16 +1,18 @@
-// Cuts empty space off every active node and chooses its split.
+// Names the chunks of every active node, bounds it, cuts empty space off it and chooses its split.
 // One workgroup an active node. Its first invocation decides; where the median separated nothing, all
 // of them sweep.
-// Reads: cell and tight bounds of the node; its references where the median separated nothing.
-// Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
+// Reads: cell of the node, bounds of its parent's chunks on its side; its references where the median
+// separated nothing.
+// Writes: the node's chunks; the decision: cuts of empty space, then a split or a transfer to the small list.
 // Ties: axes in order, then lower positions.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
-@group(0) @binding(3) var<storage, read> node_bounds: array<f32>;
+@group(0) @binding(3) var<storage, read> chunk_state: array<u32>;
 @group(0) @binding(4) var<storage, read> references: array<Reference>;
-@group(0) @binding(5) var<storage, read_write> decisions: array<Decision>;
+@group(0) @binding(5) var<storage, read_write> chunks: array<Chunk>;
+@group(0) @binding(6) var<storage, read_write> decisions: array<Decision>;
 
 const LANES: u32 = 64u;
 const SWEEP_SAMPLES: u32 = 64u;
@@ -110,6 +112,11 @@ fn sweep_share(node: LargeNode, cell: Aabb, extents: Extents, lane: u32) -> Rank
     return best;
 }
 
+// A coordinate of the node's tight bounds: three of the lower corner, then three of the upper.
+fn tight_bound(index: u32, coordinate: u32) -> f32 {
+    return reduced[coordinate];
+}
+
 @compute @workgroup_size(64)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -123,7 +130,8 @@ fn main(
     let end = slice_end(active_node_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let node = active_nodes[index];
-        workgroupBarrier();
+        name_chunks(index, node, lane);
+        bound_node(node, lane);
         if lane == 0u {
             decide(index, node);
         }

@@ -5,7 +5,7 @@
 // snapped (right), and the bounds of those kept (left).
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> input: array<u32>;
 @group(0) @binding(3) var<storage, read_write> triangles: array<u32>;
 @group(0) @binding(4) var<storage, read_write> chunk_state: array<u32>;

@@ -1,6 +1,6 @@
 // What a workgroup decides on one node, and the part that does not depend on how planes are found: cuts
 // of empty space. Twin of `cut_empty_space` in backend-cpu's split_median.rs.
-// Needs the bindings `parameters` and `node_bounds`.
+// Needs the binding `parameters`. The kernel says what the node's tight bounds are: `tight_bound`.
 
 // What the first invocation has decided so far, and the cell that is left.
 var<workgroup> cell_lo: vec3<f32>;
@@ -13,11 +13,6 @@ var<workgroup> unfinished: atomic<u32>;
 // count is compared with what it should be after an exclusive or with the barrier's zero, which keeps a
 // compiler from concluding that it cannot differ.
 var<private> cut_short: bool;
-
-// A coordinate of a node's tight bounds: three of the lower corner, then three of the upper.
-fn tight_bound(index: u32, coordinate: u32) -> f32 {
-    return node_bounds[6u * index + coordinate];
-}
 
 // Begins the decision on a node with its cuts. True when what is left is to be split; if not, the node is
 // transferred after them, because it is small or at the greatest depth.

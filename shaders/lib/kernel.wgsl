@@ -12,13 +12,14 @@ const COUNTER_NEXT_NODES: u32 = 5u;
 const COUNTER_ACTIVE_REFERENCES: u32 = 6u;
 const COUNTER_NEXT_REFERENCES: u32 = 7u;
 const COUNTER_CHUNKS: u32 = 8u;
-const COUNTER_SMALL_ROOTS: u32 = 9u;
-const COUNTER_SMALL_REFERENCES: u32 = 10u;
-const COUNTER_TOP_NODES: u32 = 11u;
-const COUNTER_LEVELS: u32 = 12u;
-const COUNTER_NODES: u32 = 13u;
-const COUNTER_LEAF_REFERENCES: u32 = 14u;
-const COUNTER_OVERFLOW: u32 = 15u;
+const COUNTER_NEXT_CHUNKS: u32 = 9u;
+const COUNTER_SMALL_ROOTS: u32 = 10u;
+const COUNTER_SMALL_REFERENCES: u32 = 11u;
+const COUNTER_TOP_NODES: u32 = 12u;
+const COUNTER_LEVELS: u32 = 13u;
+const COUNTER_NODES: u32 = 14u;
+const COUNTER_LEAF_REFERENCES: u32 = 15u;
+const COUNTER_OVERFLOW: u32 = 16u;
 
 const OVERFLOW_NODES: u32 = 1u;
 const OVERFLOW_REFERENCES: u32 = 2u;
@@ -40,6 +41,10 @@ fn live(counter: u32) -> u32 {
 // Active and next lists change places by name alone: their counters do so here.
 fn active_node_count() -> u32 {
     return live(COUNTER_ACTIVE_NODES + parameters.swapped);
+}
+
+fn active_chunk_count() -> u32 {
+    return live(COUNTER_CHUNKS + parameters.swapped);
 }
 
 // Where this slice of a grid over `count` items ends.

@@ -1,7 +1,7 @@
 //! The buffers of one build on the device, kept between builds.
 
 use splitplane_core::kernel::{Buffer, KernelSet, TreeBuilder};
-use splitplane_core::layout::Parameters;
+use splitplane_core::layout::{Counters, Parameters};
 use wgpu::BufferUsages as Usage;
 
 use super::capacities::Capacities;
@@ -16,9 +16,9 @@ pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
 /// root's node, the limits of the triangles, then nodes and references where the host wants them.
 pub(crate) mod readback {
     /// Where the root's node is stored.
-    pub(crate) const ROOT: u64 = 64;
+    pub(crate) const ROOT: u64 = 128;
     /// Where the limits of the triangles are stored.
-    pub(crate) const LIMITS: u64 = 128;
+    pub(crate) const LIMITS: u64 = 192;
     /// Where the tree begins; all before is always read.
     pub(crate) const TREE: u64 = 256;
 }
@@ -107,7 +107,7 @@ impl Buffers {
                 self.grow(gpu, buffer, bytes)?;
             }
         }
-        self.grow(gpu, Buffer::Counters, 64)?;
+        self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
         let slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
         let blocks = WHOLE_BLOCKS + slices;
         if self.blocks < blocks {
@@ -144,7 +144,7 @@ impl Buffers {
         };
         let growing = Capacities::BUFFERS.map(|buffer| held(buffer, capacities.bytes_of(buffer)));
         growing.iter().sum::<u64>()
-            + held(Buffer::Counters, 64)
+            + held(Buffer::Counters, size_of::<Counters>() as u64)
             + held(Buffer::Input, input)
             + self.readback.size().max(readback_bytes(capacities, tree_to_host))
     }

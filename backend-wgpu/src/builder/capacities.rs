@@ -105,7 +105,8 @@ impl Capacities {
         grow(&mut self.leaf_references, Overflow::LeafReferences, leaf_references);
         // There is space for all chunks of this many references, unless no device can bind it.
         if overflow & Overflow::Chunks as u32 != 0 {
-            self.too_many_chunks = counters[Counter::Chunks];
+            // Active and next may have changed places.
+            self.too_many_chunks = counters[Counter::NextChunks].max(counters[Counter::Chunks]);
         }
         self.with_bounds(config)
     }

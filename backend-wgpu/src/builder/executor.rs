@@ -252,6 +252,7 @@ pub(crate) fn counters_from(bytes: &[u8], swapped: bool) -> Counters {
 fn named(mut counters: Counters, swapped: bool) -> Counters {
     if swapped {
         counters.words.swap(Counter::ActiveNodes as usize, Counter::NextNodes as usize);
+        counters.words.swap(Counter::Chunks as usize, Counter::NextChunks as usize);
         counters.words.swap(Counter::ActiveReferences as usize, Counter::NextReferences as usize);
     }
     counters

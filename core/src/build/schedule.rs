@@ -90,15 +90,11 @@ fn process_large_nodes<E: Executor<TreeBuilder>>(
     executor: &mut E,
     planes: Planes,
 ) -> Result<(), E::Error> {
-    // Bounds by segmented reduction.
-    executor.dispatch(Kernel::NodeBounds)?;
-    // Group references into chunks.
-    executor.dispatch(Kernel::ChunkNodes)?;
-    executor.dispatch(Kernel::AssignChunks)?;
-    // Empty-space cutoff and split.
+    // Group references into chunks; bounds by segmented reduction; empty-space cutoff and split.
     match planes {
         Planes::Median => executor.dispatch(Kernel::SplitMedian)?,
         Planes::Binned => {
+            executor.dispatch(Kernel::NodeBounds)?;
             executor.dispatch(Kernel::BinReferences)?;
             executor.dispatch(Kernel::SplitBinned)?;
         }

@@ -89,19 +89,13 @@ kernel_set! {
         /// Writes the references of the root.
         GatherReferences "gather_references", Each(InputChunks) =>
             reads Triangles, reads ChunkCounts, writes References;
-        /// Bounds every active node: segmented reduction over chunks.
-        NodeBounds "node_bounds", Each(ActiveNodes) =>
-            reads ActiveNodes, reads ChunkBounds, writes NodeBounds;
-        /// Scans the numbers of chunks of the active nodes.
-        ChunkNodes "chunk_nodes", One =>
-            updates Counters,
-            updates ActiveNodes;
-        /// Names node and range of every chunk.
-        AssignChunks "assign_chunks", Invocations(Chunks, 256) =>
-            reads ActiveNodes, writes Chunks;
-        /// Cuts empty space and splits every active node at its spatial median.
+        /// Names the chunks of every active node, and bounds it, cuts empty space off it and splits it at
+        /// its spatial median.
         SplitMedian "split_median", Each(ActiveNodes) =>
-            reads ActiveNodes, reads NodeBounds, reads References, writes Decisions;
+            reads ActiveNodes, reads ChunkBounds, reads References, writes Chunks, writes Decisions;
+        /// Names the chunks of every active node, and bounds it: segmented reduction over chunks.
+        NodeBounds "node_bounds", Each(ActiveNodes) =>
+            reads ActiveNodes, reads ChunkBounds, writes Chunks, writes NodeBounds;
         /// Counts by bins where the references of every chunk start and end.
         BinReferences "bin_references", Each(Chunks) =>
             reads Chunks, reads NodeBounds, reads References, writes ChunkBins;
@@ -173,8 +167,10 @@ pub enum Counter {
     ActiveReferences,
     /// References of the next nodes.
     NextReferences,
-    /// Chunks of the active nodes; of the input before the first level.
+    /// Chunks of the active nodes; of the input until there is a root.
     Chunks,
+    /// Chunks of the next nodes.
+    NextChunks,
     /// Small roots so far.
     SmallRoots,
     /// References of the small roots.
@@ -235,7 +231,7 @@ impl Overflow {
 
 impl Counter {
     /// All counters, by their word.
-    pub const ALL: [Counter; 16] = [
+    pub const ALL: [Counter; 17] = [
         Counter::Triangles,
         Counter::InputChunks,
         Counter::Dropped,
@@ -245,6 +241,7 @@ impl Counter {
         Counter::ActiveReferences,
         Counter::NextReferences,
         Counter::Chunks,
+        Counter::NextChunks,
         Counter::SmallRoots,
         Counter::SmallReferences,
         Counter::TopNodes,

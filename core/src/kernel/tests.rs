@@ -61,11 +61,16 @@ fn slots_follow_from_the_table() {
         storage(Buffer::NextReferences, Write),
         storage(Buffer::SmallReferences, Scatter),
     ]));
-    assert!(TreeBuilder::slots(Kernel::ChunkNodes).eq([
+    assert!(TreeBuilder::slots(Kernel::PreorderAddresses).eq([
         parameters,
-        storage(Buffer::Counters, ReadWrite),
-        storage(Buffer::ActiveNodes, ReadWrite),
+        storage(Buffer::Counters, Read),
+        storage(Buffer::TopNodes, Read),
+        storage(Buffer::LevelStarts, Read),
+        storage(Buffer::TopSizes, Read),
+        storage(Buffer::TopAddresses, Write),
     ]));
+    let scan = [storage(Buffer::Counters, ReadWrite), storage(Buffer::ChunkState, ReadWrite)];
+    assert!(TreeBuilder::slots(Kernel::ScanTriangles).skip(1).take(2).eq(scan));
     // Written by the table of the queries: uniforms between buffers.
     let places: [Option<Slot<RayQueries>>; 8] = {
         let mut slots = RayQueries::slots(QueryKernel::ClosestHit);
@@ -85,7 +90,6 @@ fn counters_are_written_by_those_that_say_so() {
         let expected = matches!(
             kernel,
             Kernel::ScanTriangles
-                | Kernel::ChunkNodes
                 | Kernel::AllocateChildren
                 | Kernel::SubtreeSizes
         );

@@ -72,11 +72,10 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
         let lo = &mut last(&mut b.node_bounds, b.counters, Counter::ActiveNodes).lo[2];
         *lo = lo.next_down();
     }),
-    (Kernel::ChunkNodes, "leaves a gap before a node's chunks", |b| {
-        last(&mut b.active_nodes, b.counters, Counter::ActiveNodes).first_chunk += 1;
+    (Kernel::NodeBounds, "names another node", |b| {
+        last(&mut b.chunks, b.counters, Counter::Chunks).node += 1;
     }),
-    (Kernel::ChunkNodes, "counts a chunk too many", |b| b.counters[Counter::Chunks] += 1),
-    (Kernel::AssignChunks, "forgets a reference", |b| {
+    (Kernel::SplitMedian, "forgets a reference", |b| {
         last(&mut b.chunks, b.counters, Counter::Chunks).count -= 1;
     }),
     (Kernel::SplitMedian, "splits beside the median", |b| {
@@ -102,6 +101,7 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
     (Kernel::AllocateChildren, "places a child beside its place", |b| {
         last(&mut b.decisions, b.counters, Counter::ActiveNodes).first.right += 1;
     }),
+    (Kernel::AllocateChildren, "counts a chunk too many", |b| b.counters[Counter::NextChunks] += 1),
     (Kernel::AllocateChildren, "forgets a level", |b| b.counters[Counter::Levels] -= 1),
     (Kernel::ScatterReferences, "exchanges two references", |b| {
         let next = b.count(Counter::NextReferences);

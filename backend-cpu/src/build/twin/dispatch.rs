@@ -93,22 +93,29 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 if b.counters[Counter::Levels] == 0 {
                     meter.begin_stage(Stage::LargeNodes, 0);
                 }
+                m.grow_watched(&mut b.chunks, chunks, meter)?;
                 m.grow_watched(&mut b.node_bounds, active, meter)?;
                 k::node_bounds::run(
                     meter,
                     &b.active_nodes[..active],
                     &b.chunk_bounds,
+                    &mut b.chunks[..chunks],
                     &mut b.node_bounds[..active],
                 );
             }
             Kernel::SplitMedian => {
+                if b.counters[Counter::Levels] == 0 {
+                    meter.begin_stage(Stage::LargeNodes, 0);
+                }
+                m.grow_watched(&mut b.chunks, chunks, meter)?;
                 m.grow_watched(&mut b.decisions, active, meter)?;
                 k::split_median::run::<A>(
                     meter,
                     &self.config,
                     &b.active_nodes[..active],
-                    &b.node_bounds[..active],
+                    &b.chunk_bounds,
                     &b.references[..references],
+                    &mut b.chunks[..chunks],
                     &mut b.decisions[..active],
                 );
             }
@@ -134,13 +141,6 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &b.chunk_bins[..chunks],
                     &mut b.decisions[..active],
                 );
-            }
-            Kernel::ChunkNodes => {
-                k::chunk_nodes::run(&mut b.active_nodes[..active], &mut b.counters);
-            }
-            Kernel::AssignChunks => {
-                m.grow_watched(&mut b.chunks, chunks, meter)?;
-                k::assign_chunks::run(&b.active_nodes[..active], &mut b.chunks[..chunks]);
             }
             Kernel::ClassifyReferences => {
                 m.grow_watched(&mut b.reference_sides, chunks, meter)?;
@@ -276,6 +276,8 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
         let (one, other) = match (a, b) {
             (Buffer::ActiveNodes, Buffer::NextNodes) => {
                 core::mem::swap(&mut buffers.active_nodes, &mut buffers.next_nodes);
+                let chunks = [Counter::Chunks as usize, Counter::NextChunks as usize];
+                buffers.counters.words.swap(chunks[0], chunks[1]);
                 (Counter::ActiveNodes, Counter::NextNodes)
             }
             (Buffer::References, Buffer::NextReferences) => {

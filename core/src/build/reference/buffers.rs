@@ -166,6 +166,7 @@ impl Buffers {
         let counters = match (a, b) {
             (Buffer::ActiveNodes, Buffer::NextNodes) => {
                 core::mem::swap(&mut self.active_nodes, &mut self.next_nodes);
+                self.counters.words.swap(Counter::Chunks as usize, Counter::NextChunks as usize);
                 [Counter::ActiveNodes, Counter::NextNodes]
             }
             (Buffer::References, Buffer::NextReferences) => {

@@ -110,7 +110,7 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
         match kernel {
             // Their bounds, then their references.
             Kernel::TriangleBounds => self.budget.begin(Stage::Start, 2 * self.mesh.len() as u64),
-            Kernel::NodeBounds if b.count(Counter::Levels) == 0 => {
+            Kernel::SplitMedian | Kernel::NodeBounds if b.count(Counter::Levels) == 0 => {
                 self.budget.begin(Stage::LargeNodes, 0)
             }
             Kernel::BuildSmall => self.budget.begin(Stage::SmallNodes, small_roots),
@@ -165,20 +165,19 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
             }
             Kernel::NodeBounds => {
                 for node in 0..active {
+                    let own = k::chunks_of(&b.active_nodes[node]);
+                    k::name_chunks(node, &b.active_nodes, &mut b.chunks[own]);
                     b.node_bounds[node] = k::node_bounds(node, &b.active_nodes, &b.chunk_bounds);
                     budget.worked(u64::from(b.active_nodes[node].source_chunks))?;
                 }
             }
-            Kernel::ChunkNodes => k::chunk_nodes(&mut b.active_nodes[..active], &mut b.counters),
-            Kernel::AssignChunks => {
-                for chunk in 0..chunks {
-                    b.chunks[chunk] = k::assign_chunks(chunk, &b.active_nodes[..active]);
-                }
-            }
             Kernel::SplitMedian => {
                 for node in 0..active {
-                    let (this, tight) = (&b.active_nodes[node], &b.node_bounds[node]);
-                    let mut asked = budget.worked(4);
+                    let own = k::chunks_of(&b.active_nodes[node]);
+                    k::name_chunks(node, &b.active_nodes, &mut b.chunks[own]);
+                    let tight = k::node_bounds(node, &b.active_nodes, &b.chunk_bounds);
+                    let this = &b.active_nodes[node];
+                    let mut asked = budget.worked(4 + u64::from(this.source_chunks));
                     let go_on = |work| {
                         if asked.is_ok() {
                             asked = budget.worked(work);
@@ -186,7 +185,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                         asked.is_ok()
                     };
                     b.decisions[node] =
-                        k::split_median_while::<A>(config, this, tight, &b.references, go_on);
+                        k::split_median_while::<A>(config, this, &tight, &b.references, go_on);
                     asked?;
                 }
             }

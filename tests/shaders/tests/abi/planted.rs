@@ -7,7 +7,7 @@ use crate::names::{differences, header_faults};
 use crate::source::Text;
 use crate::{parse, records, sets};
 
-/// A faultless `assign_chunks`, without what it does.
+/// A faultless `node_bounds`, without what it does.
 const KERNEL: &str = "
 struct Parameters {
     zero: u32, swapped: u32, first: u32, count: u32,
@@ -25,9 +25,11 @@ struct LargeNode {
 }
 struct Chunk { node: u32, first: u32, count: u32, padding: u32 }
 @group(0) @binding(0) var<uniform> parameters: Parameters;
-@group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
+@group(0) @binding(1) var<storage, read> counters: array<u32, 32>;
 @group(0) @binding(2) var<storage, read> active_nodes: array<LargeNode>;
-@group(0) @binding(3) var<storage, read_write> chunks: array<Chunk>;
+@group(0) @binding(3) var<storage, read> chunk_state: array<u32>;
+@group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>;
+@group(0) @binding(5) var<storage, read_write> node_bounds: array<f32>;
 var<workgroup> lanes: array<vec4<u32>, 256>;
 const CHUNK: u32 = 256u;
 const LANES: u32 = 256u;
@@ -40,11 +42,11 @@ fn texts(text: &str) -> Vec<Text> {
     vec![Text { name: "planted".to_owned(), text: text.to_owned() }]
 }
 
-/// All faults of a module taken for `assign_chunks`.
+/// All faults of a module taken for `node_bounds`.
 fn faults(text: &str) -> Vec<String> {
     let known = constants::of_core();
     // The model does nothing, so it does not use what it binds.
-    let mut faults = sets::faults::<TreeBuilder>(&texts(text), Kernel::AssignChunks, &known);
+    let mut faults = sets::faults::<TreeBuilder>(&texts(text), Kernel::NodeBounds, &known);
     faults.retain(|fault| !fault.contains("though declared"));
     faults
 }
@@ -60,22 +62,22 @@ fn every_fault_is_found() {
     for (from, to, words) in [
         // Bindings.
         ("var<storage, read> counters", "var<storage, read_write> counters", "counters is Storage"),
-        ("counters: array<u32, 16>", "counters: array<u32, 15>", "counters has another type"),
-        ("counters: array<u32, 16>", "counters: array<f32, 16>", "counters has another type"),
+        ("counters: array<u32, 32>", "counters: array<u32, 31>", "counters has another type"),
+        ("counters: array<u32, 32>", "counters: array<f32, 32>", "counters has another type"),
         ("var<uniform> parameters", "var<storage> parameters", "parameters is Storage"),
-        ("@binding(3)", "@binding(4)", "chunks at 4 in place of chunks at 3"),
+        ("@binding(5)", "@binding(6)", "node_bounds at 6 in place of node_bounds at 5"),
         ("read_write> chunks", "read> chunks", "chunks is Storage"),
         ("read> active_nodes", "read_write> active_nodes", "active_nodes is Storage"),
         ("chunks: array<Chunk>", "chunks: array<vec2<u32>>", "chunks has another type"),
-        ("@group(0) @binding(3)", "@group(1) @binding(3)", "chunks is not in group 0"),
+        ("@group(0) @binding(4)", "@group(1) @binding(4)", "chunks is not in group 0"),
         (
-            "@group(0) @binding(3) var<storage, read_write> chunks: array<Chunk>",
+            "@group(0) @binding(4) var<storage, read_write> chunks: array<Chunk>",
             "var<private> chunks: Chunk",
-            "chunks is not bound",
+            "node_bounds is not bound",
         ),
         (
             "var<workgroup> lanes",
-            "@group(0) @binding(4) var<storage> more: array<u32>; var<workgroup> lanes",
+            "@group(0) @binding(6) var<storage> more: array<u32>; var<workgroup> lanes",
             "more is bound besides",
         ),
         // Limits.
@@ -118,7 +120,7 @@ fn bindings_in_another_order_are_found() {
         .replace("@binding(3)", "@binding(2)")
         .replace("@binding(9)", "@binding(3)");
     let found = faults(&text);
-    let fault = "chunks at 2 in place of active_nodes at 2";
+    let fault = "chunk_state at 2 in place of active_nodes at 2";
     assert!(found.iter().any(|found| found == fault), "{found:?}");
 }
 
@@ -151,7 +153,7 @@ fn layout_wgsl_is_held_to_the_core() {
 
 #[test]
 fn more_than_eight_storage_buffers_are_found() {
-    let more: String = (4..10)
+    let more: String = (6..10)
         .map(|i| format!("@group(0) @binding({i}) var<storage> more_{i}: array<u32>;\n"))
         .collect();
     let found = faults(&format!("{KERNEL}{more}"));

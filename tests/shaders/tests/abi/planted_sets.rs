@@ -129,10 +129,10 @@ fn faults_of_the_queries_are_found() {
 #[test]
 fn uses_that_are_not_declared_are_found() {
     found::<TreeBuilder>(&[(
-        B::ChunkNodes,
-        "active_nodes[index].first_chunk =",
+        B::NodeBounds,
+        "node_bounds[6u * index + lane] =",
         "_ =",
-        "active_nodes is not written",
+        "node_bounds is not written",
     )]);
     let (from, to) = ("leaf(address.y, 0u);", "leaf(address.y, nodes[index].x);");
     found::<TreeBuilder>(&[(B::EmitTop, from, to, "nodes is read")]);

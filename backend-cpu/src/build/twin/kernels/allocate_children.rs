@@ -4,7 +4,7 @@
 //! list, the small list and the top tree, in the order of the active list. Caps bind here, by a
 //! running sum over the list: nodes beyond them are transferred unsplit.
 
-use splitplane_core::config::BuildConfig;
+use splitplane_core::config::{BuildConfig, CHUNK};
 use splitplane_core::kernel::Counter;
 use splitplane_core::layout::{Counters, Decision, LargeNode, Sides, SmallRoot, TopNode};
 
@@ -49,7 +49,7 @@ pub(crate) fn run(
 
     // What is alive if no further node is split.
     let mut alive = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
-    let mut next_references = 0;
+    let (mut next_references, mut next_chunks) = (0, 0);
     let mut small_references = counters[Counter::SmallReferences];
     for (node, decision) in active.iter().zip(decisions) {
         let emitted = 2 * decision.cut_count + 2;
@@ -90,19 +90,21 @@ pub(crate) fn run(
         let mut place = |count: u32, cell, depth, top: usize, side: u32, lists: &mut Lists<'_>| {
             if count > config.small_node_limit() && decision.axis != Decision::TRANSFER {
                 let first = next_references;
+                let first_chunk = next_chunks;
                 next_references += count;
+                next_chunks += count.div_ceil(CHUNK);
                 lists.next.push(LargeNode {
                     first,
                     count,
                     node: top as u32,
                     depth,
                     source: node.first_chunk,
-                    source_chunks: node.count.div_ceil(splitplane_core::config::CHUNK),
+                    source_chunks: node.count.div_ceil(CHUNK),
                     side,
                     inseparable: u32::from(
                         decision.counts.left == node.count && decision.counts.right == node.count,
                     ),
-                    first_chunk: 0,
+                    first_chunk,
                     padding: 0,
                     ..with_cell(cell)
                 });
@@ -150,6 +152,7 @@ pub(crate) fn run(
     }
     counters[Counter::NextNodes] = lists.next.len() as u32;
     counters[Counter::NextReferences] = next_references;
+    counters[Counter::NextChunks] = next_chunks;
     counters[Counter::SmallRoots] = lists.small.len() as u32;
     counters[Counter::SmallReferences] = small_references;
     counters[Counter::TopNodes] = lists.top.len() as u32;

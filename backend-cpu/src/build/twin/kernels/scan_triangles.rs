@@ -5,6 +5,7 @@
 //! kept.
 
 use splitplane_core::aabb::Aabb;
+use splitplane_core::config::CHUNK;
 use splitplane_core::kernel::Counter;
 use splitplane_core::layout::{ChunkBounds, Counters, LargeNode, Sides, TopNode};
 
@@ -44,5 +45,6 @@ pub(crate) fn run(
     counters[Counter::Snapped] = snapped;
     counters[Counter::ActiveNodes] = u32::from(kept > 0);
     counters[Counter::ActiveReferences] = kept;
+    counters[Counter::Chunks] = kept.div_ceil(CHUNK);
     counters[Counter::TopNodes] = 1;
 }

@@ -1,7 +1,7 @@
 //! `split_median`: one workgroup an active node.
 //!
-//! Reads: cell and tight bounds of the node; its references where the median separates nothing.
-//! Writes: the decision: cuts of empty space, then a split or a transfer to the small list.
+//! Reads: cell and tight bounds of the node, from its parent's chunks; its references where the median
+//! separates nothing. Writes: the node's chunks; the decision: cuts of empty space, then a split or a transfer to the small list.
 //! Ties: axes in order, then lower positions.
 
 use rayon::prelude::*;
@@ -9,9 +9,10 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::arithmetic::Arithmetic;
 use splitplane_core::build::reference::kernels::split_median_while;
 use splitplane_core::config::BuildConfig;
-use splitplane_core::layout::{Decision, LargeNode, Reference};
+use splitplane_core::layout::{Chunk, ChunkBounds, Decision, LargeNode, Reference};
 
-use super::GRAIN;
+use super::node_bounds::tight;
+use super::{GRAIN, name_chunks};
 use crate::cancel::ProgressMeter;
 
 /// Runs the kernel.
@@ -19,17 +20,18 @@ pub(crate) fn run<A: Arithmetic>(
     meter: &ProgressMeter<'_>,
     config: &BuildConfig,
     active: &[LargeNode],
-    node_bounds: &[Aabb],
+    chunk_bounds: &[ChunkBounds],
     references: &[Reference],
+    chunks: &mut [Chunk],
     decisions: &mut [Decision],
 ) {
-    active.par_iter().zip(node_bounds).zip(decisions).with_min_len(GRAIN).for_each(
-        |((node, tight), decision)| {
-            if !meter.record_work(4) {
-                *decision = decide::<A>(meter, config, node, tight, references);
-            }
-        },
-    );
+    name_chunks(active, chunks);
+    active.par_iter().zip(decisions).with_min_len(GRAIN).for_each(|(node, decision)| {
+        if !meter.record_work(4 + u64::from(node.source_chunks)) {
+            let tight = tight(node, chunk_bounds);
+            *decision = decide::<A>(meter, config, node, &tight, references);
+        }
+    });
 }
 
 /// The decision about one node. Its references matter only where a plane did not separate it.

@@ -61,6 +61,7 @@ pub fn allocate_children(
     counters[Counter::Levels] += 1;
     counters[Counter::NextNodes] = 0;
     counters[Counter::NextReferences] = 0;
+    counters[Counter::NextChunks] = 0;
     let mut alive = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
     for (node, decision) in active_nodes.iter().zip(decisions) {
         let emitted = 2 * decision.cut_count + 2;
@@ -166,6 +167,8 @@ impl Emission<'_, '_> {
         self.counters[Counter::NextReferences] += count;
         let place = self.counters[Counter::NextNodes];
         self.counters[Counter::NextNodes] += 1;
+        let first_chunk = self.counters[Counter::NextChunks];
+        self.counters[Counter::NextChunks] += count.div_ceil(CHUNK);
         self.lists.next_nodes[place as usize] = LargeNode {
             lo: part.cell.lo,
             first,
@@ -177,7 +180,7 @@ impl Emission<'_, '_> {
             source_chunks: self.node.count.div_ceil(CHUNK),
             side,
             inseparable: u32::from(inseparable),
-            first_chunk: 0,
+            first_chunk,
             padding: 0,
         };
         first
@@ -276,6 +279,7 @@ mod tests {
         let count = |counter| level.counters[counter];
         assert_eq!((count(Counter::NextNodes), count(Counter::NextReferences)), (4, 395));
         assert_eq!((count(Counter::SmallRoots), count(Counter::SmallReferences)), (1, 5));
+        assert_eq!(count(Counter::NextChunks), 4);
         assert_eq!((count(Counter::TopNodes), count(Counter::Levels)), (9, 1));
         let firsts = level.decisions.map(|decision| (decision.first.left, decision.first.right));
         assert_eq!(firsts, [(0, 0), (5, 95), (195, 295)]);
@@ -285,6 +289,7 @@ mod tests {
         assert!(next.iter().zip([3, 6, 7, 8]).all(|(node, top)| node.node == top));
         assert!(next.iter().zip([0, 0, 1, 1]).all(|(node, flag)| node.inseparable == flag));
         assert!(next.iter().zip([0, 1, 0, 1]).all(|(node, side)| node.side == side));
+        assert!(next.iter().zip(0..).all(|(node, chunk)| node.first_chunk == chunk));
         assert_eq!((level.small[0].lo, level.small[0].hi), ([0.0, 2.0, 0.0], [8.0; 3]));
     }
 

@@ -4,16 +4,18 @@
 //! | kernel | an item of its grid |
 //! |---|---|
 //! | [`triangle_bounds`], [`gather_references`] | 256 consecutive triangles of the mesh |
-//! | [`node_bounds`], [`split_median`], [`split_binned`], [`count_children`] | an active node |
-//! | [`assign_chunks`], [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
+//! | [`name_chunks`], [`node_bounds`], [`split_median`], [`split_binned`], [`count_children`] | an active node |
+//! | [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
 //! | [`build_small`], [`emit_small`] | a small root |
 //! | [`emit_top`] | a node of the top tree |
-//! | [`scan_triangles`], [`chunk_nodes`], [`allocate_children`], [`subtree_sizes`], [`preorder_addresses`] | all there is |
+//! | [`scan_triangles`], [`allocate_children`], [`subtree_sizes`], [`preorder_addresses`] | all there is |
 //!
 //! Parameters come in this order: the configuration where it matters, the index of the item, the
 //! buffers read, what is written in place. The slices of a buffer hold its live range, all of it
 //! unless the text says otherwise. Items of one grid write to different places and read nothing that
 //! another one of them writes, so they may run in any order and at the same time.
+//!
+//! [`name_chunks`] is the first step of both `node_bounds` and `split_median`.
 //!
 //! All kernels trust what earlier kernels wrote. On other contents they may panic.
 
@@ -23,15 +25,14 @@ use crate::config::CHUNK;
 use crate::layout::LargeNode;
 
 mod allocate_children;
-mod assign_chunks;
 mod bin_references;
 mod build_small;
-mod chunk_nodes;
 mod classify_references;
 mod count_children;
 mod emit_small;
 mod emit_top;
 mod gather_references;
+mod name_chunks;
 mod node_bounds;
 mod preorder_addresses;
 mod scan_triangles;
@@ -43,15 +44,14 @@ mod subtree_sizes;
 mod triangle_bounds;
 
 pub use allocate_children::{Lists, Most, allocate_children, allocate_children_most};
-pub use assign_chunks::assign_chunks;
 pub use bin_references::bin_references;
 pub use build_small::build_small;
-pub use chunk_nodes::chunk_nodes;
 pub use classify_references::classify_references;
 pub use count_children::count_children;
 pub use emit_small::emit_small;
 pub use emit_top::emit_top;
 pub use gather_references::{gather_references, gathered};
+pub use name_chunks::name_chunks;
 pub use node_bounds::node_bounds;
 pub use preorder_addresses::preorder_addresses;
 pub use scan_triangles::scan_triangles;

@@ -1,4 +1,5 @@
 use crate::aabb::Aabb;
+use crate::config::CHUNK;
 use crate::kernel::Counter;
 use crate::layout::{ChunkBounds, Counters, LargeNode, Sides, TopNode};
 
@@ -7,8 +8,8 @@ use crate::layout::{ChunkBounds, Counters, LargeNode, Sides, TopNode};
 /// `ChunkCounts` become the exclusive scan of the triangles kept, on the left; the right stays.
 /// Writes the root as the first of `ActiveNodes`, its cell being the bounds of all triangles kept,
 /// and as the first of `TopNodes`. Where nothing is kept, the list of active nodes stays empty and
-/// the root an empty leaf. Counts triangles dropped and snapped, active nodes and references, and
-/// top nodes.
+/// the root an empty leaf. Counts triangles dropped and snapped, active nodes, their references and chunks,
+/// and top nodes.
 pub fn scan_triangles(
     chunk_bounds: &[ChunkBounds],
     chunk_counts: &mut [Sides],
@@ -27,6 +28,7 @@ pub fn scan_triangles(
     counters[Counter::Snapped] = snapped;
     counters[Counter::ActiveNodes] = u32::from(kept > 0);
     counters[Counter::ActiveReferences] = kept;
+    counters[Counter::Chunks] = kept.div_ceil(CHUNK);
     counters[Counter::TopNodes] = 1;
     let root = LargeNode {
         lo: cell.lo,
@@ -63,6 +65,7 @@ mod tests {
         assert_eq!((root.source_chunks, top.kind), (3, TopNode::EMPTY));
         assert_eq!((counters[Counter::Dropped], counters[Counter::Snapped]), (383, 7));
         assert_eq!((counters[Counter::ActiveNodes], counters[Counter::TopNodes]), (1, 1));
+        assert_eq!((counters[Counter::InputChunks], counters[Counter::Chunks]), (3, 1));
     }
 
     #[test]
