@@ -11,6 +11,7 @@
 @group(0) @binding(4) var<storage, read_write> chunk_state: array<u32>;
 
 const LANES: u32 = 256u;
+const BOXES: u32 = 1u;
 
 // Snapping, on bits: -0 and everything below 2^-126 become +0.
 fn snap_bits(bits: vec3<u32>) -> vec3<u32> {
@@ -73,7 +74,7 @@ fn main(
         }
         ballot(lane, kept, snapped);
         reduce_bounds(lane, bounds);
-        store_reduced_bounds(chunk, 0u, lane);
+        store_reduced_bounds(chunk, lane);
         if lane >= 6u && lane < 12u {
             // Nothing goes right.
             let empty = select(-GREATEST, GREATEST, lane < 9u);
