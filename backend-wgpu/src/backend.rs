@@ -23,6 +23,7 @@ use crate::builder::source::Source;
 use crate::builder::{DeviceBuild, DeviceMesh, PendingBuild, WgpuExecutor};
 use crate::device::gpu::Gpu;
 use crate::device::host;
+use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceTree, Queries, WgpuAccelerator};
@@ -70,6 +71,13 @@ impl WgpuBackend {
         let backend = WgpuBackend::without_selftest(gpu);
         backend.shared.pipelines.replace::<TreeBuilder>(kernel, Some(source));
         backend
+    }
+
+    /// A backend whose kernels are changed, without a self-test: for tools that count what kernels do.
+    #[doc(hidden)]
+    pub fn instrumented(gpu: Gpu, instrument: Instrument) -> WgpuBackend {
+        let shared = Shared::with(gpu, Pipelines::instrumented(instrument));
+        WgpuBackend { shared: Arc::new(shared), parity: None }
     }
 
     /// Limits the workgroups of every later dispatch of a build, and so the part of the device that
@@ -239,12 +247,33 @@ impl WgpuBackend {
         config: &BuildConfig,
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
+        self.with_executor_of(Capacities::roomy(mesh.len() as u32, config), mesh, config, run)
+    }
+
+    /// As [`WgpuBackend::with_executor`], with the capacities that a first build estimates, which most scenes fit: then
+    /// grids are those of builds.
+    #[doc(hidden)]
+    pub fn with_estimated_executor<T>(
+        &self,
+        mesh: &Mesh<'_>,
+        config: &BuildConfig,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, BuildError> {
+        self.with_executor_of(Capacities::estimate(mesh.len() as u32, config), mesh, config, run)
+    }
+
+    fn with_executor_of<T>(
+        &self,
+        capacities: Capacities,
+        mesh: &Mesh<'_>,
+        config: &BuildConfig,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, BuildError> {
         config.validate()?;
         let preset = config.preset();
         preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &self.shared.gpu;
-        let triangles = mesh.len() as u32;
-        let capacities = Capacities::roomy(triangles, config).within(gpu.limits(), None, config)?;
+        let capacities = capacities.within(gpu.limits(), None, config)?;
         gpu.guard(|| self.run_executor(mesh, config, capacities, run))?
     }
 

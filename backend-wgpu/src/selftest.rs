@@ -27,7 +27,8 @@ use crate::error::GpuError;
 use crate::parity::Parity;
 use crate::query::{DeviceQueryError, DeviceTree, Queries};
 
-/// Pairs of operands on which the guarded operations are tested.
+/// Pairs of operands on which the guarded operations are tested, and as many with results around the least normal
+/// number.
 const PAIRS: u32 = 4096;
 /// Triangles of the small build.
 const TRIANGLES: usize = 700;
@@ -137,6 +138,52 @@ fn expected_through_one(x: f32, y: f32) -> [Option<u32>; 8] {
     .map(|value| value.map(|value| snap(value).to_bits()))
 }
 
+/// What the operations that round once give around 2^-126. A device may flush what is below; but where rounding makes it
+/// 2^-126, the CPU has that, and a device that flushes before it rounds has zero.
+fn expected_at_the_least(x: f32, y: f32) -> [Option<u32>; 8] {
+    let rounded = [
+        Strict::product(x, y),
+        Strict::sum(x, y),
+        Strict::difference(x, y),
+        Strict::quotient(x, y),
+    ];
+    let mut expected = [None; 8];
+    for (expected, rounded) in expected.iter_mut().zip(rounded) {
+        *expected = Some(snap(rounded).to_bits());
+    }
+    expected
+}
+
+/// Pairs whose product, quotient, sum or difference lies around 2^-126, one after the other: some a little below or above,
+/// some so near that rounding leads there.
+fn pairs_at_the_least() -> Vec<[f32; 2]> {
+    const LEAST: f32 = f32::MIN_POSITIVE;
+    let mut sequence = Sequence(31);
+    // The whole range of a factor whose other one is normal.
+    let mut mantissa =
+        |power: i32| f32::from_bits(sequence.next() & 0x807f_ffff | ((127 + power) as u32) << 23);
+    (0..PAIRS)
+        .map(|i| {
+            let power = -1 - (i as i32 / 128);
+            // Some operands have all bits set, or none but the first.
+            let x = match i / 8 % 4 {
+                0 => f32::from_bits(mantissa(power).to_bits() | 0x7f_ffff),
+                1 => f32::from_bits(mantissa(power).to_bits() & !0x7f_ffff),
+                _ => mantissa(power),
+            };
+            // A few floats below what leads to 2^-126, or above.
+            let near = |y: f32| f32::from_bits((y.to_bits() - 4).wrapping_add(i % 8));
+            match i / 32 % 4 {
+                0 => [x, near(LEAST / x.abs()).max(LEAST)],
+                // A dividend that is normal, so a divisor above one.
+                1 => [near(LEAST * x.abs().recip()).max(LEAST), x.recip()],
+                2 => [LEAST * x.abs().recip(), -LEAST * (x.abs().recip() - 1.0).max(1.0)],
+                _ => [x, mantissa(-126 - power)],
+            }
+        })
+        .collect()
+}
+
 /// The part of the self-test that is about arithmetic, with another text in place of its kernel: for tests that plant
 /// faults.
 ///
@@ -167,7 +214,13 @@ fn check_arithmetic(gpu: &Gpu, pipelines: &Pipelines) -> Result<Option<String>, 
     // A compiler that saw through the barrier would take no notice of another zero.
     let found = run_arithmetic(gpu, pipelines, &pairs, 1)?;
     let difference = first_difference(&pairs, &found, expected_through_one);
-    Ok(difference.map(|difference| format!("with a zero of one, {difference}")))
+    if let Some(difference) = difference {
+        return Ok(Some(format!("with a zero of one, {difference}")));
+    }
+    let pairs = pairs_at_the_least();
+    let found = run_arithmetic(gpu, pipelines, &pairs, 0)?;
+    let difference = first_difference(&pairs, &found, expected_at_the_least);
+    Ok(difference.map(|difference| format!("around the least normal number, {difference}")))
 }
 
 /// The results of all operations for pairs of operands, with this word as the barrier's zero.

@@ -85,10 +85,12 @@ fn quotient(a: f32, b: f32) -> f32 {
     let by_1 = select(0u, 1u, rest >= divisor);
     mantissa += by_1;
     rest -= by_1 * divisor;
-    // A quotient of two mantissas never lies half way between two others.
-    mantissa += select(0u, 1u, 2u * rest > divisor);
-    // Rounding up to 2^24 carries into the exponent.
     let field = i32(a_field) - i32(b_field) + 127 - i32(less);
+    // A quotient of two mantissas never lies half way between two others. But all bits set just below the least normal
+    // number are half way to it from the subnormal number below: to nearest even, that is the least normal number.
+    let up = field == 0 && mantissa == 0xffffffu;
+    // Rounding up to 2^24 carries into the exponent.
+    mantissa += select(0u, 1u, 2u * rest > divisor || up);
     let bits = (clamp(field, -1, 255) << 23u) + i32(mantissa) - 0x800000;
     let infinity = 0x7f800000u ^ opaque_zero;
     var out = select(min(u32(bits), infinity), 0u, bits < 0x800000);

@@ -28,7 +28,12 @@ const POOLED: usize = 2;
 
 impl Shared {
     pub(crate) fn new(gpu: Gpu) -> Shared {
-        let (gpu, pipelines) = (Arc::new(gpu), Arc::new(Pipelines::default()));
+        Shared::with(gpu, Pipelines::default())
+    }
+
+    /// With these kernels.
+    pub(crate) fn with(gpu: Gpu, pipelines: Pipelines) -> Shared {
+        let (gpu, pipelines) = (Arc::new(gpu), Arc::new(pipelines));
         let queries = Queries::sharing(Arc::clone(&gpu), Arc::clone(&pipelines));
         let (pool, max_workgroups) = (Mutex::new(Vec::new()), AtomicU32::new(0));
         Shared { gpu, pipelines, queries: Arc::new(queries), pool, max_workgroups }

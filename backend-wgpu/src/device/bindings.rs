@@ -9,33 +9,30 @@ use super::kernel_set::DeviceSet;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// The layout of a kernel's only bind group.
-pub(super) fn layout<K: DeviceSet>(gpu: &Gpu, kernel: K::Kernel) -> BindGroupLayout {
-    let entry = |(binding, slot): (u32, Slot<K>)| {
-        let (ty, has_dynamic_offset) = match slot {
-            Slot::Uniform(uniform) => {
-                (wgpu::BufferBindingType::Uniform, K::is_list_of_blocks(uniform))
-            }
-            Slot::Storage(storage) => {
-                let read_only = storage.access == Access::Read;
-                (wgpu::BufferBindingType::Storage { read_only }, false)
-            }
-        };
-        BindGroupLayoutEntry {
-            binding,
-            visibility: wgpu::ShaderStages::COMPUTE,
-            ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None },
-            count: None,
+/// The layout of a kernel's only bind group; where it is `counted`, with a storage buffer behind what the table has.
+pub(super) fn layout<K: DeviceSet>(gpu: &Gpu, kernel: K::Kernel, counted: bool) -> BindGroupLayout {
+    let kinds = K::slots(kernel).map(|slot| match slot {
+        Slot::Uniform(uniform) => (wgpu::BufferBindingType::Uniform, K::is_list_of_blocks(uniform)),
+        Slot::Storage(storage) => {
+            let read_only = storage.access == Access::Read;
+            (wgpu::BufferBindingType::Storage { read_only }, false)
         }
+    });
+    let behind = counted.then_some((wgpu::BufferBindingType::Storage { read_only: false }, false));
+    let entry = |(binding, (ty, has_dynamic_offset))| BindGroupLayoutEntry {
+        binding,
+        visibility: wgpu::ShaderStages::COMPUTE,
+        ty: wgpu::BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None },
+        count: None,
     };
-    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(K::slots(kernel)).map(entry).collect();
+    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(kinds.chain(behind)).map(entry).collect();
     gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some(K::kernel(kernel).name),
         entries: &entries,
     })
 }
 
-/// What a kernel binds, each slot as `find` has it.
+/// What a kernel binds, each slot as `find` has it, and behind them what it is counted in.
 ///
 /// # Errors
 /// [`GpuError::Refused`] for a slot that `find` lacks.
@@ -43,6 +40,7 @@ pub(crate) fn bind<'a, K: DeviceSet>(
     gpu: &Gpu,
     layout: &BindGroupLayout,
     kernel: K::Kernel,
+    counted: Option<&wgpu::Buffer>,
     find: impl Fn(Slot<K>) -> Option<BufferBinding<'a>>,
 ) -> Result<BindGroup, GpuError> {
     let entry = |(binding, slot): (u32, Slot<K>)| match find(slot) {
@@ -60,10 +58,14 @@ pub(crate) fn bind<'a, K: DeviceSet>(
     };
     let entries: Result<Vec<BindGroupEntry<'_>>, GpuError> =
         (0..).zip(K::slots(kernel)).map(entry).collect();
+    let mut entries = entries?;
+    let binding = entries.len() as u32;
+    entries
+        .extend(counted.map(|held| BindGroupEntry { binding, resource: held.as_entire_binding() }));
     Ok(gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(K::kernel(kernel).name),
         layout,
-        entries: &entries?,
+        entries: &entries,
     }))
 }
 

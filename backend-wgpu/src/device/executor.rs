@@ -286,12 +286,19 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         if let Some(group) = self.job.groups().place(kernel, swapped) {
             return Ok(group.clone());
         }
-        let group = bind::<J::Set>(self.gpu, layout, kernel, |slot| match slot {
-            Slot::Uniform(uniform) => self.job.uniform(uniform),
-            Slot::Storage(binding) => {
-                self.held(binding.buffer).map(wgpu::Buffer::as_entire_buffer_binding)
-            }
-        })?;
+        let group =
+            bind::<J::Set>(
+                self.gpu,
+                layout,
+                kernel,
+                self.pipelines.counted(),
+                |slot| match slot {
+                    Slot::Uniform(uniform) => self.job.uniform(uniform),
+                    Slot::Storage(binding) => {
+                        self.held(binding.buffer).map(wgpu::Buffer::as_entire_buffer_binding)
+                    }
+                },
+            )?;
         Ok(self.job.groups().place(kernel, swapped).insert(group).clone())
     }
 }

@@ -23,6 +23,8 @@ pub struct Gpu {
     queue: wgpu::Queue,
     info: wgpu::AdapterInfo,
     limits: wgpu::Limits,
+    /// Whether it counts as software.
+    software: bool,
     health: Arc<Health>,
     timeout: Duration,
     /// The driver's limits for pipelines, and the pipelines that exceeded them; shared by clones.
@@ -55,7 +57,8 @@ impl Gpu {
         let timeout = driver::default_timeout(info.device_type);
         let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
         let (health, last) = Default::default();
-        Gpu { device, queue, info, limits, health, timeout, compiler, last }
+        let software = info.device_type == wgpu::DeviceType::Cpu;
+        Gpu { device, queue, info, limits, software, health, timeout, compiler, last }
     }
 
     /// The same device with another time-out.
@@ -111,7 +114,13 @@ impl Gpu {
 
     /// Whether the adapter is software: it runs shaders on the CPU.
     pub fn is_software(&self) -> bool {
-        self.info.device_type == wgpu::DeviceType::Cpu
+        self.software
+    }
+
+    /// The same device, given as many workgroups as hardware is: for tools that count what kernels do there.
+    #[doc(hidden)]
+    pub fn as_hardware(self) -> Gpu {
+        Gpu { software: false, ..self }
     }
 
     /// The limits of the device.

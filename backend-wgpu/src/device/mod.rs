@@ -21,4 +21,4 @@ pub(crate) mod scope;
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
 pub use kernel_set::{DeviceSet, Text};
-pub use pipelines::{Compiled, Pipelines};
+pub use pipelines::{Compiled, Instrument, Pipelines};

@@ -32,7 +32,7 @@ pub(crate) fn record<'a, K: DeviceSet>(
     find: impl Fn(Slot<K>) -> Option<wgpu::BufferBinding<'a>>,
 ) -> Result<(), GpuError> {
     let compiled = pipelines.get::<K>(gpu, kernel, variant)?;
-    let group = bind::<K>(gpu, &compiled.layout, kernel, find)?;
+    let group = bind::<K>(gpu, &compiled.layout, kernel, pipelines.counted(), find)?;
     let row = K::kernel(kernel);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some(row.name),

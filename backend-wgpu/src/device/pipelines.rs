@@ -49,12 +49,24 @@ struct Replaced {
     source: String,
 }
 
+/// A change to the text of every kernel, and a buffer that the changed kernels bind behind their own: for tools that
+/// count what kernels do. The device must allow one more storage buffer in a stage than WebGPU promises.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct Instrument {
+    /// Gives the text to compile, from the kernel's own and the number of the additional binding.
+    pub rewrite: fn(&str, u32) -> Result<String, String>,
+    /// Bound there, for reading and writing.
+    pub buffer: wgpu::Buffer,
+}
+
 /// Compiled kernels of any number of sets, identified by set, kernel and the parts of the text.
 #[derive(Debug, Default)]
 pub struct Pipelines {
     held: Mutex<Vec<Held>>,
     /// Tests plant faults by it.
     replaced: Mutex<Option<Replaced>>,
+    instrument: Option<Instrument>,
 }
 
 /// A thread that panicked leaves the lists consistent: they only grow by whole entries.
@@ -63,6 +75,17 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Pipelines {
+    /// Kernels that are changed in this way.
+    #[doc(hidden)]
+    pub fn instrumented(instrument: Instrument) -> Pipelines {
+        Pipelines { instrument: Some(instrument), ..Pipelines::default() }
+    }
+
+    /// What kernels bind behind their own.
+    pub(crate) fn counted(&self) -> Option<&wgpu::Buffer> {
+        self.instrument.as_ref().map(|instrument| &instrument.buffer)
+    }
+
     /// Gives one kernel another text from now on, or its own again: for tests that plant faults.
     #[doc(hidden)]
     pub fn replace<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
@@ -125,7 +148,7 @@ impl Pipelines {
             }
             known = Some(held.compiled.layout.clone());
         }
-        let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel));
+        let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel, self.counted().is_some()));
         let source = match &*lock(&self.replaced) {
             Some(replaced)
                 if (replaced.set, replaced.kernel, replaced.retry)
@@ -134,6 +157,11 @@ impl Pipelines {
                 replaced.source.clone()
             }
             _ => splitplane_shaders::join(&parts),
+        };
+        let source = match &self.instrument {
+            Some(instrument) => (instrument.rewrite)(&source, K::slots(kernel).count() as u32)
+                .map_err(|reason| GpuError::Shader { shader: name.to_owned(), reason })?,
+            None => source,
         };
         let pipeline = gpu.pipeline_with_layout(name, &source, &layout)?;
         let mut held = lock(&self.held);

@@ -3,9 +3,14 @@
 
 mod accuracy;
 mod build;
+mod count;
 mod device;
 mod floor;
+mod micro;
+mod model;
+mod moved;
 mod options;
+mod predicting;
 mod rays;
 mod report;
 mod stats;
@@ -20,8 +25,12 @@ use splitplane::gpu::{Gpu, OpenOptions, WgpuBackend};
 use splitplane::scene::{Placement, Scene};
 use splitplane::{BuildOptions, Preset};
 
+use crate::count::device::Counter;
 use crate::device::Costs;
+use crate::micro::Micro;
+use crate::model::devices::Device;
 use crate::options::Options;
+use crate::predicting::Measured;
 use crate::report::Report;
 use crate::stats::milliseconds;
 
@@ -52,16 +61,32 @@ fn run(options: &Options) -> Result<bool, Failure> {
     let mut report = Report::new(&options.out)?;
     let (backend, open_ms) = open(options)?;
     report.adapter(&device::describe(&backend, open_ms))?;
+    let predictor = Predictor::new(backend.gpu(), options, &mut report)?;
+    if options.predict {
+        drop(backend);
+        predictor.assumptions(&[], &mut report);
+        for scene in &options.scenes() {
+            for &preset in &options.preset {
+                predictor.scene(scene, preset, options, Measured::default(), &mut report)?;
+            }
+        }
+        return report.finish(true);
+    }
     let costs = Costs::measure(backend.gpu(), options)?;
     report.costs(&costs)?;
+    predictor.measure(backend.gpu(), &costs, options, &mut report)?;
     drop(backend);
     for scene in &options.scenes() {
         for &preset in &options.preset {
             eprintln!("{scene}, {}", preset.name());
             report.begin(preset);
-            if let Err(error) = measure_scene(scene, preset, &costs, options, &mut report) {
+            if let Err(error) =
+                measure_scene(scene, preset, &costs, options, &predictor, &mut report)
+            {
                 report.failure(scene, &error.to_string())?;
             }
+            // A later scene may take the machine down.
+            report.write(options.check)?;
         }
     }
     report.finish(options.check)
@@ -84,6 +109,7 @@ fn measure_scene(
     preset: Preset,
     costs: &Costs,
     options: &Options,
+    predictor: &Predictor,
     report: &mut Report,
 ) -> Result<(), Failure> {
     let mut scene = Scene::open(name)?;
@@ -94,11 +120,13 @@ fn measure_scene(
     let build = BuildOptions::from(preset.config());
     let built = build::measure(&backend, &mesh, &build, options)?;
     let floor = if options.check { None } else { Some(floor::moved(&mesh, preset, &built.times)?) };
+    let asked = name;
     // Built-in scenes with their size, files without their folder.
     let name = if name.starts_with("builtin:") { name } else { &scene.name };
     report.build(name, &built.figures, floor.as_deref(), costs)?;
+    let mut measured = Measured { times: &built.times, primary: None };
     if options.no_rays {
-        return Ok(());
+        return predictor.scene(asked, preset, options, measured, report);
     }
     let sets = match &options.rays_from {
         Some(folder) => rays::from_folder(folder)?,
@@ -112,11 +140,85 @@ fn measure_scene(
     for set in &sets {
         for query in trace::Query::ALL {
             let figures = trace::measure(&built, set, query, options)?;
+            if (set.name, query) == ("primary", trace::Query::Closest) && !options.check {
+                measured.primary = Some(figures.resident_mrays());
+            }
             report.trace(name, &figures)?;
         }
         for figures in accuracy::measure(&built, set, options)? {
             report.accuracy(name, &figures)?;
         }
     }
-    Ok(())
+    if options.check {
+        return Ok(());
+    }
+    predictor.scene(asked, preset, options, measured, report)
+}
+
+/// What predicts: the device that counts, if there is one, and those that are predicted. Nothing measured is lost where
+/// counting fails.
+struct Predictor {
+    counter: Option<Counter>,
+    devices: Vec<&'static Device>,
+}
+
+impl Predictor {
+    fn new(gpu: &Gpu, options: &Options, report: &mut Report) -> Result<Predictor, Failure> {
+        let devices = predicting::devices(options, gpu);
+        if options.check || options.no_predict {
+            return Ok(Predictor { counter: None, devices });
+        }
+        let counter = Counter::like(gpu);
+        if let Err(error) = &counter {
+            report.failure("counting", &error.to_string())?;
+        }
+        Ok(Predictor { counter: counter.ok(), devices })
+    }
+
+    /// What the device does, beside what is assumed.
+    fn measure(
+        &self,
+        gpu: &Gpu,
+        costs: &Costs,
+        options: &Options,
+        report: &mut Report,
+    ) -> Result<(), Failure> {
+        if self.counter.is_none() {
+            return Ok(());
+        }
+        let measured = match Micro::measure(gpu, options) {
+            Ok(micro) => report.micro(&micro).map(|()| Some(micro))?,
+            Err(error) => report.failure("chains", &error.to_string()).map(|()| None)?,
+        };
+        let mut found = vec![
+            ("copies, GB/s", costs.copy_gb_per_s),
+            ("a dispatch that waits for the one before, us", costs.dispatch_us),
+        ];
+        let ghz = self.devices.first().map_or(1.0, |device| device.clock.number);
+        found.extend(measured.iter().flat_map(|micro| micro.beside(ghz)));
+        self.assumptions(&found, report);
+        Ok(())
+    }
+
+    fn assumptions(&self, measured: &[(&str, f64)], report: &mut Report) {
+        for device in &self.devices {
+            report.predicted(&format!("\n{}", model::table::assumptions(device, measured)));
+        }
+    }
+
+    fn scene(
+        &self,
+        name: &str,
+        preset: Preset,
+        options: &Options,
+        measured: Measured<'_>,
+        report: &mut Report,
+    ) -> Result<(), Failure> {
+        let Some(counter) = &self.counter else { return Ok(()) };
+        match predicting::scene(counter, name, preset, &self.devices, options, measured) {
+            Ok(text) => report.predicted(&text),
+            Err(error) => report.failure(name, &format!("not counted: {error}"))?,
+        }
+        Ok(())
+    }
 }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Parser;
 use splitplane::Preset;
 
+use crate::model::devices::{self, DEVICES, Device};
+
 /// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
 ///
 /// Exit code 0: all equal; 1: something differs or a scene failed; 5: no GPU.
@@ -41,6 +43,21 @@ pub(crate) struct Options {
     /// Builds only
     #[arg(long)]
     pub no_rays: bool,
+    /// Count and predict only: nothing is measured
+    #[arg(long, conflicts_with = "check")]
+    pub predict: bool,
+    /// Count nothing, and predict nothing
+    #[arg(long, conflicts_with = "predict")]
+    pub no_predict: bool,
+    /// Devices to predict for, separated by commas: h200, rtx-4070-ti, radeon-780m; by default the one at hand, or all
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = device)]
+    pub device: Vec<&'static Device>,
+}
+
+/// A device of the table, by its name.
+fn device(name: &str) -> Result<&'static Device, String> {
+    let names: Vec<_> = DEVICES.iter().map(|device| device.name).collect();
+    devices::find(name).ok_or_else(|| format!("there are {}", names.join(", ")))
 }
 
 /// A preset that devices build, by its name.
@@ -66,6 +83,16 @@ impl Options {
         let rays = self.rays.unwrap_or(if self.small { 480 * 270 } else { 1920 * 1080 });
         let height = (f64::from(rays) * 9.0 / 16.0).sqrt().round().max(1.0) as u32;
         [rays.div_ceil(height).max(1), height]
+    }
+
+    /// The most triangles of a built-in city that is counted; what larger ones do is scaled.
+    pub(crate) fn counted_triangles(&self) -> u64 {
+        if self.small { 20_000 } else { 400_000 }
+    }
+
+    /// Width and height of the picture whose rays are counted.
+    pub(crate) fn counted_picture(&self) -> [u32; 2] {
+        if self.small { [160, 90] } else { [480, 270] }
     }
 
     /// Bytes of the buffers that are copied to measure bandwidth.

@@ -14,6 +14,7 @@ use crate::accuracy::Figures as OfAccuracy;
 use crate::build::Figures as Build;
 use crate::device::{Costs, Description};
 use crate::floor::KernelFloor;
+use crate::micro::Micro;
 use crate::stats::median;
 use crate::trace::Figures as Trace;
 
@@ -30,6 +31,7 @@ pub(crate) struct Report {
     traces: String,
     checks: String,
     accuracies: String,
+    predicted: String,
     notes: Vec<String>,
 }
 
@@ -50,6 +52,7 @@ impl Report {
             traces: empty(),
             checks: empty(),
             accuracies: empty(),
+            predicted: empty(),
             notes: Vec::new(),
         })
     }
@@ -247,6 +250,23 @@ impl Report {
         Ok(())
     }
 
+    /// What chains of the least things take.
+    pub(crate) fn micro(&mut self, of: &Micro) -> Result<(), Failure> {
+        self.line("micro", None, of)?;
+        writeln!(
+            self.adapter,
+            "In a chain: {:.2} ns an operation, {:.1} ns a load of a 16 MiB list, {:.1} ns a barrier of 256. At once: {:.0} \
+             billion instructions a second, of 32 lanes each.",
+            of.step_ns, of.load_ns, of.barrier_ns, of.giga_instructions,
+        )?;
+        Ok(())
+    }
+
+    /// Text about what was predicted.
+    pub(crate) fn predicted(&mut self, text: &str) {
+        self.predicted.push_str(text);
+    }
+
     /// A scene and how it is built, in words.
     fn case(&self, scene: &str) -> String {
         format!("{scene} by {}", self.preset)
@@ -259,7 +279,18 @@ impl Report {
     }
 
     /// Writes the tables. True when there is nothing to complain about.
+    /// Writes all there is so far; true when nothing is wrong.
     pub(crate) fn finish(self, check: bool) -> Result<bool, Failure> {
+        let text = self.write(check)?;
+        for note in &self.notes {
+            eprintln!("{note}");
+        }
+        println!("{text}");
+        Ok(self.notes.is_empty())
+    }
+
+    /// Writes the tables of all there is so far.
+    pub(crate) fn write(&self, check: bool) -> Result<String, Failure> {
         let mut text = String::from("# GPU figures\n\n");
         text.push_str(&self.adapter);
         let mut table = |title: &str, head: &str, rows: &str| {
@@ -307,16 +338,18 @@ impl Report {
              | share | different from the CPU's |",
             &self.accuracies,
         );
+        if !self.predicted.is_empty() {
+            text.push_str("\n## Predicted\n");
+            text.push_str(&self.predicted);
+        }
         if !self.notes.is_empty() {
             text.push_str("\n## What is wrong\n\n");
             for note in &self.notes {
                 let _ = writeln!(text, "- {note}");
-                eprintln!("{note}");
             }
         }
         fs::write(self.folder.join("gpu.md"), &text)?;
-        println!("{text}");
-        Ok(self.notes.is_empty())
+        Ok(text)
     }
 }
 
