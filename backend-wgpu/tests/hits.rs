@@ -1,5 +1,7 @@
 //! Hits of the device against the core's reference traversal, bit for bit.
 
+#[path = "common/by_sources.rs"]
+mod by_sources;
 mod common;
 #[path = "common/hostile.rs"]
 mod hostile;
@@ -375,53 +377,9 @@ fn traversals_that_the_driver_ends() {
 /// Closest hits by any sources of the kernels, the lean one and that for the rays it defers, through the device tree
 /// of a case; and how many were deferred.
 fn hits_by_sources(sources: &[String; 2], case: &Case, rays: &[Ray]) -> (Vec<Hit>, u32) {
-    let gpu = common::gpu();
-    let (given, hits) = (storage(size_of_val(rays)), storage(16 * rays.len()));
-    gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
-    let deferred = storage(4 * (rays.len() + 1));
-    gpu.queue().write_buffer(&deferred, 0, &[0; 4]);
-    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-    let batch = gpu.buffer("batch", 16, usage).expect("a buffer");
-    let words = [rays.len() as u32, 0, u32::MAX, 0];
-    gpu.queue().write_buffer(&batch, 0, bytemuck::cast_slice(&words));
-    let mut entries = case.device.device_tree().bind_group_entries(0).to_vec();
-    for (binding, buffer) in [(4, &given), (5, &hits), (6, &batch), (7, &deferred)] {
-        let resource = buffer.as_entire_binding();
-        entries.push(wgpu::BindGroupEntry { binding, resource });
-    }
-    let mut encoder = gpu.device().create_command_encoder(&Default::default());
-    for (retries, source) in [false, true].into_iter().zip(sources) {
-        // Stated, since a fault may leave a binding unused.
-        let stages = wgpu::ShaderStages::COMPUTE;
-        let mut slots = splitplane_wgpu::DeviceTree::bind_group_layout_entries(0, stages).to_vec();
-        for (binding, read_only) in [(4, true), (5, false), (7, retries)] {
-            slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
-            let slot = slots.last_mut().expect("pushed");
-            slot.ty = wgpu::BindingType::Buffer {
-                ty: wgpu::BufferBindingType::Storage { read_only },
-                has_dynamic_offset: false,
-                min_binding_size: None,
-            };
-        }
-        slots.push(wgpu::BindGroupLayoutEntry { binding: 6, ..slots[3] });
-        let layout = gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-            label: None,
-            entries: &slots,
-        });
-        let pipeline = gpu.pipeline_with_layout("planted", source, &layout).expect("a pipeline");
-        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
-            label: None,
-            layout: &layout,
-            entries: &entries,
-        });
-        let mut pass = encoder.begin_compute_pass(&Default::default());
-        pass.set_pipeline(&pipeline);
-        pass.set_bind_group(0, &bindings, &[]);
-        pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
-    }
-    gpu.submit([encoder.finish()]).expect("commands");
-    let count = bytemuck::pod_read_unaligned(&common::read(&deferred)[..4]);
-    (bytemuck::pod_collect_to_vec(&common::read(&hits)), count)
+    let tree = case.device.device_tree();
+    let (hits, deferred) = by_sources::answers(sources, tree, rays, size_of::<Hit>(), 0);
+    (bytemuck::pod_collect_to_vec(&hits), deferred)
 }
 
 /// The traversal as a library, bound elsewhere than in the kernels, in a shader of a host's own.

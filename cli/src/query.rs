@@ -243,20 +243,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
             output::note(&format!(
                 "note: the device could not decide {} exactly, a share of {:.1e}; {what}",
-                counted(report.undecided, "ray"),
+                counted(report.undecided, one),
                 report.undecided_share
-            ));
-        }
-        if exact && last.answered_by_cpu > 0 && !common.quiet {
-            output::note(&format!(
-                "note: devices do not find all crossings; the CPU answered {} from its copy of the tree",
-                counted(last.answered_by_cpu, one)
             ));
         }
         if last.unfinished > 0 && !common.quiet {
             output::note(&format!(
                 "note: the driver did not follow {} to the end; the CPU answered instead",
-                counted(last.unfinished, "ray")
+                counted(last.unfinished, one)
             ));
         }
         if common.json {

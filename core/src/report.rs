@@ -9,7 +9,8 @@ use alloc::vec::Vec;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct QueryReport {
-    /// Rays of accuracy `exact` that a device's bounds of error left undecided. The CPU leaves none.
+    /// Rays of accuracy `exact`, and rays and points of the queries that are always exact, of which a device's bounds of
+    /// error left something undecided. The CPU leaves none.
     pub undecided: u64,
     /// Indices of the undecided rays that have no answer, in ascending order: all of them where the
     /// options say [`Undecided::Flag`](crate::ray::Undecided), else none. Their results are
@@ -17,8 +18,8 @@ pub struct QueryReport {
     pub flagged: Vec<usize>,
     /// Rays that a device's driver did not follow to their end. The CPU answered them.
     pub unfinished: u64,
-    /// Rays or points that the CPU answered for a device, for whatever reason: the device left them
-    /// undecided or unfinished, or it does not have the query. 0 for the CPU backend.
+    /// Rays or points that the CPU answered for a device alone, for whatever reason: the device left them
+    /// undecided or unfinished, found more than memory may hold, or does not have the query. 0 for the CPU backend.
     pub answered_by_cpu: u64,
 }
 

@@ -5,7 +5,8 @@ struct Batch {
     count: u32,
     culling: u32,
     ignore: u32,
-    padding: u32,
+    // Words of a ray's list, where triangles are listed.
+    room: u32,
 }
 
 // 32 bytes a ray: origin and t_min, direction and t_max. As bits, since limits may be infinite.

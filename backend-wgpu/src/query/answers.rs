@@ -6,14 +6,15 @@ use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::traverse;
 use splitplane_core::query::traverse::Query;
-use splitplane_core::query::{inside, traverse};
 use splitplane_core::ray::{Accuracy, Hit, QueryOptions, Ray, Undecided};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Watch;
 
 use super::accelerator::{WgpuAccelerator, in_slices};
+use super::asked::Asked;
 use super::batch::Marked;
 use super::error::DeviceQueryError;
 use super::layout::UNFINISHED;
@@ -86,7 +87,8 @@ impl Queries {
     ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), hits.len())?;
         let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Closest, watch, |range, bytes| {
+        let asked = Asked::Hit(Query::Closest);
+        self.trace_slices(tree, rays, options, asked, watch, |range, bytes| {
             let first = range.start;
             let hits = &mut hits[range];
             bytemuck::cast_slice_mut::<Hit, u8>(hits).copy_from_slice(bytes);
@@ -129,7 +131,8 @@ impl Queries {
     ) -> Result<Marked, DeviceQueryError> {
         same_length(rays.len(), occluded.len())?;
         let mut out = Marked::default();
-        self.trace_slices(tree, rays, options, Query::Any, watch, |range, bytes| {
+        let asked = Asked::Hit(Query::Any);
+        self.trace_slices(tree, rays, options, asked, watch, |range, bytes| {
             for (place, word) in range.zip(bytes.chunks_exact(4)) {
                 let word = [word[0], word[1], word[2], word[3]];
                 occluded[place] = false;
@@ -237,24 +240,19 @@ impl Accelerator for WgpuAccelerator {
         self.find_any_hits(rays, occluded, options)
     }
 
-    /// From the host copy, one ray at a time; the report says so.
+    /// The device lists the triangles that a ray may meet, and the host decides which of them are crossed, and where:
+    /// the CPU's answers, bit for bit. Rays of which the device can tell nothing are the host's, and counted.
     fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
-        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut all = AllHits::one_by_one(&tree, triangles, rays, options)?;
-        all.report.answered_by_cpu = rays.len() as u64;
-        Ok(all)
+        self.find_all_hits(rays, options)
     }
 
-    /// From the host copy, one point at a time; the report says so.
+    /// As all hits: the device lists the triangles, and the host decides.
     fn locate(
         &self,
         points: &[[f32; 3]],
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
-        let (tree, triangles) = (self.tree.view(), &self.triangles[..]);
-        let mut located = inside::one_by_one(&tree, triangles, points, options)?;
-        located.report.answered_by_cpu = points.len() as u64;
-        Ok(located)
+        self.find_windings(points, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {

@@ -6,12 +6,11 @@ use std::sync::atomic::AtomicBool;
 use std::sync::atomic::Ordering::Acquire;
 use std::time::{Duration, Instant};
 
-use splitplane_core::kernel::QueryKernel;
 use splitplane_core::layout::BatchUniform;
-use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{QueryOptions, Ray};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
+use super::asked::Asked;
 use super::error::DeviceQueryError;
 use super::layout::RAY_BYTES;
 use super::pipelines::Queries;
@@ -57,11 +56,16 @@ struct Pending {
 }
 
 impl Queries {
-    /// Most rays of a slice under the limits of the device.
-    fn slice_limit(&self) -> u32 {
+    /// Most bytes of a buffer under the limits of the device.
+    pub(super) fn buffer_limit(&self) -> u64 {
         let limits = self.gpu().device().limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
-        (bytes / RAY_BYTES).clamp(1, u64::from(SliceRays::MOST)) as u32
+        limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+    }
+
+    /// Most rays of a slice under the limits of the device.
+    fn slice_limit(&self, asked: Asked) -> u32 {
+        (self.buffer_limit() / asked.result_bytes().max(RAY_BYTES))
+            .clamp(1, u64::from(SliceRays::MOST)) as u32
     }
 
     /// Traces slices two deep: while the device works on one, the next one is submitted. `answer` gets
@@ -71,12 +75,12 @@ impl Queries {
         tree: &DeviceTree,
         rays: &[Ray],
         options: &QueryOptions<'_>,
-        query: Query,
+        asked: Asked,
         watch: Option<&dyn Watch>,
         mut answer: impl FnMut(Range<usize>, &[u8]) -> Result<(), DeviceQueryError>,
     ) -> Result<(), DeviceQueryError> {
         let ask = |done: usize| go_on(watch, done, rays.len());
-        let most = self.slice_limit();
+        let most = self.slice_limit(asked);
         let mut size = self.slice_rays.first(most);
         let mut next = 0;
         let mut pending: Option<Pending> = None;
@@ -88,17 +92,17 @@ impl Queries {
             let uploaded = if slice.is_empty() {
                 None
             } else {
-                Some(self.upload_slice(&rays[slice.clone()], options, most)?)
+                Some(self.upload_slice(&rays[slice.clone()], options, asked, most)?)
             };
             if let (Some(_), Some(pending)) = (watch, &pending) {
                 self.watch_slice(pending, || ask(answered))?;
             }
-            let done = pending.take().map(|slice| self.await_slice(slice, query)).transpose()?;
+            let done = pending.take().map(|slice| self.await_slice(slice, asked)).transpose()?;
             if let Some((_, _, took)) = &done {
                 size = SliceRays::after(size, *took, most);
             }
             if let Some(set) = uploaded {
-                self.submit_slice(tree, &set, slice.len() as u32, options, query)?;
+                self.submit_slice(tree, &set, slice.len() as u32, options, asked)?;
                 let done = watch.map(|_| self.gpu().submitted_work_done());
                 pending = Some(Pending { set, rays: slice, since: Instant::now(), done });
             }
@@ -117,13 +121,15 @@ impl Queries {
         &self,
         rays: &[Ray],
         options: &QueryOptions<'_>,
+        asked: Asked,
         most: u32,
     ) -> Result<Staging, GpuError> {
         checked(self.gpu(), "the upload of rays", || {
             let count = rays.len() as u32;
-            let set = self.staging.take(self.gpu(), count, most)?;
+            let set = self.staging.take(self.gpu(), count, most, asked.result_bytes())?;
             let queue = self.gpu().queue();
-            let batch = BatchUniform::new(count, options);
+            let room = asked.room();
+            let batch = BatchUniform { room, ..BatchUniform::new(count, options) };
             queue.write_buffer(&set.batch, 0, bytemuck::bytes_of(&batch));
             queue.write_buffer(&set.rays, 0, bytemuck::cast_slice(rays));
             Ok(set)
@@ -136,7 +142,7 @@ impl Queries {
         set: &Staging,
         count: u32,
         options: &QueryOptions<'_>,
-        query: Query,
+        asked: Asked,
     ) -> Result<(), GpuError> {
         let gpu = self.gpu();
         checked(gpu, "a batch of rays", || {
@@ -147,8 +153,8 @@ impl Queries {
                 batch: &set.batch,
                 deferred: &set.deferred,
             };
-            self.dispatch(&mut encoder, tree, &buffers, count, options, query)?;
-            let bytes = u64::from(count) * QueryKernel::result_bytes(query);
+            self.dispatch(&mut encoder, tree, &buffers, count, options, asked)?;
+            let bytes = u64::from(count) * asked.result_bytes();
             encoder.copy_buffer_to_buffer(&set.results, 0, &set.readback, 0, bytes);
             gpu.submit([encoder.finish()])?;
             Ok(())
@@ -176,9 +182,9 @@ impl Queries {
     fn await_slice(
         &self,
         slice: Pending,
-        query: Query,
+        asked: Asked,
     ) -> Result<(Range<usize>, Vec<u8>, Duration), GpuError> {
-        let bytes = slice.rays.len() as u64 * QueryKernel::result_bytes(query);
+        let bytes = slice.rays.len() as u64 * asked.result_bytes();
         let answers = self.gpu().read_mapped(&slice.set.readback, bytes)?;
         let took = slice.since.elapsed();
         self.staging.keep(slice.set);

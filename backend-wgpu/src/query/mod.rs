@@ -6,11 +6,15 @@
 //! [`splitplane_shaders::traversal`] and [`DeviceTree::bind_group_entries`].
 
 mod accelerator;
+mod all_hits;
 mod answers;
+mod asked;
 mod batch;
 mod error;
+mod held;
 mod layout;
 pub(crate) mod limits;
+mod lists;
 mod pipelines;
 mod record;
 mod scene;
@@ -18,6 +22,7 @@ mod settle;
 mod slices;
 mod staging;
 mod tree;
+mod windings;
 
 pub use accelerator::WgpuAccelerator;
 pub use batch::Marked;

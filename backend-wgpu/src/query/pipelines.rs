@@ -121,6 +121,6 @@ mod tests {
         let text = RayQueries::text(QueryKernel::TriangleLimits, &TriangleTest::default());
         assert_eq!(text.name, "triangle_limits");
         assert!(!text.parts.is_empty());
-        assert_eq!(splitplane_shaders::QUERIES.len(), 13);
+        assert_eq!(splitplane_shaders::QUERIES.len(), 15);
     }
 }

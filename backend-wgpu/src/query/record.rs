@@ -9,11 +9,12 @@ use splitplane_core::ray::QueryOptions;
 #[cfg(doc)]
 use splitplane_core::ray::{Hit, Ray};
 
+use super::asked::Asked;
 use super::error::DeviceQueryError;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
 use super::layout::{DEFERRED_USAGE, RAY_BYTES};
-use super::pipelines::{Queries, test_of};
+use super::pipelines::Queries;
 use super::tree::DeviceTree;
 use crate::device::once;
 use crate::error::GpuError;
@@ -96,7 +97,7 @@ impl Queries {
         self.gpu().queue().write_buffer(&batch, 0, bytemuck::bytes_of(&uniform));
         let deferred = self.deferred_list(count)?;
         let buffers = QueryBuffers { rays, results, batch: &batch, deferred: &deferred };
-        self.dispatch(encoder, tree, &buffers, count, options, query)?;
+        self.dispatch(encoder, tree, &buffers, count, options, Asked::Hit(query))?;
         Ok(())
     }
 
@@ -131,9 +132,9 @@ impl Queries {
         buffers: &QueryBuffers<'_>,
         count: u32,
         options: &QueryOptions<'_>,
-        query: Query,
+        asked: Asked,
     ) -> Result<(), GpuError> {
-        let test = test_of(options);
+        let test = asked.test(options);
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
             offset: 0,
@@ -149,8 +150,8 @@ impl Queries {
                 QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
                 QueryBuffer::Triangles => Some(whole(tree.triangles())),
                 QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
-                QueryBuffer::Hits | QueryBuffer::Occluded => {
-                    Some(part(buffers.results, QueryKernel::result_bytes(query)))
+                QueryBuffer::Hits | QueryBuffer::Occluded | QueryBuffer::Listed => {
+                    Some(part(buffers.results, asked.result_bytes()))
                 }
                 QueryBuffer::Deferred => Some(wgpu::BufferBinding {
                     buffer: buffers.deferred,
@@ -162,7 +163,7 @@ impl Queries {
         };
         // No ray is deferred yet.
         encoder.clear_buffer(buffers.deferred, 0, Some(4));
-        for kernel in QueryKernel::of(query) {
+        for kernel in asked.kernels() {
             once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
         }
         Ok(())

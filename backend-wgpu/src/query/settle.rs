@@ -41,6 +41,11 @@ impl<'w> Asking<'w> {
         }
     }
 
+    /// Itself, for the device, if there is a watch.
+    pub(super) fn watch(&self) -> Option<&dyn Watch> {
+        self.watch.is_some().then_some(self)
+    }
+
     /// Adds to the number of rays that are done.
     pub(super) fn advance(&self, rays: usize) {
         self.done.fetch_add(rays as u64, Relaxed);

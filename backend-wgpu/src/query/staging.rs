@@ -12,7 +12,7 @@ use crate::error::GpuError;
 
 /// Most unused sets that are kept.
 const KEPT: usize = 4;
-/// Least capacity of a set, so that small batches share sets.
+/// Least capacity of a set, so that small batches share sets; less where answers are long.
 const LEAST_RAYS: u32 = 1 << 10;
 
 /// The buffers of one slice of a batch.
@@ -32,13 +32,20 @@ pub(super) struct Staging {
 pub(super) struct StagingPool(Mutex<Vec<Staging>>);
 
 impl StagingPool {
-    /// A set with capacity for `rays` rays: a kept one, else a new one with up to twice that
-    /// capacity, but at most `most`.
-    pub(super) fn take(&self, gpu: &Gpu, rays: u32, most: u32) -> Result<Staging, GpuError> {
+    /// A set with capacity for `rays` rays, with results of `each` bytes: a kept one, else a new one with up to twice
+    /// that capacity, but at most `most`.
+    pub(super) fn take(
+        &self,
+        gpu: &Gpu,
+        rays: u32,
+        most: u32,
+        each: u64,
+    ) -> Result<Staging, GpuError> {
         // A poisoned lock means that another thread panicked between two statements that cannot
         // leave the list inconsistent.
         let mut kept = self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-        let suits = |set: &Staging| set.capacity >= rays;
+        let suits =
+            |set: &Staging| set.capacity >= rays && set.results.size() >= u64::from(rays) * each;
         let place = (0..kept.len())
             .filter(|&place| suits(&kept[place]))
             .min_by_key(|&place| kept[place].capacity);
@@ -47,9 +54,10 @@ impl StagingPool {
         }
         drop(kept);
         use wgpu::BufferUsages as Usage;
-        let capacity = rays.max(LEAST_RAYS).next_power_of_two().min(most.max(rays));
+        let least = (u64::from(LEAST_RAYS) * RAY_BYTES / each.max(1)).min(u64::from(LEAST_RAYS));
+        let capacity = rays.max(least as u32).next_power_of_two().min(most.max(rays));
         let bytes = |each: u64| u64::from(capacity) * each;
-        let hit_bytes = bytes(size_of::<Hit>() as u64);
+        let result_bytes = bytes(each.max(size_of::<Hit>() as u64));
         Ok(Staging {
             capacity,
             batch: gpu.buffer(
@@ -58,10 +66,10 @@ impl StagingPool {
                 Usage::UNIFORM | Usage::COPY_DST,
             )?,
             rays: gpu.buffer("rays", bytes(RAY_BYTES), Usage::STORAGE | Usage::COPY_DST)?,
-            results: gpu.buffer("results", hit_bytes, Usage::STORAGE | Usage::COPY_SRC)?,
+            results: gpu.buffer("results", result_bytes, Usage::STORAGE | Usage::COPY_SRC)?,
             readback: gpu.buffer(
                 "results, read back",
-                hit_bytes,
+                result_bytes,
                 Usage::MAP_READ | Usage::COPY_DST,
             )?,
             deferred: gpu.buffer(

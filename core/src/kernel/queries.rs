@@ -36,6 +36,9 @@ kernel_set! {
         Hits "hits", size_of::<Hit>(), live Rays;
         /// Whether each of them hits anything: a word.
         Occluded "occluded", 4, live Rays;
+        /// The triangles that each of them may meet: [`BatchUniform::room`](crate::layout::BatchUniform::room) words
+        /// a ray.
+        Listed "listed", 4;
         /// The rays that a lean kernel leaves to another: their number, then their indices.
         Deferred "deferred_rays", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
@@ -62,6 +65,14 @@ kernel_set! {
         AnyHitRetry "any_hit_retry", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Occluded, uniform Batch, reads Deferred;
+        /// The triangles that every ray of the plain case may meet.
+        ListTriangles "list_triangles", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, scatters Listed, uniform Batch, updates Deferred;
+        /// The triangles that every ray that the kernel before deferred may meet.
+        ListTrianglesRetry "list_triangles_retry", Invocations(Rays, 64) =>
+            reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
+            reads Rays, scatters Listed, uniform Batch, reads Deferred;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -77,6 +88,10 @@ impl QueryKernel {
             Query::Any => [QueryKernel::AnyHit, QueryKernel::AnyHitRetry],
         }
     }
+
+    /// The kernels that list the triangles which rays may meet, likewise.
+    pub const LISTING: [QueryKernel; 2] =
+        [QueryKernel::ListTriangles, QueryKernel::ListTrianglesRetry];
 
     /// Bytes of the list of deferred rays of a batch: a number, and an index for each.
     pub const fn deferred_bytes(rays: u32) -> u64 {

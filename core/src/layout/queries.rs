@@ -53,8 +53,8 @@ pub struct BatchUniform {
     pub culling: u32,
     /// The index of a triangle to ignore; `u32::MAX`, which no triangle has, for none.
     pub ignore: u32,
-    /// Zero.
-    pub padding: u32,
+    /// Words of a ray's list, where triangles are listed; 0 for other queries.
+    pub room: u32,
 }
 
 impl BatchUniform {
@@ -66,7 +66,7 @@ impl BatchUniform {
             Culling::Front => 2,
         };
         let ignore = options.ignore.unwrap_or(u32::MAX);
-        BatchUniform { count, culling, ignore, padding: 0 }
+        BatchUniform { count, culling, ignore, room: 0 }
     }
 }
 

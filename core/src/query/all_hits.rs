@@ -30,8 +30,8 @@ pub struct AllHits {
     pub starts: Vec<usize>,
     /// The crossings of all rays, ray by ray, each ray's ordered by (exact distance, triangle).
     pub crossings: Vec<Crossing>,
-    /// Which backend answered. No device finds all hits: the CPU answers for it, from a copy of the
-    /// tree.
+    /// Which backend answered. A device finds the triangles that a ray may cross, and the CPU decides which of them it does,
+    /// and where. Rays of which the device could tell nothing are counted as answered by the CPU.
     pub report: QueryReport,
 }
 

@@ -9,28 +9,27 @@
 //! [`exact`](crate::exact) finds; the others are left to the CPU. The bounds are derived in
 //! docs/design/exact.md.
 //!
-//! Generic over [`Arithmetic`]: a twin of the shaders' `certain.wgsl` and `certain_search.wgsl`.
+//! [`list`] finds the triangles that a ray may cross, for all hits and for points in a mesh; the CPU decides the rest.
+//!
+//! Generic over [`Arithmetic`]: a twin of the shaders' `screen.wgsl`, `certain.wgsl`, `certain_search.wgsl` and `list_search.wgsl`.
+
+mod listing;
+mod screen;
 
 use core::ops::ControlFlow;
 
 use crate::aabb::{max, min};
 use crate::arithmetic::{Arithmetic, DOUBLE_NOISE, Double, exponent, snap};
-use crate::query::intersect::{EDGE_LEAST, PreparedRay, SceneScale, scale};
+use crate::query::intersect::{PreparedRay, SceneScale, scale};
 use crate::query::traverse::{InnerRay, Query, Triangles};
 use crate::query::walk::{Leaf, walk};
 use crate::ray::{Culling, Hit, QueryOptions, Ray};
 use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 
-/// Error of a sheared coordinate, per unit of the corners' greatest distance on any axis: 6
-/// roundings of 2^-24 (one of the difference, three of slope, difference and product, two of the
-/// last difference), slopes below 2^-40 taken as zero, and slack.
-const BLUR: f32 = 4.768_371_6e-7; // 2^-21
-/// Error of an edge function, per unit of the blur times the greatest sheared coordinate and blur:
-/// 4 for blurred coordinates, 1 for roundings of its own, 2 for the blur squared, and slack.
-const EDGE_BLUR: f32 = 8.0;
-/// Relative error of the depth of a corner: three roundings, and slack.
-const DEPTH_NOISE: f32 = 9.536_743e-7; // 2^-20
+pub use listing::list;
+use screen::{Screened, is_as_given, screen};
+
 /// Products are taken to be at least this great where their errors are bounded, unless a factor is zero: what
 /// flushing takes from any of them is below 2^-118, and this times 2^-40 is above.
 const MAGNITUDE_LEAST: f32 = 2.117_582_4e-22; // 2^-72
@@ -43,8 +42,6 @@ const QUOTIENT_NOISE: f32 = 4.547_473_5e-13; // 2^-41
 const DISTANCE_NOISE: f32 = 7.703_72e-34; // 2^-110
 /// Error of a distance as a single float, and slack: 4 roundings.
 const FLOAT_NOISE: f32 = 2.384_185_8e-7; // 2^-22
-/// Components of a direction below this, but not zero, are not known to be without error.
-const DIRECTION_KNOWN: f32 = 7.888_609e-31; // 2^-100
 /// Distances from 2 to the power of this up are left undecided, so that nothing overflows.
 const GREATEST_EXPONENT: i32 = 60;
 
@@ -133,18 +130,6 @@ pub enum Verdict {
     InDoubt(f32),
 }
 
-/// Whether preparation left a ray unchanged, and the ray is in the range in which the bounds hold.
-#[inline]
-fn is_as_given(ray: &Ray, prepared: &PreparedRay) -> bool {
-    let mut same = !prepared.wide && prepared.offset == 0.0;
-    for axis in 0..3 {
-        same &= prepared.origin[axis] == snap(ray.origin[axis]);
-        same &=
-            snap(ray.direction[axis]) == 0.0 || prepared.direction[axis].abs() >= DIRECTION_KNOWN;
-    }
-    same
-}
-
 /// What is certain about a ray and a triangle (snapped corners) of a scene that is not wide.
 /// Triangles farther than `farthest`, an inner `t`, need not be decided.
 #[inline]
@@ -154,55 +139,12 @@ pub fn examine<A: Arithmetic>(
     culling: Culling,
     farthest: f32,
 ) -> Verdict {
-    let [kx, ky, kz] = ray.axes;
-    let [sx, sy, sz] = ray.shear;
-    let mut from = [[0.0; 3]; 3];
-    let mut flat = [[0.0; 2]; 3];
-    let (mut reach, mut width) = (0.0, 0.0);
-    for corner in 0..3 {
-        let p = &triangle[corner];
-        let x = A::difference(p[kx], ray.origin[kx]);
-        let y = A::difference(p[ky], ray.origin[ky]);
-        let z = A::difference(p[kz], ray.origin[kz]);
-        from[corner] = [x, y, z];
-        let [x, y] = [A::difference(x, A::product(sx, z)), A::difference(y, A::product(sy, z))];
-        flat[corner] = [x, y];
-        for away in from[corner] {
-            reach = max(reach, away.abs());
+    match screen::<A>(ray, triangle, culling, farthest) {
+        Some(Screened { flat, edges, margin, nearest }) => {
+            decide::<A>(ray, triangle, culling, farthest, &flat, edges, margin, nearest)
         }
-        width = max(width, max(x.abs(), y.abs()));
+        None => Verdict::Not,
     }
-    let blur = A::product(reach, BLUR);
-    let [a, b, c] = flat;
-    for k in 0..2 {
-        let (least, most) = (min(min(a[k], b[k]), c[k]), max(max(a[k], b[k]), c[k]));
-        if least > blur || most < -blur {
-            return Verdict::Not;
-        }
-    }
-    let edges = [edge::<A>(&c, &b), edge::<A>(&a, &c), edge::<A>(&b, &a)];
-    let blurred = A::product(A::product(blur, EDGE_BLUR), A::sum(width, blur));
-    let margin = A::sum(blurred, EDGE_LEAST);
-    let positive = edges[0] > margin || edges[1] > margin || edges[2] > margin;
-    let negative = edges[0] < -margin || edges[1] < -margin || edges[2] < -margin;
-    if positive && negative {
-        return Verdict::Not;
-    }
-    let depths = from.map(|away| A::product(sz, away[2]));
-    let nearest = min(min(depths[0], depths[1]), depths[2]);
-    let greatest = max(max(depths[0], depths[1]), depths[2]);
-    let nearest = A::difference(nearest, A::product(nearest.abs(), DEPTH_NOISE));
-    let greatest = A::sum(greatest, A::product(greatest.abs(), DEPTH_NOISE));
-    if nearest > min(farthest, ray.t_max) || greatest < ray.t_min {
-        return Verdict::Not;
-    }
-    decide::<A>(ray, triangle, culling, farthest, &flat, edges, margin, nearest)
-}
-
-/// An edge function: twice the signed area of the origin and two sheared corners.
-#[inline(always)]
-fn edge<A: Arithmetic>(p: &[f32; 2], q: &[f32; 2]) -> f32 {
-    A::difference(A::product(p[0], q[1]), A::product(p[1], q[0]))
 }
 
 /// The rest of the test, for the few triangles whose edges may enclose the ray: the edges that are

@@ -57,8 +57,7 @@ pub struct Located {
     /// corners run counter-clockwise as seen from outside winds once around the points in it, one
     /// with the opposite orientation -1 times.
     pub windings: Vec<Option<i32>>,
-    /// Which backend answered. No device locates points: the CPU answers for it, from a copy of the
-    /// tree.
+    /// Which backend answered, as for [all hits](crate::query::all_hits::AllHits::report).
     pub report: QueryReport,
 }
 

@@ -201,6 +201,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "any_hit_retry",
             "any_hit_exact",
             "any_hit_retry_exact",
+            "list_triangles",
+            "list_triangles_retry",
             "first_costs",
             "closest_hits",
             "shadow_hits",

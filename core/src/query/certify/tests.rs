@@ -10,6 +10,8 @@ use crate::aabb::Aabb;
 use crate::arithmetic::{Hostile, Strict, power_of_two};
 use crate::config::BuildConfig;
 use crate::exact::{ExactRay, meet};
+use crate::query::all_hits::{AllHitsOptions, all_hits};
+use crate::query::inside::{DIRECTION, boundary_rays};
 use crate::query::intersect::Limits;
 use crate::query::traverse::exact;
 use crate::tree::KdTree;
@@ -311,4 +313,65 @@ fn far_and_extreme_rays_are_undecided() {
     assert_eq!(at(1.0, Ray { direction: [1e-36, 0.0, -1.0], ..ray(1.0) }), Hit::UNDECIDED);
     assert_eq!(at(1.0, Ray { origin: [0.25, 1e-30, 1.0], ..ray(1.0) }), Hit::UNDECIDED);
     assert_eq!(at(1e30, Ray { origin: [2e29, 2e29, 1e30], ..ray(1.0) }), Hit::UNDECIDED);
+}
+
+/// How many triangles are crossed, or hold the origin, and how many of them a list lacks; and how many lists there are.
+fn listed<A: Arithmetic>(rounds: u32) -> [u32; 3] {
+    let [mut wanted, mut lacking, mut lists] = [0; 3];
+    for round in 0..rounds {
+        let mut numbers = Numbers(round);
+        let triangles = numbers.triangles(round, 12);
+        if triangles.is_empty() {
+            continue;
+        }
+        let scene = Scene::new(triangles);
+        let (tree, triangles) = (scene.tree.view(), &scene.triangles[..]);
+        let culling = [Culling::None, Culling::Back, Culling::Front][round as usize / 4 % 3];
+        let ignore = (round % 7 == 0).then_some(3);
+        for _ in 0..20 {
+            let mut ray = numbers.ray(round, triangles);
+            if numbers.bits().is_multiple_of(4) {
+                ray = Ray::new(ray.origin, DIRECTION);
+            }
+            let options = QueryOptions { culling, ignore, ..QueryOptions::default() };
+            let mut found = Vec::new();
+            if !list::<A>(&tree, triangles, &scene.scale, &ray, &options, |t| found.push(t)) {
+                assert!(found.is_empty());
+                continue;
+            }
+            lists += 1;
+            let mut lacks = |triangle: u32| {
+                wanted += 1;
+                lacking += u32::from(!found.contains(&triangle));
+            };
+            let mut crossings = Vec::new();
+            let all = AllHitsOptions { culling, ignore, ..AllHitsOptions::default() };
+            all_hits(&tree, triangles, &ray, &all, &mut crossings).expect("memory");
+            crossings.iter().for_each(|met| lacks(met.hit.triangle));
+            let from_origin = ray.t_min <= 0.0 && ray.t_max >= 0.0;
+            if culling == Culling::None && from_origin && ExactRay::new(&ray).is_some() {
+                for along in boundary_rays(ray.origin) {
+                    crossings.clear();
+                    exact::visit(&tree, triangles, &along, &options, &mut (), |ray, corners, t| {
+                        let met = meet(ray, corners, Culling::None);
+                        if met.is_some_and(|met| met.is_within_limits()) {
+                            lacks(t);
+                        }
+                        f64::INFINITY
+                    });
+                }
+            }
+        }
+    }
+    [wanted, lacking, lists]
+}
+
+#[test]
+fn lists_have_all_that_is_crossed_and_all_that_holds_the_origin() {
+    for [wanted, lacking, lists] in [listed::<Strict>(1_200), listed::<Hostile>(1_200)] {
+        assert_eq!(lacking, 0);
+        assert!(wanted > 15_000 && lists > 15_000, "{wanted} triangles, {lists} lists");
+    }
+    let [wanted, lacking, _] = listed::<Sloppy>(300);
+    assert!(lacking > 10, "{lacking} of {wanted}");
 }

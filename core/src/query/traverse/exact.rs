@@ -157,7 +157,9 @@ impl Best {
 /// Calls `test` for the triangles of all leaves that the ray may pass, near ones first, a triangle
 /// as often as it has references there. `test` returns the `t` beyond which no more leaves are of
 /// interest.
-pub(crate) fn visit<O: Observer>(
+///
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
+pub fn visit<O: Observer>(
     tree: &KdTreeView<'_>,
     triangles: &(impl Triangles + ?Sized),
     ray: &Ray,

@@ -100,8 +100,8 @@ fn faults_of_the_queries_are_found() {
         (Q::TriangleLimits, "@workgroup_size(256)", "@workgroup_size(64)", "workgroups of [64"),
         (
             Q::AnyHit,
-            "    culling: u32,\n    ignore: u32,\n    padding",
-            "    ignore: u32,\n    culling: u32,\n    padding",
+            "    culling: u32,\n    ignore: u32,\n",
+            "    ignore: u32,\n    culling: u32,\n",
             "Batch: member `culling`",
         ),
         (

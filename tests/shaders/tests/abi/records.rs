@@ -103,7 +103,7 @@ pub(crate) fn of_queries() -> Vec<Record> {
         record!(Ray { origin t_min direction t_max }),
         record!(Hit { t triangle u v }),
         record!(Scene as SceneUniform { lo slack hi wide near_lo zero near_hi origin_least }),
-        record!(Batch as BatchUniform { count culling ignore padding }),
+        record!(Batch as BatchUniform { count culling ignore room }),
         record!(TriangleCount { count zero }),
         record!(CheckParameters { zero count }),
         // An enum and an `Option` on the CPU.

@@ -1,0 +1,68 @@
+//! Query kernels from any text, such as one with a fault.
+
+use splitplane_core::ray::Ray;
+use splitplane_wgpu::DeviceTree;
+
+fn storage(bytes: usize) -> wgpu::Buffer {
+    let usage =
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+    super::common::gpu().buffer("test", bytes as u64, usage).expect("a buffer")
+}
+
+/// What the sources of a lean kernel, and of that for the rays it defers, write: `each` bytes for each ray. And how many
+/// rays were deferred. `room` is what the batch's uniform says of lists.
+pub(crate) fn answers(
+    sources: &[String; 2],
+    tree: &DeviceTree,
+    rays: &[Ray],
+    each: usize,
+    room: u32,
+) -> (Vec<u8>, u32) {
+    let gpu = super::common::gpu();
+    let (given, results) = (storage(size_of_val(rays)), storage(each * rays.len()));
+    gpu.queue().write_buffer(&given, 0, bytemuck::cast_slice(rays));
+    let deferred = storage(4 * (rays.len() + 1));
+    gpu.queue().write_buffer(&deferred, 0, &[0; 4]);
+    let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+    let batch = gpu.buffer("batch", 16, usage).expect("a buffer");
+    let words = [rays.len() as u32, 0, u32::MAX, room];
+    gpu.queue().write_buffer(&batch, 0, bytemuck::cast_slice(&words));
+    let mut entries = tree.bind_group_entries(0).to_vec();
+    for (binding, buffer) in [(4, &given), (5, &results), (6, &batch), (7, &deferred)] {
+        let resource = buffer.as_entire_binding();
+        entries.push(wgpu::BindGroupEntry { binding, resource });
+    }
+    let mut encoder = gpu.device().create_command_encoder(&Default::default());
+    for (retries, source) in [false, true].into_iter().zip(sources) {
+        // Stated, since a fault may leave a binding unused.
+        let stages = wgpu::ShaderStages::COMPUTE;
+        let mut slots = DeviceTree::bind_group_layout_entries(0, stages).to_vec();
+        for (binding, read_only) in [(4, true), (5, false), (7, retries)] {
+            slots.push(wgpu::BindGroupLayoutEntry { binding, ..slots[0] });
+            let slot = slots.last_mut().expect("pushed");
+            slot.ty = wgpu::BindingType::Buffer {
+                ty: wgpu::BufferBindingType::Storage { read_only },
+                has_dynamic_offset: false,
+                min_binding_size: None,
+            };
+        }
+        slots.push(wgpu::BindGroupLayoutEntry { binding: 6, ..slots[3] });
+        let layout = gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+            label: None,
+            entries: &slots,
+        });
+        let pipeline = gpu.pipeline_with_layout("planted", source, &layout).expect("a pipeline");
+        let bindings = gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
+            label: None,
+            layout: &layout,
+            entries: &entries,
+        });
+        let mut pass = encoder.begin_compute_pass(&Default::default());
+        pass.set_pipeline(&pipeline);
+        pass.set_bind_group(0, &bindings, &[]);
+        pass.dispatch_workgroups(rays.len().div_ceil(64) as u32, 1, 1);
+    }
+    gpu.submit([encoder.finish()]).expect("commands");
+    let count = bytemuck::pod_read_unaligned(&super::common::read(&deferred)[..4]);
+    (super::common::read(&results), count)
+}

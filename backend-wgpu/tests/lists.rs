@@ -1,0 +1,427 @@
+//! All hits and points in a mesh on the device: the CPU's answers, bit for bit, in every scene; what is left to the CPU
+//! is counted; the kernels list what the core's twin does, and faults in their text are seen.
+
+mod common;
+
+#[path = "common/by_sources.rs"]
+mod by_sources;
+#[path = "common/poison.rs"]
+mod poison;
+
+use std::collections::BTreeSet;
+use std::sync::{Arc, OnceLock};
+
+use splitplane_core::arithmetic::Strict;
+use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::error::QueryError;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::certify;
+use splitplane_core::query::inside::{DIRECTION, LocateOptions};
+use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
+use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_cpu::{CpuAccelerator, CpuBackend};
+use splitplane_test_support::aim::{self, Kind};
+use splitplane_test_support::random::Random;
+use splitplane_test_support::scenes::{self, Scene};
+use splitplane_wgpu::{Parity, Queries, WgpuAccelerator};
+
+fn queries() -> Arc<Queries> {
+    static QUERIES: OnceLock<Arc<Queries>> = OnceLock::new();
+    let tested = || {
+        let queries = Queries::new(common::gpu());
+        queries.set_parity(&Parity::Bitwise);
+        Arc::new(queries)
+    };
+    QUERIES.get_or_init(tested).clone()
+}
+
+/// A tree on the CPU and on the device.
+struct Case {
+    name: String,
+    cpu: CpuAccelerator,
+    triangles: Vec<Triangle>,
+    device: WgpuAccelerator,
+}
+
+impl Case {
+    fn new(scene: &Scene) -> Case {
+        Case::with(scene, queries())
+    }
+
+    fn with(scene: &Scene, queries: Arc<Queries>) -> Case {
+        let mesh = scene.mesh();
+        let cpu =
+            CpuBackend::new().build_accelerator(&mesh, &BuildOptions::default()).expect("a tree");
+        let triangles: Vec<Triangle> =
+            (0..mesh.len()).map(|i| prepare(&mesh.triangle(i)).corners).collect();
+        let (tree, summary) = (cpu.tree().clone(), *cpu.summary());
+        let device =
+            WgpuAccelerator::upload(queries, tree, triangles.clone(), summary).expect("an upload");
+        Case { name: scene.name.clone(), cpu, triangles, device }
+    }
+
+    /// The core's list of a ray; `None` where it can tell nothing.
+    fn listed(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<BTreeSet<u32>> {
+        let mut found = BTreeSet::new();
+        let (tree, scale) = (self.cpu.tree().view(), self.cpu.scene_scale());
+        let triangles = &self.triangles[..];
+        certify::list::<Strict>(&tree, triangles, scale, ray, options, |t| {
+            found.insert(t);
+        })
+        .then_some(found)
+    }
+
+    /// Asks both for all hits and compares all words. Returns the crossings, and how many rays were the CPU's.
+    fn check(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> (usize, u64) {
+        let expected = self.cpu.all_hits(rays, options).expect("all hits on the CPU");
+        let found = self.device.all_hits(rays, options).expect("all hits");
+        assert_eq!(found.starts, expected.starts, "{}", self.name);
+        for (i, ray) in rays.iter().enumerate() {
+            assert_eq!(bits(&found, i), bits(&expected, i), "{}: {ray:?}", self.name);
+        }
+        let report = &found.report;
+        assert!(report.answered_by_cpu >= report.undecided + report.unfinished);
+        assert!(report.flagged.is_empty());
+        (found.crossings.len(), report.answered_by_cpu)
+    }
+
+    /// The same for points.
+    fn check_points(&self, points: &[[f32; 3]]) -> u64 {
+        let options = LocateOptions::default();
+        let expected = self.cpu.locate(points, &options).expect("locations on the CPU");
+        let found = self.device.locate(points, &options).expect("locations");
+        for ((point, found), expected) in points.iter().zip(&found.windings).zip(&expected.windings)
+        {
+            assert_eq!(found, expected, "{}: {point:?}", self.name);
+        }
+        found.report.answered_by_cpu
+    }
+}
+
+/// Bits, so that -0 differs from 0.
+fn bits(all: &AllHits, ray: usize) -> Vec<([u32; 4], bool)> {
+    let words = |hit: &Hit| [hit.t.to_bits(), hit.triangle, hit.u.to_bits(), hit.v.to_bits()];
+    all.of(ray).iter().map(|met| (words(&met.hit), met.front)).collect()
+}
+
+/// Rays of every kind, odd and invalid ones among them, and rays in the planes of triangles and along their edges.
+fn all_rays(scene: &Scene, each: usize, seed: u64) -> Vec<Ray> {
+    let mesh = scene.mesh();
+    let mut rays = Vec::new();
+    for (i, kind) in Kind::ALL.into_iter().enumerate() {
+        let good = aim::rays(&mesh, kind, each, seed + i as u64);
+        rays.extend(aim::odd(&good[..each.div_ceil(2)], seed + 1));
+        rays.extend(aim::invalid(&good[..each.div_ceil(4)], seed + 2));
+        rays.extend(good);
+    }
+    let mut random = Random::new(seed);
+    for _ in 0..if mesh.is_empty() { 0 } else { each } {
+        let [a, b, c] = mesh.triangle(random.below(mesh.len()));
+        let edge: [f32; 3] = std::array::from_fn(|k| b[k] - a[k]);
+        let across: [f32; 3] = std::array::from_fn(|k| c[k] - 0.5 * (a[k] + b[k]));
+        let before = std::array::from_fn(|k| a[k] - edge[k]);
+        let whole = |ray: Ray| ray.with_limits(f32::NEG_INFINITY, f32::INFINITY);
+        rays.extend([Ray::new(before, edge), whole(Ray::new(a, across)), Ray::new(c, edge)]);
+    }
+    rays
+}
+
+/// Points at random, at corners, on edges, on faces, and next to them.
+fn points(scene: &Scene, count: usize, seed: u64) -> Vec<[f32; 3]> {
+    let mesh = scene.mesh();
+    let mut random = Random::new(seed);
+    let mut points = vec![[f32::NAN, 0.0, 0.0], [0.0, f32::INFINITY, 0.0], [1e-42; 3]];
+    for _ in 0..if mesh.is_empty() { 0 } else { count } {
+        let corners = mesh.triangle(random.below(mesh.len()));
+        let inner = random.barycentric();
+        for weights in [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.5, 0.25, 0.25], inner] {
+            let point: [f32; 3] = std::array::from_fn(|axis| {
+                (0..3).map(|i| weights[i] * f64::from(corners[i][axis])).sum::<f64>() as f32
+            });
+            let axis = random.below(3);
+            let mut beside = point;
+            beside[axis] = [point[axis].next_up(), point[axis].next_down()][random.below(2)];
+            let far = point.map(|x| x * 1.25 + 0.125);
+            points.extend([point, beside, far]);
+        }
+    }
+    points
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn all_hits_are_the_cpus() {
+    let (mut crossings, mut by_cpu, mut asked) = (0, 0, 0);
+    for (i, scene) in scenes::awkward().iter().enumerate() {
+        let case = Case::new(scene);
+        let each = if scene.mesh().len() >= 3_000 { 8 } else { 24 };
+        let rays = all_rays(scene, each, 100 * i as u64);
+        let culling = [Culling::None, Culling::Back, Culling::Front][i % 3];
+        let ignore = (i % 2 == 0).then_some(i as u32 % 4);
+        for options in [
+            AllHitsOptions::default(),
+            AllHitsOptions { culling, ignore, ..AllHitsOptions::default() },
+        ] {
+            let (found, left) = case.check(&rays, &options);
+            let query = options.query();
+            let told = rays.iter().filter(|ray| case.listed(ray, &query).is_some()).count();
+            // Besides what a driver does not let finish.
+            let none = rays.len() - told;
+            assert!(left >= none as u64, "{}: {left} of {none}", case.name);
+            (crossings, by_cpu, asked) = (crossings + found, by_cpu + left, asked + rays.len());
+        }
+    }
+    assert!(crossings > 5_000, "{crossings}");
+    assert!(by_cpu * 2 < asked as u64, "{by_cpu} of {asked}");
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn nothing_that_nobody_aimed_is_left_to_the_cpu() {
+    for scene in [scenes::soup(2_000, 0.3, 5), scenes::sphere(30, [1.0, 2.0, 3.0], 2.0)] {
+        let case = Case::new(&scene);
+        // Several slices.
+        let rays = aim::rays(&scene.mesh(), Kind::Random, 20_000, 1);
+        let (crossings, by_cpu) = case.check(&rays, &AllHitsOptions::default());
+        assert!(crossings > 2_000, "{crossings}");
+        assert_eq!(by_cpu, 0, "{}", case.name);
+        let points: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
+        assert_eq!(case.check_points(&points), 0, "{}", case.name);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn windings_are_the_cpus() {
+    for (i, scene) in scenes::awkward().iter().enumerate() {
+        let case = Case::new(scene);
+        let points = points(scene, 12, i as u64);
+        let by_cpu = case.check_points(&points);
+        let options = QueryOptions::default();
+        let untold =
+            |point: &&[f32; 3]| case.listed(&Ray::new(**point, DIRECTION), &options).is_none();
+        assert!(by_cpu >= points.iter().filter(untold).count() as u64, "{}", case.name);
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn no_rays_one_ray_and_no_triangles() {
+    let scene = scenes::soup(50, 0.5, 1);
+    let case = Case::new(&scene);
+    let ray = aim::rays(&scene.mesh(), Kind::Faces, 1, 2);
+    assert_eq!(case.check(&[], &AllHitsOptions::default()), (0, 0));
+    assert_eq!(case.check(&ray, &AllHitsOptions::default()).1, 0);
+    assert_eq!((case.check_points(&[]), case.check_points(&[[0.5; 3]])), (0, 0));
+    let nothing = Scene { name: "nothing".into(), positions: vec![], indices: None };
+    let case = Case::new(&nothing);
+    assert_eq!(case.check(&[ray[0]; 65], &AllHitsOptions::default()), (0, 0));
+    assert_eq!(case.check_points(&[[0.5; 3], [0.0; 3]]), 0);
+}
+
+/// Triangles of which a ray meets more than fit the first list, exactly as many, and one less; between others that meet few.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn long_lists() {
+    for count in [6, 7, 8, 500] {
+        let scene = scenes::identical(count);
+        let case = Case::new(&scene);
+        let mut rays = aim::rays(&scene.mesh(), Kind::Faces, 150, 3);
+        let beside = rays[0].origin.map(|x| x + 3.0);
+        for ray in rays.iter_mut().step_by(3) {
+            ray.origin = beside;
+        }
+        let (crossings, by_cpu) = case.check(&rays, &AllHitsOptions::default());
+        assert_eq!((crossings, by_cpu), (100 * count, 0));
+    }
+    // Lists of many lengths.
+    let soup = scenes::soup(3_000, 1.0, 9);
+    let case = Case::new(&soup);
+    let rays = aim::rays(&soup.mesh(), Kind::Random, 3_000, 4);
+    let (crossings, by_cpu) = case.check(&rays, &AllHitsOptions::default());
+    assert!(crossings > 10 * rays.len() && by_cpu == 0, "{crossings}, {by_cpu} by the CPU");
+    // In several runs, and in several slices.
+    for max_memory in [4 << 20, 2 << 20] {
+        let options = AllHitsOptions { max_memory: Some(max_memory), ..AllHitsOptions::default() };
+        assert_eq!(case.check(&rays[..1_500], &options).1, 0);
+    }
+}
+
+/// More triangles on the way than memory may hold are the CPU's. It needs none where it finds that none is crossed.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn lists_that_memory_does_not_hold() {
+    let scene = scenes::identical(1_000);
+    let case = Case::new(&scene);
+    let [a, b, c] = scene.mesh().triangle(0);
+    let inner: [f32; 3] = std::array::from_fn(|k| 0.25 * (a[k] + b[k]) + 0.5 * c[k]);
+    // In their plane.
+    let ray = Ray::new(a, std::array::from_fn(|k| inner[k] - a[k]));
+    let little = AllHitsOptions { max_memory: Some(16 << 10), ..AllHitsOptions::default() };
+    assert_eq!(case.check(&[ray; 3], &AllHitsOptions::default()), (0, 0));
+    assert_eq!(case.check(&[ray; 3], &little), (0, 3));
+    // Crossed, they are too many for both.
+    let across = aim::rays(&scene.mesh(), Kind::Faces, 3, 1);
+    let both: [&dyn Accelerator; 2] = [&case.cpu, &case.device];
+    for accelerator in both {
+        let error = accelerator.all_hits(&across, &little).expect_err("too many");
+        let over = |needed| needed > 16 << 10;
+        assert!(
+            matches!(error, QueryError::OutOfMemory { needed, limit: 16_384 } if over(needed)),
+            "{error}"
+        );
+    }
+    let none = AllHitsOptions { max_memory: Some(7), ..AllHitsOptions::default() };
+    assert!(case.device.all_hits(&[ray], &none).is_err());
+    let none = LocateOptions { max_memory: Some(7), ..LocateOptions::default() };
+    assert!(case.device.locate(&[a], &none).is_err());
+}
+
+/// Rays that a driver does not follow to their end, rays that take the deep stack, and rays from far away.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn long_deep_and_far_rays() {
+    let scene = scenes::identical(70_000);
+    let case = Case::new(&scene);
+    let rays = aim::rays(&scene.mesh(), Kind::Faces, 3, 14);
+    let found = case.device.all_hits(&rays, &AllHitsOptions::default()).expect("all hits");
+    assert_eq!(found.crossings.len(), 3 * 70_000);
+    let (_, by_cpu) = case.check(&rays, &AllHitsOptions::default());
+    if common::is_llvmpipe() {
+        assert_eq!((found.report.unfinished, by_cpu), (3, 3));
+    } else {
+        assert_eq!(by_cpu, 0);
+    }
+    let octaves = scenes::octaves();
+    let case = Case::new(&octaves);
+    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
+    let start = |i: u32| [0.5 * (1 << (i % 20)) as f32, 0.0, 0.0];
+    let along = |i: u32| Ray::new(start(i), [1.0, slope(i), slope(7 * i + 3)]);
+    let deep: Vec<Ray> = (0..1_000).map(along).collect();
+    let (crossings, by_cpu) = case.check(&deep, &AllHitsOptions::default());
+    assert!(crossings > 100 && by_cpu == 0, "{crossings}, {by_cpu} by the CPU");
+    let far: Vec<Ray> = deep.iter().map(|ray| Ray { origin: [-1e12, 3.0, 4.0], ..*ray }).collect();
+    assert_eq!(case.check(&far, &AllHitsOptions::default()).1, 1_000);
+}
+
+/// A device that no self-test has found to round as the CPU does is asked nothing.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_device_without_parity_leaves_all_to_the_cpu() {
+    let scene = scenes::soup(300, 0.5, 1);
+    let case = Case::with(&scene, Arc::new(Queries::new(common::gpu())));
+    let rays = aim::rays(&scene.mesh(), Kind::Random, 200, 2);
+    assert_eq!(case.check(&rays, &AllHitsOptions::default()).1, 200);
+    assert_eq!(case.check_points(&rays.iter().map(|ray| ray.origin).collect::<Vec<_>>()), 200);
+    // Scenes whose exponents leave the range of the bounds.
+    let case = Case::new(&scenes::scaled(&scene, 1e30, "soup at 1e30"));
+    let rays = aim::rays(&scenes::scaled(&scene, 1e30, "the same").mesh(), Kind::Random, 200, 2);
+    assert_eq!(case.check(&rays, &AllHitsOptions::default()).1, 200);
+}
+
+/// Words of a list in the tests of the kernels.
+const ROOM: usize = 12;
+
+/// The lists by any sources of the kernels, through the device tree of a case.
+fn lists_by_sources(sources: &[String; 2], case: &Case, rays: &[Ray]) -> Vec<u32> {
+    let tree = case.device.device_tree();
+    let (lists, _) = by_sources::answers(sources, tree, rays, 4 * ROOM, ROOM as u32);
+    bytemuck::pod_collect_to_vec(&lists)
+}
+
+/// Whether lists are those of the core: the same triangles, as far as there is room, none twice in a row, and marks.
+fn are_the_cores(lists: &[u32], expected: &[Option<BTreeSet<u32>>]) -> bool {
+    lists.chunks_exact(ROOM).zip(expected).all(|(words, expected)| {
+        let Some(expected) = expected else { return words[0] == Hit::UNDECIDED };
+        let length = words[0] as usize;
+        let written = &words[1..ROOM.min(length.saturating_add(1))];
+        let found: BTreeSet<u32> = written.iter().copied().collect();
+        let twice = written.windows(2).any(|pair| pair[0] == pair[1]);
+        let complete = if length < ROOM {
+            found == *expected
+        } else {
+            length >= expected.len() && found.is_subset(expected)
+        };
+        complete && !twice
+    })
+}
+
+fn sources() -> [String; 2] {
+    ["list_triangles", "list_triangles_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source())
+}
+
+/// Cases, rays and what the core lists.
+fn kernel_cases() -> Vec<(Case, Vec<Ray>, Vec<Option<BTreeSet<u32>>>)> {
+    let scenes = [
+        scenes::soup(400, 0.3, 18),
+        scenes::needle_star(),
+        scenes::seams(true),
+        scenes::sphere(16, [1e3, -2e3, 5e2], 1.0),
+        scenes::coplanar(1, 100),
+        scenes::grid_boxes(4),
+        scenes::octaves(),
+    ];
+    let slope = |i: u32| (i as f32 * 0.618_034).fract() * 0.5 - 0.25;
+    scenes
+        .iter()
+        .map(|scene| {
+            let case = Case::new(scene);
+            let mut rays = all_rays(scene, 30, 31);
+            // Past many octaves, for which the short stack does not suffice.
+            let along = |i| Ray::new([0.5, 0.0, 0.0], [1.0, slope(i), slope(7 * i + 3)]);
+            rays.extend((0..300).map(along));
+            let options = QueryOptions::default();
+            let expected = rays.iter().map(|ray| case.listed(ray, &options)).collect();
+            (case, rays, expected)
+        })
+        .collect()
+}
+
+/// Whatever the memory of workgroups holds at first.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn kernels_list_what_the_core_does() {
+    let [lean, retry] = sources();
+    let poisoned = poison::WORDS.map(|word| poison::poisoned(&lean, word).expect("memory"));
+    for (case, rays, expected) in kernel_cases() {
+        for lean in [&lean, &poisoned[0], &poisoned[1]] {
+            let lists = lists_by_sources(&[lean.clone(), retry.clone()], &case, &rays);
+            assert!(are_the_cores(&lists, &expected), "{}", case.name);
+        }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_seen() {
+    let (sources, cases) = (sources(), kernel_cases());
+    let mut unseen = Vec::new();
+    for (from, to) in [
+        ("const BLUR: f32 = 0x1p-21f", "const BLUR: f32 = 0x1p-30f"),
+        ("if (positive && negative) || culled", "if positive || culled"),
+        ("if nearest > least(farthest, ray.t_max)", "if nearest < least(farthest, ray.t_max)"),
+        ("greatest < ray.t_min", "greatest <= ray.t_min"),
+        ("list_length < batch.room", "list_length <= batch.room"),
+        ("list_start = index * batch.room;", "list_start = index;"),
+        ("list_length = 0u;\n", "list_length = 1u;\n"),
+        ("any(search.recent == vec4<u32>(triangle))", "any(search.recent != vec4<u32>(triangle))"),
+        ("any(search.recent == vec4<u32>(triangle))", "false"),
+        ("return is_as_given(ray, prepared);", "return true;"),
+        ("hit.triangle == NO_TRIANGLE);", "true);"),
+        ("defer_ray(index);", ""),
+        ("deferred_rays[1u + place];", "deferred_rays[place];"),
+        ("entry < STACK_STEP + SHORT_SIZE", "true"),
+        ("interval.y < enter", "interval.y < leave"),
+    ] {
+        let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
+        assert_ne!(faulty, sources, "{from}: the text is not there");
+        let differs = |(case, rays, expected): &(Case, Vec<Ray>, Vec<_>)| {
+            !are_the_cores(&lists_by_sources(&faulty, case, rays), expected)
+        };
+        if !cases.iter().any(differs) {
+            unseen.push((from, to));
+        }
+    }
+    assert!(unseen.is_empty(), "faults that no ray shows: {unseen:?}");
+}
