@@ -18,6 +18,7 @@ use splitplane_core::build::{reference, schedule};
 use splitplane_core::config::{BuildConfig, CHUNK, Preset};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
+use splitplane_core::layout::{Chunk, LargeNode};
 use splitplane_core::mesh::Mesh;
 
 /// One build over one mesh, by scoped threads.

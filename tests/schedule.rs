@@ -45,10 +45,8 @@ fn levels_are_alike() {
         assert!(levels > 5);
         let mut kernels = 0;
         for &kernel in &Kernel::ALL[3..11] {
-            let binned = matches!(
-                kernel,
-                Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned
-            );
+            let binned =
+                matches!(kernel, Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned);
             let runs = if kernel == Kernel::SplitMedian { preset == Preset::Fast } else { true }
                 && (!binned || preset == Preset::Balanced);
             assert_eq!(count(kernel), if runs { levels } else { 0 }, "{kernel:?}");

@@ -54,6 +54,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ),
     ("STACK_ENTRIES", word(MAX_DEPTH + 1), "written out in the core"),
     ("LANES", Only::Lanes, "the core has no workgroups"),
+    ("BOXES", Only::Any, "the core has no workgroups"),
     ("NO_PARENT", word(u32::MAX), "an `Option` on the CPU"),
     ("NO_LANE", word(u32::MAX), "an `Option` on the CPU"),
     ("SPLIT", Only::Any, "a verdict within allocate_children"),
