@@ -5,7 +5,7 @@ use std::ops::AddAssign;
 use serde::Serialize;
 
 /// Words of the buffer that invocations count in.
-pub(crate) const WORDS: usize = 16;
+pub(crate) const WORDS: usize = 22;
 
 /// Invocations that hardware runs in step: as long as the longest of them.
 pub(crate) const LANES_IN_STEP: u32 = 32;
@@ -25,6 +25,10 @@ pub(crate) struct Tally {
     pub loads: u64,
     /// Operations of groups of [`LANES_IN_STEP`] invocations, of each the longest invocation's.
     pub in_step: u64,
+    /// The same of busy workgroups alone.
+    pub busy_operations: u64,
+    pub busy_loads: u64,
+    pub busy_in_step: u64,
     /// Barriers that workgroups met.
     pub barriers: u64,
     pub longest_rounds: u64,
@@ -50,6 +54,9 @@ impl Tally {
             loads: long(6),
             in_step: long(8),
             barriers: long(10),
+            busy_operations: long(16),
+            busy_loads: long(18),
+            busy_in_step: long(20),
             longest_rounds: word(12),
             longest_operations: word(13),
             longest_loads: word(14),
@@ -74,6 +81,9 @@ impl AddAssign for Tally {
             operations,
             loads,
             in_step,
+            busy_operations,
+            busy_loads,
+            busy_in_step,
             barriers,
             longest_rounds,
             longest_operations,
@@ -89,6 +99,9 @@ impl AddAssign for Tally {
         self.operations += operations;
         self.loads += loads;
         self.in_step += in_step;
+        self.busy_operations += busy_operations;
+        self.busy_loads += busy_loads;
+        self.busy_in_step += busy_in_step;
         self.barriers += barriers;
         self.longest_rounds += longest_rounds;
         self.longest_operations += longest_operations;

@@ -43,7 +43,7 @@ pub(crate) struct Device {
     pub step: Assumed,
     /// Cycles of a load from a buffer, mostly from the L2 cache.
     pub load: Assumed,
-    /// The part of a chain's loads that wait for one another.
+    /// The part of an invocation's loads that wait for one another.
     pub dependent: Assumed,
     /// Cycles of a barrier.
     pub barrier: Assumed,
@@ -141,7 +141,7 @@ impl Device {
             ("workgroup memory a multiprocessor, bytes", self.shared),
             ("cycles to the next instruction of a warp", self.step),
             ("cycles of a load", self.load),
-            ("part of a chain's loads that wait for one another", self.dependent),
+            ("part of the loads that wait for one another", self.dependent),
             ("cycles of a barrier", self.barrier),
             ("a dispatch that waits for the one before, us", self.dispatch),
         ]

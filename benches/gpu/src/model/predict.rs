@@ -55,12 +55,30 @@ pub(crate) fn resident(device: &Device, shader: &Shader, lanes: u32) -> f64 {
     all.floor().max(1.0)
 }
 
+/// Workgroups and what they do.
+#[derive(Clone, Copy, Debug)]
+struct Work {
+    workgroups: u64,
+    operations: u64,
+    loads: u64,
+    in_step: u64,
+}
+
+/// Cycles that the instructions of workgroups take, spread over the device.
+fn cycles(device: &Device, shader: &Shader, lanes: u32, work: Work) -> f64 {
+    let all = work.workgroups.max(1) as f64;
+    let at_work = all.min(device.multiprocessors.number);
+    let groups = resident(device, shader, lanes).min((all / at_work).ceil());
+    let rate = at_work * device.schedulers.number * issue(device, shader, work, lanes, groups);
+    work.in_step as f64 * shader.per_operation / rate
+}
+
 /// Instructions a cycle and scheduler, with this many workgroups at work on a multiprocessor: what its warps offer while
 /// each waits for its last instruction or load, and no more than the scheduler takes.
-pub(crate) fn issue(device: &Device, shader: &Shader, of: &Tally, lanes: u32, groups: f64) -> f64 {
+fn issue(device: &Device, shader: &Shader, of: Work, lanes: u32, groups: f64) -> f64 {
     let instructions = of.operations as f64 * shader.per_operation;
     let loads = of.loads as f64 / instructions.max(1.0);
-    let wait = device.step.number + loads * device.load.number;
+    let wait = device.step.number + loads * device.dependent.number * device.load.number;
     let warps = groups * f64::from(lanes.div_ceil(LANES_IN_STEP)) / device.schedulers.number;
     (warps / wait).min(device.issue.number)
 }
@@ -68,13 +86,23 @@ pub(crate) fn issue(device: &Device, shader: &Shader, of: &Tally, lanes: u32, gr
 /// One dispatch.
 pub(crate) fn dispatch(device: &Device, shader: &Shader, lanes: u32, of: &Tally) -> Predicted {
     let cycles_ms = 1e-6 / device.clock.number;
-    let busy = of.busy.max(1) as f64;
-    let at_work = busy.min(device.multiprocessors.number);
-    let groups = resident(device, shader, lanes).min((busy / at_work).ceil());
-    let rate = at_work * device.schedulers.number * issue(device, shader, of, lanes, groups);
+    // Those that have nothing to do are spread over the device too, and leave it to the others.
+    let everyone = Work {
+        workgroups: of.workgroups,
+        operations: of.operations,
+        loads: of.loads,
+        in_step: of.in_step,
+    };
+    let busy = Work {
+        workgroups: of.busy,
+        operations: of.busy_operations,
+        loads: of.busy_loads,
+        in_step: of.busy_in_step,
+    };
+    let [everyone, busy] = [everyone, busy].map(|work| cycles(device, shader, lanes, work));
     let launch = device.dispatch.number * 1e-3;
     let bytes = of.bytes() as f64 / device.bandwidth.number * 1e-6;
-    let instructions = of.in_step as f64 * shader.per_operation / rate * cycles_ms;
+    let instructions = everyone.max(busy) * cycles_ms;
     let chain = cycles_ms
         * (of.longest_operations as f64 * shader.per_operation * device.step.number
             + of.longest_loads as f64 * device.dependent.number * device.load.number
@@ -138,6 +166,8 @@ mod tests {
             busy: 1,
             operations: 256_000,
             in_step: 8_000,
+            busy_operations: 256_000,
+            busy_in_step: 8_000,
             longest_operations: 1_000,
             longest_barriers: 10,
             read: 4_300_000,
@@ -152,8 +182,8 @@ mod tests {
         assert_eq!(found.bound(), "chain");
     }
 
-    /// Full: 132 * 16 workgroups of 2 warps with 64 registers, 8 warps a scheduler. A load every 20 instructions: each
-    /// warp waits 4 + 270 / 20 = 17.5 cycles, 8 / 17.5 = 0.457 a cycle.
+    /// Full: 132 * 16 workgroups of 2 warps with 64 registers, 8 warps a scheduler. A load every 10 instructions, half of
+    /// them waited for: each warp waits 4 + 270 / 20 = 17.5 cycles, 8 / 17.5 = 0.457 a cycle.
     #[test]
     fn a_full_device_by_hand() {
         let shader = Shader { per_operation: 1.0, registers: 64.0, shared: 0.0, known: true };
@@ -163,8 +193,11 @@ mod tests {
             workgroups: groups,
             busy: groups,
             operations: groups * 64 * 1_000,
-            loads: groups * 64 * 50,
+            loads: groups * 64 * 100,
             in_step: groups * 2 * 1_000,
+            busy_operations: groups * 64 * 1_000,
+            busy_loads: groups * 64 * 100,
+            busy_in_step: groups * 2 * 1_000,
             ..Tally::default()
         };
         let found = dispatch(H200, &shader, 64, &of);
@@ -173,9 +206,28 @@ mod tests {
         assert!(close(found.instructions, cycles / 1.755e6), "{found:?}");
         // With more warps than are needed the scheduler is what binds.
         let lean = Shader { registers: 16.0, ..shader };
-        let of = Tally { busy: 2 * groups, ..of };
+        let of = Tally { busy: 2 * groups, workgroups: 2 * groups, ..of };
         let found = dispatch(H200, &lean, 64, &of);
         assert!(close(found.instructions, (groups * 2_000) as f64 / (528.0 * 0.6) / 1.755e6));
+    }
+
+    /// 2,048 workgroups, one of which has something to do: 100 operations of each of its 64 lanes. The others, with one
+    /// each, are spread over the device, and the busy one takes its time: 2 warps, half a warp a scheduler every 4 cycles.
+    #[test]
+    fn one_busy_workgroup_among_many_by_hand() {
+        let shader = Shader { per_operation: 1.0, registers: 32.0, shared: 0.0, known: true };
+        let of = Tally {
+            dispatches: 1,
+            workgroups: 2048,
+            busy: 1,
+            operations: 2047 * 64 + 6_400,
+            in_step: 2047 * 2 + 200,
+            busy_operations: 6_400,
+            busy_in_step: 200,
+            ..Tally::default()
+        };
+        let found = dispatch(H200, &shader, 64, &of);
+        assert!(close(found.instructions, 200.0 / (4.0 * 0.125) / 1.755e6), "{found:?}");
     }
 
     #[test]

@@ -82,6 +82,9 @@ pub(crate) fn rays(device: &Device, of: &CountedRays, rays: u64, measured: Optio
         operations: more(counted.operations),
         loads: more(counted.loads),
         in_step: more(counted.in_step),
+        busy_operations: more(counted.busy_operations),
+        busy_loads: more(counted.busy_loads),
+        busy_in_step: more(counted.busy_in_step),
         read: more(counted.read),
         written: more(counted.written),
         ..counted
