@@ -8,6 +8,7 @@
 mod accelerator;
 mod answers;
 mod batch;
+mod compressed;
 mod error;
 mod layout;
 pub(crate) mod limits;

@@ -134,6 +134,7 @@ impl Queries {
         query: Query,
     ) -> Result<(), GpuError> {
         let test = test_of(options);
+        let compressed = tree.compressed_for(options);
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
             offset: 0,
@@ -157,12 +158,18 @@ impl Queries {
                     offset: 0,
                     size: wgpu::BufferSize::new(QueryKernel::deferred_bytes(count)),
                 }),
+                QueryBuffer::CompressedNodes => compressed.map(|part| whole(&part.nodes)),
+                QueryBuffer::CompressedReferences => compressed.map(|part| whole(&part.references)),
                 QueryBuffer::Limits => None,
             },
         };
         // No ray is deferred yet.
         encoder.clear_buffer(buffers.deferred, 0, Some(4));
-        for kernel in QueryKernel::of(query) {
+        let kernels = match compressed {
+            Some(_) => QueryKernel::of_compressed(query),
+            None => QueryKernel::of(query),
+        };
+        for kernel in kernels {
             once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
         }
         Ok(())

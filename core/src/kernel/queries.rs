@@ -38,6 +38,10 @@ kernel_set! {
         Occluded "occluded", 4, live Rays;
         /// The rays that a lean kernel leaves to another: their number, then their indices.
         Deferred "deferred_rays", 4;
+        /// The nodes of a tree's wide form: [`CompressedNode`](crate::query::compressed::CompressedNode).
+        CompressedNodes "compressed_nodes", 80;
+        /// The references of its leaves.
+        CompressedReferences "compressed_references", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
@@ -62,6 +66,14 @@ kernel_set! {
         AnyHitRetry "any_hit_retry", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Occluded, uniform Batch, reads Deferred;
+        /// As `closest_hit`, through compressed nodes.
+        ClosestHitCompressed "closest_hit_compressed", Invocations(Rays, 64) =>
+            reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Hits, uniform Batch, updates Deferred;
+        /// As `any_hit`, through compressed nodes.
+        AnyHitCompressed "any_hit_compressed", Invocations(Rays, 64) =>
+            reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Occluded, uniform Batch, updates Deferred;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -75,6 +87,14 @@ impl QueryKernel {
         match query {
             Query::Closest => [QueryKernel::ClosestHit, QueryKernel::ClosestHitRetry],
             Query::Any => [QueryKernel::AnyHit, QueryKernel::AnyHitRetry],
+        }
+    }
+
+    /// The same for a tree that has compressed nodes. What is deferred goes through the tree itself.
+    pub const fn of_compressed(query: Query) -> [QueryKernel; 2] {
+        match query {
+            Query::Closest => [QueryKernel::ClosestHitCompressed, QueryKernel::ClosestHitRetry],
+            Query::Any => [QueryKernel::AnyHitCompressed, QueryKernel::AnyHitRetry],
         }
     }
 
