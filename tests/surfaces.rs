@@ -132,7 +132,7 @@ fn limits_at_a_hit_include_it() {
     for (number, shape) in Shape::ALL.into_iter().cycle().take(4 * Shape::ALL.len()).enumerate() {
         let surface = Surface::new(shape, seed_of(5, number as u64));
         let mesh = surface.scene.mesh();
-        let options = BuildOptions::from(Preset::ALL[number % 3]);
+        let options = BuildOptions::from(Preset::ALL[number % Preset::ALL.len()]);
         let tree = CpuBackend::new().build_accelerator(&mesh, &options).expect("a tree");
         for volley in volleys(&surface, 200) {
             let hits = ask(&tree, &volley.rays, &volley.options, QueryMode::Together, 0);

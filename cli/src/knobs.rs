@@ -187,9 +187,13 @@ fn explain(error: &ConfigError) -> String {
     }
 }
 
-/// `fast and balanced`.
+/// `fast, narrow and balanced`.
 fn names(presets: &[Preset]) -> String {
-    presets.iter().map(|preset| preset.name()).collect::<Vec<_>>().join(" and ")
+    let names: Vec<&str> = presets.iter().map(|preset| preset.name()).collect();
+    match names.split_last() {
+        Some((last, others)) if !others.is_empty() => format!("{} and {last}", others.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 /// 256ths as a percentage: `25 %`, `10.2 %`.

@@ -59,6 +59,8 @@ pub(super) struct Common {
 pub(super) enum PresetName {
     /// The builder of Zhou et al. 2008: spatial medians above, SAH on masks below
     Fast,
+    /// As fast, for GPUs: small leaves, as one triangle is tested at a time
+    Narrow,
     /// Binned SAH above, SAH on masks below: slower to build, faster to trace
     Balanced,
     /// Offline: SAH over all planes, with clipping; on the CPU only
@@ -79,6 +81,7 @@ impl PresetName {
     pub(super) const fn preset(self) -> Preset {
         match self {
             PresetName::Fast => Preset::Fast,
+            PresetName::Narrow => Preset::Narrow,
             PresetName::Balanced => Preset::Balanced,
             PresetName::Best => Preset::Best,
         }

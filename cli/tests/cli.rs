@@ -303,8 +303,8 @@ fn knobs_that_a_preset_lacks_and_values_out_of_range_are_2_and_named() {
     for (knobs, words) in [
         (&["--bins", "8"][..], "--bins is a knob of balanced only; preset fast does not have it"),
         (&["--preset", "balanced", "--empty-bonus", "5"], "--empty-bonus is a knob of best only"),
-        (&["--preset", "best", "--small-node-limit", "5"], "of fast and balanced only"),
-        (&["--preset", "best", "--node-cap", "5"], "of fast and balanced only"),
+        (&["--preset", "best", "--small-node-limit", "5"], "of fast, narrow and balanced only"),
+        (&["--preset", "best", "--node-cap", "5"], "of fast, narrow and balanced only"),
         (&["--bad-splits", "2"], "--bad-splits is a knob of best only"),
         (&["--traversal-cost", "0"], "--traversal-cost is 0, but must be from 1 to 1367"),
         (&["--small-node-limit", "65"], "--small-node-limit is 65, but must be from 1 to 64"),

@@ -16,14 +16,17 @@ pub const SMALL_ROOT_REFERENCES: u32 = 1023;
 /// Most bins of an axis.
 pub const MAX_BINS: u32 = 64;
 
-/// Named configurations: builders with their knobs as tuned by trace time on real scenes. All three make the same
-/// format, and every query reads it alike.
+/// Named configurations: builders with their knobs as tuned on real scenes, by trace time, and `narrow` by what rays
+/// visit. All make the same format, and every query reads it alike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Preset {
     /// [`Builder::Median`]: the fastest build.
     #[default]
     Fast,
+    /// [`Builder::Median`] with the classic heuristic, W = 1: small leaves for rays that test one triangle at a time,
+    /// as on a GPU. A larger tree than [`Preset::Fast`]'s.
+    Narrow,
     /// [`Builder::Binned`]: a better tree for a slower build.
     Balanced,
     /// [`Builder::Sweep`]: the best tree, offline. On the CPU only.
@@ -32,12 +35,13 @@ pub enum Preset {
 
 impl Preset {
     /// All presets, by build time.
-    pub const ALL: [Preset; 3] = [Preset::Fast, Preset::Balanced, Preset::Best];
+    pub const ALL: [Preset; 4] = [Preset::Fast, Preset::Narrow, Preset::Balanced, Preset::Best];
 
     /// The name that [`FromStr`](core::str::FromStr) reads; also used in reports.
     pub const fn name(self) -> &'static str {
         match self {
             Preset::Fast => "fast",
+            Preset::Narrow => "narrow",
             Preset::Balanced => "balanced",
             Preset::Best => "best",
         }
@@ -56,6 +60,8 @@ impl Preset {
         };
         match self {
             Preset::Fast => fast,
+            // One triangle is tested for about the price of a step.
+            Preset::Narrow => BuildConfig { intersection_cost: 1, block_width: 1, ..fast },
             Preset::Balanced => {
                 let builder = Builder::Binned { stages: Stages::DEFAULT, bins: 32 };
                 BuildConfig { builder, ..fast }
@@ -71,7 +77,7 @@ impl Preset {
     /// stage: the schedule does not build it.
     pub const fn planes(self) -> Option<Planes> {
         match self {
-            Preset::Fast => Some(Planes::Median),
+            Preset::Fast | Preset::Narrow => Some(Planes::Median),
             Preset::Balanced => Some(Planes::Binned),
             Preset::Best => None,
         }
@@ -80,7 +86,7 @@ impl Preset {
 
 /// A name that is not a preset's.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("there is no preset of this name; the presets are fast, balanced and best")]
+#[error("there is no preset of this name; the presets are fast, narrow, balanced and best")]
 pub struct UnknownPreset;
 
 impl core::str::FromStr for Preset {
@@ -122,7 +128,7 @@ pub enum Builder {
 }
 
 impl Builder {
-    /// The preset that this builder belongs to, whatever its knobs.
+    /// The preset that this builder belongs to, whatever its knobs: of two that have it, the one that came first.
     pub const fn preset(&self) -> Preset {
         match self {
             Builder::Median(_) => Preset::Fast,
@@ -251,9 +257,14 @@ impl BuildConfig {
     /// 3 * 1023^2 = 3,139,587, and 1,367 times that is below 2^32.
     pub const MAX_COST: u32 = 1367;
 
-    /// The preset that the builder belongs to, whatever its knobs.
+    /// The preset whose configuration this is; with other knobs the preset that the builder belongs to.
     pub const fn preset(&self) -> Preset {
-        self.builder.preset()
+        let (words, narrow) = (self.words(), Preset::Narrow.config().words());
+        let mut place = 0;
+        while place < words.len() && words[place] == narrow[place] {
+            place += 1;
+        }
+        if place == words.len() { Preset::Narrow } else { self.builder.preset() }
     }
 
     /// The knobs of the stages; `None` for [`Builder::Sweep`], which has none.

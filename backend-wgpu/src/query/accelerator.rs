@@ -74,6 +74,15 @@ impl WgpuAccelerator {
         &self.device
     }
 
+    /// Lets batches of accuracy `watertight` go through compressed wide nodes, which are made now: see
+    /// [`DeviceTree::compress`]. A rebuild gives a tree without them.
+    ///
+    /// # Errors
+    /// As for [`DeviceTree::compress`]; nothing has changed then.
+    pub fn compress(&mut self) -> Result<(), GpuError> {
+        self.device.compress(&self.queries, &self.tree.view(), &self.triangles)
+    }
+
     /// The device and its query pipelines; with typed errors, and queries over device buffers.
     pub fn queries(&self) -> &Arc<Queries> {
         &self.queries

@@ -20,9 +20,10 @@ pub(super) enum Asked {
 }
 
 impl Asked {
-    /// The kernels that answer, one after the other.
-    pub(super) fn kernels(self) -> [QueryKernel; 2] {
+    /// The kernels that answer, one after the other, over a tree that has compressed nodes for the test or has not.
+    pub(super) fn kernels(self, compressed: bool) -> [QueryKernel; 2] {
         match self {
+            Asked::Hit(query) if compressed => QueryKernel::of_compressed(query),
             Asked::Hit(query) => QueryKernel::of(query),
             Asked::List { .. } => QueryKernel::LISTING,
         }

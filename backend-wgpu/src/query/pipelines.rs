@@ -121,6 +121,11 @@ mod tests {
         let text = RayQueries::text(QueryKernel::TriangleLimits, &TriangleTest::default());
         assert_eq!(text.name, "triangle_limits");
         assert!(!text.parts.is_empty());
-        assert_eq!(splitplane_shaders::QUERIES.len(), 15);
+        for query in [Query::Closest, Query::Any] {
+            for kernel in QueryKernel::of_compressed(query) {
+                assert!(!RayQueries::text(kernel, &TriangleTest::Watertight).parts.is_empty());
+            }
+        }
+        assert_eq!(splitplane_shaders::QUERIES.len(), 17);
     }
 }

@@ -135,6 +135,7 @@ impl Queries {
         asked: Asked,
     ) -> Result<(), GpuError> {
         let test = asked.test(options);
+        let compressed = tree.compressed_for(options);
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
             offset: 0,
@@ -158,12 +159,14 @@ impl Queries {
                     offset: 0,
                     size: wgpu::BufferSize::new(QueryKernel::deferred_bytes(count)),
                 }),
+                QueryBuffer::CompressedNodes => compressed.map(|part| whole(&part.nodes)),
+                QueryBuffer::CompressedReferences => compressed.map(|part| whole(&part.references)),
                 QueryBuffer::Limits => None,
             },
         };
         // No ray is deferred yet.
         encoder.clear_buffer(buffers.deferred, 0, Some(4));
-        for kernel in asked.kernels() {
+        for kernel in asked.kernels(compressed.is_some()) {
             once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
         }
         Ok(())

@@ -6,6 +6,7 @@ use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
+use super::compressed::Compressed;
 use super::pipelines::Queries;
 use super::scene::SceneUniform;
 use crate::device::gpu::Gpu;
@@ -36,12 +37,13 @@ pub struct TreeParts {
 }
 
 /// A tree in device memory, with what queries need in addition: 8 bytes per node, 4 per reference,
-/// 36 per triangle, and 64 for the scene.
+/// 36 per triangle, and 64 for the scene; and compressed nodes, where they are asked for.
 #[derive(Debug)]
 pub struct DeviceTree {
     parts: TreeParts,
     scene: wgpu::Buffer,
     scale: SceneScale,
+    compressed: Option<Compressed>,
 }
 
 impl DeviceTree {
@@ -79,7 +81,7 @@ impl DeviceTree {
         ] {
             can_be_bound(gpu, what, buffer.size())?;
         }
-        Ok(DeviceTree { parts, scene, scale })
+        Ok(DeviceTree { parts, scene, scale, compressed: None })
     }
 
     /// Uploads a tree built elsewhere. `triangles` are the snapped corners of the mesh (see
@@ -122,6 +124,20 @@ impl DeviceTree {
             })
         })?;
         DeviceTree::from_parts(queries, parts)
+    }
+
+    /// The compressed nodes, where [`DeviceTree::compress`] has made some.
+    pub(super) fn compressed(&self) -> Option<&Compressed> {
+        self.compressed.as_ref()
+    }
+
+    pub(super) fn set_compressed(&mut self, compressed: Compressed) {
+        self.compressed = Some(compressed);
+    }
+
+    /// Whether it has compressed nodes.
+    pub fn is_compressed(&self) -> bool {
+        self.compressed.is_some()
     }
 
     /// The buffers, for further use.
@@ -236,12 +252,13 @@ impl DeviceTree {
         [&parts.nodes, &parts.leaf_references, &parts.triangles, &self.scene]
             .map(wgpu::Buffer::size)
             .iter()
-            .sum()
+            .sum::<u64>()
+            + self.compressed.as_ref().map_or(0, Compressed::bytes)
     }
 }
 
 /// Whether this many bytes fit one binding.
-fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
+pub(super) fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
     let allowed = gpu.device().limits().max_storage_buffer_binding_size;
     if needed > allowed {
         let limit = "max_storage_buffer_binding_size";

@@ -95,7 +95,7 @@ pub(crate) fn measure(
         }
     }
     let (gpu, ms) = milliseconds(|| backend.build_accelerator(mesh, options));
-    let gpu = gpu?;
+    let mut gpu = gpu?;
     figures.with_host_copy_ms = ms;
     let cpu = cpu_backend.build_accelerator(mesh, options)?;
 
@@ -112,6 +112,10 @@ pub(crate) fn measure(
     figures.mesh_bytes = mesh_bytes(mesh).iter().map(|bytes| bytes.len() as u64).sum();
     figures.tree_bytes = gpu.query_bytes();
     figures.cpu_tree_bytes = cpu.query_bytes();
+    if run.compressed {
+        gpu.compress()?;
+        figures.tree_bytes = gpu.query_bytes();
+    }
     Ok(Built { gpu, cpu, times, figures })
 }
 

@@ -79,7 +79,7 @@ fn run(options: &Options) -> Result<bool, Failure> {
     for scene in &options.scenes() {
         for &preset in &options.preset {
             eprintln!("{scene}, {}", preset.name());
-            report.begin(preset);
+            report.begin(preset, options.compressed);
             if let Err(error) =
                 measure_scene(scene, preset, &costs, options, &predictor, &mut report)
             {

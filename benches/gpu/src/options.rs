@@ -20,8 +20,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "SCENES", value_delimiter = ',')]
     scenes: Vec<String>,
     /// Presets to build by, one after the other, separated by commas
-    #[arg(long, value_name = "fast|balanced", value_delimiter = ',', default_value = "fast", value_parser = preset)]
+    #[arg(long, value_name = "fast|narrow|balanced", value_delimiter = ',', default_value = "fast", value_parser = preset)]
     pub preset: Vec<Preset>,
+    /// Trace batches of watertight rays through compressed nodes
+    #[arg(long)]
+    pub compressed: bool,
     /// Repeats of every figure; medians are reported
     #[arg(long, default_value_t = 11, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub reps: u32,

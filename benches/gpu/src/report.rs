@@ -23,7 +23,7 @@ pub(crate) struct Report {
     folder: PathBuf,
     lines: File,
     /// What the scene at hand is built by.
-    preset: &'static str,
+    preset: String,
     adapter: String,
     builds: String,
     sizes: String,
@@ -44,7 +44,7 @@ impl Report {
         Ok(Report {
             folder: folder.to_owned(),
             lines,
-            preset: Preset::default().name(),
+            preset: Preset::default().name().to_owned(),
             adapter: empty(),
             builds: empty(),
             sizes: empty(),
@@ -58,8 +58,8 @@ impl Report {
     }
 
     /// What follows is by this preset.
-    pub(crate) fn begin(&mut self, preset: Preset) {
-        self.preset = preset.name();
+    pub(crate) fn begin(&mut self, preset: Preset, compressed: bool) {
+        self.preset = preset.name().to_owned() + if compressed { ", compressed" } else { "" };
     }
 
     /// A line of raw figures: to the file and to standard output.
@@ -72,7 +72,7 @@ impl Report {
         let mut object = json!({"kind": kind});
         if let Some(scene) = scene {
             object["scene"] = scene.into();
-            object["preset"] = self.preset.into();
+            object["preset"] = self.preset.clone().into();
         }
         if let (Value::Object(line), Value::Object(raw)) = (&mut object, serde_json::to_value(raw)?)
         {

@@ -53,6 +53,7 @@ impl Plan {
         let gpu = words.next_if_eq(&"wgpu").is_some();
         let preset = match words.next() {
             Some("fast") => Preset::Fast,
+            Some("narrow") => Preset::Narrow,
             Some("balanced") => Preset::Balanced,
             Some("best") => Preset::Best,
             None if gpu => Preset::Fast,

@@ -41,6 +41,10 @@ kernel_set! {
         Listed "listed", 4;
         /// The rays that a lean kernel leaves to another: their number, then their indices.
         Deferred "deferred_rays", 4;
+        /// The nodes of a tree's wide form: [`CompressedNode`](crate::query::compressed::CompressedNode).
+        CompressedNodes "compressed_nodes", 80;
+        /// The references of its leaves.
+        CompressedReferences "compressed_references", 4;
         /// The range of coordinates and sizes of all triangles: four `f32`, see
         /// [`query::intersect::Limits`](crate::query::intersect::Limits).
         Limits "limits", 16;
@@ -73,6 +77,14 @@ kernel_set! {
         ListTrianglesRetry "list_triangles_retry", Invocations(Rays, 64) =>
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene,
             reads Rays, scatters Listed, uniform Batch, reads Deferred;
+        /// As `closest_hit`, through compressed nodes.
+        ClosestHitCompressed "closest_hit_compressed", Invocations(Rays, 64) =>
+            reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Hits, uniform Batch, updates Deferred;
+        /// As `any_hit`, through compressed nodes.
+        AnyHitCompressed "any_hit_compressed", Invocations(Rays, 64) =>
+            reads CompressedNodes, reads CompressedReferences, reads Triangles, uniform Scene,
+            reads Rays, writes Occluded, uniform Batch, updates Deferred;
         /// The range of coordinates and sizes of the triangles.
         TriangleLimits "triangle_limits", Invocations(Triangles, 256) =>
             reads Triangles, uniform TriangleCount, updates Limits;
@@ -92,6 +104,14 @@ impl QueryKernel {
     /// The kernels that list the triangles which rays may meet, likewise.
     pub const LISTING: [QueryKernel; 2] =
         [QueryKernel::ListTriangles, QueryKernel::ListTrianglesRetry];
+
+    /// The same for a tree that has compressed nodes. What is deferred goes through the tree itself.
+    pub const fn of_compressed(query: Query) -> [QueryKernel; 2] {
+        match query {
+            Query::Closest => [QueryKernel::ClosestHitCompressed, QueryKernel::ClosestHitRetry],
+            Query::Any => [QueryKernel::AnyHitCompressed, QueryKernel::AnyHitRetry],
+        }
+    }
 
     /// Bytes of the list of deferred rays of a batch: a number, and an index for each.
     pub const fn deferred_bytes(rays: u32) -> u64 {

@@ -207,16 +207,16 @@ impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<
 }
 
 /// The best hit so far.
-struct Best {
-    hit: Hit,
+pub(super) struct Best {
+    pub(super) hit: Hit,
     /// Inner `t` beyond which no leaf can have a better one.
-    stop: f32,
+    pub(super) stop: f32,
 }
 
 impl Best {
     /// Tests the triangles of a leaf. Ends the walk with the first hit where any will do.
     #[inline(always)]
-    fn test<A: Arithmetic, O: Observer>(
+    pub(super) fn test<A: Arithmetic, O: Observer>(
         &mut self,
         ray: &PreparedRay,
         triangles: &(impl Triangles + ?Sized),

@@ -239,7 +239,7 @@ fn ours(scene: &Scene, settings: &Settings) -> Result<Vec<Ours>, ReportError> {
             other => other?,
         };
         let source = match builder.preset {
-            Preset::Fast => "Zhou et al. 2008",
+            Preset::Fast | Preset::Narrow => "Zhou et al. 2008",
             Preset::Balanced => "Shevtsov et al. 2007",
             Preset::Best => "Wald and Havran 2006",
             _ => "",

@@ -93,7 +93,7 @@ impl Budget {
 fn weights(station: &Station, most_threads: usize) -> [f64; 2] {
     let build = match station.config.preset() {
         Preset::Fast => 1.2,
-        Preset::Balanced => 2.2,
+        Preset::Narrow | Preset::Balanced => 2.2,
         _ => 3.5,
     };
     let threads = match station.device {

@@ -133,7 +133,9 @@ pub fn knobs(preset: Preset) -> Vec<(String, BuildConfig)> {
     let mut out = Vec::new();
     let ratio =
         |k_i: u32| (format!("K_T/K_I 1/{k_i}"), BuildConfig { intersection_cost: k_i, ..own });
-    out.extend([own.intersection_cost / 2, own.intersection_cost * 2].map(ratio));
+    // Half of 1 is none.
+    let ratios = [own.intersection_cost / 2, own.intersection_cost * 2];
+    out.extend(ratios.into_iter().filter(|&k_i| k_i > 0).map(ratio));
     if staged {
         for (words, empty_cutoff) in [("C_e 12.5 %", 32), ("C_e 50 %", 128)] {
             out.push((

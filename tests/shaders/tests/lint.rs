@@ -91,7 +91,7 @@ fn free_in<K: KernelSet>(shader: &Shader) -> Free {
     let row = K::KERNELS.iter().find(|row| row.name == own).expect("a kernel of the set");
     let reads_tree = K::slots(row.kernel).any(|slot| match slot {
         Slot::Storage(Binding { buffer, access: Access::Read }) => {
-            K::buffer(buffer).name == "nodes"
+            ["nodes", "compressed_nodes"].contains(&K::buffer(buffer).name)
         }
         _ => false,
     });
@@ -203,6 +203,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "any_hit_retry_exact",
             "list_triangles",
             "list_triangles_retry",
+            "closest_hit_compressed",
+            "any_hit_compressed",
             "first_costs",
             "closest_hits",
             "shadow_hits",

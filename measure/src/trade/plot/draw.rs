@@ -15,7 +15,7 @@ pub(super) const SMALL: u32 = 15;
 /// Height of a line of the legend.
 pub(super) const LINE: i32 = 20;
 
-/// Colours of lines and presets, in this order: fast, balanced, best, then others.
+/// Colours of lines and presets, in this order: fast, balanced, best, narrow, then others.
 pub(super) const COLOURS: [RGBColor; 8] = [
     BLUE,
     ORANGE,

@@ -164,7 +164,7 @@ impl Scatter {
         let plain = Marker { shape: Shape::Circle, colour: INK, filled: true, ringed: false };
         let present = |find: &dyn Fn(&Point) -> bool| self.points.iter().any(find);
         let mut keys: Vec<(Marker, &str)> = Vec::new();
-        for (colour, name) in COLOURS.into_iter().zip(["fast", "balanced", "best"]) {
+        for (colour, name) in COLOURS.into_iter().zip(["fast", "balanced", "best", "narrow"]) {
             if present(&|point| point.look.colour == colour) {
                 keys.push((Marker { colour, ..plain }, name));
             }
@@ -236,6 +236,7 @@ fn points<'a>(
     let colour = |preset: &str| match preset {
         "fast" => COLOURS[0],
         "balanced" => COLOURS[1],
+        "narrow" => COLOURS[3],
         _ => COLOURS[2],
     };
     let mut points: Vec<Point> = rows

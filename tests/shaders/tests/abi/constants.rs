@@ -71,6 +71,7 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("STACK_STEP", Only::Any, "a stride within a stack"),
     ("SHORT_ENTRIES", Only::Any, "a stack's depth; deeper rays go elsewhere"),
     ("SHORT_SIZE", Only::Any, "an array's length"),
+    ("BOX_STACK_SIZE", Only::Any, "an array's length"),
     ("VERDICT_MET", Only::Any, "an enum on the CPU"),
     ("VERDICT_IN_DOUBT", Only::Any, "an enum on the CPU"),
     ("COMPARED_LESS", Only::Any, "an enum on the CPU"),

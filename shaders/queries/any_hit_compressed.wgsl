@@ -1,0 +1,25 @@
+// Whether each ray of a batch hits anything, through compressed nodes, as far as a lean traversal can tell.
+// One invocation a ray.
+// Reads: compressed nodes, their references, corners and scale of the scene; the rays of the batch.
+// Writes: a word a ray, except for those that are left to `any_hit_retry`; the indices of these, in any order.
+// Ties: none; the answer does not depend on which hit is found.
+
+@group(0) @binding(5) var<storage, read_write> occluded: array<u32>;
+
+@compute @workgroup_size(64)
+fn main(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(num_workgroups) workgroups: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let index = ray_index(workgroup, workgroups, local);
+    if index >= batch.count {
+        return;
+    }
+    stack_lane = local;
+    let hit = trace_ray(batch_ray(index), QueryOptions(batch.culling, batch.ignore), true);
+    occluded[index] = occluded_word(hit);
+    if hit.triangle == DEFERRED {
+        defer_ray(index);
+    }
+}
