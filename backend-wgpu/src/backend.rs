@@ -171,7 +171,8 @@ impl WgpuBackend {
     /// before.
     pub fn recycle(&self, tree: DeviceTree) {
         if let Some(mut pooled) = self.shared.take_buffers() {
-            let parts = tree.into_parts();
+            let (parts, scene) = tree.into_buffers();
+            pooled.buffers.scene = Some(scene);
             pooled.buffers.put(Buffer::Nodes, parts.nodes);
             pooled.buffers.put(Buffer::LeafReferences, parts.leaf_references);
             pooled.buffers.put(Buffer::Triangles, parts.triangles);

@@ -12,7 +12,7 @@ pub mod probe;
 pub mod query;
 pub mod selftest;
 
-pub use device::{adapters, gpu};
+pub use device::{Traffic, adapters, gpu};
 
 pub use adapters::{AdapterReport, Adapters, adapters};
 pub use backend::WgpuBackend;

@@ -5,7 +5,7 @@ use super::files::{self, ends_in};
 use super::look::Look;
 use super::options::Common;
 use super::percentiles::Percentiles;
-use super::prepared::{BuildReport, in_pool, print_json};
+use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
 use super::stage::{Stage, open_backend};
 use super::{output, progress};
 use clap::Args;
@@ -13,7 +13,7 @@ use serde::Serialize;
 use splitplane::picture::{self, Movie, MovieFormat};
 use splitplane::render::Outputs;
 use splitplane::scene::{Animation, Camera, Change};
-use splitplane::tracer::FrameRequest;
+use splitplane::tracer::{FrameRequest, Moved, Tracer};
 use std::ffi::OsString;
 use std::fs;
 use std::io::BufWriter;
@@ -88,7 +88,52 @@ struct FrameTimes {
     build_ms: f64,
     /// Tracing and shading, until the picture is in host memory.
     trace_ms: f64,
+    /// All three. On a GPU the next tree is built while a frame is traced: these are the times that the host works
+    /// or waits.
     total_ms: f64,
+    /// What crossed between host and GPU since the picture before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    device: Option<Crossed>,
+}
+
+/// What crossed between host and GPU, and how many buffers were made there.
+#[derive(Clone, Copy, Debug, Serialize)]
+struct Crossed {
+    readbacks: u64,
+    bytes_down: u64,
+    uploads: u64,
+    bytes_up: u64,
+    buffers: u64,
+}
+
+impl Crossed {
+    /// What has crossed so far; `None` on the CPU.
+    #[cfg(feature = "wgpu")]
+    fn so_far(tracer: &Tracer) -> Option<Crossed> {
+        let traffic = tracer.traffic()?;
+        Some(Crossed {
+            readbacks: traffic.readbacks,
+            bytes_down: traffic.bytes_down,
+            uploads: traffic.uploads,
+            bytes_up: traffic.bytes_up,
+            buffers: traffic.buffers,
+        })
+    }
+
+    #[cfg(not(feature = "wgpu"))]
+    fn so_far(_tracer: &Tracer) -> Option<Crossed> {
+        None
+    }
+
+    fn since(self, before: Crossed) -> Crossed {
+        Crossed {
+            readbacks: self.readbacks - before.readbacks,
+            bytes_down: self.bytes_down - before.bytes_down,
+            uploads: self.uploads - before.uploads,
+            bytes_up: self.bytes_up - before.bytes_up,
+            buffers: self.buffers - before.buffers,
+        }
+    }
 }
 
 /// What `--json` says about an animation.
@@ -152,13 +197,25 @@ impl Arguments {
         let mut movie = self.open_movie(format, count)?;
         let count = count.get() as usize;
         let bar = progress::bar(common.quiet, "rendering", count as u64);
-        let mut times = Vec::new();
+        let (mut times, mut pixels) = (Vec::new(), Vec::new());
+        let mut before = Crossed::so_far(&stage.tracer);
+        let first = self.build(&mut stage, &mut animation, 0)?;
+        let mut traced = Some(self.trace(&mut stage, &animation, first)?);
         for number in 0..count {
-            let frame = number % animation.frames();
-            let (pixels, took) = self.frame(&mut stage, &mut animation, frame)?;
+            let Some(took) = traced.take() else { break };
+            // While this frame is traced, the tree of the next one is built. What goes wrong with the next one ends
+            // the run after this one.
+            let frame = (number + 1) % animation.frames();
+            let next = (number + 1 < count).then(|| self.build(&mut stage, &mut animation, frame));
+            let mut took = self.finish(&mut stage, took, &mut pixels)?;
+            let now = Crossed::so_far(&stage.tracer);
+            took.device = now.zip(before).map(|(now, before)| now.since(before));
+            before = now;
+            let next = next.map(|next| self.trace(&mut stage, &animation, next?)).transpose();
             times.push(took);
             self.write(&pixels, number, movie.as_mut())?;
             bar.inc(1);
+            traced = next?;
         }
         bar.finish_and_clear();
         let mut written: Vec<String> =
@@ -192,13 +249,13 @@ impl Arguments {
         Ok(Some(Film { movie, part }))
     }
 
-    /// Makes a frame, and gives its picture and times.
-    fn frame(
+    /// Moves the scene to a frame and submits the build of its tree.
+    fn build(
         &self,
         stage: &mut Stage,
         animation: &mut Animation,
         frame: usize,
-    ) -> Result<(Vec<u32>, FrameTimes), Failure> {
+    ) -> Result<FrameTimes, Failure> {
         let start = Instant::now();
         let Stage { scene, tracer, placed, options, .. } = stage;
         let change = animation.set(frame, scene)?;
@@ -211,10 +268,35 @@ impl Arguments {
             Change::Positions => tracer.update_normals(&mesh, &scene.appearance()),
             Change::Everything => tracer.update_appearance(&mesh, &scene.appearance())?,
         }
-        let updated = Instant::now();
-        tracer.rebuild(&mesh, options)?;
-        let built = Instant::now();
-        let camera: Camera = match animation.camera(frame) {
+        let update_ms = milliseconds(start);
+        let start = Instant::now();
+        tracer.submit_rebuild(&Moved { mesh, name: Some(frame as u64) }, options)?;
+        Ok(FrameTimes {
+            frame,
+            time_s: animation.time(frame),
+            triangles: scene.indices.len() as u32,
+            rays: 0,
+            update_ms,
+            build_ms: milliseconds(start),
+            trace_ms: 0.0,
+            total_ms: 0.0,
+            device: None,
+        })
+    }
+
+    /// Submits the frame whose tree was submitted.
+    fn trace(
+        &self,
+        stage: &mut Stage,
+        animation: &Animation,
+        mut took: FrameTimes,
+    ) -> Result<FrameTimes, Failure> {
+        let Stage { scene, tracer, placed, .. } = stage;
+        let start = Instant::now();
+        tracer.finish_rebuild()?;
+        took.build_ms += milliseconds(start);
+        let start = Instant::now();
+        let camera: Camera = match animation.camera(took.frame) {
             Some(camera) => self.look.camera(camera)?,
             None => placed.camera,
         };
@@ -225,21 +307,26 @@ impl Arguments {
             outputs: Outputs::PIXELS,
             query: self.common.query_options(),
         };
-        let made = tracer.frame(&mesh, &request)?;
-        let (pixels, rays) = (made.pixels()?.into_owned(), made.stats().rays());
-        let done = Instant::now();
-        let ms = |from: Instant, to: Instant| to.duration_since(from).as_secs_f64() * 1e3;
-        let times = FrameTimes {
-            frame,
-            time_s: animation.time(frame),
-            triangles: scene.indices.len() as u32,
-            rays,
-            update_ms: ms(start, updated),
-            build_ms: ms(updated, built),
-            trace_ms: ms(built, done),
-            total_ms: ms(start, done),
-        };
-        Ok((pixels, times))
+        tracer.submit_frame(&scene.mesh()?, &request)?;
+        took.trace_ms = milliseconds(start);
+        Ok(took)
+    }
+
+    /// Waits for the frame that was submitted, takes its picture, and gives its times.
+    fn finish(
+        &self,
+        stage: &mut Stage,
+        took: FrameTimes,
+        pixels: &mut Vec<u32>,
+    ) -> Result<FrameTimes, Failure> {
+        let start = Instant::now();
+        let made = stage.tracer.finish_frame()?;
+        pixels.clear();
+        pixels.extend_from_slice(&made.pixels()?);
+        let rays = made.stats().rays();
+        let trace_ms = took.trace_ms + milliseconds(start);
+        let total_ms = took.update_ms + took.build_ms + trace_ms;
+        Ok(FrameTimes { rays, trace_ms, total_ms, ..took })
     }
 
     fn write(

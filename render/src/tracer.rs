@@ -3,15 +3,19 @@
 
 mod error;
 mod frame;
+mod moved;
 #[cfg(feature = "cpu")]
 mod on_cpu;
 #[cfg(feature = "wgpu")]
 mod on_gpu;
 mod output;
+mod tree_size;
 
 pub use error::TracerError;
 pub use frame::{Frame, FrameRequest};
+pub use moved::Moved;
 pub use output::Output;
+pub use tree_size::TreeSize;
 
 use crate::frame::FrameInput;
 use crate::plan::Plan;
@@ -141,6 +145,7 @@ impl Tracer {
     ) -> Result<(), TracerError> {
         SceneData::check(mesh, appearance)?;
         self.rebuild_for_queries(mesh, options)?;
+        on!(&mut self.on, on => on.forget_keyframes());
         Ok(self.appearance.describe_again(mesh, appearance)?)
     }
 
@@ -168,6 +173,32 @@ impl Tracer {
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
         on!(&mut self.on, on => on.rebuild_for_queries(mesh, options))
+    }
+
+    /// Submits the build of a tree over vertices that have moved. On a GPU it returns at once: the tree that is
+    /// there goes on answering, also for a frame that was submitted before, and [`Tracer::finish_rebuild`] or the
+    /// next frame takes the new one. Vertices and indices that are on the device already are not sent again. A
+    /// build that was submitted before and not taken is cancelled. The options' watch is not called.
+    ///
+    /// On the CPU the tree is built before this returns.
+    ///
+    /// # Errors
+    /// As for [`Tracer::rebuild`].
+    pub fn submit_rebuild(
+        &mut self,
+        moved: &Moved<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        on!(&mut self.on, on => on.submit_rebuild(moved, options))
+    }
+
+    /// Waits for the tree that was submitted, and for a frame that still needs the old one, and takes the tree.
+    /// Does nothing when none is under way.
+    ///
+    /// # Errors
+    /// As for [`Tracer::rebuild`].
+    pub fn finish_rebuild(&mut self) -> Result<(), TracerError> {
+        on!(&mut self.on, on => on.finish_rebuild())
     }
 
     /// Takes over another appearance: materials, lights, normals, textures. `mesh` is the one that
@@ -210,12 +241,37 @@ impl Tracer {
         on!(&self.on, on => on.summary())
     }
 
+    /// How large the last tree is; nothing is read back for it.
+    pub fn tree_size(&self) -> TreeSize {
+        on!(&self.on, on => on.tree_size())
+    }
+
     /// The name of the last tree; one that is on a GPU alone is read back for it.
     ///
     /// # Errors
     /// A device that fails.
     pub fn digest(&self) -> Result<Digest, TracerError> {
         on!(&self.on, on => on.digest())
+    }
+
+    /// What has crossed between host and device so far, and how many buffers were made; `None` on the CPU.
+    #[cfg(feature = "wgpu")]
+    pub fn traffic(&self) -> Option<splitplane_wgpu::Traffic> {
+        match &self.on {
+            On::Gpu(on) => Some(on.traffic()),
+            #[cfg(feature = "cpu")]
+            On::Cpu(_) => None,
+        }
+    }
+
+    /// Limits the paths of a wave on a GPU, for less memory; pictures do not depend on it. Does nothing on the CPU.
+    #[cfg(feature = "wgpu")]
+    pub fn limit_paths(&mut self, paths: u32) {
+        match &mut self.on {
+            On::Gpu(on) => on.limit_paths(paths),
+            #[cfg(feature = "cpu")]
+            On::Cpu(_) => {}
+        }
     }
 
     /// How a frame would be rendered: steps, queues and bytes.
@@ -239,6 +295,56 @@ impl Tracer {
     ) -> Result<Frame<'_>, TracerError> {
         let input = input(mesh, &self.appearance, request);
         let stats = on!(&mut self.on, on => on.frame(&input))?;
+        Ok(Frame { on: &self.on, stats })
+    }
+
+    /// Submits a frame of the tree that was built or submitted last; [`Tracer::finish_frame`] has it. On a GPU
+    /// this returns when that tree is there, and the outputs come back together with the counters, in one round
+    /// trip. The next tree may be submitted meanwhile. A frame that was submitted before is forgotten.
+    ///
+    /// On the CPU the frame is rendered before this returns.
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame`].
+    pub fn submit_frame(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+    ) -> Result<(), TracerError> {
+        let input = input(mesh, &self.appearance, request);
+        on!(&mut self.on, on => on.submit_frame(&input))
+    }
+
+    /// As [`Tracer::submit_frame`] on a GPU, into a buffer as for [`Tracer::frame_into`].
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame_into`].
+    #[cfg(feature = "wgpu")]
+    pub fn submit_frame_into(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<(), TracerError> {
+        let input = input(mesh, &self.appearance, request);
+        match &mut self.on {
+            On::Gpu(on) => on.submit_frame_into(&input, target),
+            #[cfg(feature = "cpu")]
+            On::Cpu(_) => Err(TracerError::NotOnGpu),
+        }
+    }
+
+    /// Whether [`Tracer::finish_frame`] would return at once. Never waits.
+    pub fn is_frame_done(&mut self) -> bool {
+        on!(&mut self.on, on => on.is_frame_done())
+    }
+
+    /// Waits for the frame that was submitted.
+    ///
+    /// # Errors
+    /// As for [`Tracer::frame`]; no frame was submitted, or it was given already.
+    pub fn finish_frame(&mut self) -> Result<Frame<'_>, TracerError> {
+        let stats = on!(&mut self.on, on => on.finish_frame())?;
         Ok(Frame { on: &self.on, stats })
     }
 

@@ -34,6 +34,8 @@ pub(crate) struct Buffers {
     /// The buffer that is mapped after the build.
     pub(crate) readback: wgpu::Buffer,
     blocks: u32,
+    /// The uniform of a tree that is no longer needed, for the next one.
+    pub(crate) scene: Option<wgpu::Buffer>,
 }
 
 /// Blocks of parameters before those of slices: for lists as they are, and for lists that have changed
@@ -59,6 +61,7 @@ impl Buffers {
             stride,
             readback: gpu.buffer("readback", readback::TREE, READBACK)?,
             blocks: 2,
+            scene: None,
         })
     }
 
@@ -157,10 +160,10 @@ impl Buffers {
             let input = self.get(Buffer::Input);
             let (positions, indices) = mesh.arrays();
             let positions: &[u8] = bytemuck::cast_slice(positions);
-            gpu.queue().write_buffer(input, 0, positions);
+            gpu.write(input, 0, positions);
             if let Some(indices) = indices {
                 let bytes = bytemuck::cast_slice(indices);
-                gpu.queue().write_buffer(input, positions.len() as u64, bytes);
+                gpu.write(input, positions.len() as u64, bytes);
             }
         }
         Ok(())
@@ -192,7 +195,7 @@ impl Buffers {
             let at = (u64::from(block) * self.stride) as usize;
             bytes[at..at + size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&here));
         }
-        gpu.queue().write_buffer(&self.parameters, 0, &bytes);
+        gpu.write(&self.parameters, 0, &bytes);
     }
 
     /// Where the parameters of a whole grid begin.

@@ -181,11 +181,7 @@ impl PendingBuild {
         let parameters = self.capacities.parameters(&self.options.config, self.first_index);
         buffers.write_parameters(&shared.gpu, &parameters);
         let counters = first_counters(self.capacities.triangles);
-        shared.gpu.queue().write_buffer(
-            buffers.get(Buffer::Counters),
-            0,
-            bytemuck::bytes_of(&counters),
-        );
+        shared.gpu.write(buffers.get(Buffer::Counters), 0, bytemuck::bytes_of(&counters));
         self.record(levels, true)
     }
 

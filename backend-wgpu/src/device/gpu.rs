@@ -10,6 +10,7 @@ use crate::device::driver;
 use crate::device::health::Health;
 use crate::device::host;
 use crate::device::needs;
+use crate::device::traffic::{Counted, Traffic};
 use crate::error::GpuError;
 use crate::options::OpenOptions;
 
@@ -31,6 +32,8 @@ pub struct Gpu {
     compiler: Arc<Compiler>,
     /// The last submission that is complete; shared by clones. While it is held nobody else submits.
     last: Arc<Mutex<Option<wgpu::SubmissionIndex>>>,
+    /// What crosses between host and device; shared by clones.
+    traffic: Arc<Counted>,
 }
 
 impl Gpu {
@@ -56,9 +59,9 @@ impl Gpu {
         let limits = device.limits();
         let timeout = driver::default_timeout(info.device_type);
         let compiler = Arc::new(Compiler::new(driver::bounds(&OpenOptions::default(), &info)));
-        let (health, last) = Default::default();
+        let (health, last, traffic) = Default::default();
         let software = info.device_type == wgpu::DeviceType::Cpu;
-        Gpu { device, queue, info, limits, software, health, timeout, compiler, last }
+        Gpu { device, queue, info, limits, software, health, timeout, compiler, last, traffic }
     }
 
     /// The same device with another time-out.
@@ -197,12 +200,31 @@ impl Gpu {
             wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
         let made = self.guard(|| self.device.create_buffer(&description));
         self.health.check_lost(&self.device)?;
+        self.traffic.buffer();
         made.map_err(|error| match error {
             GpuError::OutOfMemory { .. } => {
                 GpuError::OutOfMemory { what: label.to_owned(), needed: size }
             }
             other => other,
         })
+    }
+
+    /// Sends bytes to a buffer with the usage `COPY_DST`, ahead of the next submission, and counts them. What is
+    /// refused goes to the error scopes of this thread.
+    pub fn write(&self, buffer: &wgpu::Buffer, at: u64, bytes: &[u8]) {
+        self.traffic.upload(bytes.len() as u64);
+        self.queue.write_buffer(buffer, at, bytes);
+    }
+
+    /// Counts bytes that were copied to a mapped buffer for the host.
+    pub fn note_readback(&self, bytes: u64) {
+        self.traffic.readback(bytes);
+    }
+
+    /// What has crossed between host and device so far through this crate and the renderer, by this device and
+    /// its clones: what is uploaded for single batches of rays is not counted.
+    pub fn traffic(&self) -> Traffic {
+        self.traffic.so_far()
     }
 
     /// Compiles a compute pipeline with an automatic layout.
@@ -324,8 +346,12 @@ impl Gpu {
     pub fn wait(&self) -> Result<(), GpuError> {
         // The submission is named, since wgpu panics when it waits for "the most recent" one while
         // another thread is submitting.
-        let last = self.last.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        self.wait_for(last)
+        self.wait_for(self.last_submission())
+    }
+
+    /// The last submission through [`Gpu::submit`], by this device and its clones.
+    pub fn last_submission(&self) -> Option<wgpu::SubmissionIndex> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Waits until a submission is done, or everything submitted so far when `None`.
@@ -365,6 +391,7 @@ impl Gpu {
         let out = self.map(buffer, mapped).and_then(|()| {
             let view = buffer.get_mapped_range(..mapped);
             let view = view.map_err(|error| GpuError::Refused(error.to_string()))?;
+            self.note_readback(mapped);
             host::copied(&view[..bytes as usize])
         });
         // Where mapping failed there may be nothing to undo.

@@ -17,8 +17,10 @@ pub mod pipelines;
 pub mod profile;
 pub mod readback;
 pub(crate) mod scope;
+pub mod traffic;
 
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
 pub use kernel_set::{DeviceSet, Text};
 pub use pipelines::{Compiled, Instrument, Pipelines};
+pub use traffic::Traffic;

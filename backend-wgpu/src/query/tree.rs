@@ -56,22 +56,27 @@ impl DeviceTree {
     /// Buffers larger than a binding may be, or a device that fails.
     pub fn from_parts(queries: &Queries, parts: TreeParts) -> Result<DeviceTree, GpuError> {
         let limits = queries.triangle_limits(&parts.triangles, parts.triangle_count)?;
-        DeviceTree::with_limits(queries, parts, &limits)
+        DeviceTree::with_limits(queries, parts, &limits, None)
     }
 
-    /// As [`DeviceTree::from_parts`], for triangles whose limits are known.
+    /// As [`DeviceTree::from_parts`], for triangles whose limits are known. `scene` is the uniform of a tree that
+    /// is no longer needed.
     pub(crate) fn with_limits(
         queries: &Queries,
         parts: TreeParts,
         limits: &Limits,
+        scene: Option<wgpu::Buffer>,
     ) -> Result<DeviceTree, GpuError> {
         let gpu = queries.gpu();
         let scale = SceneScale::new(parts.bounds, limits);
         let uniform = SceneUniform::from(&scale);
         let scene = checked(gpu, "the scene's uniform", || {
             let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
-            let scene = gpu.buffer("scene", size_of::<SceneUniform>() as u64, usage)?;
-            gpu.queue().write_buffer(&scene, 0, bytemuck::bytes_of(&uniform));
+            let scene = match scene {
+                Some(scene) => scene,
+                None => gpu.buffer("scene", size_of::<SceneUniform>() as u64, usage)?,
+            };
+            gpu.write(&scene, 0, bytemuck::bytes_of(&uniform));
             Ok(scene)
         })?;
         for (what, buffer) in [
@@ -105,7 +110,7 @@ impl DeviceTree {
             use wgpu::BufferUsages as Usage;
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
             let buffer = gpu.buffer(what, bytes.len() as u64, usage)?;
-            gpu.queue().write_buffer(&buffer, 0, bytes);
+            gpu.write(&buffer, 0, bytes);
             Ok(buffer)
         };
         let parts = checked(gpu, "the upload of a tree", || {
@@ -143,6 +148,11 @@ impl DeviceTree {
     /// The buffers, for further use.
     pub fn into_parts(self) -> TreeParts {
         self.parts
+    }
+
+    /// All buffers: the parts, and the uniform of the scene.
+    pub(crate) fn into_buffers(self) -> (TreeParts, wgpu::Buffer) {
+        (self.parts, self.scene)
     }
 
     /// The tree, read back to host memory. Waits for the device.

@@ -26,6 +26,9 @@ pub enum TracerError {
     /// A picture was requested in a GPU buffer, but it is rendered on the CPU.
     #[error("the frame is made on the CPU and cannot go to a buffer of a GPU")]
     NotOnGpu,
+    /// A frame was asked for before any was submitted, or twice.
+    #[error("no frame was submitted")]
+    NothingSubmitted,
     /// A device's driver did not follow some rays to their end.
     #[error(
         "the device's driver ended the work on {pixels} pixels before it was done; use the backend \

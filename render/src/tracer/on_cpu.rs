@@ -1,6 +1,6 @@
 //! Frames on the cores of this machine.
 
-use super::TracerError;
+use super::{Moved, TracerError, TreeSize};
 use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
 use crate::layout::{FirstCost, FirstHit};
@@ -17,6 +17,8 @@ pub(super) struct OnCpu {
     backend: CpuBackend,
     accelerator: CpuAccelerator,
     renderer: CpuRenderer,
+    /// A frame that was submitted and not asked for yet.
+    submitted: Option<FrameStats>,
 }
 
 impl OnCpu {
@@ -26,7 +28,7 @@ impl OnCpu {
         options: &BuildOptions<'_>,
     ) -> Result<OnCpu, TracerError> {
         let accelerator = backend.build_accelerator(mesh, options)?;
-        Ok(OnCpu { backend, accelerator, renderer: CpuRenderer::new() })
+        Ok(OnCpu { backend, accelerator, renderer: CpuRenderer::new(), submitted: None })
     }
 
     pub(super) fn describe(&self) -> BackendInfo {
@@ -61,12 +63,48 @@ impl OnCpu {
         *self.accelerator.summary()
     }
 
+    pub(super) fn tree_size(&self) -> TreeSize {
+        let tree = self.accelerator.tree();
+        let bytes = self.accelerator.query_bytes();
+        TreeSize { nodes: tree.nodes.len(), references: tree.references.len(), bytes }
+    }
+
     pub(super) fn digest(&self) -> Result<Digest, TracerError> {
         Ok(self.accelerator.tree().digest())
     }
 
     pub(super) fn frame(&mut self, input: &FrameInput<'_>) -> Result<FrameStats, TracerError> {
+        self.submitted = None;
         Ok(self.renderer.render(&self.accelerator, input)?)
+    }
+
+    /// The cores do one thing after the other: a tree is built when it is asked for.
+    pub(super) fn submit_rebuild(
+        &mut self,
+        moved: &Moved<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        self.rebuild(&moved.mesh, options)
+    }
+
+    pub(super) fn finish_rebuild(&mut self) -> Result<(), TracerError> {
+        Ok(())
+    }
+
+    pub(super) fn forget_keyframes(&mut self) {}
+
+    /// A frame too is rendered when it is asked for. Its outputs stay where they are until the next one.
+    pub(super) fn submit_frame(&mut self, input: &FrameInput<'_>) -> Result<(), TracerError> {
+        self.submitted = Some(self.frame(input)?);
+        Ok(())
+    }
+
+    pub(super) fn finish_frame(&mut self) -> Result<FrameStats, TracerError> {
+        self.submitted.take().ok_or(TracerError::NothingSubmitted)
+    }
+
+    pub(super) fn is_frame_done(&mut self) -> bool {
+        true
     }
 
     pub(super) fn pixels(&self) -> Result<Cow<'_, [u32]>, TracerError> {

@@ -1,16 +1,18 @@
 //! Frames on a GPU.
 
-use super::TracerError;
+use super::{Moved, TracerError, TreeSize};
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
+use crate::kernel::Buffer;
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
-use crate::wgpu::WgpuRenderer;
+use crate::wgpu::{Keyframes, WgpuRenderer};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
+use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::digest::Digest;
-use splitplane_wgpu::{DeviceTree, WgpuAccelerator, WgpuBackend};
+use splitplane_wgpu::{DeviceTree, PendingBuild, Traffic, WgpuAccelerator, WgpuBackend};
 use std::borrow::Cow;
 
 #[derive(Debug)]
@@ -18,6 +20,12 @@ pub(super) struct OnGpu {
     backend: WgpuBackend,
     tree: Tree,
     renderer: WgpuRenderer,
+    /// Vertices on the device.
+    keyframes: Keyframes,
+    /// The tree for the next frame.
+    building: Option<PendingBuild>,
+    /// A submitted frame that had to be waited for before it was asked for.
+    settled: Option<Result<FrameStats, TracerError>>,
 }
 
 /// A tree on the device.
@@ -46,7 +54,14 @@ impl OnGpu {
     ) -> Result<OnGpu, TracerError> {
         let accelerator = backend.build_accelerator(mesh, options)?;
         let renderer = WgpuRenderer::new(backend.queries().gpu().clone())?;
-        Ok(OnGpu { backend, tree: Tree::Copied(Box::new(accelerator)), renderer })
+        Ok(OnGpu {
+            backend,
+            tree: Tree::Copied(Box::new(accelerator)),
+            renderer,
+            keyframes: Keyframes::default(),
+            building: None,
+            settled: None,
+        })
     }
 
     pub(super) fn describe(&self) -> BackendInfo {
@@ -54,7 +69,7 @@ impl OnGpu {
     }
 
     pub(super) fn room(&self) -> Room {
-        crate::wgpu::room(self.backend.gpu())
+        *self.renderer.room()
     }
 
     pub(super) fn rebuild(
@@ -62,7 +77,9 @@ impl OnGpu {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        self.cancel();
         let built = self.backend.build_on_device(mesh, options)?;
+        self.settle();
         self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
         Ok(())
     }
@@ -72,9 +89,88 @@ impl OnGpu {
         mesh: &Mesh<'_>,
         options: &BuildOptions<'_>,
     ) -> Result<(), TracerError> {
+        self.cancel();
         let accelerator = self.backend.build_accelerator(mesh, options)?;
+        self.settle();
         self.take(Tree::Copied(Box::new(accelerator)));
         Ok(())
+    }
+
+    /// Lets the vertices of other scenes go.
+    pub(super) fn forget_keyframes(&mut self) {
+        self.keyframes.forget();
+    }
+
+    /// Submits the build of the next tree; the one that is there is left as it is.
+    pub(super) fn submit_rebuild(
+        &mut self,
+        moved: &Moved<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), TracerError> {
+        self.cancel();
+        let gpu = self.backend.gpu();
+        let mesh = self.keyframes.place(gpu, &moved.mesh, moved.name).map_err(BuildError::from)?;
+        self.building = Some(self.backend.submit_build_from(&mesh, options)?);
+        Ok(())
+    }
+
+    /// Waits for the next tree and takes it.
+    pub(super) fn finish_rebuild(&mut self) -> Result<(), TracerError> {
+        let Some(mut building) = self.building.take() else { return Ok(()) };
+        // A frame that must be repeated needs the old tree.
+        self.settle();
+        let built = building.wait()?;
+        self.take(Tree::OnDevice(Box::new(built.tree), built.summary));
+        Ok(())
+    }
+
+    /// Nobody wants the next tree any more.
+    fn cancel(&mut self) {
+        if let Some(building) = self.building.take() {
+            building.cancel();
+        }
+    }
+
+    /// Submits a frame whose outputs come along.
+    pub(super) fn submit_frame(&mut self, input: &FrameInput<'_>) -> Result<(), TracerError> {
+        self.finish_rebuild()?;
+        self.settled = None;
+        Ok(self.renderer.submit_for_host(self.tree.on_device(), input)?)
+    }
+
+    /// Submits a frame into a buffer of the device.
+    pub(super) fn submit_frame_into(
+        &mut self,
+        input: &FrameInput<'_>,
+        target: &wgpu::Buffer,
+    ) -> Result<(), TracerError> {
+        self.finish_rebuild()?;
+        self.settled = None;
+        Ok(self.renderer.submit_into(target, self.tree.on_device(), input)?)
+    }
+
+    /// Waits for the submitted frame.
+    pub(super) fn finish_frame(&mut self) -> Result<FrameStats, TracerError> {
+        match self.settled.take() {
+            Some(settled) => settled,
+            None if self.renderer.is_pending() => Ok(self.renderer.wait()?),
+            None => Err(TracerError::NothingSubmitted),
+        }
+    }
+
+    /// Whether the submitted frame is done. Never waits.
+    pub(super) fn is_frame_done(&mut self) -> bool {
+        if self.settled.is_none() && self.renderer.is_pending() {
+            self.settled = self.renderer.poll().map_err(TracerError::from).transpose();
+        }
+        self.settled.is_some() || !self.renderer.is_pending()
+    }
+
+    /// Waits for a frame that was submitted and not asked for yet.
+    fn settle(&mut self) {
+        if self.settled.is_none() && self.renderer.is_pending() {
+            self.settled = Some(self.renderer.wait().map_err(TracerError::from));
+        }
     }
 
     /// Replaces the tree; the next build gets the old one's buffers.
@@ -100,6 +196,12 @@ impl OnGpu {
         }
     }
 
+    pub(super) fn tree_size(&self) -> TreeSize {
+        let tree = self.tree.on_device();
+        let [nodes, references] = [tree.node_count(), tree.reference_count()].map(|n| n as usize);
+        TreeSize { nodes, references, bytes: tree.bytes() }
+    }
+
     pub(super) fn digest(&self) -> Result<Digest, TracerError> {
         match &self.tree {
             Tree::Copied(accelerator) => Ok(accelerator.tree().digest()),
@@ -110,6 +212,8 @@ impl OnGpu {
     }
 
     pub(super) fn frame(&mut self, input: &FrameInput<'_>) -> Result<FrameStats, TracerError> {
+        self.finish_rebuild()?;
+        self.settled = None;
         Ok(self.renderer.render(self.tree.on_device(), input)?)
     }
 
@@ -119,22 +223,33 @@ impl OnGpu {
         input: &FrameInput<'_>,
         target: &wgpu::Buffer,
     ) -> Result<FrameStats, TracerError> {
+        self.finish_rebuild()?;
+        self.settled = None;
         Ok(self.renderer.render_into(target, self.tree.on_device(), input)?)
     }
 
+    pub(super) fn limit_paths(&mut self, paths: u32) {
+        self.renderer.limit_paths(paths);
+    }
+
+    /// What has crossed between host and device.
+    pub(super) fn traffic(&self) -> Traffic {
+        self.backend.gpu().traffic()
+    }
+
     pub(super) fn pixels(&self) -> Result<Cow<'_, [u32]>, TracerError> {
-        Ok(Cow::Owned(self.renderer.pixels()?))
+        Ok(self.renderer.output(Buffer::Pixels, "picture")?)
     }
 
     pub(super) fn radiance(&self) -> Result<Cow<'_, [[f32; 4]]>, TracerError> {
-        Ok(Cow::Owned(self.renderer.radiance()?))
+        Ok(self.renderer.output(Buffer::Radiance, "radiance")?)
     }
 
     pub(super) fn first_hits(&self) -> Result<Cow<'_, [FirstHit]>, TracerError> {
-        Ok(Cow::Owned(self.renderer.first_hits()?))
+        Ok(self.renderer.output(Buffer::FirstHits, "record of first hits")?)
     }
 
     pub(super) fn first_costs(&self) -> Result<Cow<'_, [FirstCost]>, TracerError> {
-        Ok(Cow::Owned(self.renderer.first_costs()?))
+        Ok(self.renderer.output(Buffer::FirstCosts, "record of first costs")?)
     }
 }

@@ -129,9 +129,9 @@ impl Buffers {
 
     /// Uploads the initial data of the frame: the uniform and the counters.
     pub(super) fn upload(&self, gpu: &Gpu, frame: &Frame, counters: &Counters) {
-        gpu.queue().write_buffer(&self.uniform, 0, bytemuck::bytes_of(frame));
+        gpu.write(&self.uniform, 0, bytemuck::bytes_of(frame));
         if let Some(buffer) = self.get(Buffer::Counters) {
-            gpu.queue().write_buffer(buffer, 0, bytemuck::bytes_of(counters));
+            gpu.write(buffer, 0, bytemuck::bytes_of(counters));
         }
     }
 
@@ -141,7 +141,7 @@ impl Buffers {
         let fill = |buffer: Buffer, element: &[u8]| {
             if let Some(held) = self.get(buffer) {
                 let bytes = element.repeat(plan.elements(buffer) as usize);
-                gpu.queue().write_buffer(held, 0, &bytes);
+                gpu.write(held, 0, &bytes);
             }
         };
         fill(Buffer::FirstHits, bytemuck::bytes_of(&FirstHit::MISS));
@@ -160,7 +160,7 @@ impl Buffers {
             return;
         };
         let at = 4 * words.start as u64;
-        gpu.queue().write_buffer(buffer, at, bytemuck::cast_slice(&scene.words()[words]));
+        gpu.write(buffer, at, bytemuck::cast_slice(&scene.words()[words]));
         self.scene = now;
     }
 

@@ -62,6 +62,11 @@ pub struct FrameJob<'a> {
 }
 
 impl FrameJob<'_> {
+    /// A buffer, for what comes after the schedule.
+    pub(super) fn output(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
+        self.buffers.get(buffer)
+    }
+
     /// The most items that a grid may represent now.
     fn most(&self, counter: Counter) -> u32 {
         match counter {

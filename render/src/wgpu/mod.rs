@@ -6,12 +6,15 @@
 //! counters, and the requested outputs. A frame of one slice is one submission; of several, each
 //! slice is one, so that none holds more than [`Room::GPU`](crate::Room::GPU) paths per wave.
 
+mod brought;
 mod buffers;
 mod executor;
+mod keyframes;
 mod renderer;
 mod room;
 
 pub use executor::{FrameJob, WgpuExecutor};
+pub use keyframes::{KEYFRAME_BYTES, Keyframes};
 pub use renderer::WgpuRenderer;
 
 /// Limits of the queues of a frame on a device, for plans that are made before a renderer is.

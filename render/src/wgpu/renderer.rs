@@ -1,5 +1,6 @@
 //! Renders frames, one at a time, in the same memory of a device.
 
+use super::brought::{self, Brought};
 use super::buffers::Buffers;
 use super::executor::{WgpuExecutor, executor, features};
 use super::room;
@@ -14,6 +15,7 @@ use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
 use splitplane_wgpu::device::{LoopControl, Pipelines};
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::Instant;
@@ -32,6 +34,9 @@ pub struct WgpuRenderer {
     room: Room,
     pending: Option<Pending>,
     finished: Option<Plan>,
+    /// For what comes back, between frames.
+    spare: Option<wgpu::Buffer>,
+    brought: Brought,
 }
 
 /// A frame that was submitted.
@@ -43,6 +48,10 @@ struct Pending {
     readback: wgpu::Buffer,
     mapped: Arc<AtomicU8>,
     submissions: u32,
+    /// The last of them.
+    last: Option<wgpu::SubmissionIndex>,
+    /// Whether the outputs come back together with the counters.
+    brings: bool,
 }
 
 /// States of the mapping that a callback reports.
@@ -60,7 +69,16 @@ impl WgpuRenderer {
         let pipelines = Pipelines::default();
         let buffers = Buffers::new(&gpu)?;
         let room = room::of(&gpu);
-        Ok(WgpuRenderer { gpu, pipelines, buffers, room, pending: None, finished: None })
+        Ok(WgpuRenderer {
+            gpu,
+            pipelines,
+            buffers,
+            room,
+            pending: None,
+            finished: None,
+            spare: None,
+            brought: Brought::default(),
+        })
     }
 
     /// Gives one kernel another text, or its own again: for tests that inject faults.
@@ -79,6 +97,11 @@ impl WgpuRenderer {
     /// most [`Room::GPU`] and what the device allows.
     pub fn limit_paths(&mut self, paths: u32) {
         self.room.paths = paths.clamp(1, room::of(&self.gpu).paths);
+    }
+
+    /// The limits of the queues of a frame.
+    pub fn room(&self) -> &Room {
+        &self.room
     }
 
     /// The device.
@@ -133,7 +156,22 @@ impl WgpuRenderer {
     pub fn submit(&mut self, tree: &DeviceTree, input: &FrameInput<'_>) -> Result<(), RenderError> {
         let plan = self.plan(input)?;
         self.buffers.set_target(None);
-        self.begin(tree, input, plan)
+        self.begin(tree, input, plan, false)
+    }
+
+    /// As [`WgpuRenderer::submit`], for a host that wants all outputs that it asks for: they come back together
+    /// with the counters, in one round trip, and [`WgpuRenderer::pixels`] and the like wait for nothing.
+    ///
+    /// # Errors
+    /// As for [`WgpuRenderer::render`].
+    pub fn submit_for_host(
+        &mut self,
+        tree: &DeviceTree,
+        input: &FrameInput<'_>,
+    ) -> Result<(), RenderError> {
+        let plan = self.plan(input)?;
+        self.buffers.set_target(None);
+        self.begin(tree, input, plan, true)
     }
 
     /// As [`WgpuRenderer::submit`] into a buffer: see [`WgpuRenderer::render_into`].
@@ -159,7 +197,7 @@ impl WgpuRenderer {
         }
         let plan = self.plan(input)?;
         self.buffers.set_target(Some(target));
-        self.begin(tree, input, plan)
+        self.begin(tree, input, plan, false)
     }
 
     fn begin(
@@ -167,15 +205,27 @@ impl WgpuRenderer {
         tree: &DeviceTree,
         input: &FrameInput<'_>,
         plan: Plan,
+        brings: bool,
     ) -> Result<(), RenderError> {
-        self.pending = None;
-        self.finished = None;
+        self.forget();
         if input.query.accuracy == Accuracy::Exact {
             return Err(RenderError::ExactOnDevice);
         }
         let frame = self.prepare(tree, input, &plan)?;
         let features = features(&plan, input.query.accuracy);
-        self.record(plan, frame, features, 0)
+        self.record(plan, frame, features, 0, brings)
+    }
+
+    /// Nothing is under way or finished any more.
+    fn forget(&mut self) {
+        self.pending = None;
+        self.finished = None;
+        self.brought.clear();
+    }
+
+    /// Whether a frame was submitted and not polled to its end.
+    pub fn is_pending(&self) -> bool {
+        self.pending.is_some()
     }
 
     /// Makes space and uploads the scene; returns the frame's uniform.
@@ -205,8 +255,13 @@ impl WgpuRenderer {
         frame: Frame,
         features: RenderFeatures,
         before: u32,
+        brings: bool,
     ) -> Result<(), RenderError> {
-        let readback = self.gpu.buffer("counters, read back", 64, READBACK)?;
+        let needed = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
+        let readback = match self.spare.take().filter(|spare| spare.size() >= needed) {
+            Some(spare) => spare,
+            None => self.gpu.buffer("what a frame sends back", needed, READBACK)?,
+        };
         let gpu = Arc::clone(&self.gpu);
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let submissions = gpu.guard(|| -> Result<u32, RenderError> {
@@ -216,20 +271,29 @@ impl WgpuRenderer {
                 executor(&gpu, pipelines, buffers, plan, features, LoopControl::Recorded);
             schedule::frame(&mut executor, &plan)?;
             if let Some(counters) = counters {
-                executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, 64);
+                let bytes = brought::COUNTERS;
+                executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
+            }
+            for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
+                if let Some(held) = executor.job().output(buffer).cloned() {
+                    let (at, bytes) = (place.start, place.end - place.start);
+                    executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
+                }
             }
             executor.submit()?;
             Ok(executor.submissions())
         })??;
+        let last = gpu.last_submission();
         let mapped = Arc::new(AtomicU8::new(WAITING));
         let told = Arc::clone(&mapped);
         gpu.guard(|| {
-            readback.map_async(wgpu::MapMode::Read, .., move |result| {
+            readback.map_async(wgpu::MapMode::Read, ..needed, move |result| {
                 told.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
             });
         })?;
         let submissions = before + submissions;
-        self.pending = Some(Pending { plan, frame, features, readback, mapped, submissions });
+        self.pending =
+            Some(Pending { plan, frame, features, readback, mapped, submissions, last, brings });
         Ok(())
     }
 
@@ -266,7 +330,9 @@ impl WgpuRenderer {
         let mut since = Instant::now();
         let mut submissions = self.pending.as_ref().map_or(0, |pending| pending.submissions);
         loop {
-            self.gpu.wait()?;
+            // For this frame alone: later work, such as the build for the next one, goes on.
+            let last = self.pending.as_ref().and_then(|pending| pending.last.clone());
+            self.gpu.wait_for(last)?;
             if let Some(stats) = self.poll()? {
                 return Ok(stats);
             }
@@ -284,11 +350,20 @@ impl WgpuRenderer {
 
     /// Reads the counters: the frame is done, or must be repeated.
     fn look(&mut self, pending: Pending) -> Result<Option<FrameStats>, RenderError> {
-        let Pending { plan, frame, features, readback, submissions, .. } = pending;
+        let Pending { plan, frame, features, readback, submissions, brings, .. } = pending;
+        let bytes = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
         let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
-        let bytes = readback.get_mapped_range(..).map_err(refused)?.to_vec();
-        let counters: Counters = bytemuck::pod_read_unaligned(&bytes[..64]);
-        if counters[Counter::Overflow] == 0 {
+        self.gpu.note_readback(bytes);
+        let view = readback.get_mapped_range(..bytes).map_err(refused)?;
+        let counters: Counters = bytemuck::pod_read_unaligned(&view[..size_of::<Counters>()]);
+        let is_void = counters[Counter::Overflow] != 0;
+        if brings && !is_void {
+            self.brought.take(&plan, &view);
+        }
+        drop(view);
+        self.gpu.guard(|| readback.unmap())?;
+        self.spare = Some(readback);
+        if !is_void {
             self.finished = Some(plan);
             return Ok(Some(FrameStats::new(plan, &counters, None)));
         }
@@ -297,7 +372,7 @@ impl WgpuRenderer {
             shadow_rays: plan.shadow_room(),
         })?;
         let frame = Frame { slice_pixels: plan.slice_pixels(), ..frame };
-        self.record(plan, frame, features, submissions)?;
+        self.record(plan, frame, features, submissions, brings)?;
         Ok(None)
     }
 
@@ -313,8 +388,7 @@ impl WgpuRenderer {
         plan: &Plan,
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, RenderError> {
-        self.pending = None;
-        self.finished = None;
+        self.forget();
         self.buffers.set_target(None);
         let frame = self.prepare(tree, input, plan)?;
         let features = features(plan, input.query.accuracy);
@@ -334,7 +408,7 @@ impl WgpuRenderer {
     /// # Errors
     /// No finished frame with pixels; a device that fails.
     pub fn pixels(&self) -> Result<Vec<u32>, RenderError> {
-        self.output(Buffer::Pixels, "picture")
+        self.output(Buffer::Pixels, "picture").map(Cow::into_owned)
     }
 
     /// The buffer of the picture, on the device, with the usages `STORAGE`, `COPY_SRC` and `COPY_DST`;
@@ -349,7 +423,7 @@ impl WgpuRenderer {
     /// # Errors
     /// No finished frame with light; a device that fails.
     pub fn radiance(&self) -> Result<Vec<[f32; 4]>, RenderError> {
-        self.output(Buffer::Radiance, "radiance")
+        self.output(Buffer::Radiance, "radiance").map(Cow::into_owned)
     }
 
     /// The hit of the first ray of each pixel; `triangle` is `u32::MAX - 1` where the driver did
@@ -358,7 +432,7 @@ impl WgpuRenderer {
     /// # Errors
     /// No finished frame with first hits; a device that fails.
     pub fn first_hits(&self) -> Result<Vec<FirstHit>, RenderError> {
-        self.output(Buffer::FirstHits, "record of first hits")
+        self.output(Buffer::FirstHits, "record of first hits").map(Cow::into_owned)
     }
 
     /// The cost of the first ray of each pixel. The visits of nodes are those of this device:
@@ -367,19 +441,24 @@ impl WgpuRenderer {
     /// # Errors
     /// No finished frame with first costs; a device that fails.
     pub fn first_costs(&self) -> Result<Vec<FirstCost>, RenderError> {
-        self.output(Buffer::FirstCosts, "record of first costs")
+        self.output(Buffer::FirstCosts, "record of first costs").map(Cow::into_owned)
     }
 
-    fn output<T: bytemuck::AnyBitPattern>(
+    /// An output, in place where it came along with the frame.
+    pub(crate) fn output<T: bytemuck::AnyBitPattern>(
         &self,
         buffer: Buffer,
         what: &'static str,
-    ) -> Result<Vec<T>, RenderError> {
+    ) -> Result<Cow<'_, [T]>, RenderError> {
+        if let Some(words) = self.brought.words(buffer) {
+            return Ok(Cow::Borrowed(bytemuck::cast_slice(words)));
+        }
         let bytes = self.finished.map_or(0, |plan| plan.bytes(buffer));
         match self.buffers.get(buffer) {
             Some(held) if bytes > 0 => {
                 let bytes = read(&self.gpu, held, 0, bytes)?;
-                Ok(bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect())
+                let elements = bytes.chunks_exact(size_of::<T>());
+                Ok(Cow::Owned(elements.map(bytemuck::pod_read_unaligned).collect()))
             }
             _ => Err(RenderError::NoOutput { what }),
         }

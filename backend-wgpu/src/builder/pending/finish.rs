@@ -41,6 +41,9 @@ impl PendingBuild {
         let config = self.options.config;
         let readback = self.buffers.as_ref().expect("until finished").readback.clone();
         let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
+        // Where the host wants no tree, no more than the head was copied.
+        let copied = if self.tree_to_host { readback.size() } else { readback::TREE };
+        self.shared.gpu.note_readback(copied);
         let head = readback.get_mapped_range(..readback::TREE).map_err(refused)?.to_vec();
         let counters = counters_from(&head, self.swapped);
         if counters[Counter::Overflow] & Overflow::Unfinished as u32 != 0 {
@@ -110,6 +113,7 @@ impl PendingBuild {
             0 => Limits::NONE,
             _ => limits_from(&head[readback::LIMITS as usize..]),
         };
+        let scene = buffers.scene.take();
         self.shared.keep_buffers(Pooled {
             buffers,
             capacities: self.capacities,
@@ -117,7 +121,7 @@ impl PendingBuild {
             config,
             levels: counters[Counter::Levels],
         });
-        let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits)?;
+        let tree = DeviceTree::with_limits(&self.shared.queries, parts, &limits, scene)?;
         let effort = self.effort;
         Ok(Some(DeviceBuild { tree, summary, effort, times, host_tree }))
     }
