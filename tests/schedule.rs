@@ -86,7 +86,7 @@ impl Executor<TreeBuilder> for Failing {
 #[test]
 fn a_failing_kernel_ends_the_build() {
     for at in Kernel::ALL {
-        let binned = matches!(at, Kernel::BinReferences | Kernel::SplitBinned);
+        let binned = matches!(at, Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned);
         let planes = if binned { Planes::Binned } else { Planes::Median };
         let mut executor = Failing { at, ran: Vec::new() };
         assert!(build(&mut executor, planes).is_err(), "{at:?}");
