@@ -124,6 +124,8 @@ fn measure_scene(
     // Built-in scenes with their size, files without their folder.
     let name = if name.starts_with("builtin:") { name } else { &scene.name };
     report.build(name, &built.figures, floor.as_deref(), costs)?;
+    // Whatever comes may be stopped by somebody who has no more time.
+    report.write(options.check)?;
     let mut measured = Measured { times: &built.times, primary: None };
     if options.no_rays {
         return predictor.scene(asked, preset, options, measured, report);
@@ -148,6 +150,7 @@ fn measure_scene(
         for figures in accuracy::measure(&built, set, options)? {
             report.accuracy(name, &figures)?;
         }
+        report.write(options.check)?;
     }
     if options.check {
         return Ok(());

@@ -91,7 +91,7 @@ fn scaled(
 ) -> Result<(CountedBuild, String), Failure> {
     let large = options.counted_triangles();
     let [few, many] = [large / 4, large].map(|size| -> Result<CountedBuild, Failure> {
-        let scene = Scene::open(&format!("builtin:city:{size}"))?;
+        let scene = Scene::open(format!("builtin:city:{size}"))?;
         build::count(counter, &scene.mesh()?, preset)
     });
     let (few, many) = (few?, many?);
