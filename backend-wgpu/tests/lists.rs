@@ -9,6 +9,9 @@ mod by_sources;
 mod poison;
 
 use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::sync::atomic::AtomicU64;
+use std::sync::atomic::Ordering::Relaxed;
 use std::sync::{Arc, OnceLock};
 
 use splitplane_core::arithmetic::Strict;
@@ -19,6 +22,7 @@ use splitplane_core::query::certify;
 use splitplane_core::query::inside::{DIRECTION, LocateOptions};
 use splitplane_core::ray::{Culling, Hit, QueryOptions, Ray};
 use splitplane_core::triangle::{Triangle, prepare};
+use splitplane_core::watch::{Progress, Watch};
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
 use splitplane_test_support::aim::{self, Kind};
 use splitplane_test_support::random::Random;
@@ -180,11 +184,16 @@ fn all_hits_are_the_cpus() {
 fn nothing_that_nobody_aimed_is_left_to_the_cpu() {
     for scene in [scenes::soup(2_000, 0.3, 5), scenes::sphere(30, [1.0, 2.0, 3.0], 2.0)] {
         let case = Case::new(&scene);
-        // Several slices.
         let rays = aim::rays(&scene.mesh(), Kind::Random, 20_000, 1);
-        let (crossings, by_cpu) = case.check(&rays, &AllHitsOptions::default());
+        // In several slices.
+        let options = AllHitsOptions { max_memory: Some(4 << 20), ..AllHitsOptions::default() };
+        let (crossings, by_cpu) = case.check(&rays, &options);
         assert!(crossings > 2_000, "{crossings}");
         assert_eq!(by_cpu, 0, "{}", case.name);
+        // Nearly all that is listed is crossed, but for triangles that reach from behind the origin to before it.
+        let length = |ray| case.listed(ray, &QueryOptions::default()).expect("a list").len();
+        let listed: usize = rays.iter().map(length).sum();
+        assert!(listed >= crossings && listed * 10 <= crossings * 11, "{listed}, {crossings}");
         let points: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
         assert_eq!(case.check_points(&points), 0, "{}", case.name);
     }
@@ -277,6 +286,78 @@ fn lists_that_memory_does_not_hold() {
     assert!(case.device.locate(&[a], &none).is_err());
 }
 
+/// Under any limit the answer is right, or the error says what is needed.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn any_limit_of_memory_is_kept() {
+    let scene = scenes::soup(600, 1.0, 4);
+    let case = Case::new(&scene);
+    let rays = aim::rays(&scene.mesh(), Kind::Random, 200, 5);
+    let expected = case.cpu.all_hits(&rays, &AllHitsOptions::default()).expect("all hits");
+    let (mut kept, mut refused) = (0, 0);
+    let mut limit = 1u64;
+    while limit < 1 << 24 {
+        let options = AllHitsOptions { max_memory: Some(limit), ..AllHitsOptions::default() };
+        match case.device.all_hits(&rays, &options) {
+            Ok(all) => {
+                assert!(all.crossings == expected.crossings && all.starts == expected.starts);
+                assert!(all.bytes() <= limit, "{} of {limit}", all.bytes());
+                kept += 1;
+            }
+            Err(QueryError::OutOfMemory { needed, limit: told }) => {
+                assert!(told == limit && needed > limit, "{needed} of {limit}");
+                assert_eq!(kept, 0, "what little memory holds, more does too");
+                refused += 1;
+            }
+            Err(error) => panic!("{error}"),
+        }
+        limit += 1 + limit / 4;
+    }
+    assert!(kept > 10 && refused > 10, "{kept} kept, {refused} refused");
+}
+
+/// Ends the work at a call of this number.
+struct EndsAt(u64, AtomicU64);
+
+impl Watch for EndsAt {
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        assert!(progress.done <= progress.total);
+        let call = self.1.fetch_add(1, Relaxed);
+        assert!(call <= self.0, "called after the end");
+        if call == self.0 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn watches_end_them_anywhere() {
+    let scene = scenes::soup(600, 1.0, 4);
+    let case = Case::new(&scene);
+    let rays = aim::rays(&scene.mesh(), Kind::Random, 3_000, 5);
+    let points: Vec<[f32; 3]> = rays.iter().map(|ray| ray.origin).collect();
+    let mut calls = [0, 0];
+    for points_too in [false, true] {
+        loop {
+            let watch = EndsAt(calls[usize::from(points_too)], AtomicU64::new(0));
+            let ended = if points_too {
+                let options = LocateOptions { watch: Some(&watch), ..LocateOptions::default() };
+                case.device.locate(&points, &options).map(drop)
+            } else {
+                let options = AllHitsOptions { watch: Some(&watch), ..AllHitsOptions::default() };
+                case.device.all_hits(&rays, &options).map(drop)
+            };
+            match ended {
+                Ok(()) => break,
+                Err(QueryError::Cancelled { done, total: 3_000 }) => assert!(done <= 3_000),
+                Err(error) => panic!("{error}"),
+            }
+            // Not at every call: the device is watched while it works.
+            calls[usize::from(points_too)] = calls[usize::from(points_too)] * 5 / 4 + 1;
+        }
+    }
+    assert!(calls.iter().all(|calls| *calls > 10), "{calls:?}");
+}
+
 /// Rays that a driver does not follow to their end, rays that take the deep stack, and rays from far away.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -351,8 +432,21 @@ fn sources() -> [String; 2] {
         .map(|name| splitplane_shaders::find(name).expect("a kernel").source())
 }
 
-/// Cases, rays and what the core lists.
-fn kernel_cases() -> Vec<(Case, Vec<Ray>, Vec<Option<BTreeSet<u32>>>)> {
+/// A case, rays, and what the core lists of each.
+struct KernelCase {
+    case: Case,
+    rays: Vec<Ray>,
+    expected: Vec<Option<BTreeSet<u32>>>,
+}
+
+impl KernelCase {
+    /// Whether kernels of these sources list what the core does.
+    fn holds(&self, sources: &[String; 2]) -> bool {
+        are_the_cores(&lists_by_sources(sources, &self.case, &self.rays), &self.expected)
+    }
+}
+
+fn kernel_cases() -> Vec<KernelCase> {
     let scenes = [
         scenes::soup(400, 0.3, 18),
         scenes::needle_star(),
@@ -373,7 +467,7 @@ fn kernel_cases() -> Vec<(Case, Vec<Ray>, Vec<Option<BTreeSet<u32>>>)> {
             rays.extend((0..300).map(along));
             let options = QueryOptions::default();
             let expected = rays.iter().map(|ray| case.listed(ray, &options)).collect();
-            (case, rays, expected)
+            KernelCase { case, rays, expected }
         })
         .collect()
 }
@@ -384,10 +478,9 @@ fn kernel_cases() -> Vec<(Case, Vec<Ray>, Vec<Option<BTreeSet<u32>>>)> {
 fn kernels_list_what_the_core_does() {
     let [lean, retry] = sources();
     let poisoned = poison::WORDS.map(|word| poison::poisoned(&lean, word).expect("memory"));
-    for (case, rays, expected) in kernel_cases() {
+    for case in kernel_cases() {
         for lean in [&lean, &poisoned[0], &poisoned[1]] {
-            let lists = lists_by_sources(&[lean.clone(), retry.clone()], &case, &rays);
-            assert!(are_the_cores(&lists, &expected), "{}", case.name);
+            assert!(case.holds(&[lean.clone(), retry.clone()]), "{}", case.case.name);
         }
     }
 }
@@ -416,10 +509,7 @@ fn planted_faults_are_seen() {
     ] {
         let faulty = sources.clone().map(|source| source.replacen(from, to, 1));
         assert_ne!(faulty, sources, "{from}: the text is not there");
-        let differs = |(case, rays, expected): &(Case, Vec<Ray>, Vec<_>)| {
-            !are_the_cores(&lists_by_sources(&faulty, case, rays), expected)
-        };
-        if !cases.iter().any(differs) {
+        if cases.iter().all(|case| case.holds(&faulty)) {
             unseen.push((from, to));
         }
     }

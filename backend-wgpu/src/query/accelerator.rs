@@ -23,6 +23,9 @@ use crate::error::GpuError;
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
 /// counted in the report.
 ///
+/// For all hits and points in a mesh the device lists the triangles that matter to each ray, and the host decides them
+/// exactly.
+///
 /// Under accuracy `exact` the device names the triangles of which it is certain and leaves the
 /// other rays undecided; the options say how to treat those, and the report counts them. Distances
 /// and weights come from the host copy, so that hits are the CPU backend's, bit for bit. Where the
