@@ -5,13 +5,17 @@ use std::marker::PhantomData;
 use splitplane_core::kernel::{Access, KernelSet, Slot};
 use wgpu::{BindGroup, BindGroupEntry, BindGroupLayout, BindGroupLayoutEntry, BufferBinding};
 
-use super::kernel_set::DeviceSet;
+use super::kernel_set::{Bound, DeviceSet};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
-/// The layout of a kernel's only bind group.
-pub(super) fn layout<K: DeviceSet>(gpu: &Gpu, kernel: K::Kernel) -> BindGroupLayout {
-    let entry = |(binding, slot): (u32, Slot<K>)| {
+/// The layout of a kernel's only bind group, with these bindings.
+pub(super) fn layout<K: DeviceSet>(
+    gpu: &Gpu,
+    kernel: K::Kernel,
+    bound: &[Bound<K>],
+) -> BindGroupLayout {
+    let entry = |&Bound { binding, slot, .. }: &Bound<K>| {
         let (ty, has_dynamic_offset) = match slot {
             Slot::Uniform(uniform) => {
                 (wgpu::BufferBindingType::Uniform, K::is_list_of_blocks(uniform))
@@ -28,14 +32,14 @@ pub(super) fn layout<K: DeviceSet>(gpu: &Gpu, kernel: K::Kernel) -> BindGroupLay
             count: None,
         }
     };
-    let entries: Vec<BindGroupLayoutEntry> = (0..).zip(K::slots(kernel)).map(entry).collect();
+    let entries: Vec<BindGroupLayoutEntry> = bound.iter().map(entry).collect();
     gpu.device().create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
         label: Some(K::kernel(kernel).name),
         entries: &entries,
     })
 }
 
-/// What a kernel binds, each slot as `find` has it.
+/// What a kernel binds, each binding as `find` has it.
 ///
 /// # Errors
 /// [`GpuError::Refused`] for a slot that `find` lacks.
@@ -43,23 +47,24 @@ pub(crate) fn bind<'a, K: DeviceSet>(
     gpu: &Gpu,
     layout: &BindGroupLayout,
     kernel: K::Kernel,
-    find: impl Fn(Slot<K>) -> Option<BufferBinding<'a>>,
+    bound: &[Bound<K>],
+    find: impl Fn(&Bound<K>) -> Option<BufferBinding<'a>>,
 ) -> Result<BindGroup, GpuError> {
-    let entry = |(binding, slot): (u32, Slot<K>)| match find(slot) {
+    let entry = |bound: &Bound<K>| match find(bound) {
         Some(buffer) => {
-            Ok(BindGroupEntry { binding, resource: wgpu::BindingResource::Buffer(buffer) })
+            let (binding, resource) = (bound.binding, wgpu::BindingResource::Buffer(buffer));
+            Ok(BindGroupEntry { binding, resource })
         }
         // A schedule for different work from what the executor was made for.
         None => {
-            let what = match slot {
+            let what = match bound.slot {
                 Slot::Uniform(uniform) => format!("{uniform:?}"),
                 Slot::Storage(storage) => format!("{:?}", storage.buffer),
             };
             Err(GpuError::Refused(format!("{kernel:?} needs {what}, which is not there")))
         }
     };
-    let entries: Result<Vec<BindGroupEntry<'_>>, GpuError> =
-        (0..).zip(K::slots(kernel)).map(entry).collect();
+    let entries: Result<Vec<BindGroupEntry<'_>>, GpuError> = bound.iter().map(entry).collect();
     Ok(gpu.device().create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some(K::kernel(kernel).name),
         layout,
@@ -68,34 +73,44 @@ pub(crate) fn bind<'a, K: DeviceSet>(
 }
 
 /// The bind groups of a set's kernels that were made so far: while the lists of this round and the
-/// next are in their original places, and while they have changed places. They hold as long as the
-/// buffers do.
+/// next are in their original places, and while they have changed places, each for every view of long lists.
+/// They hold as long as the buffers do.
 #[derive(Debug)]
 pub struct BindGroups<K> {
-    /// By kernel.
-    groups: Vec<[Option<BindGroup>; 2]>,
+    /// By kernel, then two for each view.
+    groups: Vec<Vec<Option<BindGroup>>>,
     set: PhantomData<K>,
 }
 
 impl<K: KernelSet> Default for BindGroups<K> {
     fn default() -> BindGroups<K> {
-        BindGroups { groups: vec![[None, None]; K::KERNELS.len()], set: PhantomData }
+        BindGroups { groups: vec![Vec::new(); K::KERNELS.len()], set: PhantomData }
     }
 }
 
 impl<K: KernelSet> BindGroups<K> {
     /// Forgets all of them: a buffer is another.
     pub fn clear(&mut self) {
-        self.groups.fill([None, None]);
+        self.groups.fill(Vec::new());
     }
 
     /// Forgets those of a kernel.
     pub fn forget(&mut self, kernel: K::Kernel) {
-        self.groups[K::kernel_index(kernel)] = [None, None];
+        self.groups[K::kernel_index(kernel)].clear();
     }
 
-    /// The index of a kernel's bind groups.
-    pub(super) fn place(&mut self, kernel: K::Kernel, swapped: bool) -> &mut Option<BindGroup> {
-        &mut self.groups[K::kernel_index(kernel)][usize::from(swapped)]
+    /// The place of one of a kernel's bind groups.
+    pub(super) fn place(
+        &mut self,
+        kernel: K::Kernel,
+        swapped: bool,
+        view: u32,
+    ) -> &mut Option<BindGroup> {
+        let groups = &mut self.groups[K::kernel_index(kernel)];
+        let index = 2 * view as usize + usize::from(swapped);
+        if groups.len() <= index {
+            groups.resize(index + 1, None);
+        }
+        &mut groups[index]
     }
 }

@@ -13,8 +13,9 @@ use super::error::DeviceQueryError;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
 use super::layout::{DEFERRED_USAGE, RAY_BYTES};
-use super::pipelines::{Queries, test_of};
+use super::pipelines::{Queries, test_of, triangles_of};
 use super::tree::DeviceTree;
+use crate::device::kernel_set::Bound;
 use crate::device::once;
 use crate::error::GpuError;
 
@@ -133,21 +134,21 @@ impl Queries {
         options: &QueryOptions<'_>,
         query: Query,
     ) -> Result<(), GpuError> {
-        let test = test_of(options);
+        let variant = self.variant(test_of(options), tree.triangles());
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
             offset: 0,
             size: wgpu::BufferSize::new(u64::from(count) * bytes),
         };
         let whole = wgpu::Buffer::as_entire_buffer_binding;
-        let find = |slot: Slot<RayQueries>| match slot {
+        let find = |bound: &Bound<RayQueries>| match bound.slot {
             Slot::Uniform(QueryUniform::Scene) => Some(whole(tree.scene())),
             Slot::Uniform(QueryUniform::Batch) => Some(whole(buffers.batch)),
             Slot::Uniform(QueryUniform::TriangleCount) => None,
             Slot::Storage(binding) => match binding.buffer {
                 QueryBuffer::Nodes => Some(whole(tree.nodes())),
                 QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
-                QueryBuffer::Triangles => Some(whole(tree.triangles())),
+                QueryBuffer::Triangles => Some(triangles_of(bound, &variant, tree.triangles())),
                 QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
                 QueryBuffer::Hits | QueryBuffer::Occluded => {
                     Some(part(buffers.results, QueryKernel::result_bytes(query)))
@@ -163,7 +164,7 @@ impl Queries {
         // No ray is deferred yet.
         encoder.clear_buffer(buffers.deferred, 0, Some(4));
         for kernel in QueryKernel::of(query) {
-            once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
+            once::record(self.gpu(), &self.pipelines, encoder, (kernel, &variant), count, find)?;
         }
         Ok(())
     }
