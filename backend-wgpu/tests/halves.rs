@@ -72,7 +72,7 @@ fn every_step_is_the_cpus() {
 }
 
 /// A part of a kernel's text by halves, and what a planted fault makes of it.
-const PLANTED: [(Kernel, &str, &str); 7] = [
+const PLANTED: [(Kernel, &str, &str); 8] = [
     // References that another dispatch stores.
     (Kernel::ScatterReferences, "place >= first_stored() &&", "place > first_stored() &&"),
     (Kernel::ScatterReferences, "place - first_stored()]", "place]"),
@@ -83,6 +83,8 @@ const PLANTED: [(Kernel, &str, &str); 7] = [
     (Kernel::BuildSmall, "root.first + lane - first_seen()", "root.first + lane"),
     (Kernel::BuildSmall, "root.first >= first_seen()", "root.first > first_seen() + 9u"),
     (Kernel::EmitSmall, "root.first < end_seen()", "root.first + 64u < end_seen()"),
+    // A leaf too large to split that lies in both halves.
+    (Kernel::EmitSmall, "max(root.first, first_seen()) + lane", "root.first + lane"),
 ];
 
 /// Faults in what is done for halves alone are seen.
@@ -90,15 +92,19 @@ const PLANTED: [(Kernel, &str, &str); 7] = [
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_planted_fault_is_seen() {
     let gpu = gpu(BINDING);
-    let scene = scene();
+    let default = BuildConfig::default();
+    let scenes =
+        [(scene(), default), (scenes::identical(12_000), BuildConfig { max_depth: 2, ..default })];
     for (kernel, from, to) in PLANTED {
         let shader = &splitplane_shaders::KERNELS[kernel as usize];
         let source = splitplane_shaders::join(&splitplane_shaders::parts_by_halves(shader));
         assert!(source.contains(from), "{from}");
         let planted = source.replacen(from, to, 1);
         let backend = WgpuBackend::with_replaced_kernel(gpu.clone(), kernel, planted);
-        let difference = in_step(&backend, &scene.mesh(), &BuildConfig::default());
-        assert!(difference.is_err(), "{kernel:?}: {to}");
+        let seen = |(scene, config): &(Scene, BuildConfig)| {
+            in_step(&backend, &scene.mesh(), config).is_err()
+        };
+        assert!(scenes.iter().any(seen), "{kernel:?}: {to}");
     }
 }
 
