@@ -274,6 +274,8 @@ impl WgpuBackend {
         let preset = config.preset();
         preset.planes().ok_or(BuildError::PresetNotOnDevice { preset })?;
         let gpu = &self.shared.gpu;
+        let [positions, indices] = Source::Host(*mesh).bytes();
+        let capacities = Capacities { input_bytes: positions + indices, ..capacities };
         let capacities = capacities.within(gpu.limits(), None, config)?;
         gpu.guard(|| self.run_executor(mesh, config, capacities, run))?
     }
@@ -290,8 +292,9 @@ impl WgpuBackend {
         let mut buffers = Buffers::new(gpu)?;
         buffers.reserve(gpu, &capacities, false)?;
         let source = Source::Host(*mesh);
-        buffers.upload(gpu, &source)?;
-        buffers.write_parameters(gpu, &capacities.parameters(config, source.first_index()));
+        buffers.upload(gpu, &capacities, &source)?;
+        let parameters = capacities.parameters(config, source.first_index());
+        buffers.write_parameters(gpu, &capacities, &parameters);
         let counters = first_counters(triangles);
         let bytes = bytemuck::bytes_of(&counters);
         gpu.queue().write_buffer(buffers.get(Buffer::Counters), 0, bytes);

@@ -251,7 +251,7 @@ fn run_arithmetic(
         };
         let mut encoder = gpu.device().create_command_encoder(&Default::default());
         let kernel = (CheckKernel::ArithmeticCheck, &());
-        once::record(gpu, pipelines, &mut encoder, kernel, PAIRS, find)?;
+        once::record(gpu, pipelines, &mut encoder, kernel, PAIRS, |bound| find(bound.slot))?;
         encoder.copy_buffer_to_buffer(&results, 0, &readback, 0, bytes);
         Ok(encoder.finish())
     })??;

@@ -313,8 +313,13 @@ pub struct Parameters {
     pub bins: u32,
     /// 1 when references are clipped.
     pub clip: u32,
-    /// Zero.
-    pub padding: [u32; 3],
+    /// Which halves of lists that several bindings hold a dispatch sees. Bit 0: the second half of what it reads; bit
+    /// 1: the second half of what it writes; bit 2: it writes references of small roots, not of the next level.
+    pub view: u32,
+    /// How many references of active nodes the first half of their list has; `u32::MAX` where one binding holds them.
+    pub reference_half: u32,
+    /// The same of the references of small roots.
+    pub small_reference_half: u32,
 }
 
 const _: () = {

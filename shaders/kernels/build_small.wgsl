@@ -47,8 +47,13 @@ fn main(
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         slot = SUBTREE_WORDS * index;
         kept = index < parameters.subtree_room;
-        let size = build_subtree(small_roots[index], lane);
-        if lane == 0u {
+        let root = small_roots[index];
+        // Uniform: every lane reads the same root.
+        if !is_seen(root) {
+            continue;
+        }
+        let size = build_subtree(root, lane);
+        if lane == 0u && begins_here(root) {
             small_sizes[index] = size;
         }
     }

@@ -56,6 +56,10 @@ fn main(
     let end = slice_end(live(COUNTER_SMALL_ROOTS));
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let root = small_roots[index];
+        // Uniform: every lane reads the same root.
+        if !is_seen(root) {
+            continue;
+        }
         address = top_addresses[root.node];
         let size = small_sizes[index];
         if index < parameters.subtree_room && size.x <= SUBTREE_NODES && size.y <= SUBTREE_REFERENCES {

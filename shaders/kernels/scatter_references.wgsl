@@ -12,7 +12,6 @@
 @group(0) @binding(5) var<storage, read> triangles: array<f32>;
 @group(0) @binding(6) var<storage, read_write> chunk_state: array<u32>;
 @group(0) @binding(7) var<storage, read_write> next_references: array<Reference>;
-@group(0) @binding(8) var<storage, read_write> small_references: array<Reference>;
 
 const LANES: u32 = 256u;
 const BOXES: u32 = 2u;
@@ -37,9 +36,9 @@ fn rank(side: u32, lane: u32) -> u32 {
 fn store(count: u32, place: u32, bounds: Aabb, triangle: u32) {
     let reference = Reference(bounds.lo, triangle, bounds.hi, 0u);
     if count > parameters.small_node_limit {
-        next_references[place] = reference;
+        store_next(place, reference);
     } else {
-        small_references[place] = reference;
+        store_small(place, reference);
     }
 }
 
@@ -52,20 +51,24 @@ fn main(
     opaque_zero = parameters.zero;
     let end = select(0u, slice_end(active_chunk_count()), active_node_count() > 0u);
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
+        let chunk = chunks[index];
+        let decision = decisions[chunk.node];
+        // Uniform: every lane reads the same chunk.
+        if !is_seen(chunk, decision) {
+            continue;
+        }
         workgroupBarrier();
         if lane < 16u {
             side_words[lane] = chunk_state[sides_of(index) + lane];
         }
         workgroupBarrier();
-        let chunk = chunks[index];
-        let decision = decisions[chunk.node];
         var left_bounds = empty_aabb();
         var right_bounds = empty_aabb();
         if lane < chunk.count {
-            let reference = references[chunk.first + lane];
+            let reference = active_reference(chunk.first + lane);
             if decision.axis == TRANSFER {
                 let place = decision.first.x + chunk.first - decision.source_first + lane;
-                small_references[place] = reference;
+                store_small(place, reference);
             } else {
                 let bounds = Aabb(reference.lo, reference.hi);
                 var parts = Parts(bounds, bounds);

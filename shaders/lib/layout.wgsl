@@ -93,7 +93,7 @@ struct Parameters {
     subtree_room: u32,
     bins: u32,
     clip: u32,
-    padding_a: u32,
-    padding_b: u32,
-    padding_c: u32,
+    view: u32,
+    reference_half: u32,
+    small_reference_half: u32,
 }

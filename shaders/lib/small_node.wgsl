@@ -149,15 +149,37 @@ fn from_ordered_bits(order: u32) -> f32 {
     return bitcast<f32>(select(~order, order & 0x7fffffffu, (order >> 31u) == 1u));
 }
 
+// The references that a dispatch sees, where one binding does not hold all: those of the first half or of the second.
+// A root of at most T references is worked on where its first reference is; the binding reaches so far beyond its
+// half that it holds the others too. Without halves the first has all.
+fn first_seen() -> u32 {
+    return select(0u, parameters.small_reference_half, (parameters.view & 1u) != 0u);
+}
+
+fn end_seen() -> u32 {
+    return select(parameters.small_reference_half, 0xffffffffu, (parameters.view & 1u) != 0u);
+}
+
+// Whether a root's first reference is seen.
+fn begins_here(root: SmallRoot) -> bool {
+    return root.first >= first_seen() && root.first < end_seen();
+}
+
+// Whether a dispatch works on a root: of a leaf too large to split it sees a part.
+fn is_seen(root: SmallRoot) -> bool {
+    return begins_here(root) || root.count > parameters.small_node_limit;
+}
+
 // Builds the subtree of a root and returns how many nodes and references it has. All 64 invocations
 // must call it.
 fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
     if root.count > parameters.small_node_limit {
         // A leaf too large to split.
-        for (var i = lane; i < root.count; i += 64u) {
-            put_reference(i, small_references[root.first + i].triangle);
+        let end = min(root.first + root.count, end_seen());
+        for (var place = max(root.first, first_seen()) + lane; place < end; place += 64u) {
+            put_reference(place - root.first, small_references[place - first_seen()].triangle);
         }
-        if lane == 0u {
+        if lane == 0u && begins_here(root) {
             put_node(0u, vec2<u32>(0u, (root.count << 2u) | 3u));
         }
         return vec2<u32>(1u, root.count);
@@ -165,7 +187,7 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
     workgroupBarrier();
     var triangle = 0u;
     if lane < root.count {
-        let reference = small_references[root.first + lane];
+        let reference = small_references[root.first + lane - first_seen()];
         triangle = reference.triangle;
         bounds_lo[lane] = reference.lo;
         bounds_hi[lane] = reference.hi;

@@ -5,11 +5,13 @@
 
 extern crate alloc;
 
+mod continued;
 mod embed;
 mod query;
 mod render;
 mod table;
 
+pub use continued::{continue_lists, parts_by_halves};
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
 pub use query::query;
 pub use render::{RenderFeatures, render_parts, render_retry};

@@ -34,6 +34,8 @@ library! {
     SAH "sah"
     NODE "node"
     CORNERS "corners"
+    CHILDREN "children"
+    CHILDREN_BY_HALVES "children_by_halves"
     CHUNK_STATE "chunk_state"
     CHUNK_STATE_STORE "chunk_state_store"
     ACTIVE_NODE "active_node"
@@ -116,7 +118,7 @@ shaders! {
         "classify_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHUNK_STATE_STORE BALLOT;
         "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE SCAN;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SCAN;
-        "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE REDUCE CHUNK_BOUNDS_STORE;
+        "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE REDUCE CHUNK_BOUNDS_STORE CHILDREN;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
         "subtree_sizes": LAYOUT KERNEL;
         "preorder_addresses": LAYOUT KERNEL;
@@ -234,6 +236,9 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
         (PLAIN_TRIANGLE, None),
     ],
 };
+
+/// The part that replaces another in the kernels of the tree builder where lists go on in second bindings.
+pub(crate) const BY_HALVES: [(Part, Part); 1] = [(CHILDREN, CHILDREN_BY_HALVES)];
 
 /// What a host's own shader needs for tracing rays, except the bindings, the triangle test and the
 /// traversal that goes with it.

@@ -4,8 +4,9 @@ use splitplane_core::kernel::{Buffer, KernelSet, TreeBuilder};
 use splitplane_core::layout::{Counters, Parameters};
 use wgpu::BufferUsages as Usage;
 
-use super::capacities::Capacities;
+use super::capacities::{Capacities, is_long};
 use super::source::Source;
+use super::views::{SCATTER_VIEWS, small_views};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
@@ -36,6 +37,8 @@ pub(crate) struct Buffers {
     blocks: u32,
     /// The uniform of a tree that is no longer needed, for the next one.
     pub(crate) scene: Option<wgpu::Buffer>,
+    /// Slices of the grids over small roots.
+    slices: u32,
 }
 
 /// Blocks of parameters before those of slices: for lists as they are, and for lists that have changed
@@ -62,6 +65,7 @@ impl Buffers {
             readback: gpu.buffer("readback", readback::TREE, READBACK)?,
             blocks: 2,
             scene: None,
+            slices: 1,
         })
     }
 
@@ -111,8 +115,8 @@ impl Buffers {
             }
         }
         self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
-        let slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
-        let blocks = WHOLE_BLOCKS + slices;
+        self.slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
+        let blocks = WHOLE_BLOCKS + small_views(capacities) * self.slices + 2 * SCATTER_VIEWS;
         if self.blocks < blocks {
             let bytes = u64::from(blocks) * self.stride;
             self.parameters = gpu.buffer("parameters", bytes, Usage::UNIFORM | Usage::COPY_DST)?;
@@ -127,18 +131,16 @@ impl Buffers {
             // The old one goes first: both may not fit.
             *slot = None;
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
-            *slot = Some(gpu.buffer(&format!("{buffer:?}"), bytes, usage)?);
+            let label = format!("{buffer:?}");
+            // The sizes of long lists are within the limits: see `Capacities::within`.
+            let made = if is_long(buffer) { Gpu::long_buffer } else { Gpu::buffer };
+            *slot = Some(made(gpu, &label, bytes, usage)?);
         }
         Ok(())
     }
 
-    /// Bytes held once there is space for these capacities and for an input of this many bytes.
-    pub(crate) fn bytes_with(
-        &self,
-        capacities: &Capacities,
-        tree_to_host: bool,
-        input: u64,
-    ) -> u64 {
+    /// Bytes held once there is space for these capacities.
+    pub(crate) fn bytes_with(&self, capacities: &Capacities, tree_to_host: bool) -> u64 {
         let held = |buffer: Buffer, wanted: u64| {
             let held =
                 self.buffers[buffer.storage() as usize].as_ref().map_or(0, wgpu::Buffer::size);
@@ -148,14 +150,18 @@ impl Buffers {
         let growing = Capacities::BUFFERS.map(|buffer| held(buffer, capacities.bytes_of(buffer)));
         growing.iter().sum::<u64>()
             + held(Buffer::Counters, size_of::<Counters>() as u64)
-            + held(Buffer::Input, input)
+            + held(Buffer::Input, capacities.bytes_of(Buffer::Input))
             + self.readback.size().max(readback_bytes(capacities, tree_to_host))
     }
 
     /// Makes space for a mesh and uploads it, if it is in host memory.
-    pub(crate) fn upload(&mut self, gpu: &Gpu, source: &Source<'_>) -> Result<(), GpuError> {
-        let [positions, indices] = source.bytes();
-        self.grow(gpu, Buffer::Input, positions + indices)?;
+    pub(crate) fn upload(
+        &mut self,
+        gpu: &Gpu,
+        capacities: &Capacities,
+        source: &Source<'_>,
+    ) -> Result<(), GpuError> {
+        self.grow(gpu, Buffer::Input, capacities.bytes_of(Buffer::Input))?;
         if let Source::Host(mesh) = source {
             let input = self.get(Buffer::Input);
             let (positions, indices) = mesh.arrays();
@@ -181,19 +187,31 @@ impl Buffers {
         }
     }
 
-    /// Writes parameters for whole grids and for every slice.
-    pub(crate) fn write_parameters(&self, gpu: &Gpu, parameters: &Parameters) {
+    /// Writes parameters for whole grids, for every slice, and for every view of lists by halves.
+    pub(crate) fn write_parameters(
+        &self,
+        gpu: &Gpu,
+        capacities: &Capacities,
+        parameters: &Parameters,
+    ) {
         let mut bytes = vec![0; (u64::from(self.blocks) * self.stride) as usize];
-        for block in 0..self.blocks {
-            let slice = block.checked_sub(WHOLE_BLOCKS);
-            let here = Parameters {
-                swapped: u32::from(block == 1),
-                first: slice.map_or(0, |slice| slice * ROOTS_A_SLICE),
-                count: slice.map_or(u32::MAX, |_| ROOTS_A_SLICE),
+        let whole = [0, 1].map(|swapped| Parameters { swapped, ..*parameters });
+        let mut blocks = whole.to_vec();
+        for view in 0..small_views(capacities) {
+            blocks.extend((0..self.slices).map(|slice| Parameters {
+                first: slice * ROOTS_A_SLICE,
+                count: ROOTS_A_SLICE,
+                view,
                 ..*parameters
-            };
-            let at = (u64::from(block) * self.stride) as usize;
-            bytes[at..at + size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(&here));
+            }));
+        }
+        if capacities.by_halves {
+            let views = (0..SCATTER_VIEWS).flat_map(|view| whole.map(|p| Parameters { view, ..p }));
+            blocks.extend(views);
+        }
+        for (block, here) in blocks.iter().enumerate() {
+            let at = block * self.stride as usize;
+            bytes[at..at + size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(here));
         }
         gpu.write(&self.parameters, 0, &bytes);
     }
@@ -203,8 +221,15 @@ impl Buffers {
         (u64::from(swapped) * self.stride) as u32
     }
 
-    /// Where the parameters of a slice of a grid begin.
-    pub(crate) fn slice(&self, slice: u32) -> u32 {
-        (u64::from(WHOLE_BLOCKS + slice) * self.stride) as u32
+    /// Where the parameters of a slice of a grid over small roots begin, in a view of their references.
+    pub(crate) fn slice(&self, slice: u32, view: u32) -> u32 {
+        (u64::from(WHOLE_BLOCKS + view * self.slices + slice) * self.stride) as u32
+    }
+
+    /// Where the parameters of a view of the lists begin that `scatter_references` moves references between.
+    pub(crate) fn scatter(&self, view: u32, swapped: bool) -> u32 {
+        // Only where lists are bound by halves, so that small roots have two views.
+        let block = WHOLE_BLOCKS + 2 * self.slices + 2 * view + u32::from(swapped);
+        (u64::from(block) * self.stride) as u32
     }
 }

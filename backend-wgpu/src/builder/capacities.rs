@@ -4,12 +4,17 @@ use splitplane_core::config::{BuildConfig, CHUNK, Planes};
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, Parameters};
 
+use crate::device::halves::{self, binding_limit, halves_limit};
 use crate::error::GpuError;
 
 /// Capacities, in elements, of everything that grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Capacities {
     pub triangles: u32,
+    /// Bytes of the mesh.
+    pub input_bytes: u64,
+    /// Whether the longest lists are bound by halves, since one binding is too small for one of them.
+    pub by_halves: bool,
     pub chunks: u32,
     /// Chunks that were too many for what the device can bind; 0 if there were none.
     pub too_many_chunks: u32,
@@ -39,6 +44,8 @@ impl Capacities {
     pub(crate) fn estimate(triangles: u32, config: &BuildConfig) -> Capacities {
         Capacities {
             triangles,
+            input_bytes: 0,
+            by_halves: false,
             chunks: 0,
             too_many_chunks: 0,
             binned: config.preset().planes() == Some(Planes::Binned),
@@ -80,14 +87,23 @@ impl Capacities {
         self
     }
 
-    /// Capacities for what a build turned out to need, and at least twice the capacity of what
-    /// overflowed, since it stopped there.
+    /// Capacities for what a build turned out to need, and twice the capacity of what overflowed, since it stopped
+    /// there; no more than a device can bind, unless it needs more.
     #[must_use]
-    pub(crate) fn grown(mut self, counters: &Counters, config: &BuildConfig) -> Capacities {
+    pub(crate) fn grown(
+        mut self,
+        counters: &Counters,
+        config: &BuildConfig,
+        limits: &wgpu::Limits,
+    ) -> Capacities {
         let overflow = counters[Counter::Overflow];
         let grow = |room: &mut u32, bit: Overflow, needed: u32| {
             if overflow & bit as u32 != 0 {
-                *room = room.saturating_mul(2).max(needed);
+                let buffer = bounded_by(bit);
+                let (bytes, _) =
+                    if is_long(buffer) { halves_limit(limits) } else { binding_limit(limits) };
+                let most = u32::try_from(bytes / buffer.element_size() as u64).unwrap_or(u32::MAX);
+                *room = room.saturating_mul(2).min(most).max(needed).max(room.saturating_add(1));
             }
         };
         // Active and next may have changed places: the greater one overflowed.
@@ -116,6 +132,8 @@ impl Capacities {
     pub(crate) fn union(self, other: Capacities) -> Capacities {
         Capacities {
             triangles: self.triangles.max(other.triangles),
+            input_bytes: self.input_bytes,
+            by_halves: self.by_halves,
             chunks: self.chunks.max(other.chunks),
             too_many_chunks: self.too_many_chunks,
             binned: self.binned,
@@ -159,7 +177,20 @@ impl Capacities {
 
     /// Bytes of a buffer.
     pub(crate) fn bytes_of(&self, buffer: Buffer) -> u64 {
-        u64::from(self.of(buffer)) * buffer.element_size() as u64
+        let bytes = match buffer {
+            Buffer::Input => self.input_bytes,
+            _ => u64::from(self.of(buffer)) * buffer.element_size() as u64,
+        };
+        if self.by_halves && is_long(buffer) { halves::bytes_in_halves(bytes) } else { bytes }
+    }
+
+    /// Elements of the first half of a list of references; all of them where one binding holds it.
+    fn half_of(&self, buffer: Buffer) -> u32 {
+        if !self.by_halves {
+            return u32::MAX;
+        }
+        let elements = halves::first_half(self.bytes_of(buffer)) / buffer.element_size() as u64;
+        u32::try_from(elements).unwrap_or(u32::MAX)
     }
 
     /// The buffers that grow, each storage once; [`Buffer::ChunkBins`] only where planes are found by
@@ -198,15 +229,25 @@ impl Capacities {
         needed: Option<&Capacities>,
         config: &BuildConfig,
     ) -> Result<Capacities, GpuError> {
-        let (limit, name) = binding_limit(limits);
-        let most = |buffer: Buffer| {
-            u32::try_from(limit / buffer.element_size() as u64).unwrap_or(u32::MAX)
+        let one_binding = binding_limit(limits);
+        let needed_bytes = |buffer: Buffer| match buffer {
+            Buffer::Input | Buffer::Triangles => self.bytes_of(buffer),
+            _ => needed.map_or(0, |needed| needed.bytes_of(buffer)),
         };
-        let beyond = |buffer: Buffer, needed: u32| GpuError::Limit {
+        self.by_halves |= LONG.into_iter().any(|buffer| needed_bytes(buffer) > one_binding.0);
+        let by_halves = self.by_halves;
+        let limit_of = |buffer: Buffer| match by_halves && is_long(buffer) {
+            true => halves_limit(limits),
+            false => one_binding,
+        };
+        let most = |buffer: Buffer| {
+            u32::try_from(limit_of(buffer).0 / buffer.element_size() as u64).unwrap_or(u32::MAX)
+        };
+        let beyond = |buffer: Buffer, needed: u64| GpuError::Limit {
             what: format!("the buffer of {buffer:?} for this scene"),
-            limit: name,
-            needed: u64::from(needed) * buffer.element_size() as u64,
-            allowed: limit,
+            limit: limit_of(buffer).1,
+            needed: needed * buffer.element_size() as u64,
+            allowed: limit_of(buffer).0,
         };
         let rooms: [(&mut u32, Buffer); 8] = [
             (&mut self.references, Buffer::References),
@@ -226,15 +267,18 @@ impl Capacities {
                 _ => needed.map_or(0, |needed| needed.of(buffer)),
             };
             if needed > most(buffer) {
-                return Err(beyond(buffer, needed));
+                return Err(beyond(buffer, needed.into()));
             }
             *room = (*room).min(most(buffer));
+        }
+        if self.input_bytes > limit_of(Buffer::Input).0 {
+            return Err(beyond(Buffer::Input, self.input_bytes / 4));
         }
         self = self.with_bounds(config);
         if self.binned {
             let most = most(Buffer::ChunkBins);
             if self.too_many_chunks > most {
-                return Err(beyond(Buffer::ChunkBins, self.too_many_chunks));
+                return Err(beyond(Buffer::ChunkBins, self.too_many_chunks.into()));
             }
             // Seldom reached where T is small: every node may have a chunk of its own.
             self.chunks = self.chunks.min(most);
@@ -270,19 +314,41 @@ impl Capacities {
             subtree_room: self.subtrees,
             bins: config.bins(),
             clip: u32::from(config.clip),
-            padding: [0; 3],
+            view: 0,
+            reference_half: self.half_of(Buffer::References),
+            small_reference_half: self.half_of(Buffer::SmallReferences),
         }
     }
 }
 
-/// The greatest size of a storage buffer, and the limit that says so.
-pub(crate) fn binding_limit(limits: &wgpu::Limits) -> (u64, &'static str) {
-    let binding = limits.max_storage_buffer_binding_size;
-    if binding <= limits.max_buffer_size {
-        (binding, "max_storage_buffer_binding_size")
-    } else {
-        (limits.max_buffer_size, "max_buffer_size")
+/// The lists that two bindings may hold: those that have the most bytes, or else too few bindings would be left.
+const LONG: [Buffer; 5] = [
+    Buffer::Input,
+    Buffer::Triangles,
+    Buffer::References,
+    Buffer::NextReferences,
+    Buffer::SmallReferences,
+];
+
+/// The list whose capacity grows where one overflowed.
+fn bounded_by(bit: Overflow) -> Buffer {
+    match bit {
+        Overflow::SmallRoots => Buffer::SmallRoots,
+        Overflow::SmallReferences => Buffer::SmallReferences,
+        Overflow::TopNodes => Buffer::TopNodes,
+        Overflow::Levels => Buffer::LevelStarts,
+        Overflow::TreeNodes => Buffer::Nodes,
+        Overflow::LeafReferences => Buffer::LeafReferences,
+        // The number of references bounds those of large nodes and of their chunks.
+        Overflow::References | Overflow::Nodes | Overflow::Chunks | Overflow::Unfinished => {
+            Buffer::References
+        }
     }
+}
+
+/// Whether two bindings may hold a list.
+pub(crate) fn is_long(buffer: Buffer) -> bool {
+    LONG.contains(&buffer)
 }
 
 #[cfg(test)]
@@ -309,8 +375,30 @@ mod tests {
         let mut counters = Counters::default();
         counters[Counter::Overflow] = Overflow::TopNodes as u32;
         counters[Counter::TopNodes] = 1;
-        let grown = estimate.grown(&counters, &config);
+        let grown = estimate.grown(&counters, &config, &wgpu::Limits::default());
         assert_eq!(grown, Capacities { top_nodes: 2 * estimate.top_nodes, ..estimate });
+    }
+
+    /// A list that doubles grows to what can be bound, and beyond only where it has that already.
+    #[test]
+    fn lists_grow_to_two_bindings() {
+        let (config, limits) = (BuildConfig::default(), wgpu::Limits::default());
+        let estimate = Capacities::estimate(3_000_000, &config);
+        let cut = estimate.within(&limits, None, &config).unwrap();
+        assert_eq!((cut.small_references, cut.by_halves), (1 << 22, false));
+        let mut counters = Counters::default();
+        counters[Counter::Overflow] = Overflow::SmallReferences as u32;
+        counters[Counter::SmallReferences] = cut.small_references + 1;
+        let grown = cut.grown(&counters, &config, &limits);
+        let grown = grown.within(&limits, Some(&grown), &config).unwrap();
+        assert_eq!((grown.small_references, grown.by_halves), ((1 << 23) - 512, true));
+        assert!(grown.bytes_of(Buffer::SmallReferences) <= limits.max_buffer_size);
+        counters[Counter::SmallReferences] = grown.small_references + 1;
+        let again = grown.grown(&counters, &config, &limits);
+        let error = again.within(&limits, Some(&again), &config).unwrap_err();
+        let GpuError::Limit { what, needed, allowed, .. } = error else { panic!("{error}") };
+        assert!(what.contains("SmallReferences"), "{what}");
+        assert_eq!((needed, allowed), (32 * ((1 << 23) - 511), 32 * ((1 << 23) - 512)));
     }
 
     /// Bins of chunks are there only where planes are found by them. Where every node may have a
@@ -333,7 +421,7 @@ mod tests {
         let mut counters = Counters::default();
         counters[Counter::Overflow] = Overflow::Chunks as u32;
         counters[Counter::Chunks] = cut.chunks + 1;
-        let grown = cut.grown(&counters, &config);
+        let grown = cut.grown(&counters, &config, &limits);
         let error = grown.within(&limits, Some(&grown), &config).unwrap_err();
         let GpuError::Limit { what, needed, allowed, .. } = error else { panic!("{error}") };
         assert!(what.contains("ChunkBins"), "{what}");
@@ -345,12 +433,12 @@ mod tests {
         let config = BuildConfig::default();
         let limits = wgpu::Limits::default();
         let mut needed = Capacities::estimate(1000, &config);
-        needed.small_references = 5_000_000;
+        needed.small_references = 10_000_000;
         let error = needed.within(&limits, Some(&needed), &config).unwrap_err();
         let GpuError::Limit { limit, needed, allowed, .. } = error else { panic!("{error}") };
         assert_eq!(
             (limit, needed, allowed),
-            ("max_storage_buffer_binding_size", 160_000_000, 128 << 20)
+            ("max_storage_buffer_binding_size", 320_000_000, 2 * ((128 << 20) - 8192))
         );
     }
 }

@@ -7,9 +7,12 @@ use splitplane_core::layout::{Counters, LargeNode, Parameters};
 use wgpu::BufferBinding;
 
 use super::buffers::{Buffers, ROOTS_A_SLICE, readback};
-use super::capacities::{Capacities, binding_limit};
+use super::capacities::Capacities;
+use super::views::{self, Lists, SCATTER_VIEWS, small_views};
 use crate::device::executor::CopyOut;
 use crate::device::gpu::Gpu;
+use crate::device::halves::{binding_limit, halves_limit};
+use crate::device::kernel_set::Bound;
 use crate::device::{
     BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
 };
@@ -17,12 +20,20 @@ use crate::error::GpuError;
 use crate::query::Queries;
 
 impl DeviceSet for TreeBuilder {
-    /// A kernel has one text.
-    type Variant = ();
+    /// How the longest lists are bound.
+    type Variant = Lists;
 
-    fn text(kernel: Kernel, (): &()) -> Text {
+    fn text(kernel: Kernel, lists: &Lists) -> Text {
         let shader = &splitplane_shaders::KERNELS[kernel as usize];
-        Text { name: shader.name, parts: shader.parts.into() }
+        let parts = match lists {
+            Lists::Whole => shader.parts.into(),
+            Lists::ByHalves => splitplane_shaders::parts_by_halves(shader).into(),
+        };
+        Text { name: shader.name, parts }
+    }
+
+    fn bindings(kernel: Kernel, lists: &Lists) -> Vec<Bound<TreeBuilder>> {
+        views::bindings(kernel, *lists)
     }
 
     fn is_list_of_blocks(uniform: Uniform) -> bool {
@@ -39,6 +50,7 @@ pub type WgpuExecutor<'a> = DeviceExecutor<'a, Build<'a>>;
 pub struct Build<'a> {
     buffers: &'a mut Buffers,
     capacities: Capacities,
+    lists: Lists,
     groups: BindGroups<TreeBuilder>,
     /// Levels that run without reading the counters.
     levels: u32,
@@ -62,11 +74,15 @@ impl<'a> Build<'a> {
         Build {
             buffers,
             capacities,
+            lists: Lists::of(&capacities),
             groups: BindGroups::default(),
             levels,
             level: from_start.then_some(0),
             software: gpu.is_software(),
-            room: binding_limit(gpu.limits()),
+            room: match capacities.by_halves {
+                true => halves_limit(gpu.limits()),
+                false => binding_limit(gpu.limits()),
+            },
         }
     }
 
@@ -99,8 +115,8 @@ impl Job for Build<'_> {
     type Counters = Counters;
     type Error = GpuError;
 
-    fn variant(&self) -> &() {
-        &()
+    fn variant(&self) -> &Lists {
+        &self.lists
     }
 
     fn buffer(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
@@ -123,23 +139,33 @@ impl Job for Build<'_> {
     }
 
     fn pieces(&self, kernel: Kernel, swapped: bool, pieces: &mut Vec<Piece>) {
-        let piece = |block, workgroups| Piece { block: Some(block), workgroups };
+        let piece = |block, workgroups| Piece { block: Some(block), workgroups, view: 0 };
         let whole = self.buffers.whole(swapped);
         let grid = kernel.grid();
         match grid {
             Grid::One => pieces.push(piece(whole, 1)),
             Grid::Each(Counter::SmallRoots) => {
                 let firsts = (0..self.capacities.small_roots).step_by(ROOTS_A_SLICE as usize);
-                pieces.extend(firsts.map(|first| {
-                    let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
-                    let workgroups = roots.min(most_groups(self.software, roots));
-                    piece(self.buffers.slice(first / ROOTS_A_SLICE), workgroups)
-                }));
+                for view in 0..small_views(&self.capacities) {
+                    pieces.extend(firsts.clone().map(|first| {
+                        let roots = (self.capacities.small_roots - first).min(ROOTS_A_SLICE);
+                        let workgroups = roots.min(most_groups(self.software, roots));
+                        let block = self.buffers.slice(first / ROOTS_A_SLICE, view);
+                        Piece { view, ..piece(block, workgroups) }
+                    }));
+                }
             }
             Grid::Each(counter) | Grid::Invocations(counter, _) => {
                 let wanted = grid.workgroups(self.most(counter));
-                let most = most_groups(self.software, wanted);
-                pieces.push(piece(whole, wanted.clamp(1, most)));
+                let workgroups = wanted.clamp(1, most_groups(self.software, wanted));
+                if kernel == Kernel::ScatterReferences && self.capacities.by_halves {
+                    pieces.extend((0..SCATTER_VIEWS).map(|view| {
+                        let block = self.buffers.scatter(view, swapped);
+                        Piece { view, ..piece(block, workgroups) }
+                    }));
+                } else {
+                    pieces.push(piece(whole, workgroups));
+                }
             }
         }
     }
@@ -179,6 +205,20 @@ impl Job for Build<'_> {
             _ => 0,
         };
         u64::from(self.capacities.chunks) * before as u64
+    }
+
+    fn part<'b>(
+        &self,
+        kernel: Kernel,
+        bound: &Bound<TreeBuilder>,
+        view: u32,
+        held: &'b wgpu::Buffer,
+    ) -> BufferBinding<'b> {
+        views::part(&self.capacities, kernel, bound, view, held)
+    }
+
+    fn viewed(&self, kernel: Kernel, buffer: Buffer, view: u32) -> Buffer {
+        views::viewed(kernel, buffer, view)
     }
 
     /// The root's cell is the tree's bounds; its node will be overwritten.

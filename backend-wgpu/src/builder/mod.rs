@@ -6,6 +6,7 @@ pub mod executor;
 pub mod pending;
 pub(crate) mod shared;
 pub mod source;
+pub mod views;
 
 pub use crate::device::profile::{self, KernelTime};
 pub use executor::{Build, WgpuExecutor};

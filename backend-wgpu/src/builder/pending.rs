@@ -51,7 +51,6 @@ pub struct PendingBuild {
     planes: Planes,
     capacities: Capacities,
     first_index: u32,
-    input_bytes: u64,
     tree_to_host: bool,
     /// The copy of a mesh that is on the device; goes with the first submission.
     mesh_copy: Option<wgpu::CommandBuffer>,
@@ -86,7 +85,9 @@ impl PendingBuild {
         let [position_bytes, index_bytes] = source.bytes();
         let pooled = shared.take_buffers();
         let was_pooled = pooled.is_some();
-        let estimate = Capacities::estimate(triangles, &options.config);
+        let input_bytes = position_bytes + index_bytes;
+        let estimate =
+            Capacities { input_bytes, ..Capacities::estimate(triangles, &options.config) };
         let mut capacities = estimate;
         // A root that is small is no level's work but one.
         let one_level = triangles <= options.config.small_node_limit();
@@ -98,6 +99,7 @@ impl PendingBuild {
                 capacities.triangles = triangles;
                 if (pooled.triangles, pooled.config) == (triangles, options.config) {
                     levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
+                    capacities.by_halves = pooled.capacities.by_halves;
                 }
                 pooled.buffers
             }
@@ -110,7 +112,6 @@ impl PendingBuild {
             capacities,
             planes,
             first_index: source.first_index(),
-            input_bytes: position_bytes + index_bytes,
             tree_to_host,
             mesh_copy: None,
             swapped: false,
@@ -130,7 +131,7 @@ impl PendingBuild {
         let shared = Arc::clone(&pending.shared);
         guarded(&shared.gpu, || {
             let buffers = pending.buffers.as_mut().expect("until finished");
-            buffers.upload(&shared.gpu, source)?;
+            buffers.upload(&shared.gpu, &pending.capacities, source)?;
             if matches!(source, Source::Device(_)) {
                 // Ahead of the build, so that a repeat need not do it again.
                 let mut encoder = shared.gpu.device().create_command_encoder(&Default::default());
@@ -170,8 +171,7 @@ impl PendingBuild {
         } else {
             [0; 3]
         };
-        buffers.bytes_with(&self.capacities, self.tree_to_host, self.input_bytes)
-            + on_host.iter().sum::<u64>()
+        buffers.bytes_with(&self.capacities, self.tree_to_host) + on_host.iter().sum::<u64>()
     }
 
     /// Records and submits a build from its start.
@@ -179,7 +179,7 @@ impl PendingBuild {
         let shared = Arc::clone(&self.shared);
         let buffers = self.buffers.as_mut().expect("until finished");
         let parameters = self.capacities.parameters(&self.options.config, self.first_index);
-        buffers.write_parameters(&shared.gpu, &parameters);
+        buffers.write_parameters(&shared.gpu, &self.capacities, &parameters);
         let counters = first_counters(self.capacities.triangles);
         shared.gpu.write(buffers.get(Buffer::Counters), 0, bytemuck::bytes_of(&counters));
         self.record(levels, true)

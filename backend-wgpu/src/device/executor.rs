@@ -8,7 +8,7 @@ use splitplane_core::build::schedule::Executor;
 use splitplane_core::kernel::{KernelSet, Slot};
 
 use super::bindings::{BindGroups, bind};
-use super::kernel_set::DeviceSet;
+use super::kernel_set::{Bound, DeviceSet};
 use super::pipelines::{Compiled, Pipelines};
 use super::profile::Profile;
 use super::readback::read;
@@ -66,6 +66,28 @@ pub trait Job {
         0
     }
 
+    /// How much of the buffer of a storage is bound: all of it, unless the list has several parts or the view of
+    /// a dispatch is of a part of it ([`Piece::view`]).
+    fn part<'b>(
+        &self,
+        _kernel: SetKernel<Self>,
+        _bound: &Bound<Self::Set>,
+        _view: u32,
+        held: &'b wgpu::Buffer,
+    ) -> wgpu::BufferBinding<'b> {
+        held.as_entire_buffer_binding()
+    }
+
+    /// Which buffer a storage binding of a kernel refers to in a view, by its name.
+    fn viewed(
+        &self,
+        _kernel: SetKernel<Self>,
+        buffer: SetBuffer<Self>,
+        _view: u32,
+    ) -> SetBuffer<Self> {
+        buffer
+    }
+
     /// What must be copied right after a kernel, since a later one overwrites it.
     fn copy_behind(&self, _kernel: SetKernel<Self>) -> Option<CopyOut> {
         None
@@ -84,6 +106,8 @@ pub struct Piece {
     pub block: Option<u32>,
     /// How many workgroups.
     pub workgroups: u32,
+    /// Which parts of long lists it sees; 0 where it sees all.
+    pub view: u32,
 }
 
 /// How a loop continues that is recorded without reading counters.
@@ -281,25 +305,23 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         &mut self,
         kernel: SetKernel<J>,
         layout: &wgpu::BindGroupLayout,
+        view: u32,
     ) -> Result<wgpu::BindGroup, GpuError> {
         let swapped = self.swapped;
-        if let Some(group) = self.job.groups().place(kernel, swapped) {
+        if let Some(group) = self.job.groups().place(kernel, swapped, view) {
             return Ok(group.clone());
         }
-        let group =
-            bind::<J::Set>(
-                self.gpu,
-                layout,
-                kernel,
-                self.pipelines.counted(),
-                |slot| match slot {
-                    Slot::Uniform(uniform) => self.job.uniform(uniform),
-                    Slot::Storage(binding) => {
-                        self.held(binding.buffer).map(wgpu::Buffer::as_entire_buffer_binding)
-                    }
-                },
-            )?;
-        Ok(self.job.groups().place(kernel, swapped).insert(group).clone())
+        let bound = J::Set::bindings(kernel, self.job.variant());
+        let counted = self.pipelines.counted();
+        let find = |bound: &Bound<J::Set>| match bound.slot {
+            Slot::Uniform(uniform) => self.job.uniform(uniform),
+            Slot::Storage(binding) => {
+                let buffer = self.job.viewed(kernel, binding.buffer, view);
+                self.held(buffer).map(|held| self.job.part(kernel, bound, view, held))
+            }
+        };
+        let group = bind::<J::Set>(self.gpu, layout, kernel, &bound, counted, find)?;
+        Ok(self.job.groups().place(kernel, swapped, view).insert(group).clone())
     }
 }
 
@@ -318,9 +340,12 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
     fn dispatch(&mut self, kernel: SetKernel<J>) -> Result<(), J::Error> {
         // All that can fail comes before the pass is opened.
         let (compiled, retry) = self.compiled(kernel)?;
-        let group = self.group(kernel, &compiled.layout)?;
         self.pieces.clear();
         self.job.pieces(kernel, self.swapped, &mut self.pieces);
+        let views: Vec<u32> = self.pieces.iter().map(|piece| piece.view).collect();
+        let groups: Result<Vec<wgpu::BindGroup>, GpuError> =
+            views.into_iter().map(|view| self.group(kernel, &compiled.layout, view)).collect();
+        let groups = groups?;
         if self.profile.is_some() {
             self.pass = None;
         }
@@ -339,10 +364,10 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
         let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
         for compiled in [Some(compiled), retry].iter().flatten() {
             pass.set_pipeline(&compiled.pipeline);
-            for piece in &self.pieces {
+            for (piece, group) in self.pieces.iter().zip(&groups) {
                 let workgroups = piece.workgroups.min(most);
                 self.most_workgroups = self.most_workgroups.max(workgroups);
-                pass.set_bind_group(0, &group, piece.block.as_slice());
+                pass.set_bind_group(0, group, piece.block.as_slice());
                 pass.dispatch_workgroups(workgroups, 1, 1);
                 self.dispatches += 1;
             }

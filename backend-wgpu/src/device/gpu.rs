@@ -182,20 +182,29 @@ impl Gpu {
         bytes: u64,
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
-        let too_large = |limit, allowed| GpuError::Limit {
-            what: label.to_owned(),
-            limit,
-            needed: bytes,
-            allowed,
-        };
+        let most = self.limits.max_storage_buffer_binding_size;
+        if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > most {
+            let (limit, what) = ("max_storage_buffer_binding_size", label.to_owned());
+            return Err(GpuError::Limit { what, limit, needed: bytes, allowed: most });
+        }
+        self.long_buffer(label, bytes, usage)
+    }
+
+    /// As [`Gpu::buffer`], for a list that several bindings may hold.
+    pub(crate) fn long_buffer(
+        &self,
+        label: &str,
+        bytes: u64,
+        usage: wgpu::BufferUsages,
+    ) -> Result<wgpu::Buffer, GpuError> {
         let most = self.limits.max_buffer_size;
         let size = bytes.max(16).checked_next_multiple_of(4);
-        let size = size.filter(|size| *size <= most);
-        let size = size.ok_or_else(|| too_large("max_buffer_size", most))?;
-        let most = self.limits.max_storage_buffer_binding_size;
-        if usage.contains(wgpu::BufferUsages::STORAGE) && size > most {
-            return Err(too_large("max_storage_buffer_binding_size", most));
-        }
+        let size = size.filter(|size| *size <= most).ok_or_else(|| GpuError::Limit {
+            what: label.to_owned(),
+            limit: "max_buffer_size",
+            needed: bytes,
+            allowed: most,
+        })?;
         let description =
             wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
         let made = self.guard(|| self.device.create_buffer(&description));

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt::Debug;
 
-use splitplane_core::kernel::KernelSet;
+use splitplane_core::kernel::{KernelSet, Slot};
 use splitplane_shaders::Part;
 
 /// A kernel set whose kernels have shaders.
@@ -20,10 +20,48 @@ pub trait DeviceSet: KernelSet {
         None
     }
 
+    /// What a kernel binds in a variant: as its table says, or with lists that go on in further bindings.
+    fn bindings(kernel: Self::Kernel, _variant: &Self::Variant) -> Vec<Bound<Self>> {
+        as_declared::<Self>(kernel).collect()
+    }
+
     /// Whether a uniform is a list of blocks, of which each dispatch takes one by a dynamic offset.
     fn is_list_of_blocks(_uniform: Self::Uniform) -> bool {
         false
     }
+}
+
+/// A binding of a kernel in one of its variants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bound<K: KernelSet> {
+    /// Its number.
+    pub binding: u32,
+    /// What is bound.
+    pub slot: Slot<K>,
+    /// Which part of a list that several bindings hold; 0 for what one binding holds.
+    pub part: u32,
+}
+
+/// What the table of a set says that a kernel binds.
+pub fn as_declared<K: KernelSet>(kernel: K::Kernel) -> impl Iterator<Item = Bound<K>> {
+    (0..).zip(K::slots(kernel)).map(|(binding, slot)| Bound { binding, slot, part: 0 })
+}
+
+/// What a kernel binds where these lists, if it binds them, go on in second bindings, behind all others.
+pub fn with_continued<K: KernelSet>(
+    kernel: K::Kernel,
+    is_continued: impl Fn(K::Buffer) -> bool,
+) -> Vec<Bound<K>> {
+    let mut bound: Vec<Bound<K>> = as_declared::<K>(kernel).collect();
+    let first = bound.len() as u32;
+    let lists: Vec<Slot<K>> = bound
+        .iter()
+        .map(|bound| bound.slot)
+        .filter(|slot| matches!(slot, Slot::Storage(storage) if is_continued(storage.buffer)))
+        .collect();
+    let more = (first..).zip(lists);
+    bound.extend(more.map(|(binding, slot)| Bound { binding, slot, part: 1 }));
+    bound
 }
 
 /// A shader: its name, and the parts that it is joined from.

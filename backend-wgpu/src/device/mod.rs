@@ -8,6 +8,7 @@ pub(crate) mod compiler;
 mod driver;
 pub mod executor;
 pub mod gpu;
+pub(crate) mod halves;
 pub(crate) mod health;
 pub(crate) mod host;
 pub mod kernel_set;
@@ -21,6 +22,6 @@ pub mod traffic;
 
 pub use bindings::BindGroups;
 pub use executor::{DeviceExecutor, Job, LoopControl, Piece, Round};
-pub use kernel_set::{DeviceSet, Text};
+pub use kernel_set::{Bound, DeviceSet, Text};
 pub use pipelines::{Compiled, Instrument, Pipelines};
 pub use traffic::Traffic;

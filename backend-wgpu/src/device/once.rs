@@ -1,9 +1,7 @@
 //! A kernel that no schedule runs, recorded by itself.
 
-use splitplane_core::kernel::Slot;
-
 use super::bindings::bind;
-use super::kernel_set::DeviceSet;
+use super::kernel_set::{Bound, DeviceSet};
 use super::pipelines::Pipelines;
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
@@ -19,20 +17,21 @@ fn rows(gpu: &Gpu, workgroups: u32) -> [u32; 2] {
     [workgroups.div_ceil(rows), rows]
 }
 
-/// Records one dispatch of a kernel over this many items, with each slot as `find` has it.
+/// Records one dispatch of a kernel over this many items, with each binding as `find` has it.
 ///
 /// # Errors
-/// A kernel that the device refuses; a slot that `find` lacks.
+/// A kernel that the device refuses; a binding that `find` lacks.
 pub(crate) fn record<'a, K: DeviceSet>(
     gpu: &Gpu,
     pipelines: &Pipelines,
     encoder: &mut wgpu::CommandEncoder,
     (kernel, variant): (K::Kernel, &K::Variant),
     things: u32,
-    find: impl Fn(Slot<K>) -> Option<wgpu::BufferBinding<'a>>,
+    find: impl Fn(&Bound<K>) -> Option<wgpu::BufferBinding<'a>>,
 ) -> Result<(), GpuError> {
     let compiled = pipelines.get::<K>(gpu, kernel, variant)?;
-    let group = bind::<K>(gpu, &compiled.layout, kernel, pipelines.counted(), find)?;
+    let bound = K::bindings(kernel, variant);
+    let group = bind::<K>(gpu, &compiled.layout, kernel, &bound, pipelines.counted(), find)?;
     let row = K::kernel(kernel);
     let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
         label: Some(row.name),

@@ -3,11 +3,11 @@
 use std::borrow::Cow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use splitplane_core::kernel::KernelSet;
+use splitplane_core::kernel::{KernelSet, Slot};
 use splitplane_shaders::Part;
 
 use super::bindings::layout;
-use super::kernel_set::{DeviceSet, Text};
+use super::kernel_set::{Bound, DeviceSet, Text};
 use crate::device::gpu::Gpu;
 use crate::error::GpuError;
 
@@ -26,6 +26,8 @@ struct Held {
     set: &'static str,
     kernel: &'static str,
     parts: Cow<'static, [Part]>,
+    /// The numbers of its bindings.
+    bindings: Vec<u32>,
     compiled: Compiled,
 }
 
@@ -34,8 +36,9 @@ impl Held {
         (self.set, self.kernel) == (K::NAME, K::kernel(kernel).name)
     }
 
-    fn is_made_of(&self, parts: &[Part]) -> bool {
-        self.parts.iter().map(|part| part.name).eq(parts.iter().map(|part| part.name))
+    fn is_made_of(&self, parts: &[Part], bindings: &[u32]) -> bool {
+        self.bindings == bindings
+            && self.parts.iter().map(|part| part.name).eq(parts.iter().map(|part| part.name))
     }
 }
 
@@ -114,7 +117,7 @@ impl Pipelines {
         kernel: K::Kernel,
         variant: &K::Variant,
     ) -> Result<Compiled, GpuError> {
-        self.of_text::<K>(gpu, kernel, K::text(kernel, variant), false)
+        self.of_text::<K>(gpu, kernel, K::text(kernel, variant), variant, false)
     }
 
     /// What finishes what a kernel leaves to it: see [`DeviceSet::retry`].
@@ -128,7 +131,7 @@ impl Pipelines {
         variant: &K::Variant,
     ) -> Result<Option<Compiled>, GpuError> {
         let text = K::retry(kernel, variant);
-        text.map(|text| self.of_text::<K>(gpu, kernel, text, true)).transpose()
+        text.map(|text| self.of_text::<K>(gpu, kernel, text, variant, true)).transpose()
     }
 
     /// `retry` where the text is not the kernel's own.
@@ -137,18 +140,24 @@ impl Pipelines {
         gpu: &Gpu,
         kernel: K::Kernel,
         Text { name, parts }: Text,
+        variant: &K::Variant,
         retry: bool,
     ) -> Result<Compiled, GpuError> {
-        let same = |held: &&Held| held.is_of::<K>(kernel) && held.is_made_of(&parts);
-        // Variants of a kernel bind the same.
+        let bound = K::bindings(kernel, variant);
+        let bindings: Vec<u32> = bound.iter().map(|bound| bound.binding).collect();
+        let same = |held: &&Held| held.is_of::<K>(kernel) && held.is_made_of(&parts, &bindings);
+        // Variants of a kernel with the same numbers bind the same.
         let mut known = None;
         for held in lock(&self.held).iter().filter(|held| held.is_of::<K>(kernel)) {
-            if held.is_made_of(&parts) {
+            if held.is_made_of(&parts, &bindings) {
                 return Ok(held.compiled.clone());
             }
-            known = Some(held.compiled.layout.clone());
+            if held.bindings == bindings {
+                known = Some(held.compiled.layout.clone());
+            }
         }
-        let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel, self.counted().is_some()));
+        let counted = self.counted().is_some();
+        let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel, &bound, counted));
         let source = match &*lock(&self.replaced) {
             Some(replaced)
                 if (replaced.set, replaced.kernel, replaced.retry)
@@ -158,8 +167,9 @@ impl Pipelines {
             }
             _ => splitplane_shaders::join(&parts),
         };
+        let source = continued(name, source, &bound)?;
         let source = match &self.instrument {
-            Some(instrument) => (instrument.rewrite)(&source, K::slots(kernel).count() as u32)
+            Some(instrument) => (instrument.rewrite)(&source, bound.len() as u32)
                 .map_err(|reason| GpuError::Shader { shader: name.to_owned(), reason })?,
             None => source,
         };
@@ -171,7 +181,7 @@ impl Pipelines {
         }
         let compiled = Compiled { pipeline, layout };
         let (set, kernel) = (K::NAME, K::kernel(kernel).name);
-        held.push(Held { set, kernel, parts, compiled: compiled.clone() });
+        held.push(Held { set, kernel, parts, bindings, compiled: compiled.clone() });
         Ok(compiled)
     }
 
@@ -179,4 +189,24 @@ impl Pipelines {
     pub fn count(&self) -> usize {
         lock(&self.held).len()
     }
+}
+
+/// A text whose lists go on in second bindings where these bindings say so.
+pub(crate) fn continued<K: KernelSet>(
+    shader: &str,
+    source: String,
+    bound: &[Bound<K>],
+) -> Result<String, GpuError> {
+    let mut source = source;
+    for Bound { binding, slot, .. } in bound.iter().filter(|bound| bound.part > 0) {
+        if let Slot::Storage(storage) = slot {
+            let name = K::buffer(storage.buffer).name;
+            let continued = splitplane_shaders::continue_lists(&source, &[name], *binding);
+            source = continued.ok_or_else(|| GpuError::Shader {
+                shader: shader.to_owned(),
+                reason: format!("{name} is not declared as a list"),
+            })?;
+        }
+    }
+    Ok(source)
 }

@@ -5,7 +5,8 @@ use splitplane_core::layout::TriangleCount;
 use splitplane_core::query::intersect::Limits;
 use splitplane_shaders::TriangleTest;
 
-use super::pipelines::Queries;
+use super::pipelines::{Queries, triangles_of};
+use crate::device::kernel_set::Bound;
 use crate::device::once;
 use crate::device::scope::checked;
 use crate::error::GpuError;
@@ -60,17 +61,18 @@ impl Queries {
         let parameters = TriangleCount { count, zero: 0 };
         gpu.queue().write_buffer(&uniform, 0, bytemuck::bytes_of(&parameters));
         gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
-        let find = |slot: Slot<RayQueries>| match slot {
-            Slot::Uniform(QueryUniform::TriangleCount) => Some(&uniform),
+        let variant = self.variant(TriangleTest::Watertight, triangles);
+        let whole = wgpu::Buffer::as_entire_buffer_binding;
+        let find = |bound: &Bound<RayQueries>| match bound.slot {
+            Slot::Uniform(QueryUniform::TriangleCount) => Some(whole(&uniform)),
             Slot::Storage(binding) => match binding.buffer {
-                QueryBuffer::Triangles => Some(triangles),
-                QueryBuffer::Limits => Some(&limits),
+                QueryBuffer::Triangles => Some(triangles_of(bound, &variant, triangles)),
+                QueryBuffer::Limits => Some(whole(&limits)),
                 _ => None,
             },
             Slot::Uniform(_) => None,
         };
-        let find = |slot| find(slot).map(wgpu::Buffer::as_entire_buffer_binding);
-        let kernel = (QueryKernel::TriangleLimits, &TriangleTest::Watertight);
+        let kernel = (QueryKernel::TriangleLimits, &variant);
         once::record(gpu, &self.pipelines, encoder, kernel, count, find)?;
         encoder.copy_buffer_to_buffer(&limits, 0, result, place, LIMITS_BYTES);
         Ok(())

@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use splitplane_core::kernel::{QueryKernel, RayQueries};
+use splitplane_core::kernel::{QueryBuffer, QueryKernel, RayQueries};
 use splitplane_core::ray::{Accuracy, QueryOptions};
 use splitplane_shaders::TriangleTest;
 
@@ -11,18 +11,46 @@ use super::error::DeviceQueryError;
 use super::slices::SliceRays;
 use super::staging::StagingPool;
 use crate::device::gpu::Gpu;
+use crate::device::halves::{binding_limit, half};
+use crate::device::kernel_set::{Bound, with_continued};
 use crate::device::{DeviceSet, Pipelines, Text};
 use crate::parity::Parity;
 
 impl DeviceSet for RayQueries {
-    /// The triangle test of those that trace rays.
-    type Variant = TriangleTest;
+    type Variant = QueryVariant;
 
-    fn text(kernel: QueryKernel, test: &TriangleTest) -> Text {
-        let shader = splitplane_shaders::query(kernel.name(), *test);
+    fn text(kernel: QueryKernel, variant: &QueryVariant) -> Text {
+        let shader = splitplane_shaders::query(kernel.name(), variant.test);
         // The table has every kernel with every test; a test of the shaders holds it to that.
         let (name, parts) = shader.map_or((kernel.name(), &[][..]), |s| (s.name, s.parts));
         Text { name, parts: parts.into() }
+    }
+
+    fn bindings(kernel: QueryKernel, variant: &QueryVariant) -> Vec<Bound<RayQueries>> {
+        with_continued::<RayQueries>(kernel, |buffer| {
+            variant.by_halves && buffer == QueryBuffer::Triangles
+        })
+    }
+}
+
+/// What the text of a query depends on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct QueryVariant {
+    /// The triangle test of kernels that trace rays.
+    pub test: TriangleTest,
+    /// Whether the triangles go on in a second binding.
+    pub by_halves: bool,
+}
+
+/// What a binding of triangles refers to, whole or by halves.
+pub(super) fn triangles_of<'a>(
+    bound: &Bound<RayQueries>,
+    variant: &QueryVariant,
+    triangles: &'a wgpu::Buffer,
+) -> wgpu::BufferBinding<'a> {
+    match variant.by_halves {
+        true => half(triangles, triangles.size(), bound.part == 1, 0),
+        false => triangles.as_entire_buffer_binding(),
     }
 }
 
@@ -74,6 +102,11 @@ impl Queries {
         &self.gpu
     }
 
+    /// The kernels' variant for a triangle test and for triangles in this buffer.
+    pub(super) fn variant(&self, test: TriangleTest, triangles: &wgpu::Buffer) -> QueryVariant {
+        QueryVariant { test, by_halves: triangles.size() > binding_limit(self.gpu.limits()).0 }
+    }
+
     /// Whether bounds of error hold on the device, so that it may answer exact hits: only after a
     /// self-test found that it rounds as the CPU does.
     pub fn is_certain(&self) -> bool {
@@ -113,17 +146,17 @@ mod tests {
         ] {
             let test = test_of(&QueryOptions { accuracy, ..QueryOptions::default() });
             for (kernel, name) in QueryKernel::of(query).into_iter().zip(names) {
-                let text = RayQueries::text(kernel, &test);
+                let text = RayQueries::text(kernel, &QueryVariant { test, by_halves: false });
                 assert_eq!(text.name, name);
                 assert!(!text.parts.is_empty());
             }
         }
-        let text = RayQueries::text(QueryKernel::TriangleLimits, &TriangleTest::default());
+        let text = RayQueries::text(QueryKernel::TriangleLimits, &QueryVariant::default());
         assert_eq!(text.name, "triangle_limits");
         assert!(!text.parts.is_empty());
         for query in [Query::Closest, Query::Any] {
             for kernel in QueryKernel::of_compressed(query) {
-                assert!(!RayQueries::text(kernel, &TriangleTest::Watertight).parts.is_empty());
+                assert!(!RayQueries::text(kernel, &QueryVariant::default()).parts.is_empty());
             }
         }
         assert_eq!(splitplane_shaders::QUERIES.len(), 17);

@@ -14,8 +14,9 @@ use super::error::DeviceQueryError;
 #[cfg(doc)]
 use super::layout::UNFINISHED;
 use super::layout::{DEFERRED_USAGE, RAY_BYTES};
-use super::pipelines::Queries;
+use super::pipelines::{Queries, triangles_of};
 use super::tree::DeviceTree;
+use crate::device::kernel_set::Bound;
 use crate::device::once;
 use crate::error::GpuError;
 
@@ -134,7 +135,7 @@ impl Queries {
         options: &QueryOptions<'_>,
         asked: Asked,
     ) -> Result<(), GpuError> {
-        let test = asked.test(options);
+        let variant = self.variant(asked.test(options), tree.triangles());
         let compressed = tree.compressed_for(options);
         let part = |buffer, bytes: u64| wgpu::BufferBinding {
             buffer,
@@ -142,14 +143,14 @@ impl Queries {
             size: wgpu::BufferSize::new(u64::from(count) * bytes),
         };
         let whole = wgpu::Buffer::as_entire_buffer_binding;
-        let find = |slot: Slot<RayQueries>| match slot {
+        let find = |bound: &Bound<RayQueries>| match bound.slot {
             Slot::Uniform(QueryUniform::Scene) => Some(whole(tree.scene())),
             Slot::Uniform(QueryUniform::Batch) => Some(whole(buffers.batch)),
             Slot::Uniform(QueryUniform::TriangleCount) => None,
             Slot::Storage(binding) => match binding.buffer {
                 QueryBuffer::Nodes => Some(whole(tree.nodes())),
                 QueryBuffer::LeafReferences => Some(whole(tree.leaf_references())),
-                QueryBuffer::Triangles => Some(whole(tree.triangles())),
+                QueryBuffer::Triangles => Some(triangles_of(bound, &variant, tree.triangles())),
                 QueryBuffer::Rays => Some(part(buffers.rays, RAY_BYTES)),
                 QueryBuffer::Hits | QueryBuffer::Occluded | QueryBuffer::Listed => {
                     Some(part(buffers.results, asked.result_bytes()))
@@ -167,7 +168,7 @@ impl Queries {
         // No ray is deferred yet.
         encoder.clear_buffer(buffers.deferred, 0, Some(4));
         for kernel in asked.kernels(compressed.is_some()) {
-            once::record(self.gpu(), &self.pipelines, encoder, (kernel, &test), count, find)?;
+            once::record(self.gpu(), &self.pipelines, encoder, (kernel, &variant), count, find)?;
         }
         Ok(())
     }

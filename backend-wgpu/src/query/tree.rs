@@ -10,6 +10,7 @@ use super::compressed::Compressed;
 use super::pipelines::Queries;
 use super::scene::SceneUniform;
 use crate::device::gpu::Gpu;
+use crate::device::halves::halves_limit;
 use crate::device::host;
 use crate::device::scope::checked;
 use crate::error::GpuError;
@@ -82,10 +83,10 @@ impl DeviceTree {
         for (what, buffer) in [
             ("the nodes of the tree", &parts.nodes),
             ("the references of the tree", &parts.leaf_references),
-            ("the triangles", &parts.triangles),
         ] {
             can_be_bound(gpu, what, buffer.size())?;
         }
+        fits_in_halves(gpu, "the triangles", parts.triangles.size())?;
         Ok(DeviceTree { parts, scene, scale, compressed: None })
     }
 
@@ -106,13 +107,15 @@ impl DeviceTree {
         assert_eq!(triangles.len(), tree.triangles as usize, "triangles of another mesh");
         let gpu = queries.gpu();
         let filled = |what: &str, bytes: &[u8]| {
-            can_be_bound(gpu, what, bytes.len() as u64)?;
             use wgpu::BufferUsages as Usage;
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;
-            let buffer = gpu.buffer(what, bytes.len() as u64, usage)?;
+            let buffer = gpu.long_buffer(what, bytes.len() as u64, usage)?;
             gpu.write(&buffer, 0, bytes);
             Ok(buffer)
         };
+        can_be_bound(gpu, "the nodes of the tree", size_of_val(tree.nodes) as u64)?;
+        can_be_bound(gpu, "the references of the tree", size_of_val(tree.references) as u64)?;
+        fits_in_halves(gpu, "the triangles", size_of_val(triangles) as u64)?;
         let parts = checked(gpu, "the upload of a tree", || {
             Ok(TreeParts {
                 nodes: filled("the nodes of the tree", bytemuck::cast_slice(tree.nodes))?,
@@ -173,9 +176,19 @@ impl DeviceTree {
         })
     }
 
+    /// Whether each buffer of the tree fits one binding, as [`DeviceTree::bind_group_entries`] and frames need it.
+    /// Batches do not: their kernels have two bindings for triangles that are too many for one.
+    ///
+    /// # Errors
+    /// The limit that the triangles exceed: more than 3.7 million of them under WebGPU's default limits.
+    pub fn check_one_binding(&self, gpu: &Gpu) -> Result<(), GpuError> {
+        can_be_bound(gpu, "the triangles, in one binding", self.parts.triangles.size())
+    }
+
     /// The resources for the four bindings of a traversal from `first_binding` on: nodes, leaf
     /// references, triangles, scene. For a host's own shader; see
-    /// [`splitplane_shaders::traversal`].
+    /// [`splitplane_shaders::traversal`]. wgpu refuses a tree for which [`DeviceTree::check_one_binding`] is
+    /// an error.
     pub fn bind_group_entries(&self, first_binding: u32) -> [wgpu::BindGroupEntry<'_>; 4] {
         let parts = &self.parts;
         let buffers = [&parts.nodes, &parts.leaf_references, &parts.triangles, &self.scene];
@@ -272,6 +285,15 @@ pub(super) fn can_be_bound(gpu: &Gpu, what: &str, needed: u64) -> Result<(), Gpu
     let allowed = gpu.device().limits().max_storage_buffer_binding_size;
     if needed > allowed {
         let limit = "max_storage_buffer_binding_size";
+        return Err(GpuError::Limit { what: what.to_string(), limit, needed, allowed });
+    }
+    Ok(())
+}
+
+/// Whether two bindings hold a buffer of this size.
+fn fits_in_halves(gpu: &Gpu, what: &str, needed: u64) -> Result<(), GpuError> {
+    let (allowed, limit) = halves_limit(gpu.limits());
+    if needed > allowed {
         return Err(GpuError::Limit { what: what.to_string(), limit, needed, allowed });
     }
     Ok(())

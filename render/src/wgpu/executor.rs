@@ -126,7 +126,7 @@ impl Job for FrameJob<'_> {
                 groups(self.gpu, kernel, grid.workgroups(self.most(counter)))
             }
         };
-        pieces.push(Piece { block: None, workgroups });
+        pieces.push(Piece { block: None, workgroups, view: 0 });
     }
 
     fn round(&mut self, counter: Counter, rounds: u32) -> Round {

@@ -241,6 +241,8 @@ impl WgpuRenderer {
                 return Err(RenderError::WrongMesh { described, triangles });
             }
         }
+        // The ray tracer's kernels have no binding to spare for the rest of the triangles.
+        tree.check_one_binding(&self.gpu)?;
         self.buffers.set_tree(tree);
         self.buffers.reserve(&self.gpu, plan)?;
         let (gpu, buffers) = (&self.gpu, &mut self.buffers);

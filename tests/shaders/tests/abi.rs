@@ -27,7 +27,8 @@ use splitplane_core::kernel::{
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, Shader, TriangleTest, query,
+    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, Shader, TriangleTest,
+    continue_lists, join, parts_by_halves, query,
 };
 
 use constants::Number;
@@ -98,6 +99,32 @@ fn the_tree_builder_agrees_with_its_table() {
 #[test]
 fn the_queries_agree_with_their_table() {
     assert_agrees::<RayQueries>();
+}
+
+/// Texts whose lists go on in second bindings are valid, and keep to the limits. What is bound to them, a test of
+/// `splitplane_wgpu` compares.
+#[test]
+fn lists_go_on_in_second_bindings() {
+    let mut continued = 0;
+    for shader in KERNELS.iter().chain(QUERIES) {
+        let source = join(&parts_by_halves(shader));
+        let lists: &[&str] = match shader.name {
+            "scatter_references" => &["triangles"],
+            _ => &["input", "triangles", "references"],
+        };
+        let declared = |name: &&&str| source.contains(&format!("> {name}: array<"));
+        let lists: Vec<&str> = lists.iter().filter(declared).copied().collect();
+        let text = continue_lists(&source, &lists, 16).expect("declared lists");
+        let parsed = parse(vec![Text { name: shader.name.into(), text }]);
+        assert_eq!(bindings::limit_faults(&parsed), [""; 0], "{}", shader.name);
+        for list in &lists {
+            let names =
+                parsed.module.global_variables.iter().filter_map(|(_, v)| v.name.as_deref());
+            assert_eq!(names.filter(|name| name.strip_prefix("more_") == Some(list)).count(), 1);
+            continued += 1;
+        }
+    }
+    assert!(continued >= 20, "only {continued}");
 }
 
 #[test]

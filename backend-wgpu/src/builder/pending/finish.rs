@@ -51,7 +51,7 @@ impl PendingBuild {
         }
         if counters[Counter::Overflow] != 0 {
             readback.unmap();
-            let grown = self.capacities.grown(&counters, &config);
+            let grown = self.capacities.grown(&counters, &config, self.shared.gpu.limits());
             self.capacities = grown;
             self.reserve(Some(&grown))?;
             self.effort.repeats += 1;

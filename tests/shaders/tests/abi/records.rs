@@ -138,7 +138,8 @@ pub(crate) fn of_core() -> Vec<Record> {
             zero swapped first count traversal_cost intersection_cost block_width small_node_limit
             empty_cutoff max_depth reference_cap node_cap first_index chunk_room node_room
             reference_room small_root_room small_reference_room top_node_room level_room
-            tree_node_room leaf_reference_room subtree_room bins clip padding
+            tree_node_room leaf_reference_room subtree_room bins clip view
+            reference_half small_reference_half
         }),
         record!(Aabb { lo hi }),
         // Its members are private.
