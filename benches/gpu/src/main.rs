@@ -68,6 +68,7 @@ fn run(options: &Options) -> Result<bool, Failure> {
         for scene in &options.scenes() {
             for &preset in &options.preset {
                 predictor.scene(scene, preset, options, Measured::default(), &mut report)?;
+                report.write(true)?;
             }
         }
         return report.finish(true);

@@ -85,9 +85,13 @@ impl Options {
         [rays.div_ceil(height).max(1), height]
     }
 
-    /// The most triangles of a built-in city that is counted; what larger ones do is scaled.
-    pub(crate) fn counted_triangles(&self) -> u64 {
-        if self.small { 20_000 } else { 400_000 }
+    /// The most triangles of a built-in city that is counted on an adapter; what larger ones do is scaled.
+    pub(crate) fn counted_triangles(&self, kind: wgpu::DeviceType) -> u64 {
+        match kind {
+            _ if self.small => 20_000,
+            wgpu::DeviceType::Cpu => 100_000,
+            _ => 20_000_000,
+        }
     }
 
     /// Width and height of the picture whose rays are counted.

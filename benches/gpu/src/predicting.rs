@@ -47,11 +47,23 @@ pub(crate) fn scene(
     measured: Measured<'_>,
 ) -> Result<String, Failure> {
     let mut out = format!("\n### {name}, {}\n\n", preset.name());
-    if let Some(triangles) = too_large(name, options) {
-        let (counted, how) = scaled(counter, preset, triangles, options)?;
+    let adapter = &counter.backend.gpu().info().name;
+    // A device that is not in the table is measured all the same, beside one that is.
+    let another = |device: &Device| !measured.times.is_empty() && !adapter.contains(device.adapter);
+    let title = |device: &Device| {
+        let beside = if another(device) {
+            format!("; measured on another device, {adapter}")
+        } else {
+            String::new()
+        };
+        format!("\nPredicted for `{}`{beside}:\n\n", device.name)
+    };
+    let most = options.counted_triangles(counter.backend.gpu().info().device_type);
+    if let Some(triangles) = too_large(name, most) {
+        let (counted, how) = scaled(counter, preset, triangles, most)?;
         out.push_str(&how);
         for device in devices {
-            out += &format!("\nPredicted for `{}`:\n\n", device.name);
+            out += &title(device);
             out += &table::build(device, &counted, measured.times);
         }
         return Ok(out);
@@ -61,7 +73,7 @@ pub(crate) fn scene(
     let counted = build::count(counter, &mesh, preset)?;
     out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
     for device in devices {
-        out += &format!("\nPredicted for `{}`:\n\n", device.name);
+        out += &title(device);
         out += &table::build(device, &counted, measured.times);
     }
     if !options.no_rays {
@@ -69,7 +81,7 @@ pub(crate) fn scene(
         let counted = rays::count(counter, &mesh, preset, &primary)?;
         out += &format!("\nClosest hits of primary rays, {} of them counted:\n", counted.rays);
         for device in devices {
-            out += &format!("\nPredicted for `{}`:\n\n", device.name);
+            out += &title(device);
             out += &table::rays(device, &counted, RAYS, measured.primary);
         }
     }
@@ -77,9 +89,9 @@ pub(crate) fn scene(
 }
 
 /// The triangles of a built-in city that is not counted but scaled.
-fn too_large(name: &str, options: &Options) -> Option<u64> {
+fn too_large(name: &str, most: u64) -> Option<u64> {
     let triangles: u64 = name.strip_prefix("builtin:city:")?.parse().ok()?;
-    (triangles > options.counted_triangles()).then_some(triangles)
+    (triangles > most).then_some(triangles)
 }
 
 /// Two smaller cities, counted, and what becomes of them.
@@ -87,9 +99,8 @@ fn scaled(
     counter: &Counter,
     preset: Preset,
     triangles: u64,
-    options: &Options,
+    large: u64,
 ) -> Result<(CountedBuild, String), Failure> {
-    let large = options.counted_triangles();
     let [few, many] = [large / 4, large].map(|size| -> Result<CountedBuild, Failure> {
         let scene = Scene::open(format!("builtin:city:{size}"))?;
         build::count(counter, &scene.mesh()?, preset)
