@@ -168,7 +168,7 @@ struct Predictor {
 
 impl Predictor {
     fn new(gpu: &Gpu, options: &Options, report: &mut Report) -> Result<Predictor, Failure> {
-        let devices = predicting::devices(options, gpu);
+        let devices = predicting::devices(options, gpu)?;
         if options.check || options.no_predict {
             return Ok(Predictor { counter: None, devices });
         }

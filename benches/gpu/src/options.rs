@@ -5,8 +5,6 @@ use std::path::PathBuf;
 use clap::Parser;
 use splitplane::Preset;
 
-use crate::model::devices::{self, DEVICES, Device};
-
 /// Measures splitplane's builds and queries on a GPU beside the CPU's, and compares every bit.
 ///
 /// Exit code 0: all equal; 1: something differs or a scene failed; 5: no GPU.
@@ -50,14 +48,8 @@ pub(crate) struct Options {
     #[arg(long, conflicts_with = "predict")]
     pub no_predict: bool,
     /// Devices to predict for, separated by commas: h200, rtx-4070-ti, radeon-780m; by default the one at hand, or all
-    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = device)]
-    pub device: Vec<&'static Device>,
-}
-
-/// A device of the table, by its name.
-fn device(name: &str) -> Result<&'static Device, String> {
-    let names: Vec<_> = DEVICES.iter().map(|device| device.name).collect();
-    devices::find(name).ok_or_else(|| format!("there are {}", names.join(", ")))
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    pub device: Vec<String>,
 }
 
 /// A preset that devices build, by its name.

@@ -25,16 +25,25 @@ pub(crate) struct Measured<'a> {
 }
 
 /// The devices to predict for: those asked for, or that at hand where it is known, or the first.
-pub(crate) fn devices(options: &Options, gpu: &Gpu) -> Vec<&'static Device> {
+///
+/// # Errors
+/// A name that the table does not have.
+pub(crate) fn devices(options: &Options, gpu: &Gpu) -> Result<Vec<&'static Device>, Failure> {
     if !options.device.is_empty() {
-        return options.device.clone();
+        let names: Vec<_> = DEVICES.iter().map(|device| device.name).collect();
+        let unknown = |name: &str| format!("no device {name}: there are {}", names.join(", "));
+        let found = options
+            .device
+            .iter()
+            .map(|name| crate::model::devices::find(name).ok_or_else(|| unknown(name).into()));
+        return found.collect();
     }
     let at_hand = crate::model::devices::find(&gpu.info().name);
-    match at_hand {
+    Ok(match at_hand {
         Some(device) => vec![device],
         None if options.predict => DEVICES.iter().collect(),
         None => vec![&DEVICES[0]],
-    }
+    })
 }
 
 /// Counts a scene and says what its builds and its camera's rays would take.
