@@ -68,6 +68,7 @@ fn run(options: &Options) -> Result<bool, Failure> {
         for scene in &options.scenes() {
             for &preset in &options.preset {
                 predictor.scene(scene, preset, options, Measured::default(), &mut report)?;
+                report.write(true)?;
             }
         }
         return report.finish(true);
@@ -167,7 +168,7 @@ struct Predictor {
 
 impl Predictor {
     fn new(gpu: &Gpu, options: &Options, report: &mut Report) -> Result<Predictor, Failure> {
-        let devices = predicting::devices(options, gpu);
+        let devices = predicting::devices(options, gpu)?;
         if options.check || options.no_predict {
             return Ok(Predictor { counter: None, devices });
         }

@@ -25,16 +25,25 @@ pub(crate) struct Measured<'a> {
 }
 
 /// The devices to predict for: those asked for, or that at hand where it is known, or the first.
-pub(crate) fn devices(options: &Options, gpu: &Gpu) -> Vec<&'static Device> {
+///
+/// # Errors
+/// A name that the table does not have.
+pub(crate) fn devices(options: &Options, gpu: &Gpu) -> Result<Vec<&'static Device>, Failure> {
     if !options.device.is_empty() {
-        return options.device.clone();
+        let names: Vec<_> = DEVICES.iter().map(|device| device.name).collect();
+        let unknown = |name: &str| format!("no device {name}: there are {}", names.join(", "));
+        let found = options
+            .device
+            .iter()
+            .map(|name| crate::model::devices::find(name).ok_or_else(|| unknown(name).into()));
+        return found.collect();
     }
     let at_hand = crate::model::devices::find(&gpu.info().name);
-    match at_hand {
+    Ok(match at_hand {
         Some(device) => vec![device],
         None if options.predict => DEVICES.iter().collect(),
         None => vec![&DEVICES[0]],
-    }
+    })
 }
 
 /// Counts a scene and says what its builds and its camera's rays would take.
@@ -47,11 +56,23 @@ pub(crate) fn scene(
     measured: Measured<'_>,
 ) -> Result<String, Failure> {
     let mut out = format!("\n### {name}, {}\n\n", preset.name());
-    if let Some(triangles) = too_large(name, options) {
-        let (counted, how) = scaled(counter, preset, triangles, options)?;
+    let adapter = &counter.backend.gpu().info().name;
+    // A device that is not in the table is measured all the same, beside one that is.
+    let another = |device: &Device| !measured.times.is_empty() && !adapter.contains(device.adapter);
+    let title = |device: &Device| {
+        let beside = if another(device) {
+            format!("; measured on another device, {adapter}")
+        } else {
+            String::new()
+        };
+        format!("\nPredicted for `{}`{beside}:\n\n", device.name)
+    };
+    let most = options.counted_triangles(counter.backend.gpu().info().device_type);
+    if let Some(triangles) = too_large(name, most) {
+        let (counted, how) = scaled(counter, preset, triangles, most)?;
         out.push_str(&how);
         for device in devices {
-            out += &format!("\nPredicted for `{}`:\n\n", device.name);
+            out += &title(device);
             out += &table::build(device, &counted, measured.times);
         }
         return Ok(out);
@@ -61,7 +82,7 @@ pub(crate) fn scene(
     let counted = build::count(counter, &mesh, preset)?;
     out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
     for device in devices {
-        out += &format!("\nPredicted for `{}`:\n\n", device.name);
+        out += &title(device);
         out += &table::build(device, &counted, measured.times);
     }
     if !options.no_rays {
@@ -69,7 +90,7 @@ pub(crate) fn scene(
         let counted = rays::count(counter, &mesh, preset, &primary)?;
         out += &format!("\nClosest hits of primary rays, {} of them counted:\n", counted.rays);
         for device in devices {
-            out += &format!("\nPredicted for `{}`:\n\n", device.name);
+            out += &title(device);
             out += &table::rays(device, &counted, RAYS, measured.primary);
         }
     }
@@ -77,9 +98,9 @@ pub(crate) fn scene(
 }
 
 /// The triangles of a built-in city that is not counted but scaled.
-fn too_large(name: &str, options: &Options) -> Option<u64> {
+fn too_large(name: &str, most: u64) -> Option<u64> {
     let triangles: u64 = name.strip_prefix("builtin:city:")?.parse().ok()?;
-    (triangles > options.counted_triangles()).then_some(triangles)
+    (triangles > most).then_some(triangles)
 }
 
 /// Two smaller cities, counted, and what becomes of them.
@@ -87,9 +108,8 @@ fn scaled(
     counter: &Counter,
     preset: Preset,
     triangles: u64,
-    options: &Options,
+    large: u64,
 ) -> Result<(CountedBuild, String), Failure> {
-    let large = options.counted_triangles();
     let [few, many] = [large / 4, large].map(|size| -> Result<CountedBuild, Failure> {
         let scene = Scene::open(format!("builtin:city:{size}"))?;
         build::count(counter, &scene.mesh()?, preset)
