@@ -95,7 +95,7 @@ pub(super) fn keys(ui: &egui::Ui, state: &mut State) {
     if pressed(Key::B) {
         state.choices.boxes = !state.choices.boxes;
     }
-    let deepest = state.deepest;
+    let deepest = state.frame.as_ref().map_or(0, |frame| frame.report.tree.max_depth);
     if pressed(Key::PageUp) {
         state.choices.level = state.choices.level.saturating_sub(1);
     }

@@ -24,7 +24,7 @@ mod worker;
 
 pub use error::ViewerError;
 pub use source::{
-    Abilities, Ahead, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
+    Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
     FrameSource, FrameTarget, Opening, TreeReport,
 };
 pub use traced::TracedSource;

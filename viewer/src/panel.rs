@@ -114,7 +114,7 @@ fn view(ui: &mut Ui, state: &mut State) {
 fn boxes(ui: &mut Ui, state: &mut State) {
     let Some(frame) = &state.frame else { return };
     heading(ui, "Boxes of the tree");
-    let deepest = state.deepest;
+    let deepest = frame.report.tree.max_depth;
     ui.horizontal(|ui| {
         ui.checkbox(&mut state.choices.boxes, "show");
         if deepest > 0 {
@@ -229,14 +229,11 @@ fn figures(ui: &mut Ui, state: &State) {
     figures_grid(ui, "tree", |ui| {
         row(ui, "triangles", grouped(u64::from(report.triangles)));
         row(ui, "nodes", grouped(tree.nodes as u64));
-        let leaves = grouped(tree.leaves as u64);
-        let empty = tree.empty_leaves.map(|count| format!(" ({} empty)", grouped(count as u64)));
-        row(ui, "leaves", leaves + &empty.unwrap_or_default());
+        let [leaves, empty] = [tree.leaves, tree.empty_leaves].map(|count| grouped(count as u64));
+        row(ui, "leaves", format!("{leaves} ({empty} empty)"));
         row(ui, "references", grouped(tree.references as u64));
-        // A tree that stays on the device is not looked at.
-        let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".into());
-        row(ui, "depth", or_dash(tree.max_depth.map(|depth| depth.to_string())));
-        row(ui, "SAH cost", or_dash(tree.sah_cost.map(|cost| format!("{cost:.2}"))));
+        row(ui, "depth", tree.max_depth.to_string());
+        row(ui, "SAH cost", format!("{:.2}", tree.sah_cost));
         row(ui, "memory", bytes(tree.bytes));
     });
 }

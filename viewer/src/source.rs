@@ -12,7 +12,6 @@ use splitplane_core::ray::Accuracy;
 use splitplane_core::tree::KdTree;
 use splitplane_render::RenderError;
 use splitplane_wgpu::GpuError;
-use std::fmt::Debug;
 use std::sync::atomic::{AtomicBool, Ordering};
 use thiserror::Error;
 
@@ -37,8 +36,7 @@ pub trait FrameSource: Send {
         target: &FrameTarget<'_>,
     ) -> Result<FrameReport, FrameError>;
 
-    /// The tree of the last frame; `None` before the first one, and where [`FrameRequest::whole_tree`] did not ask
-    /// for it.
+    /// The tree of the last frame; `None` before the first one.
     fn tree(&self) -> Option<&KdTree>;
 }
 
@@ -123,9 +121,6 @@ pub struct FrameRequest {
     pub view: DebugView,
     /// Seconds into the scene's animation.
     pub time: f64,
-    /// Whether all counts of the tree are wanted, and the tree itself by [`FrameSource::tree`]. Without, a source
-    /// may leave the tree on the device: what it does not know then is `None` in [`TreeReport`].
-    pub whole_tree: bool,
 }
 
 /// Where a frame goes.
@@ -139,14 +134,6 @@ pub struct FrameTarget<'a> {
     /// alpha, encoded as displays take them. `STORAGE | COPY_DST | COPY_SRC`.
     pub pixels: &'a wgpu::Buffer,
     superseded: &'a AtomicBool,
-    ahead: Option<&'a dyn Ahead>,
-}
-
-/// What the window will want after the frame that is being made.
-pub trait Ahead: Debug + Sync {
-    /// The frame after this one, if one is wanted already that may not be given up, and if it is accepted. It is then
-    /// certain to be asked for next.
-    fn take(&self, accept: &dyn Fn(&FrameRequest) -> bool) -> Option<FrameRequest>;
 }
 
 impl<'a> FrameTarget<'a> {
@@ -156,18 +143,7 @@ impl<'a> FrameTarget<'a> {
         pixels: &'a wgpu::Buffer,
         superseded: &'a AtomicBool,
     ) -> FrameTarget<'a> {
-        FrameTarget { device: &gpu.device, queue: &gpu.queue, pixels, superseded, ahead: None }
-    }
-
-    /// With what will be wanted next.
-    #[must_use]
-    pub fn with_ahead(self, ahead: &'a dyn Ahead) -> FrameTarget<'a> {
-        FrameTarget { ahead: Some(ahead), ..self }
-    }
-
-    /// As [`Ahead::take`]: for work on the next frame while a device is busy with this one.
-    pub fn next(&self, accept: &dyn Fn(&FrameRequest) -> bool) -> Option<FrameRequest> {
-        self.ahead?.take(accept)
+        FrameTarget { device: &gpu.device, queue: &gpu.queue, pixels, superseded }
     }
 
     /// True once nobody wants this frame any more: stop when it is convenient.
@@ -262,14 +238,14 @@ pub struct TreeReport {
     pub nodes: usize,
     /// Leaves, the empty ones included.
     pub leaves: usize,
-    /// Leaves without triangles, where the tree was looked at.
-    pub empty_leaves: Option<usize>,
+    /// Leaves without triangles.
+    pub empty_leaves: usize,
     /// References of all leaves.
     pub references: usize,
-    /// Most levels below the root, where the tree was looked at.
-    pub max_depth: Option<u32>,
-    /// Expected cost of a random ray, in units of K_I, where the tree was looked at.
-    pub sah_cost: Option<f64>,
+    /// Most levels below the root.
+    pub max_depth: u32,
+    /// Expected cost of a random ray, in units of K_I.
+    pub sah_cost: f64,
     /// Bytes that queries read.
     pub bytes: u64,
 }

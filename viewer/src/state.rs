@@ -49,8 +49,6 @@ pub(super) struct State {
     pub(super) shows_keys: bool,
     pub(super) playing: bool,
     pub(super) time: f64,
-    /// Most levels of the last tree that was looked at.
-    pub(super) deepest: u32,
     resolution: Resolution,
     moved: Option<Instant>,
     /// What was asked of the thread last, and not refused.
@@ -69,7 +67,6 @@ impl State {
             shows_keys: false,
             playing: false,
             time: 0.0,
-            deepest: 0,
             resolution: Resolution::new(),
             moved: None,
             asked: None,
@@ -95,10 +92,7 @@ impl State {
         if frame.report.build_ms.is_some() {
             self.build_ms = frame.report.build_ms;
         }
-        if let Some(deepest) = frame.report.tree.max_depth {
-            self.deepest = deepest;
-            self.choices.level = self.choices.level.min(deepest);
-        }
+        self.choices.level = self.choices.level.min(frame.report.tree.max_depth);
         self.frame = Some(frame);
     }
 
@@ -148,8 +142,6 @@ impl State {
             samples: choices.samples,
             view: choices.view,
             time: self.time,
-            // What moves is not looked at closely: its tree may stay where it is built.
-            whole_tree: !self.playing || choices.boxes,
         };
         let coarse = self.resolution.step();
         // Where a whole picture takes long, a coarse one of the same is shown before.
@@ -267,9 +259,7 @@ mod tests {
         state.advance(1.0);
         assert_eq!(state.time, 0.5);
         let job = state.wants([640, 480]).unwrap();
-        assert!(job.fleeting && job.request.time == 0.5 && !job.request.whole_tree);
-        state.choices.boxes = true;
-        assert!(state.wants([640, 480]).unwrap().request.whole_tree);
+        assert!(job.fleeting && job.request.time == 0.5);
         state.playing = false;
         state.advance(1.0);
         assert_eq!(state.time, 0.5);

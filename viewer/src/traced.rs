@@ -11,7 +11,7 @@ use super::source::{
 use splitplane::backend::{BackendKind, OpenError, OpenOptions, failed};
 use splitplane::render::{MAX_DEPTH, RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, Scene, View};
-use splitplane::tracer::{self, Moved, Tracer};
+use splitplane::tracer::{self, Tracer};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, QueryOptions};
@@ -19,14 +19,11 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::tree::stats::TreeStats;
 use splitplane_cpu::CpuBackend;
 use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 use views::{debug_picture, outputs, words};
 
 /// Frames a second of an animation that does not say when its frames are.
 const FRAMES_A_SECOND: f64 = 24.0;
-/// How long the next frame is looked out for while one is traced, and how often.
-const LOOK_AHEAD: Duration = Duration::from_secs(1);
-const PAUSE: Duration = Duration::from_micros(500);
 /// Samples a pixel to choose from.
 const MAX_SAMPLES: u32 = 16;
 
@@ -43,43 +40,24 @@ pub struct TracedSource {
     gpu: Slot,
     /// What the tree that is there was built for.
     built: Option<Built>,
-    /// The next tree, under way while a frame is traced.
-    ahead: Option<Prepared>,
     placement: Option<Placement>,
 }
 
 /// A tree that is kept until another one is asked for.
 #[derive(Clone, Debug)]
 struct Built {
-    what: Wanted,
+    backend: BackendKind,
+    preset: Preset,
+    frame: usize,
     name: String,
     tree: TreeReport,
 }
 
-/// A tree that is wanted, or there.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Wanted {
-    backend: BackendKind,
-    preset: Preset,
-    frame: usize,
-    /// Whether it is in host memory too.
-    whole: bool,
-}
-
 /// The time that went into a tree.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Prepared {
-    what: Wanted,
     update_ms: f64,
     build_ms: Option<f64>,
-}
-
-impl Built {
-    /// Whether another one need not be built.
-    fn serves(&self, wanted: &Wanted) -> bool {
-        self.what == Wanted { whole: self.what.whole, ..*wanted }
-            && (self.what.whole || !wanted.whole)
-    }
 }
 
 impl TracedSource {
@@ -107,7 +85,6 @@ impl TracedSource {
             cpu: Slot::Opened(CpuBackend::new().into()),
             gpu: Slot::Empty,
             built: None,
-            ahead: None,
             placement: None,
         }
     }
@@ -179,61 +156,26 @@ impl TracedSource {
         Some(told)
     }
 
-    /// Builds the tree that is asked for, unless it is there or under way.
-    fn prepare(&mut self, wanted: Wanted, target: &FrameDevice) -> Result<Prepared, FrameError> {
-        if self.built.as_ref().is_some_and(|built| built.serves(&wanted)) {
-            return Ok(Prepared { what: wanted, update_ms: 0.0, build_ms: None });
+    /// Builds the tree that is asked for, unless it is there. The tree also comes to host memory, for
+    /// the panel's counts and the boxes.
+    fn prepare(
+        &mut self,
+        backend: BackendKind,
+        preset: Preset,
+        frame: usize,
+        target: &FrameDevice,
+    ) -> Result<Prepared, FrameError> {
+        let same =
+            |built: &Built| (built.backend, built.preset, built.frame) == (backend, preset, frame);
+        if self.built.as_ref().is_some_and(same) {
+            return Ok(Prepared::default());
         }
-        match wanted.backend {
+        match backend {
             BackendKind::Wgpu => drop(self.connect(target)?),
             _ if !self.cpu.is_open() => self.cpu = Slot::Opened(CpuBackend::new().into()),
             _ => {}
         }
-        let ahead = self.ahead.take().filter(|ahead| ahead.what == wanted);
-        let mut prepared = match ahead {
-            Some(ahead) => ahead,
-            None => self.submit(wanted)?,
-        };
-        // Until all is done, what is there does not belong together.
-        self.built = None;
         let start = Instant::now();
-        let slot = if wanted.backend == BackendKind::Wgpu { &mut self.gpu } else { &mut self.cpu };
-        let tracer = slot.tracer_mut().ok_or(FrameError::NoScene)?;
-        self.pool.install(|| tracer.finish_rebuild())?;
-        prepared.build_ms = prepared.build_ms.map(|before| before + milliseconds(start));
-        let mut tree = TreeReport::default();
-        let size = tracer.tree_size();
-        (tree.nodes, tree.references, tree.bytes) = (size.nodes, size.references, size.bytes);
-        // Each node that is no leaf has two children.
-        tree.leaves = size.nodes.div_ceil(2);
-        let whole = tracer.accelerator();
-        if let Some(accelerator) = whole {
-            let stats = TreeStats::of(&accelerator.tree().view());
-            tree.leaves = stats.leaves;
-            tree.empty_leaves = Some(stats.empty_leaves);
-            tree.max_depth = Some(stats.max_depth);
-            tree.sah_cost = Some(stats.sah_cost);
-            tree.bytes = accelerator.query_bytes();
-        }
-        let what = Wanted { whole: whole.is_some(), ..wanted };
-        let info = self.pool.install(|| tracer.backend());
-        let name = match (&info.adapter, info.threads) {
-            (Some(adapter), _) => format!("{} ({adapter})", info.name),
-            (None, Some(1)) => format!("{} (1 thread)", info.name),
-            (None, Some(threads)) => format!("{} ({threads} threads)", info.name),
-            (None, None) => info.name,
-        };
-        self.built = Some(Built { what, name, tree });
-        Ok(prepared)
-    }
-
-    /// Moves the scene and starts to build its tree. A tree that is wanted whole is built to its end.
-    fn submit(&mut self, wanted: Wanted) -> Result<Prepared, FrameError> {
-        let Wanted { backend, preset, frame, whole } = wanted;
-        let start = Instant::now();
-        // The scene moves: if anything fails, all must be taken over again.
-        let before = self.built.take();
-        let switched = before.as_ref().is_none_or(|built| built.what.backend != backend);
         let moved = match &mut self.animation {
             Some(animation) => animation.set(frame, &mut self.scene)?,
             None => Change::Nothing,
@@ -241,6 +183,7 @@ impl TracedSource {
         if let (Change::Everything, Some(placement)) = (moved, &self.placement) {
             self.scene.lights.clone_from(&placement.lights);
         }
+        let switched = self.built.as_ref().is_none_or(|built| built.backend != backend);
         let mut options = self.build;
         if preset != options.config.preset() {
             // The knobs that were given are those of the preset that was given.
@@ -264,54 +207,36 @@ impl TracedSource {
         let update_ms = milliseconds(start);
         let start = Instant::now();
         pool.install(|| match slot.tracer_mut() {
-            Some(tracer) if whole => tracer.rebuild_for_queries(&mesh, &options),
-            Some(tracer) => {
-                tracer.submit_rebuild(&Moved { mesh, name: Some(frame as u64) }, &options)
-            }
+            Some(tracer) => tracer.rebuild_for_queries(&mesh, &options),
             None => slot.load(&mesh, &appearance, &options),
         })?;
-        // What was there still is, until the new tree is taken.
-        self.built = before;
-        Ok(Prepared { what: wanted, update_ms, build_ms: Some(milliseconds(start)) })
-    }
-
-    /// Submits the build of the frame that comes next, if it is known before the device is done with this one.
-    /// What fails here fails again, and is told, when that frame is asked for.
-    fn look_ahead(&mut self, target: &FrameTarget<'_>) {
-        let Some(shown) = self.built.as_ref().map(|built| built.what) else { return };
-        let start = Instant::now();
-        while start.elapsed() < LOOK_AHEAD {
-            let other = |request: &FrameRequest| {
-                let wanted = self.wanted(request);
-                let same = Wanted { frame: shown.frame, whole: wanted.whole, ..wanted };
-                !wanted.whole
-                    && wanted.frame != shown.frame
-                    && same == Wanted { whole: wanted.whole, ..shown }
-            };
-            if let Some(next) = target.next(&other) {
-                self.ahead = self.submit(self.wanted(&next)).ok();
-                return;
-            }
-            match self.gpu.tracer_mut() {
-                Some(tracer) if !tracer.is_frame_done() => std::thread::sleep(PAUSE),
-                _ => return,
-            }
-        }
-    }
-
-    /// The tree that a request is of.
-    fn wanted(&self, request: &FrameRequest) -> Wanted {
-        Wanted {
-            backend: request.backend,
-            preset: request.preset,
-            frame: self.frame_at(request.time),
-            whole: request.whole_tree || request.backend != BackendKind::Wgpu,
-        }
+        let build_ms = Some(milliseconds(start));
+        let tracer = slot.tracer().ok_or(FrameError::NoScene)?;
+        let accelerator = tracer.accelerator().ok_or(FrameError::NoScene)?;
+        let stats = TreeStats::of(&accelerator.tree().view());
+        let tree = TreeReport {
+            nodes: stats.nodes,
+            leaves: stats.leaves,
+            empty_leaves: stats.empty_leaves,
+            references: stats.references,
+            max_depth: stats.max_depth,
+            sah_cost: stats.sah_cost,
+            bytes: accelerator.query_bytes(),
+        };
+        let info = pool.install(|| tracer.backend());
+        let name = match (&info.adapter, info.threads) {
+            (Some(adapter), _) => format!("{} ({adapter})", info.name),
+            (None, Some(1)) => format!("{} (1 thread)", info.name),
+            (None, Some(threads)) => format!("{} ({threads} threads)", info.name),
+            (None, None) => info.name,
+        };
+        self.built = Some(Built { backend, preset, frame, name, tree });
+        Ok(Prepared { update_ms, build_ms })
     }
 
     /// The tracer whose tree is there.
     fn tracer(&self) -> Option<&Tracer> {
-        match self.built.as_ref()?.what.backend {
+        match self.built.as_ref()?.backend {
             BackendKind::Wgpu => self.gpu.tracer(),
             _ => self.cpu.tracer(),
         }
@@ -342,10 +267,8 @@ impl TracedSource {
         let slot = if on_gpu { &mut self.gpu } else { &mut self.cpu };
         let tracer = slot.tracer_mut().ok_or(FrameError::NoScene)?;
         if on_gpu && outputs.pixels {
-            tracer.submit_frame_into(&mesh, &frame, target.pixels)?;
-            self.look_ahead(target);
-            let tracer = self.gpu.tracer_mut().ok_or(FrameError::NoScene)?;
-            return Ok((tracer.finish_frame()?.stats().rays(), None));
+            let made = tracer.frame_into(&mesh, &frame, target.pixels)?;
+            return Ok((made.stats().rays(), None));
         }
         let made = pool.install(|| tracer.frame(&mesh, &frame))?;
         let rays = made.stats().rays();
@@ -369,7 +292,7 @@ impl FrameSource for TracedSource {
         // Lights are placed for what is seen.
         let own = self.animation.as_ref().and_then(|animation| animation.camera(frame));
         self.scene.camera = self.scene.camera.or(own);
-        self.prepare(Wanted { backend, preset: first.preset, frame, whole: true }, target)?;
+        self.prepare(backend, first.preset, frame, target)?;
         let placement = {
             let accelerator = self.accelerator().ok_or(FrameError::NoScene)?;
             let (scene, lights) = (&self.scene, self.lights);
@@ -421,7 +344,8 @@ impl FrameSource for TracedSource {
     ) -> Result<FrameReport, FrameError> {
         let start = Instant::now();
         let device = FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
-        let prepared = self.prepare(self.wanted(request), &device)?;
+        let frame = self.frame_at(request.time);
+        let prepared = self.prepare(request.backend, request.preset, frame, &device)?;
         if target.superseded() {
             return Err(FrameError::Superseded);
         }

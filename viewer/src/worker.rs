@@ -3,8 +3,8 @@
 use super::blit::Picture;
 use super::boxes::LevelBoxes;
 use super::source::{
-    Ahead, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest, FrameSource,
-    FrameTarget, Opening,
+    FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest, FrameSource, FrameTarget,
+    Opening,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -55,8 +55,6 @@ struct Shared {
 
 #[derive(Debug, Default)]
 struct Inbox {
-    /// What a source works on already, while it finishes the job before.
-    begun: Option<Job>,
     next: Option<Job>,
     /// Whether the frame that is being made may be given up for another.
     expendable: bool,
@@ -66,19 +64,6 @@ struct Inbox {
 impl Shared {
     fn inbox(&self) -> MutexGuard<'_, Inbox> {
         self.inbox.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Ahead for Shared {
-    /// A job that is expendable may be forgotten for a later one until it is begun, and is not taken.
-    fn take(&self, accept: &dyn Fn(&FrameRequest) -> bool) -> Option<FrameRequest> {
-        let mut inbox = self.inbox();
-        let wanted = |job: &Job| job.fleeting && accept(&job.request);
-        if inbox.closed || inbox.begun.is_some() || !inbox.next.as_ref().is_some_and(wanted) {
-            return None;
-        }
-        inbox.begun = inbox.next.take();
-        inbox.begun.map(|job| job.request)
     }
 }
 
@@ -167,7 +152,7 @@ impl Maker {
             if inbox.closed {
                 return None;
             }
-            if let Some(job) = inbox.begun.take().or_else(|| inbox.next.take()) {
+            if let Some(job) = inbox.next.take() {
                 inbox.expendable = !job.fleeting;
                 self.shared.superseded.store(false, Ordering::Relaxed);
                 return Some(job);
@@ -187,9 +172,7 @@ impl Maker {
             }
             None => {
                 let picture = self.room(job.request.width, job.request.height);
-                let shared = self.shared.as_ref();
-                let target = FrameTarget::new(&self.gpu, &picture.pixels, &shared.superseded)
-                    .with_ahead(shared);
+                let target = FrameTarget::new(&self.gpu, &picture.pixels, &self.shared.superseded);
                 let report = self.source.render(&job.request, &target)?;
                 (picture, report, None)
             }

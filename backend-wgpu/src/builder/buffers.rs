@@ -39,6 +39,8 @@ pub(crate) struct Buffers {
     pub(crate) scene: Option<wgpu::Buffer>,
     /// Slices of the grids over small roots.
     slices: u32,
+    /// What the kernel of the triangles' limits has for itself.
+    pub(crate) limits: Option<[wgpu::Buffer; 2]>,
 }
 
 /// Blocks of parameters before those of slices: for lists as they are, and for lists that have changed
@@ -66,6 +68,7 @@ impl Buffers {
             blocks: 2,
             scene: None,
             slices: 1,
+            limits: None,
         })
     }
 

@@ -245,11 +245,17 @@ impl<'a> WgpuExecutor<'a> {
     }
 
     /// Records the kernel that finds the range of the triangles' coordinates, for queries.
-    pub(crate) fn record_limits(&mut self, queries: &Queries, count: u32) -> Result<(), GpuError> {
+    pub(crate) fn record_limits(
+        &mut self,
+        queries: &Queries,
+        count: u32,
+        kept: &mut Option<[wgpu::Buffer; 2]>,
+    ) -> Result<(), GpuError> {
         let triangles = self.job().buffers.get(Buffer::Triangles).clone();
         let readback = self.job().buffers.readback.clone();
         let encoder = self.encoder();
-        queries.record_triangle_limits(encoder, &triangles, count, &readback, readback::LIMITS)?;
+        let result = (&readback, readback::LIMITS);
+        queries.record_triangle_limits(encoder, &triangles, count, result, kept)?;
         self.count_dispatch();
         Ok(())
     }

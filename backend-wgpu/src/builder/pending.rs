@@ -190,6 +190,7 @@ impl PendingBuild {
         let shared = Arc::clone(&self.shared);
         let (gpu, pipelines): (&Gpu, &Pipelines) = (&shared.gpu, &shared.pipelines);
         let buffers = self.buffers.as_mut().expect("until finished");
+        let mut limits = buffers.limits.take();
         let build = Build::new(gpu, buffers, self.capacities, levels, from_start);
         let mut executor = WgpuExecutor::new(gpu, pipelines, build, LoopControl::Recorded)
             .limited(shared.max_workgroups());
@@ -204,7 +205,7 @@ impl PendingBuild {
         }
         let triangles = self.capacities.triangles;
         if triangles > 0 {
-            executor.record_limits(&shared.queries, triangles)?;
+            executor.record_limits(&shared.queries, triangles, &mut limits)?;
         }
         executor.read_back(self.tree_to_host);
         executor.submit_after(self.mesh_copy.take())?;
@@ -214,7 +215,8 @@ impl PendingBuild {
         self.swapped = executor.swapped();
         self.mapped = Arc::new(AtomicU8::new(WAITING));
         let mapped = Arc::clone(&self.mapped);
-        let buffers = self.buffers.as_ref().expect("until finished");
+        let buffers = self.buffers.as_mut().expect("until finished");
+        buffers.limits = limits;
         buffers.readback.map_async(wgpu::MapMode::Read, .., move |result| {
             mapped.store(if result.is_ok() { MAPPED } else { FAILED }, Ordering::Release);
         });

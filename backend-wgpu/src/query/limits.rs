@@ -35,32 +35,41 @@ impl Queries {
             let usage = Usage::MAP_READ | Usage::COPY_DST;
             let readback = gpu.buffer("triangle limits, read back", LIMITS_BYTES, usage)?;
             let mut encoder = gpu.device().create_command_encoder(&Default::default());
-            self.record_triangle_limits(&mut encoder, triangles, count, &readback, 0)?;
+            let result = (&readback, 0);
+            self.record_triangle_limits(&mut encoder, triangles, count, result, &mut None)?;
             gpu.submit([encoder.finish()])?;
             Ok(readback)
         })?;
         Ok(limits_from(&gpu.read_mapped(&readback, LIMITS_BYTES)?))
     }
 
-    /// Records the kernel, and a copy of its result to a place in another buffer.
+    /// Records the kernel, and a copy of its result to a place in another buffer. `kept` are its own small buffers, for
+    /// the next time: what uses them must have been submitted before.
     pub(crate) fn record_triangle_limits(
         &self,
         encoder: &mut wgpu::CommandEncoder,
         triangles: &wgpu::Buffer,
         count: u32,
-        result: &wgpu::Buffer,
-        place: u64,
+        (result, place): (&wgpu::Buffer, u64),
+        kept: &mut Option<[wgpu::Buffer; 2]>,
     ) -> Result<(), GpuError> {
         use wgpu::BufferUsages as Usage;
         let gpu = self.gpu();
-        let uniform = gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?;
-        let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
-        let limits = gpu.buffer("triangle limits", LIMITS_BYTES, usage)?;
+        let [uniform, limits] = match kept.take() {
+            Some(kept) => kept,
+            None => {
+                let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+                [
+                    gpu.buffer("triangle count", 16, Usage::UNIFORM | Usage::COPY_DST)?,
+                    gpu.buffer("triangle limits", LIMITS_BYTES, usage)?,
+                ]
+            }
+        };
         let none = Limits::NONE;
         let start = [none.greatest, none.least, none.longest, none.shortest];
         let parameters = TriangleCount { count, zero: 0 };
-        gpu.queue().write_buffer(&uniform, 0, bytemuck::bytes_of(&parameters));
-        gpu.queue().write_buffer(&limits, 0, bytemuck::cast_slice(&start));
+        gpu.write(&uniform, 0, bytemuck::bytes_of(&parameters));
+        gpu.write(&limits, 0, bytemuck::cast_slice(&start));
         let variant = self.variant(TriangleTest::Watertight, triangles);
         let whole = wgpu::Buffer::as_entire_buffer_binding;
         let find = |bound: &Bound<RayQueries>| match bound.slot {
@@ -75,6 +84,7 @@ impl Queries {
         let kernel = (QueryKernel::TriangleLimits, &variant);
         once::record(gpu, &self.pipelines, encoder, kernel, count, find)?;
         encoder.copy_buffer_to_buffer(&limits, 0, result, place, LIMITS_BYTES);
+        *kept = Some([uniform, limits]);
         Ok(())
     }
 }
