@@ -164,7 +164,7 @@ fn batches_end_at_any_call_and_the_next_one_is_whole() {
     let told = told.0.into_inner().unwrap();
     assert_eq!((told[0], told[told.len() - 1]), (0, 10_000));
     assert!(told[..told.len() - 1].iter().all(|done| *done == 0), "one slice");
-    // All hits come from the host's copy, and say so.
+    // Without parity all hits come from the host's copy, and the report says so.
     let all = |watch: &dyn Watch| {
         built.all_hits(&rays, &AllHitsOptions { watch: Some(watch), ..Default::default() })
     };
