@@ -115,6 +115,9 @@ fn same_tree(backend: &WgpuBackend, scene: &Scene, config: BuildConfig) -> u32 {
     let built = backend.build_on_device(&scene.mesh(), &options).expect("a build");
     let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
     assert!(tree == expected, "{}: another tree", scene.name);
+    let binding = backend.gpu().limits().max_storage_buffer_binding_size;
+    let in_one = 36 * u64::from(expected.triangles) <= binding;
+    assert_eq!(built.tree.check_one_binding(backend.gpu()).is_ok(), in_one, "{}", scene.name);
     backend.recycle(built.tree);
     built.effort.repeats
 }

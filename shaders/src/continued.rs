@@ -133,7 +133,7 @@ fn f(i: u32) -> u32 {
     #[test]
     fn elements_become_calls() {
         let text = continue_lists(SOURCE, &["list"], 2).unwrap();
-        let lines: alloc::vec::Vec<&str> = text.lines().map(str::trim).collect();
+        let lines: Vec<&str> = text.lines().map(str::trim).collect();
         assert_eq!(lines[4], "my_list[i] = list_at(more[list_at(i).x] + 1u).y;");
         assert_eq!(lines[5], "put_list(i + more[0u], vec2<u32>(list_at(2u).x, 0u));");
         assert_eq!(lines[6], "return here.list[i];");

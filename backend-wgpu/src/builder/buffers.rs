@@ -8,6 +8,7 @@ use super::capacities::{Capacities, is_long};
 use super::source::Source;
 use super::views::{SCATTER_VIEWS, small_views};
 use crate::device::gpu::Gpu;
+use crate::device::halves::binding_limit;
 use crate::error::GpuError;
 
 /// Small roots of one dispatch: few enough that a device builds them well before any watchdog acts.
@@ -130,7 +131,12 @@ impl Buffers {
 
     fn grow(&mut self, gpu: &Gpu, buffer: Buffer, bytes: u64) -> Result<(), GpuError> {
         let slot = &mut self.buffers[buffer.storage() as usize];
-        if slot.as_ref().is_none_or(|held| held.size() < bytes) {
+        // Triangles that fit one binding are left in a buffer that does: frames need that.
+        let (binding, _) = binding_limit(gpu.limits());
+        let too_long = |held: &wgpu::Buffer| {
+            buffer == Buffer::Triangles && bytes <= binding && held.size() > binding
+        };
+        if slot.as_ref().is_none_or(|held| held.size() < bytes || too_long(held)) {
             // The old one goes first: both may not fit.
             *slot = None;
             let usage = Usage::STORAGE | Usage::COPY_SRC | Usage::COPY_DST;

@@ -368,6 +368,33 @@ mod tests {
         }
     }
 
+    /// `builtin:city:4000000`, whose needs in `fast` the CPU's executor counted, fits at the first attempt.
+    #[test]
+    fn default_limits_hold_a_city_of_four_million() {
+        let (config, limits) = (BuildConfig::default(), wgpu::Limits::default());
+        let estimate = Capacities::estimate(3_999_796, &config);
+        let estimate = Capacities { input_bytes: 32_104_176 + 47_997_552, ..estimate };
+        let within = estimate.within(&limits, None, &config).unwrap();
+        assert!(within.by_halves);
+        for (buffer, needed) in [
+            (Buffer::Triangles, 3_999_796),
+            (Buffer::References, 4_933_771),
+            (Buffer::SmallReferences, 7_260_077),
+            (Buffer::ActiveNodes, 36_086),
+            (Buffer::ChunkState, 37_687),
+            (Buffer::SmallRoots, 175_402),
+            (Buffer::TopNodes, 437_873),
+            (Buffer::Nodes, 1_453_781),
+            (Buffer::LeafReferences, 8_199_247),
+        ] {
+            assert!(within.of(buffer) >= needed, "{buffer:?}");
+        }
+        for buffer in Capacities::BUFFERS {
+            let most = if is_long(buffer) { halves_limit } else { binding_limit };
+            assert!(within.bytes_of(buffer) <= most(&limits).0, "{buffer:?}");
+        }
+    }
+
     #[test]
     fn what_overflowed_grows_and_nothing_else() {
         let config = BuildConfig::default();
