@@ -6,22 +6,9 @@ use splitplane_core::tree::KdTreeView;
 use splitplane_core::triangle::Triangle;
 
 use super::pipelines::Queries;
-use super::tree::{DeviceTree, can_be_bound};
+use super::tree::{Compressed, DeviceTree, can_be_bound};
 use crate::device::scope::checked;
 use crate::error::GpuError;
-
-/// The buffers of compressed nodes.
-#[derive(Debug)]
-pub(super) struct Compressed {
-    pub(super) nodes: wgpu::Buffer,
-    pub(super) references: wgpu::Buffer,
-}
-
-impl Compressed {
-    pub(super) fn bytes(&self) -> u64 {
-        self.nodes.size() + self.references.size()
-    }
-}
 
 impl DeviceTree {
     /// Makes [compressed nodes](splitplane_core::query::compressed) on the host and puts them beside the tree: batches of

@@ -6,7 +6,6 @@ use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::Triangle;
 
-use super::compressed::Compressed;
 use super::pipelines::Queries;
 use super::scene::SceneUniform;
 use crate::device::gpu::Gpu;
@@ -45,6 +44,19 @@ pub struct DeviceTree {
     scene: wgpu::Buffer,
     scale: SceneScale,
     compressed: Option<Compressed>,
+}
+
+/// The buffers of compressed nodes.
+#[derive(Debug)]
+pub(super) struct Compressed {
+    pub(super) nodes: wgpu::Buffer,
+    pub(super) references: wgpu::Buffer,
+}
+
+impl Compressed {
+    fn bytes(&self) -> u64 {
+        self.nodes.size() + self.references.size()
+    }
 }
 
 impl DeviceTree {

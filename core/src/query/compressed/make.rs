@@ -42,7 +42,7 @@ impl Parts {
 
 impl CompressedNodes {
     /// The nodes of a tree with the snapped corners of its mesh. The tree must be valid (see
-    /// [`tree::validate`](crate::tree::validate)), and `scale` of these triangles. Takes about 80 bytes a node of the
+    /// [`tree::validate`](crate::tree::validate)), and `scale` of these triangles. Takes about 70 bytes a node of the
     /// tree meanwhile, and one thread. `None` where leaves name more than
     /// [`MOST_REFERENCES`](CompressedNodes::MOST_REFERENCES).
     pub fn new(
