@@ -113,7 +113,7 @@ fn check_rebuild(
 
 /// Dispatches of a level of the large-node stage.
 fn level_dispatches(preset: Preset) -> u32 {
-    if preset == Preset::Fast { 8 } else { 9 }
+    if preset == Preset::Balanced { 7 } else { 5 }
 }
 
 fn check_trait(

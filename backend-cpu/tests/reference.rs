@@ -241,7 +241,10 @@ fn planted_faults_are_named() {
                 // Planes are found by one kernel or the other.
                 Ok(_) => assert!(matches!(
                     kernel,
-                    Kernel::SplitMedian | Kernel::BinReferences | Kernel::SplitBinned
+                    Kernel::SplitMedian
+                        | Kernel::NodeBounds
+                        | Kernel::BinReferences
+                        | Kernel::SplitBinned
                 )),
             }
         }

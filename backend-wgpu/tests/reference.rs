@@ -84,7 +84,7 @@ fn planted_faults_are_named() {
     let mesh = scene.mesh();
     for &(kernel, what, fault) in FAULTS {
         let preset = match kernel {
-            Kernel::BinReferences | Kernel::SplitBinned => Preset::Balanced,
+            Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned => Preset::Balanced,
             _ => Preset::Fast,
         };
         let config = preset.config();

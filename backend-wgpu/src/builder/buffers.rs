@@ -120,7 +120,8 @@ impl Buffers {
         }
         self.grow(gpu, Buffer::Counters, size_of::<Counters>() as u64)?;
         self.slices = capacities.small_roots.div_ceil(ROOTS_A_SLICE).max(1);
-        let blocks = WHOLE_BLOCKS + small_views(capacities) * self.slices + 2 * SCATTER_VIEWS;
+        let of_halves = if capacities.by_halves { 2 * SCATTER_VIEWS } else { 0 };
+        let blocks = WHOLE_BLOCKS + small_views(capacities) * self.slices + of_halves;
         if self.blocks < blocks {
             let bytes = u64::from(blocks) * self.stride;
             self.parameters = gpu.buffer("parameters", bytes, Usage::UNIFORM | Usage::COPY_DST)?;
@@ -203,7 +204,6 @@ impl Buffers {
         capacities: &Capacities,
         parameters: &Parameters,
     ) {
-        let mut bytes = vec![0; (u64::from(self.blocks) * self.stride) as usize];
         let whole = [0, 1].map(|swapped| Parameters { swapped, ..*parameters });
         let mut blocks = whole.to_vec();
         for view in 0..small_views(capacities) {
@@ -218,6 +218,7 @@ impl Buffers {
             let views = (0..SCATTER_VIEWS).flat_map(|view| whole.map(|p| Parameters { view, ..p }));
             blocks.extend(views);
         }
+        let mut bytes = vec![0; blocks.len() * self.stride as usize];
         for (block, here) in blocks.iter().enumerate() {
             let at = block * self.stride as usize;
             bytes[at..at + size_of::<Parameters>()].copy_from_slice(bytemuck::bytes_of(here));

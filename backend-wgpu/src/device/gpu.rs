@@ -183,7 +183,9 @@ impl Gpu {
         usage: wgpu::BufferUsages,
     ) -> Result<wgpu::Buffer, GpuError> {
         let most = self.limits.max_storage_buffer_binding_size;
-        if usage.contains(wgpu::BufferUsages::STORAGE) && bytes > most {
+        // Where the buffer itself is too large, that is the error.
+        let unbound = bytes > most && bytes <= self.limits.max_buffer_size;
+        if usage.contains(wgpu::BufferUsages::STORAGE) && unbound {
             let (limit, what) = ("max_storage_buffer_binding_size", label.to_owned());
             return Err(GpuError::Limit { what, limit, needed: bytes, allowed: most });
         }

@@ -8,6 +8,7 @@ use splitplane_test_support::sources::{code, rust_files, without_tests, workspac
 /// The codecs, and which format each has.
 const CODECS: &[(&str, &str)] = &[
     ("core/src/tree/node.rs", "the canonical node of 8 bytes"),
+    ("core/src/query/compressed/encode.rs", "compressed wide nodes and their children"),
     ("backend-cpu/src/layout/wide_node.rs", "wide nodes and their children"),
     ("backend-cpu/src/layout/packed_block.rs", "blocks of triangles"),
 ];

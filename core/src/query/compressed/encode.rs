@@ -1,6 +1,6 @@
 //! Boxes as bytes: quantised outward.
 
-use super::{CHILDREN, CompressedNode};
+use super::{CHILDREN, CompressedNode, LEAF_ENTRY, LEAF_SHIFT};
 use crate::aabb::Aabb;
 
 /// Least exponent of a quantum: such quanta, and their products with what rays have, are normal numbers.
@@ -81,6 +81,11 @@ impl CompressedNode {
         f32::from_bits(((self.exponents >> (8 * axis)) & 0xff) << 23)
     }
 
+    /// Says what a child is; its byte was 0.
+    pub(super) fn set_count(&mut self, child: usize, count: u32) {
+        self.counts[child / 4] |= count << (8 * (child % 4));
+    }
+
     /// What there is of a child: see [`CompressedNode::counts`].
     pub(super) fn count(&self, child: usize) -> u32 {
         byte(&self.counts, child)
@@ -131,6 +136,25 @@ pub enum CompressedChild {
         /// How many references it has; at least one.
         count: u32,
     },
+}
+
+impl CompressedChild {
+    /// The entry of a stack for the child: [`LEAF_ENTRY`] says how.
+    pub(super) fn entry(self) -> u32 {
+        match self {
+            CompressedChild::Node(node) => node,
+            CompressedChild::Leaf { first, count } => LEAF_ENTRY | count << LEAF_SHIFT | first,
+        }
+    }
+
+    /// The child of an entry.
+    pub(super) fn of_entry(entry: u32) -> CompressedChild {
+        if entry & LEAF_ENTRY == 0 {
+            return CompressedChild::Node(entry);
+        }
+        let first = entry & ((1 << LEAF_SHIFT) - 1);
+        CompressedChild::Leaf { first, count: (entry & !LEAF_ENTRY) >> LEAF_SHIFT }
+    }
 }
 
 /// A byte of eight.

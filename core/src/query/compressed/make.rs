@@ -112,7 +112,7 @@ impl CompressedNodes {
                 self.nodes.push(CompressedNode::default());
                 INNER_CHILD
             };
-            node.counts[child / 4] |= byte << (8 * (child % 4));
+            node.set_count(child, byte);
         }
         node.set_boxes(&boxes[..parts.len()]);
         node

@@ -1,10 +1,7 @@
 //! The walk of a ray down compressed nodes: the serial reference of the kernels `closest_hit_compressed` and
 //! `any_hit_compressed`.
 
-use super::{
-    BOX_ENTRIES, BOX_SLACK, CHILDREN, CompressedChild, CompressedNode, CompressedNodes, LEAF_ENTRY,
-    LEAF_SHIFT,
-};
+use super::{BOX_ENTRIES, BOX_SLACK, CHILDREN, CompressedChild, CompressedNode, CompressedNodes};
 use crate::arithmetic::Arithmetic;
 use crate::query::intersect::{PreparedRay, SceneScale};
 use crate::query::traverse::{Best, Observer, Query, Triangles};
@@ -39,19 +36,20 @@ impl CompressedNodes {
         let mut top = 0;
         let mut entry = 0;
         loop {
-            if entry & LEAF_ENTRY == 0 {
-                observer.node();
-                let node = &self.nodes[entry as usize];
-                let near = Near { bottom: top, ray: &ray, whole, stop: best.stop };
-                top = near.children_of::<A>(node, &mut stack, top)?;
-            } else {
-                let first = entry & ((1 << LEAF_SHIFT) - 1);
-                let count = (entry & !LEAF_ENTRY) >> LEAF_SHIFT;
-                let tested = &self.references[first as usize..(first + count) as usize];
-                if let ControlFlow::Break(()) =
-                    best.test::<A, O>(&ray, triangles, tested, options, query, observer)
-                {
-                    return Some(best.hit);
+            match CompressedChild::of_entry(entry) {
+                CompressedChild::Node(node) => {
+                    observer.node();
+                    let node = &self.nodes[node as usize];
+                    let near = Near { bottom: top, ray: &ray, whole, stop: best.stop };
+                    top = near.children_of::<A>(node, &mut stack, top)?;
+                }
+                CompressedChild::Leaf { first, count } => {
+                    let tested = &self.references[first as usize..(first + count) as usize];
+                    if let ControlFlow::Break(()) =
+                        best.test::<A, O>(&ray, triangles, tested, options, query, observer)
+                    {
+                        return Some(best.hit);
+                    }
                 }
             }
             loop {
@@ -91,10 +89,6 @@ impl Near<'_> {
             if enter > leave || enter > to || enter > self.stop || leave < from {
                 continue;
             }
-            let word = match what {
-                CompressedChild::Node(node) => node,
-                CompressedChild::Leaf { first, count } => LEAF_ENTRY | count << LEAF_SHIFT | first,
-            };
             if top >= stack.len() {
                 return None;
             }
@@ -103,7 +97,7 @@ impl Near<'_> {
                 stack[place] = stack[place - 1];
                 place -= 1;
             }
-            stack[place] = (word, enter);
+            stack[place] = (what.entry(), enter);
             top += 1;
         }
         Some(top)

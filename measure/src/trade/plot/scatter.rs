@@ -173,6 +173,9 @@ impl Scatter {
         text(area, "preset", (left, y), bold(SMALL, INK, HPos::Left, VPos::Center), 100)?;
         let row = |keys: Vec<(Marker, &str)>, y: &mut i32| -> Drawn {
             for (place, (look, name)) in keys.into_iter().enumerate() {
+                if place > 0 && place % 3 == 0 {
+                    *y += LINE;
+                }
                 let x = left + 110 + 140 * (place as i32 % 3);
                 marker(area, (x, *y), look)?;
                 text(area, name, (x + 14, *y), small(), 116)?;
