@@ -34,7 +34,7 @@ pub enum Preset {
 }
 
 impl Preset {
-    /// All presets, by build time.
+    /// All presets: `fast` and its form for GPUs, then by build time.
     pub const ALL: [Preset; 4] = [Preset::Fast, Preset::Narrow, Preset::Balanced, Preset::Best];
 
     /// The name that [`FromStr`](core::str::FromStr) reads; also used in reports.

@@ -68,7 +68,7 @@ impl Station {
     }
 }
 
-/// All of it, in the order of the rows: by device, presets by build time, the preset as it is first,
+/// All of it, in the order of the rows: by device, presets as in `Preset::ALL`, the preset as it is first,
 /// then its knobs. Knobs are turned at one accuracy, on the first device and on the most threads:
 /// one at a time around each preset, not all combinations.
 pub fn stations(scope: &Scope) -> Vec<Station> {
