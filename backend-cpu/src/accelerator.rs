@@ -1,6 +1,7 @@
 //! The built tree, ready for rays.
 
 mod all_hits;
+mod closest_points;
 mod task_bytes;
 mod windings;
 
@@ -13,6 +14,7 @@ use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::{Accelerator, QueryLayout};
 use splitplane_core::error::{BuildError, QueryError, refused};
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::query::traverse::Query;
@@ -290,6 +292,15 @@ impl Accelerator for CpuAccelerator {
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         self.find_windings(points, options)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_closest_points(points, closest, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {

@@ -7,6 +7,7 @@ mod build;
 mod cancel;
 mod layout;
 mod memory;
+mod near;
 mod simd;
 #[doc(hidden)]
 pub mod testing;

@@ -7,6 +7,7 @@ use crate::cancel::go_on_tracing;
 use crate::error::{BuildError, QueryError};
 use crate::mesh::Mesh;
 use crate::query::all_hits::{AllHits, AllHitsOptions};
+use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
@@ -147,6 +148,25 @@ pub trait Accelerator: Send + Sync {
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         locate_along(self, points, inside::DIRECTION, options)
+    }
+
+    /// The point of the mesh that is closest to each point: see [`query::closest_point`](crate::query::closest_point);
+    /// [`ClosestPoint::NONE`] where none is within the greatest distance. After an error `closest` holds the answers
+    /// to some of the points, and nothing says which: do not use it.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// `points` and `closest` of different length, no memory for a search, a watch that cancels the batch, and
+    /// [`QueryError::Unsupported`] from a backend without this query.
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let _ = (points, closest, options);
+        Err(QueryError::Unsupported { query: "closest points" })
     }
 }
 

@@ -201,6 +201,12 @@ pub enum QueryError {
         /// Rays of the batch.
         total: u64,
     },
+    /// The backend does not answer this query.
+    #[error("the backend does not answer queries for {query}")]
+    Unsupported {
+        /// What was asked for, in the plural.
+        query: &'static str,
+    },
     /// A device failed, or cannot do what was asked.
     #[error(transparent)]
     Device(#[from] DeviceError),

@@ -7,6 +7,8 @@ pub mod along;
 pub mod best_first;
 pub mod certify;
 #[cfg(feature = "alloc")]
+pub mod closest_point;
+#[cfg(feature = "alloc")]
 pub mod compressed;
 #[cfg(feature = "alloc")]
 pub mod inside;

@@ -81,6 +81,23 @@ impl Rational {
     }
 }
 
+impl Rational {
+    /// The number as an `f64`, within a part in 2^52 of it, times a power of two: for numbers that are not negative.
+    pub fn scaled_to_f64(&self, exponent: i32) -> f64 {
+        // A quotient of 60 to 62 bits.
+        let shift = 61 + self.below.bits() as i64 - self.above.bits() as i64;
+        let part = match shift >= 0 {
+            true => (&self.above << shift as u64) / &self.below,
+            false => &self.above / (&self.below << -shift as u64),
+        };
+        let digits = part.to_u64_digits().1;
+        let whole = digits.first().map_or(0.0, |&digit| digit as f64);
+        // In two steps, since one power might be out of range.
+        let power = exponent as i64 - shift;
+        whole * 2f64.powi((power / 2) as i32) * 2f64.powi((power - power / 2) as i32)
+    }
+}
+
 impl PartialEq for Rational {
     fn eq(&self, other: &Rational) -> bool {
         self.cmp(other).is_eq()
@@ -129,6 +146,40 @@ fn cross(a: &Vector, b: &Vector) -> Vector {
 
 fn dot(a: &Vector, b: &Vector) -> BigInt {
     &a[0] * &b[0] + &a[1] * &b[1] + &a[2] * &b[2]
+}
+
+/// The square of the distance from a point to a triangle, exactly: to its plane above the inside, else to the nearest edge.
+pub fn distance_squared(corners: &[[f32; 3]; 3], point: [f32; 3]) -> f64 {
+    let [a, b, c] = corners.map(vector);
+    let point = vector(point);
+    let mut least: Option<Rational> = None;
+    let mut consider = |found: Rational| {
+        if least.as_ref().is_none_or(|least| found < *least) {
+            least = Some(found);
+        }
+    };
+    let edges = [(&a, &b), (&b, &c), (&c, &a)];
+    for (from, to) in edges {
+        let (way, edge) = (minus(&point, from), minus(to, from));
+        let (along, length) = (dot(&way, &edge), dot(&edge, &edge));
+        consider(Rational::new(dot(&way, &way), BigInt::from(1)));
+        if along.sign() == Sign::Plus && along < length {
+            let above = dot(&way, &way) * &length - &along * &along;
+            consider(Rational::new(above, length));
+        }
+    }
+    let normal = cross(&minus(&b, &a), &minus(&c, &a));
+    let squared = dot(&normal, &normal);
+    let inside = edges.iter().all(|(from, to)| {
+        let turn = cross(&minus(to, from), &minus(&point, from));
+        dot(&normal, &turn).sign() != Sign::Minus
+    });
+    if squared.sign() == Sign::Plus && inside {
+        let height = dot(&normal, &minus(&point, &a));
+        consider(Rational::new(&height * &height, squared));
+    }
+    // Of multiples of 2^-149, squared.
+    least.map_or(f64::NAN, |least| least.scaled_to_f64(-298))
 }
 
 /// A ray in whole numbers.

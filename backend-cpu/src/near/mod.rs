@@ -1,0 +1,3 @@
+//! Answering points: which point of the mesh is closest.
+
+pub(crate) mod closest_point;
