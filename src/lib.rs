@@ -56,9 +56,10 @@
 //! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
+//! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
-//! | filter triangles, find the closest point, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
+//! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
 //! | write your own backend or executor | [`Backend`], [custom backends], [custom executors] |
 //! | trace rays from your own shader | [custom shaders] |
 //! | trace without `std` | [embed the core] |
@@ -74,6 +75,7 @@
 //! [shadows]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/start.md#shadows
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
 //! [keep a tree]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/keep.md
+//! [closest points]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/near.md
 //! [custom queries]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/query.md
 //! [custom backends]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/own_backend.md
 //! [custom executors]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/executor.md
@@ -131,7 +133,19 @@ mod guide {
             )*
         };
     }
-    pages!(accuracy, backend, cancel, executor, keep, no_std, own_backend, query, rebuild, start);
+    pages!(
+        accuracy,
+        backend,
+        cancel,
+        executor,
+        keep,
+        near,
+        no_std,
+        own_backend,
+        query,
+        rebuild,
+        start
+    );
 
     #[cfg(feature = "wgpu")]
     pages!(shader);

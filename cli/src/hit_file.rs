@@ -7,12 +7,13 @@
 
 use super::failure::Failure;
 use super::{files, npy};
-use splitplane::{AllHits, Hit, Located, Location, QueryError, Rule};
+use splitplane::{AllHits, ClosestPoint, Hit, Located, Location, QueryError, Rule};
 use std::path::{Path, PathBuf};
 
 const HIT_TYPE: &str = "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4')]";
 const CROSSING_TYPE: &str =
     "[('t', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4'), ('front', '<u4')]";
+const CLOSEST_POINT_TYPE: &str = "[('distance', '<f4'), ('triangle', '<u4'), ('u', '<f4'), ('v', '<f4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4')]";
 
 /// The answer of any hit for a ray that was left undecided.
 const NO_ANSWER: u8 = 255;
@@ -78,6 +79,25 @@ pub(super) fn write_inside(path: &Path, located: &Located) -> Result<(), Failure
             Location::Boundary => 2,
         }
     }));
+    files::write(path, &bytes)
+}
+
+/// Writes closest points; where there is none `inf 4294967295 0 0 0 0 0`. With `signs` the distances of points inside are negative.
+pub(super) fn write_closest_points(
+    path: &Path,
+    closest: &[ClosestPoint],
+    signs: Option<&Located>,
+) -> Result<(), Failure> {
+    let mut bytes = start(path, CLOSEST_POINT_TYPE, 28, closest.len())?;
+    for (place, closest) in closest.iter().enumerate() {
+        let is_inside =
+            signs.is_some_and(|located| located.location(place, Rule::NonZero) == Location::Inside);
+        let distance = if is_inside { -closest.distance() } else { closest.distance() };
+        let ClosestPoint { point: [x, y, z], triangle, u, v, .. } = *closest;
+        let [x, y, z, u, v] = [x, y, z, u, v].map(f32::to_bits);
+        let words = [distance.to_bits(), triangle, u, v, x, y, z];
+        bytes.extend(words.into_iter().flat_map(u32::to_le_bytes));
+    }
     files::write(path, &bytes)
 }
 

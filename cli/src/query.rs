@@ -7,8 +7,8 @@ use super::{files, hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::{
-    Accelerator, AllHits, AllHitsOptions, Hit, LocateOptions, Located, Location, QueryError,
-    QueryOptions, Ray, Rule, Undecided,
+    Accelerator, AllHits, AllHitsOptions, ClosestPoint, ClosestPointOptions, Hit, LocateOptions,
+    Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
 };
 use splitplane_scene::from_file::quoted_path;
 use std::ffi::OsString;
@@ -23,7 +23,7 @@ pub(super) struct Arguments {
     /// The rays: raw little-endian f32 `ox oy oz dx dy dz tmin tmax`, or .npy of shape (n, 8)
     #[arg(long, value_name = "FILE", required_unless_present = "points")]
     rays: Option<PathBuf>,
-    /// The points of --kind inside: raw little-endian f32 `x y z`, or .npy of shape (n, 3)
+    /// The points of --kind inside and closest-point: raw little-endian f32 `x y z`, or .npy of shape (n, 3)
     #[arg(long, value_name = "FILE", conflicts_with = "rays")]
     points: Option<PathBuf>,
     /// What to find
@@ -32,9 +32,16 @@ pub(super) struct Arguments {
     /// Write the answers to this file, .npy or raw: records of f32 t, u32 triangle, f32 u, f32 v
     /// for closest; one byte for any; for all the same records with a u32 behind them, 1 where the ray comes
     /// from the front, and in a second file, .starts before its ending, where each ray's begin, u64; for
-    /// inside one byte, 0 outside, 1 inside, 2 on a triangle
+    /// inside one byte, 0 outside, 1 inside, 2 on a triangle; for closest-point records of f32 distance, u32
+    /// triangle, f32 u, f32 v, f32 x, f32 y, f32 z
     #[arg(long, value_name = "FILE")]
     hits: Option<PathBuf>,
+    /// The greatest distance of --kind closest-point; no limit when left out
+    #[arg(long, value_name = "DISTANCE", value_parser = distance)]
+    max_distance: Option<f32>,
+    /// Distances of --kind closest-point are negative for points inside a closed surface
+    #[arg(long)]
+    signed: bool,
     /// What becomes of rays that a GPU cannot decide within its bounds of error, under `--accuracy exact`
     #[arg(long, value_enum, default_value_t = UndecidedName::Redo)]
     undecided: UndecidedName,
@@ -46,7 +53,7 @@ pub(super) struct Arguments {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "lowercase")]
+#[serde(rename_all = "kebab-case")]
 enum Kind {
     /// The nearest hit
     Closest,
@@ -56,6 +63,24 @@ enum Kind {
     All,
     /// Whether points lie inside a closed surface, exactly
     Inside,
+    /// The closest point of the mesh to each point
+    ClosestPoint,
+}
+
+impl Kind {
+    /// Whether it asks about points, not rays.
+    fn asks_points(self) -> bool {
+        matches!(self, Kind::Inside | Kind::ClosestPoint)
+    }
+}
+
+/// A distance that something may be within.
+fn distance(text: &str) -> Result<f32, String> {
+    match text.parse::<f32>() {
+        Ok(distance) if distance >= 0.0 => Ok(distance),
+        Ok(_) => Err("a distance is 0 or more".into()),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -88,6 +113,13 @@ enum Asked {
     Any(Vec<Ray>, Vec<bool>),
     All(Vec<Ray>, AllHits),
     Inside(Vec<[f32; 3]>, Located),
+    /// Where signs are asked for, with where the points lie.
+    ClosestPoint {
+        points: Vec<[f32; 3]>,
+        closest: Vec<ClosestPoint>,
+        signs: Option<Located>,
+        within: f32,
+    },
 }
 
 /// Room for so many answers.
@@ -109,32 +141,43 @@ impl Asked {
                 quoted_path(path)
             )));
         }
-        let points = arguments.kind == Kind::Inside;
+        let kind = arguments.kind;
+        let points = kind.asks_points();
+        if kind != Kind::ClosestPoint && (arguments.signed || arguments.max_distance.is_some()) {
+            return Err(Failure::usage("--signed and --max-distance are for --kind closest-point"));
+        }
         let file = if points { &arguments.points } else { &arguments.rays };
         let Some(file) = file else {
             return Err(Failure::usage(if points {
-                "--kind inside asks about points; give them by --points"
+                "--kind inside and closest-point ask about points; give them by --points"
             } else {
-                "points are for --kind inside; give rays by --rays"
+                "points are for --kind inside and closest-point; give rays by --rays"
             }));
         };
         let limit = arguments.common.max_file;
         if points {
-            return Ok(Asked::Inside(ray_file::read_points(file, limit)?, Located::default()));
+            let points = ray_file::read_points(file, limit)?;
+            if kind == Kind::Inside {
+                return Ok(Asked::Inside(points, Located::default()));
+            }
+            let closest = answers(points.len(), ClosestPoint::NONE)?;
+            let signs = arguments.signed.then(Located::default);
+            let within = arguments.max_distance.unwrap_or(f32::INFINITY);
+            return Ok(Asked::ClosestPoint { points, closest, signs, within });
         }
         let rays = ray_file::read(file, limit)?;
         let count = rays.len();
-        Ok(match arguments.kind {
+        Ok(match kind {
             Kind::Closest => Asked::Closest(rays, answers(count, Hit::MISS)?),
             Kind::Any => Asked::Any(rays, answers(count, false)?),
-            Kind::All | Kind::Inside => Asked::All(rays, AllHits::none()),
+            Kind::All | Kind::Inside | Kind::ClosestPoint => Asked::All(rays, AllHits::none()),
         })
     }
 
     fn count(&self) -> usize {
         match self {
             Asked::Closest(rays, _) | Asked::Any(rays, _) | Asked::All(rays, _) => rays.len(),
-            Asked::Inside(points, _) => points.len(),
+            Asked::Inside(points, _) | Asked::ClosestPoint { points, .. } => points.len(),
         }
     }
 
@@ -159,6 +202,15 @@ impl Asked {
                 *located = accelerator.locate(points, &LocateOptions { max_memory, watch })?;
                 located.report.clone()
             }
+            Asked::ClosestPoint { points, closest, signs, within } => {
+                let options = ClosestPointOptions { max_distance: *within, ignore, watch };
+                let mut report = accelerator.closest_points(points, closest, &options)?;
+                if let Some(located) = signs {
+                    *located = accelerator.locate(points, &LocateOptions { max_memory, watch })?;
+                    report.append(located.report.clone(), 0)?;
+                }
+                report
+            }
         })
     }
 
@@ -168,6 +220,9 @@ impl Asked {
             Asked::Any(_, hits) => hit_file::write_any(path, hits, flagged)?,
             Asked::All(_, all) => return Ok(hit_file::write_all(path, all)?.to_vec()),
             Asked::Inside(_, located) => hit_file::write_inside(path, located)?,
+            Asked::ClosestPoint { closest, signs, .. } => {
+                hit_file::write_closest_points(path, closest, signs.as_ref())?;
+            }
         }
         Ok(vec![path.to_owned()])
     }
@@ -178,12 +233,12 @@ impl Asked {
             match self {
                 Asked::Closest(_, hits) => hits[place] = Hit::MISS,
                 Asked::Any(_, hits) => hits[place] = false,
-                Asked::All(..) | Asked::Inside(..) => {}
+                Asked::All(..) | Asked::Inside(..) | Asked::ClosestPoint { .. } => {}
             }
         }
     }
 
-    /// Rays that hit, crossings, or points inside.
+    /// Rays that hit, crossings, points inside, or points that have a closest one.
     fn found(&self) -> usize {
         match self {
             Asked::Closest(_, hits) => hits.iter().filter(|hit| hit.is_hit()).count(),
@@ -193,6 +248,9 @@ impl Asked {
                 let inside =
                     |&point: &usize| located.location(point, Rule::NonZero) == Location::Inside;
                 (0..located.windings.len()).filter(inside).count()
+            }
+            Asked::ClosestPoint { closest, .. } => {
+                closest.iter().filter(|closest| closest.is_some()).count()
             }
         }
     }
@@ -228,7 +286,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             rays: asked.count(),
             hits: asked.found(),
             kind: arguments.kind,
-            accuracy: if exact { "exact" } else { common.accuracy_name() },
+            accuracy: match arguments.kind {
+                Kind::ClosestPoint => "f64",
+                _ if exact => "exact",
+                _ => common.accuracy_name(),
+            },
             build_ms: prepared.build_ms,
             trace_ms,
             mrays_per_s: asked.count() as f64 / trace_ms.max(1e-6) / 1e3,
@@ -238,7 +300,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             answered_by_cpu: last.answered_by_cpu,
             digest: prepared.accelerator.tree().digest().to_string(),
         };
-        let one = if arguments.kind == Kind::Inside { "point" } else { "ray" };
+        let one = if arguments.kind.asks_points() { "point" } else { "ray" };
         if report.undecided > 0 && !common.quiet {
             let what = if report.flagged > 0 { "they have no answer" } else { "the CPU did" };
             output::note(&format!(
@@ -263,6 +325,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
             Kind::Closest | Kind::Any => "hit",
             Kind::All => "crossings",
             Kind::Inside => "inside",
+            Kind::ClosestPoint => "with a closest point",
         };
         let line = |path: &PathBuf| format!("written  {}\n", path.display());
         output::data(&format!(

@@ -966,6 +966,32 @@ fn all_crossings_and_points_inside() {
     assert_eq!(fs::read(folder.path().join("inside.bin")).unwrap(), [1, 0, 2, 2]);
     fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--kind", "inside"]);
     fail(&folder, 2, &["query", "closed.obj", "--points", "points.bin"]);
+    // The same points: in it, beside it, and on it.
+    let query = ["query", "closed.obj", "--points", "points.bin", "--kind", "closest-point"];
+    let answer = succeed(&folder, &[&query[..], &["--signed", "--hits", "near.bin"]].concat());
+    assert!(answer.contains("4 points") && answer.contains("4 with a closest point"), "{answer}");
+    let records = fs::read(folder.path().join("near.bin")).unwrap();
+    let words = records.as_chunks::<4>().0.iter().map(|bytes| u32::from_le_bytes(*bytes));
+    let words: Vec<u32> = words.collect();
+    assert_eq!(words.len(), 4 * 7);
+    let record = |point: usize| {
+        let row = &words[7 * point..][..7];
+        (f32::from_bits(row[0]), row[1], [4, 5, 6].map(|at: usize| f32::from_bits(row[at])))
+    };
+    let third = 1.0 / 3.0f32.sqrt();
+    assert_eq!((record(0).0, record(0).1), (-third, 3));
+    assert!((record(1).0 - 5.0 * third).abs() < 1e-6 && record(1).1 == 3, "{:?}", record(1));
+    assert_eq!([record(2), record(3)], [(0.0, 2, [0.0, 1.0, 2.0]), (0.0, 0, [4.0, 0.0, 0.0])]);
+    let near = [&query[..], &["--max-distance", "1", "--json"]].concat();
+    let report = json(&folder, &near);
+    assert_eq!(
+        (report["hits"].as_u64(), report["kind"].as_str()),
+        (Some(3), Some("closest-point"))
+    );
+    fail(&folder, 2, &[&query[..], &["--max-distance", "-1"]].concat());
+    fail(&folder, 2, &[&query[..], &["--max-distance", "nan"]].concat());
+    fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--signed"]);
+    fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--kind", "closest-point"]);
     fs::write(folder.path().join("odd.bin"), &points[..20]).unwrap();
     let odd = ["query", "closed.obj", "--points", "odd.bin", "--kind", "inside"];
     assert!(fail(&folder, 3, &odd).contains("not a multiple of 12"));

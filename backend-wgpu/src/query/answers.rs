@@ -5,6 +5,7 @@ use core::any::Any;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::traverse;
 use splitplane_core::query::traverse::Query;
@@ -253,6 +254,16 @@ impl Accelerator for WgpuAccelerator {
         options: &LocateOptions<'_>,
     ) -> Result<Located, QueryError> {
         self.find_windings(points, options)
+    }
+
+    /// From the host copy, on all cores: the device has no such query. All points are counted as answered by the CPU.
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_closest_points(points, closest, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
