@@ -32,7 +32,7 @@ impl WgpuAccelerator {
                     *closest = closest_point(tree, &self.triangles[..], point, options)?;
                 }
                 asking.advance(points.len());
-                Ok(())
+                Ok::<(), QueryError>(())
             },
         )?;
         asking.check()?;
