@@ -79,11 +79,14 @@ pub(crate) fn scene(
     }
     let scene = Scene::open(name)?;
     let mesh = scene.mesh()?;
-    let counted = build::count(counter, &mesh, preset)?;
-    out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
-    for device in devices {
-        out += &title(device);
-        out += &table::build(device, &counted, measured.times);
+    if !options.no_builds {
+        let counted = build::count(counter, &mesh, preset)?;
+        out +=
+            &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
+        for device in devices {
+            out += &title(device);
+            out += &table::build(device, &counted, measured.times);
+        }
     }
     if !options.no_rays {
         let primary = primary(&scene, &mesh, preset, options)?;
