@@ -31,6 +31,8 @@ fn loops_run() -> bool {
 
 // A node, as a ray sees it.
 struct SeenNode {
+    // The bits of 1, opaque: so a compiler needs one operation to make a number of a side.
+    one: u32,
     // The distances to sides, of numbers from 1 to 2.
     step: vec3<f32>,
     start: vec3<f32>,
@@ -40,19 +42,19 @@ struct SeenNode {
 }
 
 // Distances to sides, which stand in the second byte of each word.
-fn distances(sides: vec3<u32>, step: vec3<f32>, start: vec3<f32>) -> vec3<f32> {
-    let numbers = bitcast<vec3<f32>>((sides & vec3<u32>(0xff00u)) | vec3<u32>(0x3f800000u));
+fn distances(seen: SeenNode, sides: vec3<u32>) -> vec3<f32> {
+    let numbers = bitcast<vec3<f32>>((sides & vec3<u32>(0xff00u)) | vec3<u32>(seen.one));
     return vec3<f32>(
-        free_mul_add(numbers.x, step.x, start.x),
-        free_mul_add(numbers.y, step.y, start.y),
-        free_mul_add(numbers.z, step.z, start.z),
+        free_mul_add(numbers.x, seen.step.x, seen.start.x),
+        free_mul_add(numbers.y, seen.step.y, seen.start.y),
+        free_mul_add(numbers.z, seen.step.z, seen.start.z),
     );
 }
 
 // The key of a child whose sides stand in the second byte of each word. No value is NaN: here `max` and `min` are free.
 fn child_key(seen: SeenNode, near_sides: vec3<u32>, far_sides: vec3<u32>, place: u32) -> u32 {
-    let near = distances(near_sides, seen.step, seen.start);
-    let far = distances(far_sides, seen.step, seen.start);
+    let near = distances(seen, near_sides);
+    let far = distances(seen, far_sides);
     let enter = max(max(near.x, near.y), max(near.z, seen.enter));
     let leave = min(min(far.x, far.y), min(far.z, seen.limit));
     let key = (bitcast<u32>(enter) & ~CHILD_PLACE) | place;
@@ -93,6 +95,7 @@ fn children_of(ray: PreparedRay, node: u32, enter: f32, limit: f32, bottom: u32)
         (vec3<u32>(head.w) << vec3<u32>(23u, 15u, 7u)) & vec3<u32>(0x7f800000u),
     );
     var seen: SeenNode;
+    seen.one = 0x3f800000u ^ opaque_zero;
     seen.step = vec3<f32>(
         free_mul(units.x, ray.reciprocal.x),
         free_mul(units.y, ray.reciprocal.y),
@@ -106,10 +109,10 @@ fn children_of(ray: PreparedRay, node: u32, enter: f32, limit: f32, bottom: u32)
     seen.enter = enter;
     seen.limit = limit;
     let backwards = ray.reciprocal < vec3<f32>();
-    let lower = vec3<u32>(first_sides.x, first_sides.z, more_sides.x);
-    let upper = vec3<u32>(more_sides.z, last_sides.x, last_sides.z);
-    let lower_rest = vec3<u32>(first_sides.y, first_sides.w, more_sides.y);
-    let upper_rest = vec3<u32>(more_sides.w, last_sides.y, last_sides.w);
+    let lower = first_sides.xyz;
+    let upper = vec3<u32>(first_sides.w, more_sides.xy);
+    let lower_rest = vec3<u32>(more_sides.zw, last_sides.x);
+    let upper_rest = last_sides.yzw;
     let near = select(lower, upper, backwards);
     let far = select(upper, lower, backwards);
     let near_rest = select(lower_rest, upper_rest, backwards);
@@ -121,37 +124,43 @@ fn children_of(ray: PreparedRay, node: u32, enter: f32, limit: f32, bottom: u32)
     let high = max(one, other);
     let third = min(low.zw, high.xy);
     let fifth = max(low.zw, high.xy);
-    var top = stack_pushed(bottom, high.w, node);
-    top = stack_pushed(top, max(fifth.y, high.z), node);
-    top = stack_pushed(top, min(fifth.y, high.z), node);
-    top = stack_pushed(top, max(third.y, fifth.x), node);
+    var top = bottom;
+    let fourth = max(third.y, fifth.x);
+    // Few rays meet more than four children.
+    if fourth != NO_CHILD {
+        top = stack_pushed(top, high.w, node);
+        top = stack_pushed(top, max(fifth.y, high.z), node);
+        top = stack_pushed(top, min(fifth.y, high.z), node);
+        top = stack_pushed(top, fourth, node);
+    }
     top = stack_pushed(top, min(third.y, fifth.x), node);
     top = stack_pushed(top, max(low.y, third.x), node);
     top = stack_pushed(top, min(low.y, third.x), node);
     return stack_pushed(top, low.x, node);
 }
 
-// What the walk visits next: a node, or the references of a leaf.
+// What the walk visits next: a node, or as many references of a leaf from a place on.
 struct NextPlace {
-    node: u32,
     at: u32,
-    end: u32,
+    rest: u32,
 }
 
 // A child of a node.
 fn child_of(node: u32, place: u32) -> NextPlace {
     let names = compressed_nodes[5u * node + 1u];
     if place < (names.y >> REFERENCE_BITS) {
-        return NextPlace(names.x + place, 0u, 0u);
+        return NextPlace(names.x + place, 0u);
     }
     // Where the leaf ends, and where the child before it does.
     let later = place >= 4u;
     let shift = 8u * (place & 3u);
-    let ends = select(names.z, names.w, later) >> shift;
-    let before = select(0u, names.z >> 24u, later);
-    let start = select((select(names.z, names.w, later) << 8u) >> shift, before, shift == 0u);
-    let first = names.y & ((1u << REFERENCE_BITS) - 1u);
-    return NextPlace(NO_NODE, first + (start & 0xffu), first + (ends & 0xffu));
+    let word = select(names.z, names.w, later);
+    let before = select((word << 8u) >> shift, select(0u, names.z >> 24u, later), shift == 0u);
+    let start = before & 0xffu;
+    let rest = ((word >> shift) & 0xffu) - start;
+    let at = (names.y & ((1u << REFERENCE_BITS) - 1u)) + start;
+    // Places without a child have no reference.
+    return NextPlace(select(at, NO_NODE, rest == 0u), rest);
 }
 
 // The hit of a ray; `any` ends the walk at the first. A driver that ends loops early is noticed, as in traverse.wgsl.
@@ -172,23 +181,21 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
     var search = new_search();
     // At the end there is nothing on the stack, and only then.
     var top = stack_start();
-    // None in a leaf and after it.
-    var node = 0u;
-    // What is left of the leaf that the walk is in.
+    // A node or none; with something left of a leaf, the next of its references.
     var at = 0u;
-    var end = 0u;
+    var rest = 0u;
     loop {
-        if node != NO_NODE {
+        if rest == 0u && at != NO_NODE {
             observe_node();
             let limit = min(entered.y, search.stop);
-            top = children_of(prepared, node, entered.x, limit, top);
-            if top >= STACK_STEP && !stack_has(top - STACK_STEP) {
+            top = children_of(prepared, at, entered.x, limit, top);
+            if !stack_has(top - STACK_STEP) {
                 return Hit(GREATEST, DEFERRED, 0.0, 0.0);
             }
-            node = NO_NODE;
-        } else if at < end {
+        } else if rest > 0u {
             let triangle = compressed_references[at];
             at += 1u;
+            rest -= 1u;
             if triangle != options.ignore {
                 observe_triangle();
                 search = searched(search, prepared, triangle, options.culling, any);
@@ -200,20 +207,21 @@ fn trace_ray(ray: Ray, options: QueryOptions, any: bool) -> Hit {
                 }
             }
         }
-        if at < end {
+        if rest > 0u {
             continue;
         }
+        at = NO_NODE;
         top -= STACK_STEP;
         if top < STACK_STEP {
             break;
         }
-        let key = stack_key(top);
+        let entry = stack_entry(top);
+        let key = entry.x;
         let reached = free_mul(min(entered.y, search.stop), BOX_FACTOR);
         if bitcast<f32>(key & ~CHILD_PLACE) <= reached {
-            let next = child_of(stack_node(top), key & CHILD_PLACE);
-            node = next.node;
+            let next = child_of(entry.y, key & CHILD_PLACE);
             at = next.at;
-            end = next.end;
+            rest = next.rest;
         }
     }
     if !loops_run() || (!(any && search.found) && (top ^ opaque_zero) >= STACK_STEP) {

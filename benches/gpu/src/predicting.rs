@@ -81,8 +81,7 @@ pub(crate) fn scene(
     let mesh = scene.mesh()?;
     if !options.no_builds {
         let counted = build::count(counter, &mesh, preset)?;
-        out +=
-            &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
+        out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
         for device in devices {
             out += &title(device);
             out += &table::build(device, &counted, measured.times);
@@ -171,7 +170,8 @@ mod tests {
 
     #[test]
     fn a_tile_is_eight_by_four_neighbours() {
-        let rays: Vec<Ray> = (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
+        let rays: Vec<Ray> =
+            (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
         let tiled = in_tiles(&rays, 20);
         let pixel = |at: usize| tiled[at].origin[0] as usize;
         assert_eq!([pixel(0), pixel(7), pixel(8), pixel(31), pixel(32)], [0, 7, 20, 67, 8]);

@@ -26,7 +26,7 @@ pub const LEAF_MOST: u32 = 31;
 /// Bits of [`CompressedNode::first_reference`] below the number of children that are nodes.
 pub const REFERENCE_BITS: u32 = 26;
 /// Entries of a stack in the memory of a workgroup. Rays that need more are traced through the tree itself.
-pub const BOX_ENTRIES: u32 = 24;
+pub const BOX_ENTRIES: u32 = 16;
 /// By this factor a ray leaves a box later than is computed. The distance to a side is computed in 11 roundings of 2^-24
 /// at most where a device errs as far as WGSL lets it, and `PLANE_SLACK` has 4 for the images of corners: 2^-18 is twice
 /// the sum, for entering and leaving together.
@@ -51,10 +51,9 @@ pub struct CompressedNode {
     /// A byte for each child: 0 for a node; for a leaf, where its references end, counted from the first of all leaves; the
     /// last leaf's once more for places without a child.
     pub ends: [u32; 2],
-    /// The lower sides by axis, a byte for each child; 255 for none.
-    pub lower: [[u32; 2]; 3],
-    /// The upper sides; 0 for none.
-    pub upper: [[u32; 2]; 3],
+    /// The sides of the first four children and of the others: the lower ones by axis and the upper ones, a byte for each
+    /// child. Where there is none, 255 and 0.
+    pub sides: [[[u32; 3]; 2]; 2],
 }
 
 /// A tree as compressed nodes; see [the module](self).

@@ -63,7 +63,7 @@ impl CompressedNode {
     pub(super) fn set_boxes(&mut self, boxes: &[Aabb]) {
         let all = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
         self.exponents = 0;
-        (self.lower, self.upper) = ([[u32::MAX; 2]; 3], [[0; 2]; 3]);
+        self.sides = [[[u32::MAX; 3], [0; 3]]; 2];
         if boxes.is_empty() {
             return;
         }
@@ -74,8 +74,9 @@ impl CompressedNode {
             let place = |side: f32| (f64::from(side) - f64::from(origin)) / power(exponent);
             for (child, bounds) in boxes.iter().enumerate() {
                 let (lower, upper) = (below(place(bounds.lo[axis])), above(place(bounds.hi[axis])));
-                set_byte(&mut self.lower[axis], child, lower.min(255));
-                set_byte(&mut self.upper[axis], child, upper.min(255));
+                for (words, side) in self.sides[child / 4].iter_mut().zip([lower, upper]) {
+                    set_byte(&mut words[axis], child, side.min(255));
+                }
             }
         }
     }
@@ -96,7 +97,7 @@ impl CompressedNode {
         let mut end = 0;
         for child in nodes..CHILDREN {
             end += leaves.get(child - nodes).copied().unwrap_or(0);
-            set_byte(&mut self.ends, child, end);
+            set_byte(&mut self.ends[child / 4], child, end);
         }
     }
 
@@ -107,15 +108,18 @@ impl CompressedNode {
 
     /// The lower or upper side of a child's box on an axis, as a number from 1 to 2: 1 and the side in quanta by 2^15.
     pub(super) fn side(&self, child: usize, axis: usize, upper: bool) -> f32 {
-        let side = byte(if upper { &self.upper[axis] } else { &self.lower[axis] }, child);
-        f32::from_bits(0x3f80_0000 | side << SIDE_SHIFT)
+        f32::from_bits(0x3f80_0000 | self.quanta(child, axis, upper) << SIDE_SHIFT)
+    }
+
+    fn quanta(&self, child: usize, axis: usize, upper: bool) -> u32 {
+        byte(self.sides[child / 4][usize::from(upper)][axis], child)
     }
 
     /// A child's box, as it is in real numbers: for tests and reports.
     pub fn child_bounds(&self, child: usize) -> [[f64; 2]; 3] {
         core::array::from_fn(|axis| {
-            [&self.lower, &self.upper].map(|sides| {
-                let quanta = f64::from(byte(&sides[axis], child));
+            [false, true].map(|upper| {
+                let quanta = f64::from(self.quanta(child, axis, upper));
                 f64::from(self.origin[axis]) + quanta * self.quantum(axis)
             })
         })
@@ -133,9 +137,10 @@ impl CompressedNode {
         if child < self.inner() {
             return CompressedChild::Node(self.first_child + child as u32);
         }
-        let start = if child == 0 { 0 } else { byte(&self.ends, child - 1) };
+        let end = |child: usize| byte(self.ends[child / 4], child);
+        let start = if child == 0 { 0 } else { end(child - 1) };
         let first = (self.first_reference & ((1 << REFERENCE_BITS) - 1)) + start;
-        CompressedChild::Leaf { first, count: byte(&self.ends, child) - start }
+        CompressedChild::Leaf { first, count: end(child) - start }
     }
 }
 
@@ -153,13 +158,13 @@ pub enum CompressedChild {
     },
 }
 
-/// A byte of eight.
-fn byte(words: &[u32; 2], place: usize) -> u32 {
-    (words[place / 4] >> (8 * (place % 4))) & 0xff
+/// The byte of a child in the word for it and its three neighbours.
+fn byte(word: u32, child: usize) -> u32 {
+    (word >> (8 * (child % 4))) & 0xff
 }
 
-/// Sets a byte of eight.
-fn set_byte(words: &mut [u32; 2], place: usize, value: u32) {
-    let shift = 8 * (place % 4);
-    words[place / 4] = words[place / 4] & !(0xff << shift) | value << shift;
+/// Sets it.
+fn set_byte(word: &mut u32, child: usize, value: u32) {
+    let shift = 8 * (child % 4);
+    *word = *word & !(0xff << shift) | value << shift;
 }

@@ -88,7 +88,8 @@ impl CompressedNodes {
                 }
             }
             let reached = A::free_mul(limit, BOX_FACTOR);
-            let entry = stack[..top].iter().rposition(|&(key, _)| f32::from_bits(key & !PLACE) <= reached);
+            let entry =
+                stack[..top].iter().rposition(|&(key, _)| f32::from_bits(key & !PLACE) <= reached);
             let Some(entry) = entry else { return Some(best.hit) };
             top = entry;
             let (key, index) = stack[entry];
