@@ -69,30 +69,52 @@ fn cycles(device: &Device, shader: &Shader, lanes: u32, work: Work) -> f64 {
     let all = work.workgroups.max(1) as f64;
     let at_work = all.min(device.multiprocessors.number);
     let groups = resident(device, shader, lanes).min((all / at_work).ceil());
-    let rate = at_work * device.schedulers.number * issue(device, shader, work, lanes, groups);
+    let rate = at_work * device.schedulers.number * issue(device, shader, work, lanes, groups).rate;
     work.in_step as f64 * shader.per_operation / rate
+}
+
+/// What a scheduler issues.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Issued {
+    /// Loads an instruction.
+    pub loads: f64,
+    /// Cycles that a warp waits between two instructions.
+    pub wait: f64,
+    /// Warps of a scheduler.
+    pub warps: f64,
+    /// Instructions a cycle.
+    pub rate: f64,
 }
 
 /// Instructions a cycle and scheduler, with this many workgroups at work on a multiprocessor: what its warps offer while
 /// each waits for its last instruction or load, and no more than the scheduler takes.
-fn issue(device: &Device, shader: &Shader, of: Work, lanes: u32, groups: f64) -> f64 {
+fn issue(device: &Device, shader: &Shader, of: Work, lanes: u32, groups: f64) -> Issued {
     let instructions = of.operations as f64 * shader.per_operation;
     let loads = of.loads as f64 / instructions.max(1.0);
     let wait = device.step.number + loads * device.dependent.number * device.load.number;
     let warps = groups * f64::from(lanes.div_ceil(LANES_IN_STEP)) / device.schedulers.number;
-    (warps / wait).min(device.issue.number)
+    Issued { loads, wait, warps, rate: (warps / wait).min(device.issue.number) }
+}
+
+/// What a scheduler issues of a dispatch that fills the device.
+pub(crate) fn issued(device: &Device, shader: &Shader, lanes: u32, of: &Tally) -> Issued {
+    issue(device, shader, everyone(of), lanes, resident(device, shader, lanes))
+}
+
+fn everyone(of: &Tally) -> Work {
+    Work {
+        workgroups: of.workgroups,
+        operations: of.operations,
+        loads: of.loads,
+        in_step: of.in_step,
+    }
 }
 
 /// One dispatch.
 pub(crate) fn dispatch(device: &Device, shader: &Shader, lanes: u32, of: &Tally) -> Predicted {
     let cycles_ms = 1e-6 / device.clock.number;
     // Those that have nothing to do are spread over the device too, and leave it to the others.
-    let everyone = Work {
-        workgroups: of.workgroups,
-        operations: of.operations,
-        loads: of.loads,
-        in_step: of.in_step,
-    };
+    let everyone = everyone(of);
     let busy = Work {
         workgroups: of.busy,
         operations: of.busy_operations,

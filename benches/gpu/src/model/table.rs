@@ -8,8 +8,8 @@ use super::devices::Device;
 use super::predict::{self, Predicted};
 use super::shaders;
 use crate::count::build::CountedBuild;
-use crate::count::rays::CountedRays;
-use crate::count::tally::{Counted, Tally};
+use crate::count::rays::{CountedRays, Through};
+use crate::count::tally::{LANES_IN_STEP, Tally};
 
 /// Time measured beside the time predicted.
 fn beside(measured: Option<f64>, predicted: f64) -> String {
@@ -70,17 +70,65 @@ pub(crate) fn build(device: &Device, of: &CountedBuild, times: &[KernelTime]) ->
     out
 }
 
-/// Closest hits: as many rays as asked for, from those that were counted. `measured` are million rays a second.
-pub(crate) fn rays(device: &Device, of: &CountedRays, rays: u64, measured: Option<f64>) -> String {
-    let shader = shaders::find(of.kernel.kernel, device.compiler);
+/// Closest hits: as many rays as asked for, from those that were counted. `measured` are million rays a second, and what
+/// those went through.
+pub(crate) fn rays(
+    device: &Device,
+    of: &[CountedRays],
+    rays: u64,
+    measured: Option<(Through, f64)>,
+) -> String {
+    let mut out = String::from(
+        "| through | nodes a ray | triangles a ray | rounds a ray | instructions a ray | a node or triangle | loads a ray \
+         | lanes at work | warps resident | instructions, ms | chain, ms | bound by | predicted, Mray/s | measured \
+         | measured / predicted |\n|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|--:|--:|\n",
+    );
+    let mut shown = String::new();
+    for of in of {
+        let shader = shaders::find(of.kernel.kernel, device.compiler);
+        let tally = more(of, rays);
+        let each = |count: u64| count as f64 / rays as f64;
+        let lanes = of.kernel.lanes;
+        let p = predict::dispatch(device, &shader, lanes, &tally);
+        let groups = predict::resident(device, &shader, lanes);
+        let warps = groups * f64::from(lanes.div_ceil(LANES_IN_STEP));
+        let instructions = each(tally.operations) * shader.per_operation;
+        let step = instructions / (of.nodes + of.triangles).max(1.0);
+        let in_step = f64::from(LANES_IN_STEP) * tally.in_step as f64;
+        let together = tally.operations as f64 / in_step.max(1.0);
+        let mrays = rays as f64 / p.time * 1e-3;
+        let here = measured.filter(|(through, _)| *through == of.through);
+        let measured = beside(here.map(|(_, mrays)| mrays), mrays);
+        let _ = writeln!(
+            out,
+            "| {} | {:.1} | {:.1} | {:.1} | {instructions:.0} | {step:.1} | {:.1} | {:.0} % | {warps:.0} of {:.0} \
+             | {:.3} | {:.3} | {} | **{mrays:.0}** | {measured} |",
+            of.through.name(),
+            of.nodes,
+            of.triangles,
+            each(tally.rounds),
+            each(tally.loads),
+            1e2 * together,
+            device.warps.number,
+            p.instructions,
+            p.chain,
+            p.bound(),
+        );
+        let _ = writeln!(shown, "- {}: {}", of.through.name(), sum(device, &shader, lanes, &tally));
+    }
+    out + "\n" + &shown
+}
+
+/// The counts of more rays of the same kind.
+fn more(of: &CountedRays, rays: u64) -> Tally {
     let counted = of.kernel.all();
-    let each = |count: u64| count as f64 / of.rays as f64;
-    let more = |count: u64| (each(count) * rays as f64).round() as u64;
-    let tally = Tally {
+    let more = |count: u64| (count as f64 / of.rays as f64 * rays as f64).round() as u64;
+    Tally {
         workgroups: more(counted.workgroups),
         busy: more(counted.busy),
         operations: more(counted.operations),
         loads: more(counted.loads),
+        rounds: more(counted.rounds),
         in_step: more(counted.in_step),
         busy_operations: more(counted.busy_operations),
         busy_loads: more(counted.busy_loads),
@@ -88,32 +136,37 @@ pub(crate) fn rays(device: &Device, of: &CountedRays, rays: u64, measured: Optio
         read: more(counted.read),
         written: more(counted.written),
         ..counted
-    };
-    let lanes = of.kernel.lanes;
-    let kernel = Counted { dispatches: vec![tally], ..of.kernel.clone() };
-    let p = predict::kernel(device, &shader, &kernel);
-    let groups = predict::resident(device, &shader, lanes);
-    let warps = groups * f64::from(lanes.div_ceil(32));
-    let instructions = each(counted.operations) * shader.per_operation;
-    let step = instructions / (of.nodes + of.triangles).max(1.0);
-    let together = counted.operations as f64 / (32.0 * counted.in_step as f64).max(1.0);
-    let mrays = rays as f64 / p.time * 1e-3;
-    let measured = beside(measured, mrays);
+    }
+}
+
+/// How the time of a dispatch that its instructions bind comes about, as a sum to check by hand.
+fn sum(device: &Device, shader: &shaders::Shader, lanes: u32, of: &Tally) -> String {
+    let issued = predict::issued(device, shader, lanes, of);
+    let instructions = of.in_step as f64 * shader.per_operation;
+    let slots = device.multiprocessors.number * device.schedulers.number;
+    let cycles = instructions / (slots * issued.rate);
     format!(
-        "| rays | nodes a ray | triangles a ray | rounds a ray | instructions a ray | a node or triangle | loads a ray \
-         | lanes at work | warps resident | instructions, ms | chain, ms | bound by | predicted, Mray/s | measured \
-         | measured / predicted |\n|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|---|--:|--:|--:|\n\
-         | {rays} | {:.1} | {:.1} | {:.1} | {instructions:.0} | {step:.1} | {:.1} | {:.0} % | {warps:.0} of {:.0} \
-         | {:.3} | {:.3} | {} | **{mrays:.0}** | {measured} |\n",
-        of.nodes,
-        of.triangles,
-        each(counted.rounds),
-        each(counted.loads),
-        1e2 * together,
-        device.warps.number,
-        p.instructions,
-        p.chain,
-        p.bound(),
+        "{:.1} M operations of the longest lanes x {:.3} instructions each = {:.1} M instructions of warps. A warp can \
+         issue every {:.1} cycles: {:.0} + {:.4} loads an instruction x {} x {:.0}. {:.1} warps a scheduler offer {:.2} \
+         a cycle, of which it takes {:.2}. / ({:.0} multiprocessors x {:.0} schedulers x {:.2}) = {:.2} M cycles; \
+         / {} GHz = {:.3} ms.",
+        of.in_step as f64 * 1e-6,
+        shader.per_operation,
+        instructions * 1e-6,
+        issued.wait,
+        device.step.number,
+        issued.loads,
+        device.dependent.number,
+        device.load.number,
+        issued.warps,
+        issued.warps / issued.wait,
+        issued.rate,
+        device.multiprocessors.number,
+        device.schedulers.number,
+        issued.rate,
+        cycles * 1e-6,
+        device.clock.number,
+        cycles * 1e-6 / device.clock.number,
     )
 }
 
@@ -141,6 +194,7 @@ pub(crate) fn assumptions(device: &Device, measured: &[(&str, f64)]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::count::tally::Counted;
     use crate::model::devices::DEVICES;
     use splitplane::core::kernel::Kernel;
 

@@ -1,7 +1,7 @@
 //! Making compressed nodes from a finished tree.
 
 use super::plan::Plan;
-use super::{CHILDREN, CompressedNode, CompressedNodes, INNER_CHILD, LEAF_MOST};
+use super::{CHILDREN, CompressedNode, CompressedNodes, LEAF_MOST};
 use crate::aabb::Aabb;
 use crate::query::intersect::SceneScale;
 use crate::query::traverse::Triangles;
@@ -33,6 +33,10 @@ impl Parts {
     fn push(&mut self, part: Part) {
         self.parts[self.count] = part;
         self.count += 1;
+    }
+
+    fn push_runs(&mut self, runs: impl Iterator<Item = (u32, u32)>, bounds: Aabb) {
+        runs.for_each(|(first, count)| self.push(Part::Run(first, count, bounds)));
     }
 
     fn as_slice(&self) -> &[Part] {
@@ -88,33 +92,42 @@ impl CompressedNodes {
             first_reference: self.references.len() as u32,
             ..CompressedNode::default()
         };
-        let mut boxes = [Aabb::EMPTY; CHILDREN];
-        for (child, &part) in parts.iter().enumerate() {
-            let (bounds, first, count, is_leaf) = match part {
-                Part::Subtree(index) => {
-                    let planned = &plan.nodes[index as usize];
-                    (planned.bounds, planned.first, planned.count, planned.is_leaf)
-                }
-                Part::Run(first, count, bounds) => (bounds, first, count, count <= LEAF_MOST),
-            };
-            boxes[child] = bounds;
-            let byte = if is_leaf {
-                let start = self.references.len();
-                for &triangle in &plan.tree.references[first as usize..(first + count) as usize] {
-                    // Subtrees that became one leaf may name a triangle twice.
-                    if !self.references[start..].contains(&triangle) {
-                        self.references.push(triangle);
-                    }
-                }
-                (self.references.len() - start) as u32
-            } else {
+        let mut boxes = Vec::with_capacity(CHILDREN);
+        let mut leaves = Vec::new();
+        let planned = |part: Part| match part {
+            Part::Subtree(index) => {
+                let planned = &plan.nodes[index as usize];
+                (planned.bounds, planned.first, planned.count, planned.is_leaf)
+            }
+            Part::Run(first, count, bounds) => (bounds, first, count, count <= LEAF_MOST),
+        };
+        // Nodes first.
+        for &part in parts {
+            let (bounds, _, _, is_leaf) = planned(part);
+            if !is_leaf {
+                boxes.push(bounds);
                 waiting.push((self.nodes.len(), plan.opened(part)));
                 self.nodes.push(CompressedNode::default());
-                INNER_CHILD
-            };
-            node.set_count(child, byte);
+            }
         }
-        node.set_boxes(&boxes[..parts.len()]);
+        let nodes = boxes.len();
+        for &part in parts {
+            let (bounds, first, count, is_leaf) = planned(part);
+            if !is_leaf {
+                continue;
+            }
+            boxes.push(bounds);
+            let start = self.references.len();
+            for &triangle in &plan.tree.references[first as usize..(first + count) as usize] {
+                // Subtrees that became one leaf may name a triangle twice.
+                if !self.references[start..].contains(&triangle) {
+                    self.references.push(triangle);
+                }
+            }
+            leaves.push((self.references.len() - start) as u32);
+        }
+        node.set_children(nodes, &leaves);
+        node.set_boxes(&boxes);
         node
     }
 }
@@ -133,7 +146,7 @@ impl Plan<'_> {
                 None => self.spread(index, CHILDREN, &mut parts),
             },
             Part::Run(first, count, bounds) => {
-                share(first, count, CHILDREN as u32, &bounds, &mut parts);
+                parts.push_runs(share(first, count, CHILDREN as u32), bounds);
             }
         }
         parts
@@ -162,7 +175,8 @@ impl Plan<'_> {
                 return parts.push(Part::Subtree(index));
             }
             return match planned.count.div_ceil(LEAF_MOST) as usize <= places {
-                true => share(planned.first, planned.count, places as u32, &planned.bounds, parts),
+                true => parts
+                    .push_runs(share(planned.first, planned.count, places as u32), planned.bounds),
                 false => parts.push(Part::Run(planned.first, planned.count, planned.bounds)),
             };
         };
@@ -177,13 +191,13 @@ impl Plan<'_> {
     }
 }
 
-/// Divides references among as many children as they need, at most `places`.
-fn share(first: u32, count: u32, places: u32, bounds: &Aabb, parts: &mut Parts) {
-    let places = count.div_ceil(LEAF_MOST).min(places);
+/// Divides references among as many children as they need, at most `places`: where each begins, and how many it has.
+pub(super) fn share(first: u32, count: u32, places: u32) -> impl Iterator<Item = (u32, u32)> {
+    let places = count.div_ceil(LEAF_MOST).min(places).max(1);
     let mut next = first;
-    for place in 0..places {
+    (0..places).map(move |place| {
         let part = count / places + u32::from(place < count % places);
-        parts.push(Part::Run(next, part, *bounds));
         next += part;
-    }
+        (next - part, part)
+    })
 }

@@ -6,11 +6,12 @@ use crate::arithmetic::Strict;
 use crate::build::reference;
 use crate::config::{BuildConfig, Preset};
 use crate::mesh::Mesh;
+use crate::query::intersect::SceneScale;
 use crate::query::lines::scene_scale;
 use crate::query::traverse::{Cost, Query, trace};
 use crate::random;
 use crate::ray::{Hit, QueryOptions, Ray};
-use crate::tree::KdTree;
+use crate::tree::{KdTree, KdTreeView};
 use crate::triangle::Triangle;
 use alloc::vec::Vec;
 
@@ -42,7 +43,7 @@ fn a_quantised_box_is_a_quantum_wider_and_hardly_more() {
         node.set_boxes(&boxes);
         for (child, given) in boxes.iter().enumerate() {
             for (axis, [lo, hi]) in node.child_bounds(child).into_iter().enumerate() {
-                let quantum = f64::from(node.quantum(axis));
+                let quantum = node.quantum(axis);
                 let (below, above) =
                     (f64::from(given.lo[axis]) - lo, hi - f64::from(given.hi[axis]));
                 assert!(below >= quantum && above >= quantum, "{round}: {below} {above} {quantum}");
@@ -52,7 +53,7 @@ fn a_quantised_box_is_a_quantum_wider_and_hardly_more() {
         // The quanta are no coarser than eight bits need.
         let all = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
         for axis in 0..3 {
-            let (extent, quantum) = (all.hi[axis] - all.lo[axis], node.quantum(axis));
+            let (extent, quantum) = (all.hi[axis] - all.lo[axis], node.quantum(axis) as f32);
             let finest = away.abs().max(size) * 1e-6;
             assert!(quantum <= (extent / 62.0).max(finest), "{round}: {quantum} of {extent}");
         }
@@ -121,16 +122,33 @@ fn compare(
     let built = build(triangles, config);
     let tree = built.view();
     let scale = scene_scale(&tree, triangles);
-    let mut nodes = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
-    fault(&mut nodes);
+    let made = [
+        CompressedNodes::new(&tree, triangles, &scale),
+        CompressedNodes::greedy(&tree, triangles, &scale),
+    ];
+    let [mut left, mut wrong] = [0, 0];
+    for nodes in made {
+        let mut nodes = nodes.expect("few references");
+        fault(&mut nodes);
+        let found = compare_nodes(&tree, triangles, &scale, &nodes);
+        (left, wrong) = (left + found[0], wrong + found[1]);
+    }
+    [left, wrong]
+}
+
+fn compare_nodes(
+    tree: &KdTreeView<'_>,
+    triangles: &[Triangle],
+    scale: &SceneScale,
+    nodes: &CompressedNodes,
+) -> [usize; 2] {
     let options = QueryOptions::default();
     let (mut left, mut wrong) = (0, 0);
     for ray in &rays(triangles, 4_000) {
         for query in [Query::Closest, Query::Any] {
-            let expected = trace::<Strict>(&tree, triangles, &scale, ray, &options, query);
+            let expected = trace::<Strict>(tree, triangles, scale, ray, &options, query);
             let mut cost = Cost::default();
-            let found =
-                nodes.trace::<Strict, _>(triangles, &scale, ray, &options, query, &mut cost);
+            let found = nodes.trace::<Strict, _>(triangles, scale, ray, &options, query, &mut cost);
             let Some(found) = found else {
                 left += 1;
                 continue;
@@ -165,9 +183,14 @@ fn hits_are_those_of_the_tree() {
 fn faults_show_in_hits() {
     let triangles = soup(700, 5);
     let faults: [fn(&mut CompressedNodes); 4] = [
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.lower[0] = [0x6060_6060; 2]),
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.upper[2] = [0x4040_4040; 2]),
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.first_reference /= 2),
+        |nodes| nodes.nodes.iter_mut().for_each(|node| node.sides[0][0][0] = 0x6060_6060),
+        |nodes| nodes.nodes.iter_mut().for_each(|node| node.sides[0][1][2] = 0x4040_4040),
+        |nodes| {
+            let most = CompressedNodes::MOST_REFERENCES;
+            let halved =
+                |node: &mut CompressedNode| node.first_reference -= node.first_reference % most / 2;
+            nodes.nodes.iter_mut().for_each(halved);
+        },
         |nodes| nodes.references.iter_mut().step_by(2).for_each(|triangle| *triangle = 0),
     ];
     for fault in faults {
@@ -184,41 +207,48 @@ fn nothing_is_lost_on_the_way() {
         let built = build(triangles, Preset::Fast.config());
         let tree = built.view();
         let scale = scene_scale(&tree, triangles);
-        let nodes = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
-        let mut named: Vec<u32> = nodes.references.clone();
-        let mut expected: Vec<u32> = tree.references.to_vec();
-        for list in [&mut named, &mut expected] {
-            list.sort_unstable();
-            list.dedup();
-        }
-        assert_eq!(named, expected);
-        let mut reached = 1;
-        for node in &nodes.nodes {
-            for (child, what) in node.children().enumerate() {
-                let outer = node.child_bounds(child);
-                match what {
-                    CompressedChild::Leaf { first, count } => {
-                        assert!(count <= LEAF_MOST);
-                        assert!((first + count) as usize <= nodes.references.len());
-                    }
-                    CompressedChild::Node(index) => {
-                        reached += 1;
-                        let below = &nodes.nodes[index as usize];
-                        for inner in 0..below.children().count() {
-                            let bounds = below.child_bounds(inner);
-                            for axis in 0..3 {
-                                // The child's own quanta may reach further by three of them.
-                                let slack = 3.0 * f64::from(below.quantum(axis));
-                                assert!(bounds[axis][0] >= outer[axis][0] - slack);
-                                assert!(bounds[axis][1] <= outer[axis][1] + slack);
-                            }
+        let least = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
+        let greedy = CompressedNodes::greedy(&tree, triangles, &scale).expect("few references");
+        assert!(greedy.references.len() == tree.references.len());
+        nothing_is_lost(&tree, &least);
+        nothing_is_lost(&tree, &greedy);
+    }
+}
+
+fn nothing_is_lost(tree: &KdTreeView<'_>, nodes: &CompressedNodes) {
+    let mut named: Vec<u32> = nodes.references.clone();
+    let mut expected: Vec<u32> = tree.references.to_vec();
+    for list in [&mut named, &mut expected] {
+        list.sort_unstable();
+        list.dedup();
+    }
+    assert_eq!(named, expected);
+    let mut reached = 1;
+    for node in &nodes.nodes {
+        for (child, what) in node.children().enumerate() {
+            let outer = node.child_bounds(child);
+            match what {
+                CompressedChild::Leaf { first, count } => {
+                    assert!(count <= LEAF_MOST);
+                    assert!((first + count) as usize <= nodes.references.len());
+                }
+                CompressedChild::Node(index) => {
+                    reached += 1;
+                    let below = &nodes.nodes[index as usize];
+                    for inner in 0..below.children().count() {
+                        let bounds = below.child_bounds(inner);
+                        for axis in 0..3 {
+                            // The child's own quanta may reach further by three of them.
+                            let slack = 3.0 * below.quantum(axis);
+                            assert!(bounds[axis][0] >= outer[axis][0] - slack);
+                            assert!(bounds[axis][1] <= outer[axis][1] + slack);
                         }
                     }
                 }
             }
         }
-        assert_eq!(reached, nodes.nodes.len());
     }
+    assert_eq!(reached, nodes.nodes.len());
 }
 
 #[test]
