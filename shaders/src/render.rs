@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::embed::TriangleTest;
-use crate::table::{RENDER, RENDER_RETRIES, SUBSTITUTES};
+use crate::table::{RENDER, RENDER_RETRIES, RENDER_SETTLES, SUBSTITUTES};
 use crate::{Part, Shader};
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
@@ -36,29 +36,38 @@ impl RenderFeatures {
 /// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
 /// a name that no kernel has. Joined they are the shader: see [`join`](crate::join).
 pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
-    let shader = RENDER.iter().chain(RENDER_RETRIES).find(|shader| shader.name == kernel)?;
+    let all = RENDER.iter().chain(RENDER_RETRIES).chain(RENDER_SETTLES);
+    let shader = { all }.find(|shader| shader.name == kernel)?;
     let substitutes = [
         (features.textures, &SUBSTITUTES.textures[..]),
         (features.smooth_normals, &SUBSTITUTES.smooth_normals),
         (features.area_lights, &SUBSTITUTES.area_lights),
         (features.dielectrics, &SUBSTITUTES.dielectrics),
-        (features.test == TriangleTest::Watertight, &SUBSTITUTES.watertight),
+        (features.test != TriangleTest::MoellerTrumbore, &SUBSTITUTES.fast),
+        (features.test != TriangleTest::Certain, &SUBSTITUTES.certain),
     ];
     let part = |part: &Part| {
         let missing = substitutes.iter().filter(|(needed, _)| !needed);
         let mut pairs = missing.flat_map(|(_, pairs)| pairs.iter());
         match pairs.find(|(given, _)| given == part) {
-            Some((_, substitute)) => *substitute,
-            None => Some(*part),
+            Some((_, substitute)) => substitute.to_vec(),
+            None => alloc::vec![*part],
         }
     };
-    Some(shader.parts.iter().filter_map(part).collect())
+    Some(shader.parts.iter().flat_map(part).collect())
 }
 
 /// The name of the shader that finishes what this kernel leaves to it, if there is one.
 pub fn render_retry(kernel: &str) -> Option<&'static str> {
     let is_retry = |shader: &&Shader| shader.name.strip_suffix("_retry") == Some(kernel);
     RENDER_RETRIES.iter().find(is_retry).map(|shader| shader.name)
+}
+
+/// The name of the shader that follows this kernel and its retry where hits are exact, if there is one: it tells which records
+/// are certain.
+pub fn render_settle(kernel: &str) -> Option<&'static str> {
+    let settles = |shader: &&Shader| shader.name.strip_suffix("_settle") == Some(kernel);
+    RENDER_SETTLES.iter().find(settles).map(|shader| shader.name)
 }
 
 #[cfg(test)]

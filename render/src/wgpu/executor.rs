@@ -3,6 +3,7 @@
 
 use super::buffers::Buffers;
 use super::room::groups;
+use super::undecided::{Undecided, leaves};
 use crate::error::RenderError;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer, Uniform};
 use crate::layout::Counters;
@@ -30,6 +31,14 @@ impl DeviceSet for RayTracer {
         let name = splitplane_shaders::render_retry(kernel.name())?;
         Some(Text { name, parts: render_parts(name, features)?.into() })
     }
+
+    fn settle(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
+        if features.test != TriangleTest::Certain {
+            return None;
+        }
+        let name = splitplane_shaders::render_settle(kernel.name())?;
+        Some(Text { name, parts: render_parts(name, features)?.into() })
+    }
 }
 
 /// The features that shaders need for a plan.
@@ -42,8 +51,8 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
         dielectrics: needs.dielectrics,
         test: match accuracy {
             Accuracy::Fast => TriangleTest::MoellerTrumbore,
-            // Frames of accuracy `exact` are refused before.
-            _ => TriangleTest::Watertight,
+            Accuracy::Watertight => TriangleTest::Watertight,
+            _ => TriangleTest::Certain,
         },
     }
 }
@@ -59,12 +68,19 @@ pub struct FrameJob<'a> {
     plan: Plan,
     features: RenderFeatures,
     wave: u32,
+    /// In an exact frame.
+    undecided: Option<Undecided<'a>>,
 }
 
 impl FrameJob<'_> {
     /// A buffer, for what comes after the schedule.
     pub(super) fn output(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
         self.buffers.get(buffer)
+    }
+
+    /// Rays that the CPU traced so far.
+    pub(super) fn redone(&self) -> u64 {
+        self.undecided.as_ref().map_or(0, Undecided::redone)
     }
 
     /// The most items that a grid may represent now.
@@ -86,9 +102,10 @@ pub(super) fn executor<'a>(
     plan: Plan,
     features: RenderFeatures,
     loops: LoopControl,
+    undecided: Option<Undecided<'a>>,
 ) -> WgpuExecutor<'a> {
     let radiance = buffers.get(Buffer::Radiance).cloned();
-    let frame = FrameJob { gpu, buffers, plan, features, wave: 0 };
+    let frame = FrameJob { gpu, buffers, plan, features, wave: 0, undecided };
     let mut executor = DeviceExecutor::new(gpu, pipelines, frame, loops);
     // The values that the schedule expects to be zero.
     if let Some(radiance) = radiance.filter(|_| plan.outputs().shades()) {
@@ -139,6 +156,17 @@ impl Job for FrameJob<'_> {
                 self.wave = rounds;
                 Round { goes_on: rounds < self.plan.waves(), submit: false }
             }
+        }
+    }
+
+    fn has_host_part(&self, kernel: Kernel) -> bool {
+        self.undecided.is_some() && leaves(kernel)
+    }
+
+    fn finish_on_host(&mut self, kernel: Kernel) -> Result<(), RenderError> {
+        match &mut self.undecided {
+            Some(undecided) => undecided.finish(kernel, self.buffers, &self.plan),
+            None => Ok(()),
         }
     }
 
