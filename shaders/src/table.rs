@@ -239,11 +239,7 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
     textures: [(TEXTURED, &[UNTEXTURED])],
     smooth_normals: [(SMOOTH_NORMALS, &[FLAT_NORMALS])],
     area_lights: [(AREA_LIGHTS, &[NO_AREA_LIGHTS])],
-    dielectrics: [
-        (DIELECTRICS, &[NO_DIELECTRICS]),
-        (REFRACTION, &[NO_REFRACTION]),
-        (FRESNEL, &[]),
-    ],
+    dielectrics: [(DIELECTRICS, &[NO_DIELECTRICS]), (REFRACTION, &[NO_REFRACTION]), (FRESNEL, &[])],
     fast: [
         (SHEARED, &[]),
         (CLOSER_LOOK, &[]),

@@ -297,29 +297,30 @@ impl WgpuRenderer {
         };
         let gpu = Arc::clone(&self.gpu);
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
-        let (submissions, redone) = gpu.guard(|| -> Result<(u32, Option<u64>), RenderError> {
-            buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
-            let counters = buffers.get(Buffer::Counters).cloned();
-            let (loops, is_exact) = (LoopControl::Recorded, undecided.is_some());
-            let mut executor =
-                executor(&gpu, pipelines, buffers, plan, features, loops, undecided);
-            schedule::frame(&mut executor, &plan)?;
-            if is_exact && executor.counters()?[Counter::Overflow] != 0 {
-                return Ok((0, None));
-            }
-            if let Some(counters) = counters {
-                let bytes = brought::COUNTERS;
-                executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
-            }
-            for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
-                if let Some(held) = executor.job().output(buffer).cloned() {
-                    let (at, bytes) = (place.start, place.end - place.start);
-                    executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
+        let (submissions, redone) =
+            gpu.guard(|| -> Result<(u32, Option<u64>), RenderError> {
+                buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+                let counters = buffers.get(Buffer::Counters).cloned();
+                let (loops, is_exact) = (LoopControl::Recorded, undecided.is_some());
+                let mut executor =
+                    executor(&gpu, pipelines, buffers, plan, features, loops, undecided);
+                schedule::frame(&mut executor, &plan)?;
+                if is_exact && executor.counters()?[Counter::Overflow] != 0 {
+                    return Ok((0, None));
                 }
-            }
-            executor.submit()?;
-            Ok((executor.submissions(), Some(executor.job().redone())))
-        })??;
+                if let Some(counters) = counters {
+                    let bytes = brought::COUNTERS;
+                    executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
+                }
+                for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
+                    if let Some(held) = executor.job().output(buffer).cloned() {
+                        let (at, bytes) = (place.start, place.end - place.start);
+                        executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
+                    }
+                }
+                executor.submit()?;
+                Ok((executor.submissions(), Some(executor.job().redone())))
+            })??;
         let Some(redone) = redone else {
             self.spare = Some(readback);
             return Ok(true);
@@ -333,8 +334,17 @@ impl WgpuRenderer {
             });
         })?;
         let submissions = before + submissions;
-        self.pending =
-            Some(Pending { plan, frame, features, readback, mapped, submissions, last, brings, redone });
+        self.pending = Some(Pending {
+            plan,
+            frame,
+            features,
+            readback,
+            mapped,
+            submissions,
+            last,
+            brings,
+            redone,
+        });
         Ok(false)
     }
 

@@ -46,8 +46,7 @@ impl Left {
     fn of_words(words: &[u32]) -> Left {
         let float = |at: usize| f32::from_bits(words[at]);
         let vector = |at: usize| [float(at), float(at + 1), float(at + 2)];
-        let ray =
-            Ray { origin: vector(2), t_min: float(5), direction: vector(6), t_max: float(9) };
+        let ray = Ray { origin: vector(2), t_min: float(5), direction: vector(6), t_max: float(9) };
         Left { index: words[0], triangle: words[1], ray, light: vector(10) }
     }
 }
@@ -124,7 +123,7 @@ impl<'a> Undecided<'a> {
     fn answers(
         &self,
         left: &[Left],
-        answer: impl Fn(&Left) -> [u8; ANSWER] + Sync,
+        answer: impl Fn(&Left) -> [u8; ANSWER] + Sync + Send,
     ) -> Vec<[u8; ANSWER]> {
         left.par_iter().map(answer).collect()
     }

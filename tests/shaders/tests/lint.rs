@@ -33,8 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RenderFeatures, Shader,
-    render_parts,
+    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
+    RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -79,7 +79,8 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let kernels = KERNELS.iter().map(|shader| (shader, free_in::<TreeBuilder>(shader)));
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
-    let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
+    let retries = RENDER_RETRIES.iter().chain(RENDER_SETTLES);
+    let retries = retries.map(|shader| (shader, Free::Allowed));
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
     let all = kernels.chain(queries).chain(render).chain(retries).chain(checks);
     all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
@@ -136,6 +137,23 @@ fn every_choice_of_features_keeps_the_rules() {
             }
         }
     }
+}
+
+/// Those of exact frames.
+#[test]
+fn every_exact_shader_keeps_the_rules() {
+    let features = RenderFeatures { test: TriangleTest::Certain, ..RenderFeatures::ALL };
+    let traced = RENDER.iter().chain(RENDER_RETRIES).filter(|shader| {
+        let name = shader.name.trim_end_matches("_retry");
+        ["closest_hits", "shadow_hits", "shadow_hits_through_glass"].contains(&name)
+    });
+    let mut linted = 0;
+    for shader in traced {
+        let parts = render_parts(shader.name, &features).expect("a kernel of the table");
+        assert_clean(shader.name, &lint(parts.iter().map(Text::from).collect(), Free::Allowed));
+        linted += 1;
+    }
+    assert_eq!(linted, 6);
 }
 
 /// Also while no shader uses it.
