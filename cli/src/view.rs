@@ -11,7 +11,6 @@ use image::RgbaImage;
 use serde::Serialize;
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, AnimationError, Placement, Scene, SceneOptions};
-use splitplane::{Accuracy, OpenOptions};
 use splitplane_viewer::{DebugView, Ended, FrameReport, Settings, TracedSource, run as open};
 use std::ffi::OsString;
 use std::io::Cursor;
@@ -92,8 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     spinner.finish_and_clear();
     note_scene(common, &scene);
     let name = scene.name.clone();
-    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
-    let options = OpenOptions { exact_frames, ..common.open_options() };
+    let options = common.open_options();
     let settings = Settings {
         size: [arguments.size.width(), arguments.size.height()],
         adapter: options.adapter.clone(),

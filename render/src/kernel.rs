@@ -16,6 +16,11 @@ pub const TRACED: u32 = 64;
 /// Words of [`Buffer::Deferred`] before the list: the numbers of paths and of shadow rays, and those of undecided ones.
 pub const DEFERRED_HEAD: u32 = 4;
 
+/// The word with the number of undecided paths.
+pub const UNDECIDED_PATHS: u32 = 2;
+/// The word with the number of undecided shadow rays, whose list is in the same place.
+pub const UNDECIDED_SHADOW_RAYS: u32 = 3;
+
 /// Words of an undecided ray, in a list behind that of the deferred ones: its index, its triangle if that is certain, the ray, its light.
 pub const UNDECIDED_WORDS: u32 = 13;
 
@@ -109,7 +114,7 @@ kernel_set! {
             writes ShadowRays, writes ShadowLight;
         /// Removes the light of shadow rays that hit something.
         ShadowHits "shadow_hits", Invocations(ShadowRays, TRACED) =>
-            reads ShadowRays, scatters ShadowLight,
+            reads ShadowRays, updates ShadowLight,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
         /// As [`Kernel::ShadowHits`], where clear bodies only tint the light. The scene says which
         /// triangles are clear.

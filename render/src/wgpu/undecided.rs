@@ -3,7 +3,9 @@
 use super::buffers::Buffers;
 use crate::error::RenderError;
 use crate::frame::FrameInput;
-use crate::kernel::{Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_WORDS};
+use crate::kernel::{
+    Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_PATHS, UNDECIDED_SHADOW_RAYS, UNDECIDED_WORDS,
+};
 use crate::layout::Frame;
 use crate::plan::Plan;
 use crate::scene_words::SceneWords;
@@ -52,10 +54,12 @@ impl Left {
 }
 
 /// Where a kernel counts the rays that it leaves, in words, and where their answers go; `None` for one that leaves none.
-fn left_by(kernel: Kernel) -> Option<(usize, Buffer)> {
+fn left_by(kernel: Kernel) -> Option<(u32, Buffer)> {
     match kernel {
-        Kernel::ClosestHits => Some((2, Buffer::Hits)),
-        Kernel::ShadowHits | Kernel::ShadowHitsThroughGlass => Some((3, Buffer::ShadowLight)),
+        Kernel::ClosestHits => Some((UNDECIDED_PATHS, Buffer::Hits)),
+        Kernel::ShadowHits | Kernel::ShadowHitsThroughGlass => {
+            Some((UNDECIDED_SHADOW_RAYS, Buffer::ShadowLight))
+        }
         _ => None,
     }
 }
@@ -94,7 +98,7 @@ impl<'a> Undecided<'a> {
         let head = words(&read(self.gpu, list, 0, 4 * u64::from(DEFERRED_HEAD))?);
         // No more than there is room for, whatever a device says.
         let room = plan.path_room().max(plan.shadow_room());
-        let count = head[word].min(room);
+        let count = head[word as usize].min(room);
         let Some(answered) = buffers.get(answered).filter(|_| count > 0) else { return Ok(()) };
         let at = 4 * u64::from(DEFERRED_HEAD + room);
         let records = words(&read(self.gpu, list, at, 4 * u64::from(count * UNDECIDED_WORDS))?);

@@ -19,8 +19,10 @@ const WIDE_MOST: f32 = 2.328_306_4e-10; // 2^-32
 const ROUNDING: f32 = 2.384_185_8e-7; // 2^-22
 /// Weights below this are left to the CPU.
 const WEIGHT_LEAST: f32 = 8.673_617_4e-19; // 2^-60
-/// Exponents of distances that are far from all limits of floats.
-const EXPONENTS: core::ops::Range<i32> = -100..100;
+/// Least exponent of a distance, as it is and as it was scaled, that is told: far from all limits of floats.
+const EXPONENT_LEAST: i32 = -100;
+/// See [`EXPONENT_LEAST`].
+const EXPONENT_MOST: i32 = 99;
 
 /// A number rounded to the nearest float; `None` where that may be another one.
 fn rounded<A: Arithmetic>(value: Double, error: f32) -> Option<f32> {
@@ -39,7 +41,8 @@ pub(super) fn rounded_distance<A: Arithmetic>(t: Double, error: f32, power: i32)
     }
     let inner = rounded::<A>(t, error)?;
     let here = exponent(inner);
-    (EXPONENTS.contains(&here) && EXPONENTS.contains(&(here - power))).then(|| scale(inner, -power))
+    let plain = |power| (EXPONENT_LEAST..=EXPONENT_MOST).contains(&power);
+    (plain(here) && plain(here - power)).then(|| scale(inner, -power))
 }
 
 /// A vector of doubles, and bounds on what its components are made of.
