@@ -41,7 +41,7 @@ impl Device {
 
     fn source(&self, backend: BackendKind) -> (TracedSource, Opening) {
         let (scene, animation) =
-            Animation::open("builtin:carousel:400", None, &SceneOptions::default()).expect("one");
+            Animation::open("builtin:carousel:4000", None, &SceneOptions::default()).expect("one");
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().expect("a pool");
         let mut source = TracedSource::new(
             scene,
