@@ -91,7 +91,7 @@ fn pictures(
 fn frames_beyond_one_binding_are_the_cpus() {
     let gpu = gpu();
     let backend = WgpuBackend::without_selftest(Gpu::clone(&gpu));
-    let mut renderer = WgpuRenderer::new(gpu.into()).expect("a renderer");
+    let mut renderer = WgpuRenderer::under_any_limits(gpu.into()).expect("a renderer");
     renderer.set_parity(&Parity::Bitwise);
     let mut exact = dusty(glass(), DUST);
     exact.query.accuracy = Accuracy::Exact;
