@@ -188,8 +188,8 @@ impl DeviceTree {
         })
     }
 
-    /// Whether each buffer of the tree fits one binding, as [`DeviceTree::bind_group_entries`] and frames need it.
-    /// Batches do not: their kernels have two bindings for triangles that are too many for one.
+    /// Whether each buffer of the tree fits one binding, as [`DeviceTree::bind_group_entries`] needs it.
+    /// Batches and frames do not: their kernels have two bindings for triangles that are too many for one.
     ///
     /// # Errors
     /// The limit that the triangles exceed: more than 3.7 million of them under WebGPU's default limits.
