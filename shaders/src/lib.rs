@@ -14,7 +14,7 @@ mod table;
 pub use continued::{continue_lists, parts_by_halves};
 pub use embed::{TRAVERSAL_BINDING_COUNT, TriangleTest, traversal, traversal_bindings};
 pub use query::query;
-pub use render::{RenderFeatures, render_parts, render_retry, render_settle};
+pub use render::{RenderFeatures, has_tail, render_parts, render_retry, render_settle};
 pub use table::{CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES};
 
 use alloc::string::String;

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::embed::TriangleTest;
-use crate::table::{RENDER, RENDER_RETRIES, RENDER_SETTLES, SUBSTITUTES};
+use crate::table::{MESH, RENDER, RENDER_RETRIES, RENDER_SETTLES, SCENE_WORDS, SUBSTITUTES};
 use crate::{Part, Shader};
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
@@ -20,6 +20,9 @@ pub struct RenderFeatures {
     pub dielectrics: bool,
     /// The triangle test.
     pub test: TriangleTest,
+    /// Triangles that two bindings hold. Kernels that have a binding to spare take the second one; for the others
+    /// ([`has_tail`]) what does not fit stands behind the words of the scene.
+    pub by_halves: bool,
 }
 
 impl RenderFeatures {
@@ -30,6 +33,7 @@ impl RenderFeatures {
         area_lights: true,
         dielectrics: true,
         test: TriangleTest::Watertight,
+        by_halves: false,
     };
 }
 
@@ -45,6 +49,7 @@ pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>
         (features.dielectrics, &SUBSTITUTES.dielectrics),
         (features.test != TriangleTest::MoellerTrumbore, &SUBSTITUTES.fast),
         (features.test != TriangleTest::Certain, &SUBSTITUTES.certain),
+        (!features.by_halves || !has_tail(shader), &SUBSTITUTES.one_binding),
     ];
     let part = |part: &Part| {
         let missing = substitutes.iter().filter(|(needed, _)| !needed);
@@ -55,6 +60,12 @@ pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>
         }
     };
     Some(shader.parts.iter().flat_map(part).collect())
+}
+
+/// Whether a kernel that reads triangles has no binding to spare for those that one does not hold: it reads the words of the
+/// scene too, behind which these stand.
+pub fn has_tail(shader: &Shader) -> bool {
+    [MESH, SCENE_WORDS].iter().all(|part| shader.parts.contains(part))
 }
 
 /// The name of the shader that finishes what this kernel leaves to it, if there is one.
@@ -91,6 +102,7 @@ mod tests {
             area_lights: false,
             dielectrics: false,
             test: TriangleTest::MoellerTrumbore,
+            by_halves: false,
         };
         let text = |kernel| join(&render_parts(kernel, &plain).unwrap());
         let shade = text("shade");

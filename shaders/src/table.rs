@@ -4,7 +4,7 @@ use crate::{Part, Shader};
 
 macro_rules! library {
     ($($constant:ident $name:literal)*) => {
-        $(const $constant: Part =
+        $(pub(crate) const $constant: Part =
             Part { name: $name, text: include_str!(concat!("../lib/", $name, ".wgsl")) };)*
         /// The modules that shaders share, by name.
         pub const LIBRARY: &[Part] = &[$($constant),*];
@@ -50,6 +50,7 @@ library! {
     RAY "ray"
     BINDINGS "bindings"
     MESH "mesh"
+    MESH_WITH_TAIL "mesh_with_tail"
     INTERSECT "intersect"
     ANY_RAY "any_ray"
     PLAIN_RAY "plain_ray"
@@ -233,6 +234,7 @@ pub(crate) struct Substitutes {
     pub dielectrics: [Substitute; 3],
     pub fast: [Substitute; 5],
     pub certain: [Substitute; 7],
+    pub one_binding: [Substitute; 1],
 }
 
 pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
@@ -256,6 +258,7 @@ pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
         (THROUGH_GLASS, &[THROUGH_GLASS_EXACTLY]),
         (ALWAYS_DECIDED, &[UNDECIDED]),
     ],
+    one_binding: [(MESH, &[MESH_WITH_TAIL])],
 };
 
 /// The part that replaces another in the kernels of the tree builder where lists go on in second bindings.

@@ -8,12 +8,13 @@ use crate::error::RenderError;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer, Uniform};
 use crate::layout::Counters;
 use crate::plan::Plan;
-use splitplane_core::kernel::Grid;
+use splitplane_core::kernel::{Grid, Slot};
 use splitplane_core::ray::Accuracy;
-use splitplane_shaders::{RenderFeatures, TriangleTest, render_parts};
+use splitplane_shaders::{RenderFeatures, TriangleTest, has_tail, render_parts};
 use splitplane_wgpu::Gpu;
 use splitplane_wgpu::device::{
-    BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
+    BindGroups, Bound, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
+    kernel_set::with_continued,
 };
 use wgpu::BufferBinding;
 
@@ -25,6 +26,12 @@ impl DeviceSet for RayTracer {
         // The table holds every kernel; a test of the shaders holds it to that.
         let parts = render_parts(kernel.name(), features).unwrap_or_default();
         Text { name: kernel.name(), parts: parts.into() }
+    }
+
+    fn bindings(kernel: Kernel, features: &RenderFeatures) -> Vec<Bound<RayTracer>> {
+        let tail = splitplane_shaders::find(kernel.name()).is_some_and(has_tail);
+        let continued = |buffer| features.by_halves && !tail && buffer == Buffer::Triangles;
+        with_continued::<RayTracer>(kernel, continued)
     }
 
     fn retry(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
@@ -42,7 +49,7 @@ impl DeviceSet for RayTracer {
 }
 
 /// The features that shaders need for a plan.
-pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
+pub(super) fn features(plan: &Plan, accuracy: Accuracy, buffers: &Buffers) -> RenderFeatures {
     let needs = plan.needs();
     RenderFeatures {
         textures: needs.textures,
@@ -54,6 +61,7 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
             Accuracy::Watertight => TriangleTest::Watertight,
             _ => TriangleTest::Certain,
         },
+        by_halves: buffers.triangle_half(false).is_some(),
     }
 }
 
@@ -133,6 +141,27 @@ impl Job for FrameJob<'_> {
 
     fn groups(&mut self) -> &mut BindGroups<RayTracer> {
         self.buffers.groups()
+    }
+
+    fn part<'b>(
+        &self,
+        _kernel: Kernel,
+        bound: &Bound<RayTracer>,
+        _view: u32,
+        held: &'b wgpu::Buffer,
+    ) -> BufferBinding<'b> {
+        let whole = held.as_entire_buffer_binding();
+        match bound.slot {
+            Slot::Storage(storage) if storage.buffer == Buffer::Triangles => {
+                let half = self.buffers.triangle_half(bound.part == 1);
+                half.map_or(whole.clone(), |BufferBinding { offset, size, .. }| BufferBinding {
+                    buffer: held,
+                    offset,
+                    size,
+                })
+            }
+            _ => whole,
+        }
     }
 
     fn pieces(&self, kernel: Kernel, _swapped: bool, pieces: &mut Vec<Piece>) {

@@ -28,7 +28,7 @@ pub(crate) fn records() -> Vec<Record> {
             nadir seed minimum_weight ambient headlight exposure sample_weight slice_pixels
             path_room shadow_room lights emitters materials triangles lights_at emitters_at
             textures_at srgb_at material_of_at normals_at texcoords_at texels_at culling ignore
-            padding
+            tail_at padding
         }),
     ]
 }
@@ -64,6 +64,7 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
                 area_lights: has(2),
                 dielectrics: has(3),
                 test,
+                by_halves: false,
             };
             let parts = render_parts(name, &features).expect("a kernel of the table");
             let texts: Vec<Text> = parts.iter().map(Text::from).collect();
