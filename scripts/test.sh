@@ -117,7 +117,7 @@ elif ! display_found && ! { install "${display_packages[@]}" && display_found; }
 fi
 
 # Optimising the windowing and drawing crates would take longer than these tests do without it.
-viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer)
+viewer=(--profile dev -p splitplane-viewer -p splitplane-cli --features splitplane-cli/viewer --lib --bins --test viewer --test viewer_frames)
 case " ${build[*]-} " in
 *" --release "*) viewer=("${viewer[@]:2}") ;;
 esac

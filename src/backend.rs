@@ -52,9 +52,6 @@ pub struct OpenOptions {
     /// The preset of the builds to come. Where a GPU cannot build it, [`BackendKind::Auto`] takes the
     /// CPU; a GPU asked for by name is opened, and its builds end in an error.
     pub preset: Preset,
-    /// Frames of accuracy `exact` will be rendered, which a GPU cannot do: [`BackendKind::Auto`]
-    /// takes the CPU. (Batches of rays of that accuracy are answered by both.)
-    pub exact_frames: bool,
     /// How long to wait for a device before it counts as hanging. When `None`, a minute for hardware
     /// and half an hour for software.
     pub timeout: Option<Duration>,
@@ -239,9 +236,6 @@ impl BackendKind {
                 "auto: the CPU, since preset {} is built on the CPU only",
                 options.preset.name()
             )),
-            (BackendKind::Auto, None) if options.exact_frames => open_cpu(
-                "auto: the CPU, since frames on a GPU are never traced with accuracy exact",
-            ),
             (BackendKind::Auto, _) => open_auto(options),
             (BackendKind::Wgpu, _) => open_wgpu(options),
         }

@@ -559,6 +559,32 @@ fn drivers_that_round_as_they_like() {
     }
 }
 
+/// A compiler that knows the barrier's word folds it away and fuses what it kept apart: other hits. With the barrier there is
+/// nothing to fuse. And no order of workgroups shows.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_barrier_that_is_folded_away_is_seen() {
+    let sources = ["closest_hit", "closest_hit_retry"]
+        .map(|name| splitplane_shaders::find(name).expect("a kernel").source());
+    let scene = scenes::soup(400, 0.3, 18);
+    let case = Case::new(&scene);
+    let rays = all_rays(&scene, &case, 20, 19);
+    let options = QueryOptions::default();
+    let wrong = |sources: &[String; 2]| {
+        let (found, _) = hits_by_sources(sources, &case, &rays);
+        let expected = rays.iter().map(|ray| case.reference(ray, &options, Query::Closest));
+        found.iter().zip(expected).filter(|(hit, expected)| bits(hit) != bits(expected)).count()
+    };
+    assert_eq!(sources.clone().map(|source| hostile::fused(&source)), sources);
+    assert_eq!(wrong(&sources), 0);
+    let turned = sources.clone().map(|source| hostile::reordered(&source).expect("workgroups"));
+    assert_eq!(wrong(&turned), 0);
+    let fused = sources.clone().map(|source| hostile::fused(&hostile::folded(&source)));
+    assert!(fused[0].contains("fma(-("), "nothing is fused");
+    let seen = wrong(&fused);
+    assert!(seen > 0, "{seen} of {} hits differ", rays.len());
+}
+
 /// No query reads memory of its workgroup that it has not written: that memory is not cleared.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]

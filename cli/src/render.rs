@@ -220,6 +220,7 @@ impl Arguments {
                 emitters: stage.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
+                redone: stats.redone,
                 trace_ms,
                 render_ms,
                 output: names,
@@ -230,7 +231,7 @@ impl Arguments {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow\n\
+            "{}{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n{}\
              written  {} ({width}x{height})\n",
             built.describe(),
@@ -238,10 +239,19 @@ impl Arguments {
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
+            redone(&stats),
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
             written.heat.as_deref().unwrap_or(""),
             names.join(", ")
         ))
+    }
+}
+
+/// How many rays of an exact frame a GPU left to the CPU.
+fn redone(stats: &FrameStats) -> String {
+    match stats.redone {
+        0 => String::new(),
+        rays => format!(", {rays} of them left by the GPU to the CPU"),
     }
 }
 
@@ -266,6 +276,8 @@ struct RenderReport {
     emitters: u32,
     paths: u64,
     shadow_rays: u64,
+    /// Rays that a GPU left undecided, and the CPU traced again: accuracy exact only.
+    redone: u64,
     /// Time in queries; null where it is not measured.
     trace_ms: Option<f64>,
     render_ms: f64,

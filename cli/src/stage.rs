@@ -9,7 +9,7 @@ use splitplane::backend::OpenedEngine;
 use splitplane::render::Appearance;
 use splitplane::scene::Scene;
 use splitplane::tracer::Tracer;
-use splitplane::{Accelerator, Accuracy, BackendInfo, BackendKind, BuildOptions, OpenOptions};
+use splitplane::{Accelerator, BackendInfo, BuildOptions};
 use splitplane_scene::from_file::quoted;
 use std::time::Instant;
 
@@ -28,15 +28,7 @@ pub(super) struct Stage {
 /// said first.
 pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
     common.build_options()?;
-    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
-    if exact_frames && common.backend == BackendKind::Wgpu {
-        return Err(Failure::usage(
-            "frames on a GPU are traced with accuracy fast or watertight, not exact; take --backend cpu, \
-             or another accuracy",
-        ));
-    }
-    let options = OpenOptions { exact_frames, ..common.open_options() };
-    Ok(common.backend.open_engine(&options)?)
+    Ok(common.backend.open_engine(&common.open_options())?)
 }
 
 impl Stage {

@@ -11,7 +11,6 @@ use image::RgbaImage;
 use serde::Serialize;
 use splitplane::render::{RenderSettings, Size};
 use splitplane::scene::{Animation, AnimationError, Placement, Scene, SceneOptions};
-use splitplane::{Accuracy, OpenOptions};
 use splitplane_viewer::{DebugView, Ended, FrameReport, Settings, TracedSource, run as open};
 use std::ffi::OsString;
 use std::io::Cursor;
@@ -92,8 +91,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     spinner.finish_and_clear();
     note_scene(common, &scene);
     let name = scene.name.clone();
-    let exact_frames = common.query_options().accuracy == Accuracy::Exact;
-    let options = OpenOptions { exact_frames, ..common.open_options() };
+    let options = common.open_options();
     let settings = Settings {
         size: [arguments.size.width(), arguments.size.height()],
         adapter: options.adapter.clone(),
@@ -153,12 +151,15 @@ struct ViewReport<'a> {
     backend: &'a str,
     triangles: u32,
     nodes: usize,
-    leaves: usize,
-    empty_leaves: usize,
+    /// Null where the tree stayed on the device, as those that follow.
+    leaves: Option<usize>,
+    empty_leaves: Option<usize>,
     references: usize,
-    max_depth: u32,
-    sah_cost: f64,
+    max_depth: Option<u32>,
+    sah_cost: Option<f64>,
     bytes: u64,
+    /// Bytes that came back from the device for this frame.
+    bytes_down: u64,
     rays: u64,
     build_ms: Option<f64>,
     trace_ms: f64,
@@ -173,12 +174,13 @@ impl<'a> ViewReport<'a> {
             backend: &report.backend,
             triangles: report.triangles,
             nodes: tree.nodes,
-            leaves: tree.leaves,
-            empty_leaves: tree.empty_leaves,
+            leaves: tree.shape.map(|shape| shape.leaves),
+            empty_leaves: tree.shape.map(|shape| shape.empty_leaves),
             references: tree.references,
-            max_depth: tree.max_depth,
-            sah_cost: tree.sah_cost,
+            max_depth: tree.shape.map(|shape| shape.max_depth),
+            sah_cost: tree.shape.map(|shape| shape.sah_cost),
             bytes: tree.bytes,
+            bytes_down: report.bytes_down,
             rays: report.rays,
             build_ms: report.build_ms,
             trace_ms: report.trace_ms,

@@ -233,6 +233,7 @@ fn render_reports_its_fields() {
         "emitters",
         "paths",
         "shadow_rays",
+        "redone",
         "trace_ms",
         "render_ms",
         "output",

@@ -19,12 +19,11 @@ pub enum RenderError {
     #[cfg(feature = "wgpu")]
     #[error(transparent)]
     Gpu(#[from] splitplane_wgpu::GpuError),
-    /// Frames on a device are traced `fast` or `watertight`: rays that a device cannot decide exactly
-    /// would have to come back to the host.
+    /// A frame of accuracy `exact` on a device whose arithmetic is not known to be the CPU's: bounds of error count on it.
     #[cfg(feature = "wgpu")]
     #[error(
-        "frames on a GPU are traced with accuracy fast or watertight, not exact; take backend cpu, or \
-         another accuracy"
+        "the device's arithmetic is not known to be the CPU's, so it renders no frames of accuracy exact; take \
+         backend cpu, or another accuracy"
     )]
     ExactOnDevice,
     /// The buffer for the picture is unsuitable.

@@ -39,6 +39,8 @@ pub struct FrameStats {
     pub paths: u64,
     /// Rays towards lights.
     pub shadow_rays: u64,
+    /// Rays of an exact frame that its device left undecided, and the CPU traced; 0 on the CPU.
+    pub redone: u64,
     /// Time spent in queries; `None` where it is not measured.
     pub tracing: Option<Duration>,
 }
@@ -50,6 +52,7 @@ impl FrameStats {
             plan,
             paths: sum(Counter::TotalPathsLow, Counter::TotalPathsHigh),
             shadow_rays: sum(Counter::TotalShadowRaysLow, Counter::TotalShadowRaysHigh),
+            redone: 0,
             tracing,
         }
     }

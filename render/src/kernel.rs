@@ -13,8 +13,16 @@ pub const CHUNK: u32 = 256;
 /// Rays that a workgroup of a kernel that traces takes: no more, since their stacks lie in its memory.
 pub const TRACED: u32 = 64;
 
-/// Words of [`Buffer::Deferred`] before the list: the numbers of paths and of shadow rays.
-pub const DEFERRED_HEAD: u32 = 2;
+/// Words of [`Buffer::Deferred`] before the list: the numbers of paths and of shadow rays, and those of undecided ones.
+pub const DEFERRED_HEAD: u32 = 4;
+
+/// The word with the number of undecided paths.
+pub const UNDECIDED_PATHS: u32 = 2;
+/// The word with the number of undecided shadow rays, whose list is in the same place.
+pub const UNDECIDED_SHADOW_RAYS: u32 = 3;
+
+/// Words of an undecided ray, in a list behind that of the deferred ones: its index, its triangle if that is certain, the ray, its light.
+pub const UNDECIDED_WORDS: u32 = 13;
 
 kernel_set! {
     /// The ray tracer: Whitted 1980, in waves (Laine, Karras, Aila 2013).
@@ -69,8 +77,8 @@ kernel_set! {
         /// The pixels for a screen: 8 bits each of red, green, blue and 255, from the top left. The
         /// last is 0 where a ray was not followed to its end.
         Pixels "pixels", 4, live Pixels;
-        /// Rays of this wave that a lean kernel of a device left to its second one: numbers, then indices. Other executors
-        /// do not need it.
+        /// Rays of this wave that a lean kernel of a device left to its second one: numbers, then indices; and those of an exact
+        /// frame that are left to the CPU. Other executors do not need it.
         Deferred "deferred_rays", 4;
         /// [`Counters`].
         Counters "counters", size_of::<Counters>();
@@ -106,7 +114,7 @@ kernel_set! {
             writes ShadowRays, writes ShadowLight;
         /// Removes the light of shadow rays that hit something.
         ShadowHits "shadow_hits", Invocations(ShadowRays, TRACED) =>
-            reads ShadowRays, scatters ShadowLight,
+            reads ShadowRays, updates ShadowLight,
             reads Nodes, reads LeafReferences, reads Triangles, uniform Scene, updates Deferred;
         /// As [`Kernel::ShadowHits`], where clear bodies only tint the light. The scene says which
         /// triangles are clear.

@@ -196,8 +196,10 @@ pub struct Frame {
     pub culling: u32,
     /// The triangle that rays ignore; [`scene_data::NONE`](crate::scene_data::NONE) for none. Read by devices.
     pub ignore: u32,
+    /// Where the corners of the triangles stand that one binding does not hold. Read by devices.
+    pub tail_at: u32,
     /// Not used: fills 256 bytes.
-    pub padding: [u32; 14],
+    pub padding: [u32; 13],
 }
 
 const _: () = assert!(size_of::<Path>() == 32 && size_of::<Surface>() == 80);

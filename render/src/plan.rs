@@ -3,7 +3,7 @@
 mod explain;
 
 use crate::Pinhole;
-use crate::kernel::{Buffer, Kernel};
+use crate::kernel::{Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_WORDS};
 use crate::layout::Frame;
 use crate::scene_data::{NONE, Needs, SceneData};
 use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
@@ -41,13 +41,15 @@ pub struct Room {
     pub paths: u32,
     /// Most bytes of one buffer.
     pub buffer_bytes: u64,
+    /// Whether the rays of a wave may all be left undecided, and come back in a list: those of an exact frame on a device.
+    pub undecided: bool,
 }
 
 impl Room {
     /// Keeps a few cores busy and most of a wave in their caches.
-    pub const CPU: Room = Room { paths: 1 << 16, buffer_bytes: 1 << 30 };
+    pub const CPU: Room = Room { paths: 1 << 16, buffer_bytes: 1 << 30, undecided: false };
     /// Fills a large GPU, within WebGPU's default limit of a binding.
-    pub const GPU: Room = Room { paths: 1 << 20, buffer_bytes: 128 << 20 };
+    pub const GPU: Room = Room { paths: 1 << 20, buffer_bytes: 128 << 20, undecided: false };
 }
 
 /// Least capacity for paths of scenes whose paths may split.
@@ -94,6 +96,8 @@ pub struct Plan {
     slice_pixels: u32,
     path_room: u32,
     shadow_room: u32,
+    /// As [`Room::undecided`].
+    undecided: bool,
 }
 
 impl Plan {
@@ -120,6 +124,7 @@ impl Plan {
             slice_pixels: 1,
             path_room: 1,
             shadow_room: 1,
+            undecided: room.undecided,
         };
         let shadow_rays = u64::from(needs.lights) + u64::from(plan.area_samples());
         if shadow_rays > u64::from(MAX_SHADOW_RAYS) {
@@ -127,6 +132,7 @@ impl Plan {
         }
         let most = |bytes: usize| (room.buffer_bytes / bytes as u64).min(1 << 30) as u32;
         let per_path = shadow_rays.max(1) as u32;
+        let listed = if room.undecided { 4 + 4 * UNDECIDED_WORDS as usize } else { 4 };
         // A glass surface turns one ray into two. Twice the capacity is mostly enough; else the
         // frame is rendered again in smaller slices.
         let branching = if plan.branches() { 2 } else { 1 };
@@ -137,7 +143,7 @@ impl Plan {
         let paths = room
             .paths
             .min(most(Buffer::Surfaces.element_size()))
-            .min(most(Buffer::ShadowRays.element_size()) / per_path)
+            .min(most(listed.max(Buffer::ShadowRays.element_size())) / per_path)
             .min(wanted.min(1 << 30) as u32);
         let slice_paths = u64::from(paths) / branching;
         plan.slice_pixels = (slice_paths as u32 / settings.samples).clamp(1, size.pixels());
@@ -285,9 +291,12 @@ impl Plan {
             Buffer::Triangles => self.triangles,
             // These are the tree's; the frame does not determine how many there are.
             Buffer::Nodes | Buffer::LeafReferences => 0,
+            Buffer::Deferred if self.undecided => {
+                DEFERRED_HEAD + (1 + UNDECIDED_WORDS) * self.path_room.max(self.shadow_room)
+            }
             Buffer::Deferred => {
                 let shadows = when(self.casts_shadows(), self.shadow_room);
-                crate::kernel::DEFERRED_HEAD + self.path_room.max(shadows)
+                DEFERRED_HEAD + self.path_room.max(shadows)
             }
             Buffer::Counters => 1,
         }

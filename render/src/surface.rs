@@ -16,6 +16,12 @@ use splitplane_core::triangle::Triangle;
 /// Clear surfaces that a shadow ray passes; behind more of them it is dark.
 pub(crate) const MOST_CLEAR_LAYERS: u32 = 16;
 
+/// The next float: both ends of a ray are closed, so a shadow ray that starts there leaves out the clear surface that it has
+/// just passed. `t` is not negative.
+pub(crate) fn after(t: f32) -> f32 {
+    f32::from_bits(t.to_bits() + 1)
+}
+
 /// The point that a path's ray met, and what follows from it.
 pub(crate) fn shade(
     scene: &SceneWords<'_>,

@@ -279,8 +279,8 @@ impl Tracer {
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
-        let FrameRequest { size, settings, outputs, .. } = request;
-        let room = on!(&self.on, on => on.room());
+        let FrameRequest { size, settings, outputs, query, .. } = request;
+        let room = on!(&self.on, on => on.room(query.accuracy));
         Ok(Plan::new(&self.appearance, *size, settings, *outputs, room)?)
     }
 

@@ -101,12 +101,12 @@ fn paths_that_split_more_than_expected_cost_smaller_slices_only() {
     let settings = RenderSettings { depth: 6, minimum_weight: 0.0, ..RenderSettings::default() };
     let camera = along_z([0.1, 0.2, 3.0], size, 0.3);
     let whole = shoot(&world, camera, size, &settings);
-    let room = splitplane_render::Room { paths: 600, buffer_bytes: 1 << 30 };
+    let room = splitplane_render::Room { paths: 600, ..splitplane_render::Room::CPU };
     let small = common::try_shoot(&world, camera, size, &settings, room).unwrap();
     assert!(small.stats.plan.slices() > 1, "{}", small.stats.plan.slices());
     assert_eq!(small.renderer.radiance(), whole.renderer.radiance());
     assert_eq!(small.stats.paths, whole.stats.paths);
-    let tiny = splitplane_render::Room { paths: 4, buffer_bytes: 1 << 30 };
+    let tiny = splitplane_render::Room { paths: 4, ..splitplane_render::Room::CPU };
     let error = common::try_shoot(&world, camera, size, &settings, tiny).err().unwrap();
     assert!(error.to_string().contains("one pixel"), "{error}");
 }

@@ -38,11 +38,17 @@ fn magnitude(a: f32, b: f32) -> f32 {
     return select(size, 0.0, a == 0.0 || b == 0.0);
 }
 
-fn minor_magnitude(p_i: Double, p_j: Double, q_i: Double, q_j: Double) -> f32 {
-    return sum(magnitude(p_i.high, q_j.high), magnitude(p_j.high, q_i.high));
+fn certain_cross(p: Double3, q: Double3) -> Normal {
+    return certain_cross_of_sizes(p, q, p.high, q.high);
 }
 
-fn certain_cross(p: Double3, q: Double3) -> Normal {
+// The same of vectors that may be less than the terms that they are sums of: `p_sizes` and `q_sizes` are those.
+fn certain_cross_of_sizes(
+    p: Double3,
+    q: Double3,
+    p_sizes: vec3<f32>,
+    q_sizes: vec3<f32>,
+) -> Normal {
     var normal: Normal;
     // In a loop, which keeps the shader small.
     for (var k = 0u; k < 3u; k++) {
@@ -55,7 +61,8 @@ fn certain_cross(p: Double3, q: Double3) -> Normal {
         let minor = double_minor(p_i, p_j, q_i, q_j);
         normal.parts.high[k] = minor.high;
         normal.parts.low[k] = minor.low;
-        normal.magnitudes[k] = minor_magnitude(p_i, p_j, q_i, q_j);
+        let one = magnitude(on_axis(p_sizes, i), on_axis(q_sizes, j));
+        normal.magnitudes[k] = sum(one, magnitude(on_axis(p_sizes, j), on_axis(q_sizes, i)));
     }
     return normal;
 }

@@ -7,10 +7,13 @@ const CHUNK: u32 = 256u;
 const TRACED: u32 = 64u;
 
 // Words of `deferred_rays` before the list.
-const DEFERRED_HEAD: u32 = 2u;
+const DEFERRED_HEAD: u32 = 4u;
 // Where the number of deferred paths is, and that of shadow rays. The list is first of the ones, then of the others.
 const DEFERRED_PATHS: u32 = 0u;
 const DEFERRED_SHADOW_RAYS: u32 = 1u;
+// Where the number of undecided paths is, and that of shadow rays. Their records lie behind the list, and are replaced likewise.
+const UNDECIDED_PATHS: u32 = 2u;
+const UNDECIDED_SHADOW_RAYS: u32 = 3u;
 
 const COUNTER_PIXELS: u32 = 0u;
 const COUNTER_PIXELS_LEFT: u32 = 1u;

@@ -38,10 +38,10 @@ struct Frame {
     texels_at: u32,
     culling: u32,
     ignore: u32,
+    tail_at: u32,
     // Arrays of a uniform have elements of 16 bytes.
     padding_0: u32,
-    padding_1: u32,
-    padding_2: array<vec4<u32>, 3>,
+    padding_1: array<vec4<u32>, 3>,
 }
 
 struct Path {

@@ -33,3 +33,8 @@ fn passed(ray: PreparedRay, search: Search) -> PreparedRay {
     behind.least_key = limit_key(bitcast<u32>(search.t) + 1u);
     return behind;
 }
+
+// Whether the CPU has to trace the ray: none.
+fn is_undecided(hit: Hit) -> bool {
+    return false;
+}

@@ -20,6 +20,8 @@ fn main() {
     counters[COUNTER_NEXT_PATHS] = 0u;
     deferred_rays[DEFERRED_PATHS] = 0u;
     deferred_rays[DEFERRED_SHADOW_RAYS] = 0u;
+    deferred_rays[UNDECIDED_PATHS] = 0u;
+    deferred_rays[UNDECIDED_SHADOW_RAYS] = 0u;
     counters[COUNTER_SHADOW_RAYS] = 0u;
     let low = counters[COUNTER_TOTAL_PATHS_LOW] + paths;
     counters[COUNTER_TOTAL_PATHS_LOW] = low;

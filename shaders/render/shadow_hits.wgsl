@@ -3,7 +3,7 @@
 // Reads: shadow rays; nodes, references, corners and scale of the scene.
 // Writes: no light where there is a hit; 1 in the last component where the driver did not follow the ray
 // to its end.
-// The indices of those that are left to `shadow_hits_retry`, in any order.
+// In any order: the indices of those that are left to `shadow_hits_retry`, and what is left to the CPU.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
@@ -26,10 +26,15 @@ fn main(
     let options = QueryOptions(frame.culling, frame.ignore);
     let index = group.x * TRACED + lane;
     if index < count {
-        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let first = shadow_rays[2u * index];
+        let second = shadow_rays[2u * index + 1u];
+        let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, true);
         if hit.triangle == DEFERRED {
             defer_ray(DEFERRED_SHADOW_RAYS, index);
+        } else if hit.triangle == UNDECIDED_HIT {
+            let light = shadow_light[index].xyz;
+            leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
         } else if hit.triangle != NO_TRIANGLE {
             let unfinished = select(0.0, 1.0, hit.triangle == UNFINISHED);
             shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, unfinished);

@@ -3,7 +3,7 @@
 // Reads: shadow rays; the materials; nodes, references, corners and scale of the scene.
 // Writes: what is left of the light; 1 in the last component where the driver did not follow the ray to
 // its end.
-// The indices of those that are left to `shadow_hits_through_glass_retry`, in any order.
+// In any order: the indices of those that are left to `shadow_hits_through_glass_retry`, and what is left to the CPU.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
@@ -28,12 +28,17 @@ fn main(
     let index = group.x * TRACED + lane;
     if index < count {
         light_left = shadow_light[index].xyz;
-        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let first = shadow_rays[2u * index];
+        let second = shadow_rays[2u * index + 1u];
+        let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, false);
         if hit.triangle == DEFERRED {
             defer_ray(DEFERRED_SHADOW_RAYS, index);
         } else if hit.triangle == UNFINISHED {
             shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+        } else if is_undecided(hit) {
+            let light = shadow_light[index].xyz;
+            leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
         } else if is_dark {
             shadow_light[index] = vec4<f32>(0.0);
         } else {

@@ -2,7 +2,7 @@
 // One invocation a shadow ray of the list; those beyond it do nothing.
 // Reads: shadow rays; the materials; nodes, references, corners and scale of the scene; the list.
 // Writes: what is left of the light; 1 in the last component where the driver did not follow the ray to
-// its end.
+// its end. In any order, what is left to the CPU.
 
 @group(0) @binding(0) var<uniform> frame: Frame;
 @group(0) @binding(1) var<storage, read> counters: array<u32, 16>;
@@ -13,7 +13,7 @@
 @group(0) @binding(6) var<storage, read> leaf_references: array<u32>;
 @group(0) @binding(7) var<storage, read> triangles: array<f32>;
 @group(0) @binding(8) var<uniform> scene: Scene;
-@group(0) @binding(9) var<storage, read_write> deferred_rays: array<u32>;
+@group(0) @binding(9) var<storage, read_write> deferred_rays: array<atomic<u32>>;
 
 @compute @workgroup_size(64)
 fn main(
@@ -21,16 +21,21 @@ fn main(
     @builtin(local_invocation_index) lane: u32,
 ) {
     opaque_zero = frame.zero;
-    let count = deferred_rays[DEFERRED_SHADOW_RAYS];
+    let count = atomicLoad(&deferred_rays[DEFERRED_SHADOW_RAYS]);
     let options = QueryOptions(frame.culling, frame.ignore);
     let place = group.x * TRACED + lane;
     if place < count {
-        let index = deferred_rays[DEFERRED_HEAD + place];
+        let index = atomicLoad(&deferred_rays[DEFERRED_HEAD + place]);
         light_left = shadow_light[index].xyz;
-        let ray = ray_of_words(shadow_rays[2u * index], shadow_rays[2u * index + 1u]);
+        let first = shadow_rays[2u * index];
+        let second = shadow_rays[2u * index + 1u];
+        let ray = ray_of_words(first, second);
         let hit = trace_ray(ray, options, false);
         if hit.triangle == UNFINISHED {
             shadow_light[index] = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+        } else if is_undecided(hit) {
+            let light = shadow_light[index].xyz;
+            leave_undecided(UNDECIDED_SHADOW_RAYS, index, NO_TRIANGLE, first, second, light);
         } else if is_dark {
             shadow_light[index] = vec4<f32>(0.0);
         } else {

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::embed::TriangleTest;
-use crate::table::{RENDER, RENDER_RETRIES, SUBSTITUTES};
+use crate::table::{MESH, RENDER, RENDER_RETRIES, RENDER_SETTLES, SCENE_WORDS, SUBSTITUTES};
 use crate::{Part, Shader};
 
 /// What a shader of the ray tracer must be able to do. Pictures do not depend on it, as long as it
@@ -20,6 +20,9 @@ pub struct RenderFeatures {
     pub dielectrics: bool,
     /// The triangle test.
     pub test: TriangleTest,
+    /// Triangles that two bindings hold. Kernels that have a binding to spare take the second one; for the others
+    /// ([`has_tail`]) what does not fit stands behind the words of the scene.
+    pub by_halves: bool,
 }
 
 impl RenderFeatures {
@@ -30,35 +33,52 @@ impl RenderFeatures {
         area_lights: true,
         dielectrics: true,
         test: TriangleTest::Watertight,
+        by_halves: false,
     };
 }
 
 /// The parts of a kernel of the ray tracer, without those that `features` does not ask for; `None` for
 /// a name that no kernel has. Joined they are the shader: see [`join`](crate::join).
 pub fn render_parts(kernel: &str, features: &RenderFeatures) -> Option<Vec<Part>> {
-    let shader = RENDER.iter().chain(RENDER_RETRIES).find(|shader| shader.name == kernel)?;
+    let all = RENDER.iter().chain(RENDER_RETRIES).chain(RENDER_SETTLES);
+    let shader = { all }.find(|shader| shader.name == kernel)?;
     let substitutes = [
         (features.textures, &SUBSTITUTES.textures[..]),
         (features.smooth_normals, &SUBSTITUTES.smooth_normals),
         (features.area_lights, &SUBSTITUTES.area_lights),
         (features.dielectrics, &SUBSTITUTES.dielectrics),
-        (features.test == TriangleTest::Watertight, &SUBSTITUTES.watertight),
+        (features.test != TriangleTest::MoellerTrumbore, &SUBSTITUTES.fast),
+        (features.test != TriangleTest::Certain, &SUBSTITUTES.certain),
+        (!features.by_halves || !has_tail(shader), &SUBSTITUTES.one_binding),
     ];
     let part = |part: &Part| {
         let missing = substitutes.iter().filter(|(needed, _)| !needed);
         let mut pairs = missing.flat_map(|(_, pairs)| pairs.iter());
         match pairs.find(|(given, _)| given == part) {
-            Some((_, substitute)) => *substitute,
-            None => Some(*part),
+            Some((_, substitute)) => substitute.to_vec(),
+            None => alloc::vec![*part],
         }
     };
-    Some(shader.parts.iter().filter_map(part).collect())
+    Some(shader.parts.iter().flat_map(part).collect())
+}
+
+/// Whether a kernel that reads triangles has no binding to spare for those that one does not hold: it reads the words of the
+/// scene too, behind which these stand.
+pub fn has_tail(shader: &Shader) -> bool {
+    [MESH, SCENE_WORDS].iter().all(|part| shader.parts.contains(part))
 }
 
 /// The name of the shader that finishes what this kernel leaves to it, if there is one.
 pub fn render_retry(kernel: &str) -> Option<&'static str> {
     let is_retry = |shader: &&Shader| shader.name.strip_suffix("_retry") == Some(kernel);
     RENDER_RETRIES.iter().find(is_retry).map(|shader| shader.name)
+}
+
+/// The name of the shader that follows this kernel and its retry where hits are exact, if there is one: it tells which records
+/// are certain.
+pub fn render_settle(kernel: &str) -> Option<&'static str> {
+    let settles = |shader: &&Shader| shader.name.strip_suffix("_settle") == Some(kernel);
+    RENDER_SETTLES.iter().find(settles).map(|shader| shader.name)
 }
 
 #[cfg(test)]
@@ -82,6 +102,7 @@ mod tests {
             area_lights: false,
             dielectrics: false,
             test: TriangleTest::MoellerTrumbore,
+            by_halves: false,
         };
         let text = |kernel| join(&render_parts(kernel, &plain).unwrap());
         let shade = text("shade");

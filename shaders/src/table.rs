@@ -4,7 +4,7 @@ use crate::{Part, Shader};
 
 macro_rules! library {
     ($($constant:ident $name:literal)*) => {
-        $(const $constant: Part =
+        $(pub(crate) const $constant: Part =
             Part { name: $name, text: include_str!(concat!("../lib/", $name, ".wgsl")) };)*
         /// The modules that shaders share, by name.
         pub const LIBRARY: &[Part] = &[$($constant),*];
@@ -50,6 +50,7 @@ library! {
     RAY "ray"
     BINDINGS "bindings"
     MESH "mesh"
+    MESH_WITH_TAIL "mesh_with_tail"
     INTERSECT "intersect"
     ANY_RAY "any_ray"
     PLAIN_RAY "plain_ray"
@@ -65,10 +66,13 @@ library! {
     SCREEN "screen"
     CERTAIN "certain"
     CERTAIN_SEARCH "certain_search"
+    ROUNDED "rounded"
+    CERTAIN_RECORD "certain_record"
     LIST_SEARCH "list_search"
     TRAVERSE "traverse"
     ONE_HIT "one_hit"
     THROUGH_GLASS "through_glass"
+    THROUGH_GLASS_EXACTLY "through_glass_exactly"
     PRIVATE_STACK "private_stack"
     SHORT_STACK "short_stack"
     QUERY "query"
@@ -81,6 +85,8 @@ library! {
     RENDER_LAYOUT "render_layout"
     RENDER_KERNEL "render_kernel"
     RENDER_DEFER "render_defer"
+    UNDECIDED "undecided"
+    ALWAYS_DECIDED "always_decided"
     VECTOR "vector"
     RANDOM "random"
     SCENE_WORDS "scene_words"
@@ -190,8 +196,8 @@ shaders! {
         "shade": ARITHMETIC RAY MESH RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR RANDOM SCENE_WORDS TEXTURED ENVIRONMENT INCIDENCE FRESNEL PLANE SMOOTH_NORMALS SURFACE LIGHTING AREA_LIGHTS DIELECTRICS SHADE_SURFACE;
         "scan_spawned": RENDER_LAYOUT RENDER_KERNEL SCAN;
         "shadow_rays": ARITHMETIC RAY MESH RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR RANDOM SCENE_WORDS PLANE SURFACE LIGHTING AREA_LIGHTS;
-        "shadow_hits": ARITHMETIC RAY MESH INTERSECT PLAIN_RAY SHEARED WATERTIGHT PLAIN_TRIANGLE OBSERVER SEARCH TRAVERSE ONE_HIT SHORT_STACK RENDER_LAYOUT RENDER_KERNEL RENDER_DEFER;
-        "shadow_hits_through_glass": ARITHMETIC RAY MESH INTERSECT PLAIN_RAY SHEARED WATERTIGHT PLAIN_TRIANGLE OBSERVER SEARCH TRAVERSE THROUGH_GLASS SHORT_STACK RENDER_LAYOUT RENDER_KERNEL RENDER_DEFER VECTOR SCENE_WORDS;
+        "shadow_hits": ARITHMETIC RAY MESH INTERSECT PLAIN_RAY SHEARED WATERTIGHT PLAIN_TRIANGLE OBSERVER SEARCH TRAVERSE ONE_HIT SHORT_STACK RENDER_LAYOUT RENDER_KERNEL RENDER_DEFER ALWAYS_DECIDED;
+        "shadow_hits_through_glass": ARITHMETIC RAY MESH INTERSECT PLAIN_RAY SHEARED WATERTIGHT PLAIN_TRIANGLE OBSERVER SEARCH TRAVERSE THROUGH_GLASS SHORT_STACK RENDER_LAYOUT RENDER_KERNEL RENDER_DEFER ALWAYS_DECIDED VECTOR SCENE_WORDS;
         "accumulate": ARITHMETIC RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR;
         "next_paths": ARITHMETIC RAY RENDER_LAYOUT RENDER_KERNEL SCAN VECTOR INCIDENCE FRESNEL SCENE_WORDS SURFACE BOUNCE REFRACTION;
         "begin_wave": RENDER_LAYOUT RENDER_KERNEL;
@@ -204,37 +210,55 @@ shaders! {
     /// `_retry`.
     RENDER_RETRIES "render" {
         "closest_hits_retry": ARITHMETIC RAY MESH INTERSECT ANY_RAY SHEARED CLOSER_LOOK WATERTIGHT ANY_TRIANGLE OBSERVER SEARCH TRAVERSE ONE_HIT PRIVATE_STACK RENDER_LAYOUT RENDER_KERNEL;
-        "shadow_hits_retry": ARITHMETIC RAY MESH INTERSECT ANY_RAY SHEARED CLOSER_LOOK WATERTIGHT ANY_TRIANGLE OBSERVER SEARCH TRAVERSE ONE_HIT PRIVATE_STACK RENDER_LAYOUT RENDER_KERNEL;
-        "shadow_hits_through_glass_retry": ARITHMETIC RAY MESH INTERSECT ANY_RAY SHEARED CLOSER_LOOK WATERTIGHT ANY_TRIANGLE OBSERVER SEARCH TRAVERSE THROUGH_GLASS PRIVATE_STACK RENDER_LAYOUT RENDER_KERNEL VECTOR SCENE_WORDS;
+        "shadow_hits_retry": ARITHMETIC RAY MESH INTERSECT ANY_RAY SHEARED CLOSER_LOOK WATERTIGHT ANY_TRIANGLE OBSERVER SEARCH TRAVERSE ONE_HIT PRIVATE_STACK RENDER_LAYOUT RENDER_KERNEL ALWAYS_DECIDED;
+        "shadow_hits_through_glass_retry": ARITHMETIC RAY MESH INTERSECT ANY_RAY SHEARED CLOSER_LOOK WATERTIGHT ANY_TRIANGLE OBSERVER SEARCH TRAVERSE THROUGH_GLASS PRIVATE_STACK RENDER_LAYOUT RENDER_KERNEL ALWAYS_DECIDED VECTOR SCENE_WORDS;
     }
 }
 
-/// The part that replaces another where a scene does not need that one; `None` where no replacement
-/// is needed.
+shaders! {
+    /// What follows the kernels of the ray tracer whose hits are to be exact, and their retries, over the same bindings. Their
+    /// names are those of the kernels, with `_settle`.
+    RENDER_SETTLES "render" {
+        "closest_hits_settle": ARITHMETIC RAY MESH INTERSECT PLAIN_RAY SHEARED SCREEN CERTAIN ROUNDED CERTAIN_RECORD RENDER_LAYOUT RENDER_KERNEL UNDECIDED;
+    }
+}
+
+/// A part, and what stands in its place.
+pub(crate) type Substitute = (Part, &'static [Part]);
+
+/// The parts that replace others where a scene does not need those, or takes another triangle test.
 pub(crate) struct Substitutes {
-    pub textures: [(Part, Option<Part>); 1],
-    pub smooth_normals: [(Part, Option<Part>); 1],
-    pub area_lights: [(Part, Option<Part>); 1],
-    pub dielectrics: [(Part, Option<Part>); 3],
-    pub watertight: [(Part, Option<Part>); 5],
+    pub textures: [Substitute; 1],
+    pub smooth_normals: [Substitute; 1],
+    pub area_lights: [Substitute; 1],
+    pub dielectrics: [Substitute; 3],
+    pub fast: [Substitute; 5],
+    pub certain: [Substitute; 7],
+    pub one_binding: [Substitute; 1],
 }
 
 pub(crate) const SUBSTITUTES: Substitutes = Substitutes {
-    textures: [(TEXTURED, Some(UNTEXTURED))],
-    smooth_normals: [(SMOOTH_NORMALS, Some(FLAT_NORMALS))],
-    area_lights: [(AREA_LIGHTS, Some(NO_AREA_LIGHTS))],
-    dielectrics: [
-        (DIELECTRICS, Some(NO_DIELECTRICS)),
-        (REFRACTION, Some(NO_REFRACTION)),
-        (FRESNEL, None),
+    textures: [(TEXTURED, &[UNTEXTURED])],
+    smooth_normals: [(SMOOTH_NORMALS, &[FLAT_NORMALS])],
+    area_lights: [(AREA_LIGHTS, &[NO_AREA_LIGHTS])],
+    dielectrics: [(DIELECTRICS, &[NO_DIELECTRICS]), (REFRACTION, &[NO_REFRACTION]), (FRESNEL, &[])],
+    fast: [
+        (SHEARED, &[]),
+        (CLOSER_LOOK, &[]),
+        (WATERTIGHT, &[MOELLER_TRUMBORE]),
+        (ANY_TRIANGLE, &[]),
+        (PLAIN_TRIANGLE, &[]),
     ],
-    watertight: [
-        (SHEARED, None),
-        (CLOSER_LOOK, None),
-        (WATERTIGHT, Some(MOELLER_TRUMBORE)),
-        (ANY_TRIANGLE, None),
-        (PLAIN_TRIANGLE, None),
+    certain: [
+        (CLOSER_LOOK, &[]),
+        (WATERTIGHT, &[SCREEN, CERTAIN, ROUNDED]),
+        (ANY_TRIANGLE, &[]),
+        (PLAIN_TRIANGLE, &[]),
+        (SEARCH, &[CERTAIN_SEARCH]),
+        (THROUGH_GLASS, &[THROUGH_GLASS_EXACTLY]),
+        (ALWAYS_DECIDED, &[UNDECIDED]),
     ],
+    one_binding: [(MESH, &[MESH_WITH_TAIL])],
 };
 
 /// The part that replaces another in the kernels of the tree builder where lists go on in second bindings.

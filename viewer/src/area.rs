@@ -95,7 +95,8 @@ pub(super) fn keys(ui: &egui::Ui, state: &mut State) {
     if pressed(Key::B) {
         state.choices.boxes = !state.choices.boxes;
     }
-    let deepest = state.frame.as_ref().map_or(0, |frame| frame.report.tree.max_depth);
+    let deepest = state.frame.as_ref().and_then(|frame| frame.report.tree.shape);
+    let deepest = deepest.map_or(state.choices.level, |shape| shape.max_depth);
     if pressed(Key::PageUp) {
         state.choices.level = state.choices.level.saturating_sub(1);
     }

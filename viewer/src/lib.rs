@@ -25,7 +25,7 @@ mod worker;
 pub use error::ViewerError;
 pub use source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
-    FrameSource, FrameTarget, Opening, TreeReport,
+    FrameSource, FrameTarget, Opening, TreeReport, TreeShape,
 };
 pub use traced::TracedSource;
 

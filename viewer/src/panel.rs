@@ -114,13 +114,15 @@ fn view(ui: &mut Ui, state: &mut State) {
 fn boxes(ui: &mut Ui, state: &mut State) {
     let Some(frame) = &state.frame else { return };
     heading(ui, "Boxes of the tree");
-    let deepest = frame.report.tree.max_depth;
+    let deepest = frame.report.tree.shape.map(|shape| shape.max_depth);
     ui.horizontal(|ui| {
         ui.checkbox(&mut state.choices.boxes, "show");
-        if deepest > 0 {
-            ui.add(Slider::new(&mut state.choices.level, 0..=deepest).text("depth"));
-        } else {
-            ui.label(RichText::new("the root is a leaf").weak());
+        match deepest {
+            Some(0) => drop(ui.label(RichText::new("the root is a leaf").weak())),
+            Some(deepest) => {
+                ui.add(Slider::new(&mut state.choices.level, 0..=deepest).text("depth"));
+            }
+            None => {}
         }
     });
     if !state.choices.boxes {
@@ -229,12 +231,16 @@ fn figures(ui: &mut Ui, state: &State) {
     figures_grid(ui, "tree", |ui| {
         row(ui, "triangles", grouped(u64::from(report.triangles)));
         row(ui, "nodes", grouped(tree.nodes as u64));
-        let [leaves, empty] = [tree.leaves, tree.empty_leaves].map(|count| grouped(count as u64));
-        row(ui, "leaves", format!("{leaves} ({empty} empty)"));
         row(ui, "references", grouped(tree.references as u64));
-        row(ui, "depth", tree.max_depth.to_string());
-        row(ui, "SAH cost", format!("{:.2}", tree.sah_cost));
         row(ui, "memory", bytes(tree.bytes));
+        // Not while a device keeps the tree to itself.
+        if let Some(shape) = &tree.shape {
+            let [leaves, empty] =
+                [shape.leaves, shape.empty_leaves].map(|count| grouped(count as u64));
+            row(ui, "leaves", format!("{leaves} ({empty} empty)"));
+            row(ui, "depth", shape.max_depth.to_string());
+            row(ui, "SAH cost", format!("{:.2}", shape.sah_cost));
+        }
     });
 }
 

@@ -25,18 +25,29 @@ pub trait FrameSource: Send {
     /// What was chosen cannot be had.
     fn open(&mut self, target: &FrameDevice, first: &FirstFrame) -> Result<Opening, FrameError>;
 
-    /// Makes the picture that was asked for.
+    /// Starts on the picture that was asked for. It may return before the picture is there: then the next one may be
+    /// submitted, and [`FrameSource::finish`] gives both, in order. No more than two are under way.
     ///
     /// # Errors
     /// [`FrameError::Superseded`] when [`FrameTarget::superseded`] became true meanwhile; else
-    /// whatever failed. The source stays usable after every error but the loss of the device.
-    fn render(
+    /// whatever failed. The source stays usable after every error but the loss of the device, and so does what was
+    /// submitted before.
+    fn submit(
         &mut self,
         request: &FrameRequest,
         target: &FrameTarget<'_>,
-    ) -> Result<FrameReport, FrameError>;
+    ) -> Result<(), FrameError>;
 
-    /// The tree of the last frame; `None` before the first one.
+    /// Whether [`FrameSource::finish`] would return at once. Never waits.
+    fn is_done(&mut self) -> bool;
+
+    /// Waits for the first picture that was submitted and not finished.
+    ///
+    /// # Errors
+    /// Whatever failed; nothing was submitted.
+    fn finish(&mut self) -> Result<FrameReport, FrameError>;
+
+    /// The tree of the last frame that was submitted, where [`FrameRequest::tree`] asked for it.
     fn tree(&self) -> Option<&KdTree>;
 }
 
@@ -121,6 +132,8 @@ pub struct FrameRequest {
     pub view: DebugView,
     /// Seconds into the scene's animation.
     pub time: f64,
+    /// Whether the tree is to come to host memory, for its counts and its boxes. A device then sends it.
+    pub tree: bool,
 }
 
 /// Where a frame goes.
@@ -228,6 +241,8 @@ pub struct FrameReport {
     pub backend: String,
     /// What the colours of the view mean, where that differs from frame to frame.
     pub legend: Option<String>,
+    /// Bytes that came back from the device since the report before; 0 for frames of the CPU.
+    pub bytes_down: u64,
 }
 
 /// Counts and cost of a tree.
@@ -236,18 +251,26 @@ pub struct FrameReport {
 pub struct TreeReport {
     /// All nodes.
     pub nodes: usize,
+    /// References of all leaves.
+    pub references: usize,
+    /// Bytes that queries read.
+    pub bytes: u64,
+    /// What is known of a tree in host memory only.
+    pub shape: Option<TreeShape>,
+}
+
+/// What takes a look at all nodes of a tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct TreeShape {
     /// Leaves, the empty ones included.
     pub leaves: usize,
     /// Leaves without triangles.
     pub empty_leaves: usize,
-    /// References of all leaves.
-    pub references: usize,
     /// Most levels below the root.
     pub max_depth: u32,
     /// Expected cost of a random ray, in units of K_I.
     pub sah_cost: f64,
-    /// Bytes that queries read.
-    pub bytes: u64,
 }
 
 /// Why there is no frame.
@@ -275,6 +298,9 @@ pub enum FrameError {
     /// The scene cannot be brought to where it is at this time.
     #[error("{0}")]
     Animation(String),
+    /// A frame was asked for that was not submitted.
+    #[error("no frame was submitted")]
+    NothingSubmitted,
     /// A frame was asked for before a scene was loaded.
     #[error("no scene is loaded")]
     NoScene,

@@ -92,7 +92,9 @@ impl State {
         if frame.report.build_ms.is_some() {
             self.build_ms = frame.report.build_ms;
         }
-        self.choices.level = self.choices.level.min(frame.report.tree.max_depth);
+        if let Some(shape) = &frame.report.tree.shape {
+            self.choices.level = self.choices.level.min(shape.max_depth);
+        }
         self.frame = Some(frame);
     }
 
@@ -142,6 +144,8 @@ impl State {
             samples: choices.samples,
             view: choices.view,
             time: self.time,
+            // While vertices move it need not come from the device for its counts.
+            tree: choices.boxes || !self.playing,
         };
         let coarse = self.resolution.step();
         // Where a whole picture takes long, a coarse one of the same is shown before.

@@ -6,12 +6,12 @@ mod views;
 use super::slot::Slot;
 use super::source::{
     Abilities, DebugView, FirstFrame, FrameDevice, FrameError, FrameReport, FrameRequest,
-    FrameSource, FrameTarget, Opening, TreeReport,
+    FrameSource, FrameTarget, Opening, TreeReport, TreeShape,
 };
 use splitplane::backend::{BackendKind, OpenError, OpenOptions, failed};
 use splitplane::render::{MAX_DEPTH, RenderSettings, Size};
 use splitplane::scene::{Animation, Change, Placement, Scene, View};
-use splitplane::tracer::{self, Tracer};
+use splitplane::tracer::{self, Moved, Tracer};
 use splitplane_core::backend::{Accelerator, BuildOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::ray::{Accuracy, QueryOptions};
@@ -19,6 +19,7 @@ use splitplane_core::tree::KdTree;
 use splitplane_core::tree::stats::TreeStats;
 use splitplane_cpu::CpuBackend;
 use splitplane_wgpu::{Gpu, Parity, WgpuBackend};
+use std::collections::VecDeque;
 use std::time::Instant;
 use views::{debug_picture, outputs, words};
 
@@ -41,6 +42,21 @@ pub struct TracedSource {
     /// What the tree that is there was built for.
     built: Option<Built>,
     placement: Option<Placement>,
+    /// A frame that the window's device is at.
+    out: Option<Out>,
+    /// Frames that are done and were not asked for yet, in order.
+    done: VecDeque<Result<FrameReport, FrameError>>,
+    /// Bytes that had come back with the last report.
+    bytes_down: u64,
+}
+
+/// A frame that was submitted.
+#[derive(Debug)]
+struct Out {
+    start: Instant,
+    traced: Instant,
+    /// All that is known before it is done.
+    report: FrameReport,
 }
 
 /// A tree that is kept until another one is asked for.
@@ -50,7 +66,8 @@ struct Built {
     preset: Preset,
     frame: usize,
     name: String,
-    tree: TreeReport,
+    /// Where it is in host memory.
+    shape: Option<TreeShape>,
 }
 
 /// The time that went into a tree.
@@ -86,6 +103,9 @@ impl TracedSource {
             gpu: Slot::Empty,
             built: None,
             placement: None,
+            out: None,
+            done: VecDeque::new(),
+            bytes_down: 0,
         }
     }
 
@@ -156,17 +176,20 @@ impl TracedSource {
         Some(told)
     }
 
-    /// Builds the tree that is asked for, unless it is there. The tree also comes to host memory, for
-    /// the panel's counts and the boxes.
+    /// Builds the tree that is asked for, unless it is there. Where it is wanted `here`, it also comes to host memory,
+    /// for the panel's counts and the boxes; else a build on the window's device is only submitted.
     fn prepare(
         &mut self,
         backend: BackendKind,
         preset: Preset,
         frame: usize,
+        here: bool,
         target: &FrameDevice,
     ) -> Result<Prepared, FrameError> {
-        let same =
-            |built: &Built| (built.backend, built.preset, built.frame) == (backend, preset, frame);
+        let same = |built: &Built| {
+            let is_there = built.shape.is_some() || !here;
+            is_there && (built.backend, built.preset, built.frame) == (backend, preset, frame)
+        };
         if self.built.as_ref().is_some_and(same) {
             return Ok(Prepared::default());
         }
@@ -206,22 +229,27 @@ impl TracedSource {
         }
         let update_ms = milliseconds(start);
         let start = Instant::now();
+        let stays = !here && backend == BackendKind::Wgpu;
         pool.install(|| match slot.tracer_mut() {
+            Some(tracer) if stays => {
+                tracer.submit_rebuild(&Moved { mesh, name: Some(frame as u64) }, &options)
+            }
             Some(tracer) => tracer.rebuild_for_queries(&mesh, &options),
             None => slot.load(&mesh, &appearance, &options),
         })?;
         let build_ms = Some(milliseconds(start));
         let tracer = slot.tracer().ok_or(FrameError::NoScene)?;
-        let accelerator = tracer.accelerator().ok_or(FrameError::NoScene)?;
-        let stats = TreeStats::of(&accelerator.tree().view());
-        let tree = TreeReport {
-            nodes: stats.nodes,
-            leaves: stats.leaves,
-            empty_leaves: stats.empty_leaves,
-            references: stats.references,
-            max_depth: stats.max_depth,
-            sah_cost: stats.sah_cost,
-            bytes: accelerator.query_bytes(),
+        let shape = match tracer.accelerator() {
+            Some(accelerator) if !stays => {
+                let stats = TreeStats::of(&accelerator.tree().view());
+                Some(TreeShape {
+                    leaves: stats.leaves,
+                    empty_leaves: stats.empty_leaves,
+                    max_depth: stats.max_depth,
+                    sah_cost: stats.sah_cost,
+                })
+            }
+            _ => None,
         };
         let info = pool.install(|| tracer.backend());
         let name = match (&info.adapter, info.threads) {
@@ -230,7 +258,7 @@ impl TracedSource {
             (None, Some(threads)) => format!("{} ({threads} threads)", info.name),
             (None, None) => info.name,
         };
-        self.built = Some(Built { backend, preset, frame, name, tree });
+        self.built = Some(Built { backend, preset, frame, name, shape });
         Ok(Prepared { update_ms, build_ms })
     }
 
@@ -247,13 +275,45 @@ impl TracedSource {
         self.tracer()?.accelerator()
     }
 
-    /// Makes the frame and puts it into the window's buffer. Gives rays and legend.
+    /// Waits for the frame that is under way on the window's device.
+    fn settle(&mut self) {
+        let Some(Out { start, traced, report }) = self.out.take() else { return };
+        let made = match self.gpu.tracer_mut() {
+            Some(tracer) => {
+                tracer.finish_frame().map(|made| made.stats().rays()).map_err(FrameError::from)
+            }
+            None => Err(FrameError::NoScene),
+        };
+        let made = made.map(|rays| {
+            let (trace_ms, total_ms) = (milliseconds(traced), milliseconds(start));
+            self.completed(FrameReport { trace_ms, total_ms, rays, ..report })
+        });
+        self.done.push_back(made);
+    }
+
+    /// A report with what is known at the end: the tree, and what has come back.
+    fn completed(&mut self, report: FrameReport) -> FrameReport {
+        let Some(tracer) = self.tracer() else { return report };
+        let (size, triangles) = (tracer.tree_size(), tracer.summary().triangles);
+        let down = self.gpu.tracer().and_then(Tracer::traffic).map_or(0, |all| all.bytes_down);
+        let bytes_down = down.saturating_sub(self.bytes_down);
+        self.bytes_down = down;
+        let tree = TreeReport {
+            nodes: size.nodes,
+            references: size.references,
+            bytes: size.bytes,
+            ..report.tree
+        };
+        FrameReport { triangles, tree, bytes_down, ..report }
+    }
+
+    /// Makes the frame and puts it into the window's buffer. Gives rays and legend; `None` where the device is still at it.
     fn show(
         &mut self,
         request: &FrameRequest,
         size: Size,
         target: &FrameTarget<'_>,
-    ) -> Result<(u64, Option<String>), FrameError> {
+    ) -> Result<Option<(u64, Option<String>)>, FrameError> {
         let settings =
             RenderSettings { depth: request.depth, samples: request.samples, ..self.settings };
         let query = QueryOptions { accuracy: request.accuracy, ..QueryOptions::default() };
@@ -267,8 +327,8 @@ impl TracedSource {
         let slot = if on_gpu { &mut self.gpu } else { &mut self.cpu };
         let tracer = slot.tracer_mut().ok_or(FrameError::NoScene)?;
         if on_gpu && outputs.pixels {
-            let made = tracer.frame_into(&mesh, &frame, target.pixels)?;
-            return Ok((made.stats().rays(), None));
+            tracer.submit_frame_into(&mesh, &frame, target.pixels)?;
+            return Ok(None);
         }
         let made = pool.install(|| tracer.frame(&mesh, &frame))?;
         let rays = made.stats().rays();
@@ -277,11 +337,11 @@ impl TracedSource {
         };
         if outputs.pixels {
             send(&made.pixels()?);
-            return Ok((rays, None));
+            return Ok(Some((rays, None)));
         }
         let (image, legend) = pool.install(|| debug_picture(&made, request.view, size))?;
         send(&words(&image));
-        Ok((rays, legend))
+        Ok(Some((rays, legend)))
     }
 }
 
@@ -292,7 +352,7 @@ impl FrameSource for TracedSource {
         // Lights are placed for what is seen.
         let own = self.animation.as_ref().and_then(|animation| animation.camera(frame));
         self.scene.camera = self.scene.camera.or(own);
-        self.prepare(backend, first.preset, frame, target)?;
+        self.prepare(backend, first.preset, frame, true, target)?;
         let placement = {
             let accelerator = self.accelerator().ok_or(FrameError::NoScene)?;
             let (scene, lights) = (&self.scene, self.lights);
@@ -326,7 +386,7 @@ impl FrameSource for TracedSource {
         let abilities = Abilities {
             backends: vec![BackendKind::Cpu, BackendKind::Wgpu],
             presets: Preset::ALL.to_vec(),
-            accuracies: vec![Accuracy::Watertight, Accuracy::Fast],
+            accuracies: vec![Accuracy::Watertight, Accuracy::Fast, Accuracy::Exact],
             views: DebugView::ALL.to_vec(),
             max_depth: MAX_DEPTH,
             max_samples: MAX_SAMPLES,
@@ -337,39 +397,64 @@ impl FrameSource for TracedSource {
         Ok(Opening { scene, bounds, camera, distance, backend, reason, abilities })
     }
 
-    fn render(
+    fn submit(
         &mut self,
         request: &FrameRequest,
         target: &FrameTarget<'_>,
-    ) -> Result<FrameReport, FrameError> {
+    ) -> Result<(), FrameError> {
         let start = Instant::now();
         let device = FrameDevice { device: target.device.clone(), queue: target.queue.clone() };
         let frame = self.frame_at(request.time);
-        let prepared = self.prepare(request.backend, request.preset, frame, &device)?;
+        if request.tree {
+            // Its tree goes.
+            self.settle();
+        }
+        let prepared =
+            self.prepare(request.backend, request.preset, frame, request.tree, &device)?;
+        // The device has been told of the next vertices and tree: now it may come to the end of this frame.
+        self.settle();
         if target.superseded() {
             return Err(FrameError::Superseded);
         }
-        let traced = Instant::now();
-        let (rays, legend) = match Size::new(request.width, request.height) {
-            Ok(size) => self.show(request, size, target)?,
-            // A window too large for a picture, or one without a pixel.
-            Err(_) => (0, None),
-        };
-        let trace_ms = milliseconds(traced);
-        let triangles = self.tracer().map_or(0, |tracer| tracer.summary().triangles);
-        let (tree, backend) =
-            self.built.as_ref().map(|b| (b.tree, b.name.clone())).unwrap_or_default();
-        Ok(FrameReport {
+        let (shape, backend) =
+            self.built.as_ref().map(|b| (b.shape, b.name.clone())).unwrap_or_default();
+        let report = FrameReport {
             update_ms: prepared.update_ms,
             build_ms: prepared.build_ms,
-            trace_ms,
-            total_ms: milliseconds(start),
-            rays,
-            triangles,
-            tree,
+            tree: TreeReport { shape, ..TreeReport::default() },
             backend,
-            legend,
-        })
+            ..FrameReport::default()
+        };
+        let traced = Instant::now();
+        let shown = match Size::new(request.width, request.height) {
+            Ok(size) => self.show(request, size, target)?,
+            // A window too large for a picture, or one without a pixel.
+            Err(_) => Some((0, None)),
+        };
+        match shown {
+            None => self.out = Some(Out { start, traced, report }),
+            Some((rays, legend)) => {
+                let (trace_ms, total_ms) = (milliseconds(traced), milliseconds(start));
+                let made = FrameReport { trace_ms, total_ms, rays, legend, ..report };
+                let made = self.completed(made);
+                self.done.push_back(Ok(made));
+            }
+        }
+        Ok(())
+    }
+
+    fn is_done(&mut self) -> bool {
+        let is_out = self.out.is_some();
+        !self.done.is_empty()
+            || !is_out
+            || self.gpu.tracer_mut().is_none_or(|tracer| tracer.is_frame_done())
+    }
+
+    fn finish(&mut self) -> Result<FrameReport, FrameError> {
+        if self.done.is_empty() {
+            self.settle();
+        }
+        self.done.pop_front().unwrap_or(Err(FrameError::NothingSubmitted))
     }
 
     fn tree(&self) -> Option<&KdTree> {

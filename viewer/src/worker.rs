@@ -9,6 +9,7 @@ use super::source::{
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// What the window wants to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,6 +117,25 @@ impl Drop for Worker {
     }
 }
 
+/// How long a frame that is out is left alone before it is asked for.
+const ASK: Duration = Duration::from_micros(500);
+
+/// What the thread does next.
+enum Step {
+    /// Start on this frame.
+    Begin(Job),
+    /// Tell of the frame that is out.
+    Finish,
+}
+
+/// A frame that was begun.
+struct Begun {
+    job: Job,
+    picture: Arc<Picture>,
+    /// The last frame, where it is of the same request: nothing was submitted.
+    same: Option<Frame>,
+}
+
 /// What runs on the thread.
 struct Maker {
     source: Box<dyn FrameSource>,
@@ -132,57 +152,104 @@ impl Maker {
             Ok(opening) => tell(News::Opened(Box::new(opening))),
             Err(error) => return tell(News::NotOpened(error)),
         }
-        while let Some(job) = self.next() {
-            match self.make(&job) {
-                Ok(frame) => {
-                    self.last = Some(frame.clone());
-                    tell(News::Frame(Box::new(frame)));
+        let mut out: Option<Begun> = None;
+        while let Some(step) = self.next(out.is_some()) {
+            match step {
+                Step::Finish => self.deliver(out.take(), tell),
+                Step::Begin(job) => {
+                    // Boxes are those of the tree that is there; and a frame of the same request is not made twice.
+                    let is_last =
+                        self.last.as_ref().is_some_and(|last| last.job.request == job.request);
+                    let waits = out.as_ref().is_some_and(|begun| {
+                        is_last || begun.job.level.is_some() || begun.job.request == job.request
+                    });
+                    if waits {
+                        self.deliver(out.take(), tell);
+                    }
+                    match self.begin(&job) {
+                        Ok(begun) => {
+                            let before = out.replace(begun);
+                            self.deliver(before, tell);
+                        }
+                        Err(FrameError::Superseded) => {}
+                        Err(error) => tell(News::Failed(error)),
+                    }
                 }
-                Err(FrameError::Superseded) => {}
-                Err(error) => tell(News::Failed(error)),
             }
         }
     }
 
-    /// Waits for the next job; `None` when the window is gone.
-    fn next(&self) -> Option<Job> {
-        let mut inbox = self.shared.inbox();
-        inbox.expendable = false;
+    /// Waits for the next job, or for the end of the frame that is out; `None` when the window is gone.
+    fn next(&mut self, is_out: bool) -> Option<Step> {
         loop {
-            if inbox.closed {
-                return None;
+            let mut inbox = self.shared.inbox();
+            inbox.expendable = false;
+            loop {
+                if inbox.closed {
+                    return None;
+                }
+                if let Some(job) = inbox.next.take() {
+                    inbox.expendable = !job.fleeting;
+                    self.shared.superseded.store(false, Ordering::Relaxed);
+                    return Some(Step::Begin(job));
+                }
+                if is_out {
+                    break;
+                }
+                let woken = self.shared.changed.wait(inbox);
+                inbox = woken.unwrap_or_else(PoisonError::into_inner);
             }
-            if let Some(job) = inbox.next.take() {
-                inbox.expendable = !job.fleeting;
-                self.shared.superseded.store(false, Ordering::Relaxed);
-                return Some(job);
+            drop(inbox);
+            if self.source.is_done() {
+                return Some(Step::Finish);
             }
-            let woken = self.shared.changed.wait(inbox);
-            inbox = woken.unwrap_or_else(PoisonError::into_inner);
+            let inbox = self.shared.inbox();
+            // The device tells nobody that it is done: it is asked.
+            if inbox.next.is_none() && !inbox.closed {
+                let _ = self.shared.changed.wait_timeout(inbox, ASK);
+            }
         }
     }
 
-    fn make(&mut self, job: &Job) -> Result<Frame, FrameError> {
+    /// Starts on a frame, or takes the last one where it will do.
+    fn begin(&mut self, job: &Job) -> Result<Begun, FrameError> {
         // Other boxes alone need no other picture.
-        let same = self.last.take().filter(|last| last.job.request == job.request);
-        let (picture, report, old_boxes) = match same {
-            Some(Frame { job: of, picture, report, boxes }) => {
+        if let Some(last) = self.last.take().filter(|last| last.job.request == job.request) {
+            let picture = Arc::clone(&last.picture);
+            return Ok(Begun { job: *job, picture, same: Some(last) });
+        }
+        let picture = self.room(job.request.width, job.request.height);
+        let target = FrameTarget::new(&self.gpu, &picture.pixels, &self.shared.superseded);
+        self.source.submit(&job.request, &target)?;
+        Ok(Begun { job: *job, picture, same: None })
+    }
+
+    /// Tells of a frame when it is done.
+    fn deliver(&mut self, begun: Option<Begun>, tell: &dyn Fn(News)) {
+        let Some(begun) = begun else { return };
+        match self.complete(begun) {
+            Ok(frame) => {
+                self.last = Some(frame.clone());
+                tell(News::Frame(Box::new(frame)));
+            }
+            Err(error) => tell(News::Failed(error)),
+        }
+    }
+
+    fn complete(&mut self, Begun { job, picture, same }: Begun) -> Result<Frame, FrameError> {
+        let (report, old_boxes) = match same {
+            Some(Frame { job: of, report, boxes, .. }) => {
                 let boxes = boxes.filter(|_| of.level == job.level);
-                (picture, FrameReport { build_ms: None, ..report }, boxes)
+                (FrameReport { build_ms: None, ..report }, boxes)
             }
-            None => {
-                let picture = self.room(job.request.width, job.request.height);
-                let target = FrameTarget::new(&self.gpu, &picture.pixels, &self.shared.superseded);
-                let report = self.source.render(&job.request, &target)?;
-                (picture, report, None)
-            }
+            None => (self.source.finish()?, None),
         };
         let boxes = match (old_boxes, job.level, self.source.tree()) {
             (Some(boxes), ..) => Some(boxes),
             (None, Some(level), Some(tree)) => Some(Arc::new(LevelBoxes::of(&tree.view(), level))),
             _ => None,
         };
-        Ok(Frame { job: *job, picture, report, boxes })
+        Ok(Frame { job, picture, report, boxes })
     }
 
     /// A picture of this size that nobody looks at. Those of other sizes are let go.

@@ -132,7 +132,7 @@ impl Buffers {
 
     fn grow(&mut self, gpu: &Gpu, buffer: Buffer, bytes: u64) -> Result<(), GpuError> {
         let slot = &mut self.buffers[buffer.storage() as usize];
-        // Triangles that fit one binding are left in a buffer that does: frames need that.
+        // Triangles that fit one binding are left in a buffer that does: shaders of hosts need that.
         let (binding, _) = binding_limit(gpu.limits());
         let too_long = |held: &wgpu::Buffer| {
             buffer == Buffer::Triangles && bytes <= binding && held.size() > binding

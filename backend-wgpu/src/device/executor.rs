@@ -88,6 +88,20 @@ pub trait Job {
         buffer
     }
 
+    /// Whether the host finishes what a kernel has left to it, before the next one.
+    fn has_host_part(&self, _kernel: SetKernel<Self>) -> bool {
+        false
+    }
+
+    /// Finishes what a kernel, which is submitted with all before it, has left to the host. What this writes comes before
+    /// all that is submitted later.
+    ///
+    /// # Errors
+    /// The device's, or why the work cannot be finished.
+    fn finish_on_host(&mut self, _kernel: SetKernel<Self>) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
     /// What must be copied right after a kernel, since a later one overwrites it.
     fn copy_behind(&self, _kernel: SetKernel<Self>) -> Option<CopyOut> {
         None
@@ -150,7 +164,7 @@ pub struct DeviceExecutor<'a, J: Job> {
     loops: LoopControl,
     profile: Option<&'a mut Profile<J::Set>>,
     /// By kernel, once it was needed: its own, and what finishes what that leaves.
-    compiled: Vec<Option<(Compiled, Option<Compiled>)>>,
+    compiled: Vec<Option<Vec<Compiled>>>,
     pieces: Vec<Piece>,
     encoder: Option<wgpu::CommandEncoder>,
     pass: Option<wgpu::ComputePass<'static>>,
@@ -290,7 +304,8 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         self.job.buffer(if self.swapped { J::Set::exchanged(storage) } else { storage })
     }
 
-    fn compiled(&mut self, kernel: SetKernel<J>) -> Result<(Compiled, Option<Compiled>), GpuError> {
+    /// The shaders of a kernel, in their order; there is at least one.
+    fn compiled(&mut self, kernel: SetKernel<J>) -> Result<Vec<Compiled>, GpuError> {
         let place = J::Set::kernel_index(kernel);
         if let Some(compiled) = &self.compiled[place] {
             return Ok(compiled.clone());
@@ -298,7 +313,9 @@ impl<'a, J: Job> DeviceExecutor<'a, J> {
         let (gpu, variant) = (self.gpu, self.job.variant());
         let own = self.pipelines.get::<J::Set>(gpu, kernel, variant)?;
         let retry = self.pipelines.get_retry::<J::Set>(gpu, kernel, variant)?;
-        Ok(self.compiled[place].insert((own, retry)).clone())
+        let settle = self.pipelines.get_settle::<J::Set>(gpu, kernel, variant)?;
+        let all = [Some(own), retry, settle].into_iter().flatten().collect();
+        Ok(self.compiled[place].insert(all).clone())
     }
 
     fn group(
@@ -339,12 +356,12 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
 
     fn dispatch(&mut self, kernel: SetKernel<J>) -> Result<(), J::Error> {
         // All that can fail comes before the pass is opened.
-        let (compiled, retry) = self.compiled(kernel)?;
+        let compiled = self.compiled(kernel)?;
         self.pieces.clear();
         self.job.pieces(kernel, self.swapped, &mut self.pieces);
         let views: Vec<u32> = self.pieces.iter().map(|piece| piece.view).collect();
         let groups: Result<Vec<wgpu::BindGroup>, GpuError> =
-            views.into_iter().map(|view| self.group(kernel, &compiled.layout, view)).collect();
+            views.into_iter().map(|view| self.group(kernel, &compiled[0].layout, view)).collect();
         let groups = groups?;
         if self.profile.is_some() {
             self.pass = None;
@@ -362,7 +379,7 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
         }
         let pass = self.pass.as_mut().expect("opened above");
         let most = self.max_workgroups.map_or(u32::MAX, NonZeroU32::get);
-        for compiled in [Some(compiled), retry].iter().flatten() {
+        for compiled in &compiled {
             pass.set_pipeline(&compiled.pipeline);
             for (piece, group) in self.pieces.iter().zip(&groups) {
                 let workgroups = piece.workgroups.min(most);
@@ -374,6 +391,10 @@ impl<J: Job> Executor<J::Set> for DeviceExecutor<'_, J> {
         }
         if let Some(CopyOut { from, to, at, bytes }) = self.job.copy_behind(kernel) {
             self.encoder().copy_buffer_to_buffer(&from, 0, &to, at, bytes);
+        }
+        if self.job.has_host_part(kernel) {
+            self.submit()?;
+            self.job.finish_on_host(kernel)?;
         }
         Ok(())
     }

@@ -20,6 +20,11 @@ pub trait DeviceSet: KernelSet {
         None
     }
 
+    /// The shader that follows both, likewise over the same bindings and with the same workgroups.
+    fn settle(_kernel: Self::Kernel, _variant: &Self::Variant) -> Option<Text> {
+        None
+    }
+
     /// What a kernel binds in a variant: as its table says, or with lists that go on in further bindings.
     fn bindings(kernel: Self::Kernel, _variant: &Self::Variant) -> Vec<Bound<Self>> {
         as_declared::<Self>(kernel).collect()

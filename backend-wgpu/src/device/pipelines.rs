@@ -42,13 +42,23 @@ impl Held {
     }
 }
 
+/// Which of the shaders of a kernel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Which {
+    /// Its own: [`DeviceSet::text`].
+    Own,
+    /// [`DeviceSet::retry`].
+    Retry,
+    /// [`DeviceSet::settle`].
+    Settle,
+}
+
 /// Another text in place of a kernel's own.
 #[derive(Debug)]
 struct Replaced {
     set: &'static str,
     kernel: &'static str,
-    /// Of what finishes the kernel's work, and not the kernel's own.
-    retry: bool,
+    which: Which,
     source: String,
 }
 
@@ -92,19 +102,25 @@ impl Pipelines {
     /// Gives one kernel another text from now on, or its own again: for tests that plant faults.
     #[doc(hidden)]
     pub fn replace<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
-        self.replace_text::<K>(kernel, false, source);
+        self.replace_text::<K>(kernel, Which::Own, source);
     }
 
     /// The same for what finishes the kernel's work: see [`DeviceSet::retry`].
     #[doc(hidden)]
     pub fn replace_retry<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
-        self.replace_text::<K>(kernel, true, source);
+        self.replace_text::<K>(kernel, Which::Retry, source);
     }
 
-    fn replace_text<K: KernelSet>(&self, kernel: K::Kernel, retry: bool, source: Option<String>) {
+    /// The same for what follows both: see [`DeviceSet::settle`].
+    #[doc(hidden)]
+    pub fn replace_settle<K: KernelSet>(&self, kernel: K::Kernel, source: Option<String>) {
+        self.replace_text::<K>(kernel, Which::Settle, source);
+    }
+
+    fn replace_text<K: KernelSet>(&self, kernel: K::Kernel, which: Which, source: Option<String>) {
         lock(&self.held).retain(|held| !held.is_of::<K>(kernel));
         let (set, kernel) = (K::NAME, K::kernel(kernel).name);
-        *lock(&self.replaced) = source.map(|source| Replaced { set, kernel, retry, source });
+        *lock(&self.replaced) = source.map(|source| Replaced { set, kernel, which, source });
     }
 
     /// A kernel, compiled if it was not yet.
@@ -117,7 +133,7 @@ impl Pipelines {
         kernel: K::Kernel,
         variant: &K::Variant,
     ) -> Result<Compiled, GpuError> {
-        self.of_text::<K>(gpu, kernel, K::text(kernel, variant), variant, false)
+        self.of_text::<K>(gpu, kernel, K::text(kernel, variant), variant, Which::Own)
     }
 
     /// What finishes what a kernel leaves to it: see [`DeviceSet::retry`].
@@ -131,17 +147,30 @@ impl Pipelines {
         variant: &K::Variant,
     ) -> Result<Option<Compiled>, GpuError> {
         let text = K::retry(kernel, variant);
-        text.map(|text| self.of_text::<K>(gpu, kernel, text, variant, true)).transpose()
+        text.map(|text| self.of_text::<K>(gpu, kernel, text, variant, Which::Retry)).transpose()
     }
 
-    /// `retry` where the text is not the kernel's own.
+    /// What follows both: see [`DeviceSet::settle`].
+    ///
+    /// # Errors
+    /// As for [`Pipelines::get`].
+    pub fn get_settle<K: DeviceSet>(
+        &self,
+        gpu: &Gpu,
+        kernel: K::Kernel,
+        variant: &K::Variant,
+    ) -> Result<Option<Compiled>, GpuError> {
+        let text = K::settle(kernel, variant);
+        text.map(|text| self.of_text::<K>(gpu, kernel, text, variant, Which::Settle)).transpose()
+    }
+
     fn of_text<K: DeviceSet>(
         &self,
         gpu: &Gpu,
         kernel: K::Kernel,
         Text { name, parts }: Text,
         variant: &K::Variant,
-        retry: bool,
+        which: Which,
     ) -> Result<Compiled, GpuError> {
         let bound = K::bindings(kernel, variant);
         let bindings: Vec<u32> = bound.iter().map(|bound| bound.binding).collect();
@@ -160,8 +189,8 @@ impl Pipelines {
         let layout = known.unwrap_or_else(|| layout::<K>(gpu, kernel, &bound, counted));
         let source = match &*lock(&self.replaced) {
             Some(replaced)
-                if (replaced.set, replaced.kernel, replaced.retry)
-                    == (K::NAME, K::kernel(kernel).name, retry) =>
+                if (replaced.set, replaced.kernel, replaced.which)
+                    == (K::NAME, K::kernel(kernel).name, which) =>
             {
                 replaced.source.clone()
             }

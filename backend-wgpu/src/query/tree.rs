@@ -9,7 +9,7 @@ use splitplane_core::triangle::Triangle;
 use super::pipelines::Queries;
 use super::scene::SceneUniform;
 use crate::device::gpu::Gpu;
-use crate::device::halves::halves_limit;
+use crate::device::halves::{binding_limit, half, halves_limit};
 use crate::device::host;
 use crate::device::scope::checked;
 use crate::error::GpuError;
@@ -188,13 +188,21 @@ impl DeviceTree {
         })
     }
 
-    /// Whether each buffer of the tree fits one binding, as [`DeviceTree::bind_group_entries`] and frames need it.
-    /// Batches do not: their kernels have two bindings for triangles that are too many for one.
+    /// Whether each buffer of the tree fits one binding, as [`DeviceTree::bind_group_entries`] needs it.
+    /// Batches and frames do not: their kernels have two bindings for triangles that are too many for one.
     ///
     /// # Errors
     /// The limit that the triangles exceed: more than 3.7 million of them under WebGPU's default limits.
     pub fn check_one_binding(&self, gpu: &Gpu) -> Result<(), GpuError> {
         can_be_bound(gpu, "the triangles, in one binding", self.parts.triangles.size())
+    }
+
+    /// The triangles as two bindings hold them, where one does not.
+    pub fn triangle_halves(&self, gpu: &Gpu) -> Option<[wgpu::BufferBinding<'_>; 2]> {
+        let triangles = &self.parts.triangles;
+        let bytes = triangles.size();
+        let is_long = bytes > binding_limit(gpu.limits()).0;
+        is_long.then(|| [false, true].map(|second| half(triangles, bytes, second, 0)))
     }
 
     /// The resources for the four bindings of a traversal from `first_binding` on: nodes, leaf

@@ -14,6 +14,7 @@
 //! Generic over [`Arithmetic`]: a twin of the shaders' `screen.wgsl`, `certain.wgsl`, `certain_search.wgsl` and `list_search.wgsl`.
 
 mod listing;
+mod record;
 mod screen;
 
 use core::ops::ControlFlow;
@@ -28,6 +29,7 @@ use crate::tree::KdTreeView;
 use crate::triangle::Triangle;
 
 pub use listing::list;
+pub use record::record;
 use screen::{Screened, is_as_given, screen};
 
 /// Products are taken to be at least this great where their errors are bounded, unless a factor is zero: what
@@ -69,6 +71,16 @@ fn minus<A: Arithmetic>(p: &[f32; 3], q: &[f32; 3]) -> [Double; 3] {
 }
 
 fn cross<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> Normal {
+    cross_of_sizes::<A>(p, q, &p.map(|x| x.high), &q.map(|x| x.high))
+}
+
+/// The same of vectors that may be less than the terms that they are sums of: `p_sizes` and `q_sizes` are those.
+fn cross_of_sizes<A: Arithmetic>(
+    p: &[Double; 3],
+    q: &[Double; 3],
+    p_sizes: &[f32; 3],
+    q_sizes: &[f32; 3],
+) -> Normal {
     let ends = |axis: usize| ((axis + 1) % 3, (axis + 2) % 3);
     let parts = core::array::from_fn(|axis| {
         let (i, j) = ends(axis);
@@ -76,7 +88,8 @@ fn cross<A: Arithmetic>(p: &[Double; 3], q: &[Double; 3]) -> Normal {
     });
     let magnitudes = core::array::from_fn(|axis| {
         let (i, j) = ends(axis);
-        A::sum(magnitude::<A>(p[i].high, q[j].high), magnitude::<A>(p[j].high, q[i].high))
+        let one = magnitude::<A>(p_sizes[i], q_sizes[j]);
+        A::sum(one, magnitude::<A>(p_sizes[j], q_sizes[i]))
     });
     Normal { parts, magnitudes }
 }

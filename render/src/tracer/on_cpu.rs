@@ -7,6 +7,7 @@ use crate::layout::{FirstCost, FirstHit};
 use crate::plan::Room;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::Accuracy;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::digest::Digest;
 use splitplane_cpu::{CpuAccelerator, CpuBackend};
@@ -35,7 +36,7 @@ impl OnCpu {
         self.backend.describe()
     }
 
-    pub(super) fn room(&self) -> Room {
+    pub(super) fn room(&self, _accuracy: Accuracy) -> Room {
         Room::CPU
     }
 

@@ -10,6 +10,7 @@ use crate::wgpu::{Keyframes, WgpuRenderer};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::Accuracy;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::digest::Digest;
 use splitplane_wgpu::{DeviceTree, PendingBuild, Traffic, WgpuAccelerator, WgpuBackend};
@@ -53,7 +54,10 @@ impl OnGpu {
         options: &BuildOptions<'_>,
     ) -> Result<OnGpu, TracerError> {
         let accelerator = backend.build_accelerator(mesh, options)?;
-        let renderer = WgpuRenderer::new(backend.queries().gpu().clone())?;
+        let mut renderer = WgpuRenderer::new(backend.queries().gpu().clone())?;
+        if let Some(parity) = backend.parity() {
+            renderer.set_parity(parity);
+        }
         Ok(OnGpu {
             backend,
             tree: Tree::Copied(Box::new(accelerator)),
@@ -68,8 +72,8 @@ impl OnGpu {
         self.backend.describe()
     }
 
-    pub(super) fn room(&self) -> Room {
-        *self.renderer.room()
+    pub(super) fn room(&self, accuracy: Accuracy) -> Room {
+        self.renderer.room(accuracy)
     }
 
     pub(super) fn rebuild(

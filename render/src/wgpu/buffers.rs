@@ -7,6 +7,7 @@ use crate::scene_data::SceneData;
 use splitplane_core::kernel::KernelSet;
 use splitplane_wgpu::device::BindGroups;
 use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
+use std::num::NonZeroU64;
 use wgpu::BufferUsages as Usage;
 
 /// The buffers that kernels exchange, and their bind groups. Buffers only grow.
@@ -29,6 +30,8 @@ struct Tree {
     leaf_references: wgpu::Buffer,
     triangles: wgpu::Buffer,
     scene: wgpu::Buffer,
+    /// Where two bindings hold the triangles, the place and the bytes of each.
+    halves: Option<[(u64, NonZeroU64); 2]>,
 }
 
 impl Buffers {
@@ -82,7 +85,8 @@ impl Buffers {
                     && (buffer != Buffer::Pixels || self.target.is_none());
                 if own {
                     // One element at least: a binding cannot be empty.
-                    let bytes = plan.bytes(buffer).max(buffer.element_size() as u64);
+                    let tail = if buffer == Buffer::Scene { self.tail_bytes() } else { 0 };
+                    let bytes = plan.bytes(buffer).max(buffer.element_size() as u64) + tail;
                     self.grow(gpu, buffer, bytes)?;
                 }
             }
@@ -106,17 +110,46 @@ impl Buffers {
     }
 
     /// Sets the tree to trace.
-    pub(super) fn set_tree(&mut self, tree: &DeviceTree) {
+    pub(super) fn set_tree(&mut self, gpu: &Gpu, tree: &DeviceTree) {
+        let place = |half: wgpu::BufferBinding<'_>| half.size.map(|size| (half.offset, size));
+        let halves = tree
+            .triangle_halves(gpu)
+            .and_then(|[first, second]| Some([place(first)?, place(second)?]));
         let held = Tree {
             nodes: tree.nodes().clone(),
             leaf_references: tree.leaf_references().clone(),
             triangles: tree.triangles().clone(),
             scene: tree.scene().clone(),
+            halves,
         };
         if self.tree.as_ref() != Some(&held) {
             self.tree = Some(held);
             self.groups.clear();
         }
+    }
+
+    /// A half of the triangles; `None` where one binding holds them.
+    pub(super) fn triangle_half(&self, second: bool) -> Option<wgpu::BufferBinding<'_>> {
+        let tree = self.tree.as_ref()?;
+        let (offset, size) = tree.halves?[usize::from(second)];
+        Some(wgpu::BufferBinding { buffer: &tree.triangles, offset, size: Some(size) })
+    }
+
+    /// Bytes of the second half of the triangles, which stands behind the words of the scene too; 0 where one binding holds all.
+    fn tail_bytes(&self) -> u64 {
+        self.triangle_half(true).and_then(|half| half.size).map_or(0, NonZeroU64::get)
+    }
+
+    /// Copies the second half of the triangles, if there is one, behind the words of the scene.
+    pub(super) fn copy_tail(&self, gpu: &Gpu, words: u64) -> Result<(), GpuError> {
+        let (Some(half), Some(scene)) = (self.triangle_half(true), self.get(Buffer::Scene)) else {
+            return Ok(());
+        };
+        let mut encoder = gpu.device().create_command_encoder(&Default::default());
+        let bytes = self.tail_bytes();
+        encoder.copy_buffer_to_buffer(half.buffer, half.offset, scene, 4 * words, bytes);
+        let recorded = gpu.guard(|| encoder.finish())?;
+        gpu.submit([recorded]).map(|_| ())
     }
 
     /// Sets the buffer for the picture; `None` for a buffer of its own.

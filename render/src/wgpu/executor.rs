@@ -3,16 +3,18 @@
 
 use super::buffers::Buffers;
 use super::room::groups;
+use super::undecided::{Undecided, leaves};
 use crate::error::RenderError;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer, Uniform};
 use crate::layout::Counters;
 use crate::plan::Plan;
-use splitplane_core::kernel::Grid;
+use splitplane_core::kernel::{Grid, Slot};
 use splitplane_core::ray::Accuracy;
-use splitplane_shaders::{RenderFeatures, TriangleTest, render_parts};
+use splitplane_shaders::{RenderFeatures, TriangleTest, has_tail, render_parts};
 use splitplane_wgpu::Gpu;
 use splitplane_wgpu::device::{
-    BindGroups, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
+    BindGroups, Bound, DeviceExecutor, DeviceSet, Job, LoopControl, Piece, Pipelines, Round, Text,
+    kernel_set::with_continued,
 };
 use wgpu::BufferBinding;
 
@@ -26,14 +28,28 @@ impl DeviceSet for RayTracer {
         Text { name: kernel.name(), parts: parts.into() }
     }
 
+    fn bindings(kernel: Kernel, features: &RenderFeatures) -> Vec<Bound<RayTracer>> {
+        let tail = splitplane_shaders::find(kernel.name()).is_some_and(has_tail);
+        let continued = |buffer| features.by_halves && !tail && buffer == Buffer::Triangles;
+        with_continued::<RayTracer>(kernel, continued)
+    }
+
     fn retry(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
         let name = splitplane_shaders::render_retry(kernel.name())?;
+        Some(Text { name, parts: render_parts(name, features)?.into() })
+    }
+
+    fn settle(kernel: Kernel, features: &RenderFeatures) -> Option<Text> {
+        if features.test != TriangleTest::Certain {
+            return None;
+        }
+        let name = splitplane_shaders::render_settle(kernel.name())?;
         Some(Text { name, parts: render_parts(name, features)?.into() })
     }
 }
 
 /// The features that shaders need for a plan.
-pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
+pub(super) fn features(plan: &Plan, accuracy: Accuracy, buffers: &Buffers) -> RenderFeatures {
     let needs = plan.needs();
     RenderFeatures {
         textures: needs.textures,
@@ -42,9 +58,10 @@ pub(super) fn features(plan: &Plan, accuracy: Accuracy) -> RenderFeatures {
         dielectrics: needs.dielectrics,
         test: match accuracy {
             Accuracy::Fast => TriangleTest::MoellerTrumbore,
-            // Frames of accuracy `exact` are refused before.
-            _ => TriangleTest::Watertight,
+            Accuracy::Watertight => TriangleTest::Watertight,
+            _ => TriangleTest::Certain,
         },
+        by_halves: buffers.triangle_half(false).is_some(),
     }
 }
 
@@ -59,12 +76,19 @@ pub struct FrameJob<'a> {
     plan: Plan,
     features: RenderFeatures,
     wave: u32,
+    /// In an exact frame.
+    undecided: Option<Undecided<'a>>,
 }
 
 impl FrameJob<'_> {
     /// A buffer, for what comes after the schedule.
     pub(super) fn output(&self, buffer: Buffer) -> Option<&wgpu::Buffer> {
         self.buffers.get(buffer)
+    }
+
+    /// Rays that the CPU traced so far.
+    pub(super) fn redone(&self) -> u64 {
+        self.undecided.as_ref().map_or(0, Undecided::redone)
     }
 
     /// The most items that a grid may represent now.
@@ -86,9 +110,10 @@ pub(super) fn executor<'a>(
     plan: Plan,
     features: RenderFeatures,
     loops: LoopControl,
+    undecided: Option<Undecided<'a>>,
 ) -> WgpuExecutor<'a> {
     let radiance = buffers.get(Buffer::Radiance).cloned();
-    let frame = FrameJob { gpu, buffers, plan, features, wave: 0 };
+    let frame = FrameJob { gpu, buffers, plan, features, wave: 0, undecided };
     let mut executor = DeviceExecutor::new(gpu, pipelines, frame, loops);
     // The values that the schedule expects to be zero.
     if let Some(radiance) = radiance.filter(|_| plan.outputs().shades()) {
@@ -118,6 +143,27 @@ impl Job for FrameJob<'_> {
         self.buffers.groups()
     }
 
+    fn part<'b>(
+        &self,
+        _kernel: Kernel,
+        bound: &Bound<RayTracer>,
+        _view: u32,
+        held: &'b wgpu::Buffer,
+    ) -> BufferBinding<'b> {
+        let whole = held.as_entire_buffer_binding();
+        match bound.slot {
+            Slot::Storage(storage) if storage.buffer == Buffer::Triangles => {
+                let half = self.buffers.triangle_half(bound.part == 1);
+                half.map_or(whole.clone(), |BufferBinding { offset, size, .. }| BufferBinding {
+                    buffer: held,
+                    offset,
+                    size,
+                })
+            }
+            _ => whole,
+        }
+    }
+
     fn pieces(&self, kernel: Kernel, _swapped: bool, pieces: &mut Vec<Piece>) {
         let grid = kernel.grid();
         let workgroups = match grid {
@@ -139,6 +185,17 @@ impl Job for FrameJob<'_> {
                 self.wave = rounds;
                 Round { goes_on: rounds < self.plan.waves(), submit: false }
             }
+        }
+    }
+
+    fn has_host_part(&self, kernel: Kernel) -> bool {
+        self.undecided.is_some() && leaves(kernel)
+    }
+
+    fn finish_on_host(&mut self, kernel: Kernel) -> Result<(), RenderError> {
+        match &mut self.undecided {
+            Some(undecided) => undecided.finish(kernel, self.buffers, &self.plan),
+            None => Ok(()),
         }
     }
 

@@ -12,6 +12,7 @@ mod executor;
 mod keyframes;
 mod renderer;
 mod room;
+mod undecided;
 
 pub use executor::{FrameJob, WgpuExecutor};
 pub use keyframes::{KEYFRAME_BYTES, Keyframes};

@@ -4,6 +4,7 @@ use super::brought::{self, Brought};
 use super::buffers::Buffers;
 use super::executor::{WgpuExecutor, executor, features};
 use super::room;
+use super::undecided::Undecided;
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer, first_counters};
@@ -14,7 +15,7 @@ use splitplane_core::ray::Accuracy;
 use splitplane_shaders::RenderFeatures;
 use splitplane_wgpu::device::readback::{READBACK, read};
 use splitplane_wgpu::device::{LoopControl, Pipelines};
-use splitplane_wgpu::{DeviceTree, Gpu, GpuError};
+use splitplane_wgpu::{DeviceTree, Gpu, GpuError, Parity};
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
@@ -37,6 +38,8 @@ pub struct WgpuRenderer {
     /// For what comes back, between frames.
     spare: Option<wgpu::Buffer>,
     brought: Brought,
+    /// Whether bounds of error hold on the device.
+    is_certain: bool,
 }
 
 /// A frame that was submitted.
@@ -52,6 +55,8 @@ struct Pending {
     last: Option<wgpu::SubmissionIndex>,
     /// Whether the outputs come back together with the counters.
     brings: bool,
+    /// Rays that the CPU traced.
+    redone: u64,
 }
 
 /// States of the mapping that a callback reports.
@@ -66,6 +71,12 @@ impl WgpuRenderer {
     /// A device whose limits are below WebGPU's defaults, or that fails.
     pub fn new(gpu: Arc<Gpu>) -> Result<WgpuRenderer, RenderError> {
         gpu.check_limits()?;
+        WgpuRenderer::under_any_limits(gpu)
+    }
+
+    /// As [`WgpuRenderer::new`], also where limits are below WebGPU's defaults: for tests of lists that outgrow a binding.
+    #[doc(hidden)]
+    pub fn under_any_limits(gpu: Arc<Gpu>) -> Result<WgpuRenderer, RenderError> {
         let pipelines = Pipelines::default();
         let buffers = Buffers::new(&gpu)?;
         let room = room::of(&gpu);
@@ -78,6 +89,7 @@ impl WgpuRenderer {
             finished: None,
             spare: None,
             brought: Brought::default(),
+            is_certain: false,
         })
     }
 
@@ -93,15 +105,26 @@ impl WgpuRenderer {
         self.pipelines.replace_retry::<RayTracer>(kernel, source);
     }
 
+    /// The same for what follows both, in exact frames.
+    #[doc(hidden)]
+    pub fn replace_settle(&mut self, kernel: Kernel, source: Option<String>) {
+        self.pipelines.replace_settle::<RayTracer>(kernel, source);
+    }
+
+    /// Sets what a self-test found about the device. With [`Parity::Bitwise`] it may render frames of accuracy `exact`.
+    pub fn set_parity(&mut self, parity: &Parity) {
+        self.is_certain = parity.is_bitwise();
+    }
+
     /// Limits the paths of a wave, for less memory; results do not depend on it. The limit is at
     /// most [`Room::GPU`] and what the device allows.
     pub fn limit_paths(&mut self, paths: u32) {
         self.room.paths = paths.clamp(1, room::of(&self.gpu).paths);
     }
 
-    /// The limits of the queues of a frame.
-    pub fn room(&self) -> &Room {
-        &self.room
+    /// The limits of the queues of a frame of an accuracy.
+    pub fn room(&self, accuracy: Accuracy) -> Room {
+        Room { undecided: accuracy == Accuracy::Exact, ..self.room }
     }
 
     /// The device.
@@ -114,8 +137,8 @@ impl WgpuRenderer {
     /// # Errors
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, input: &FrameInput<'_>) -> Result<Plan, RenderError> {
-        let FrameInput { scene, size, settings, outputs, .. } = *input;
-        Ok(Plan::new(scene, size, settings, outputs, self.room)?)
+        let FrameInput { scene, size, settings, outputs, query, .. } = *input;
+        Ok(Plan::new(scene, size, settings, outputs, self.room(query.accuracy))?)
     }
 
     /// Renders a frame and waits for it. `tree` must be built over the mesh of `input`.
@@ -208,12 +231,21 @@ impl WgpuRenderer {
         brings: bool,
     ) -> Result<(), RenderError> {
         self.forget();
-        if input.query.accuracy == Accuracy::Exact {
-            return Err(RenderError::ExactOnDevice);
-        }
         let frame = self.prepare(tree, input, &plan)?;
-        let features = features(&plan, input.query.accuracy);
-        self.record(plan, frame, features, 0, brings)
+        let features = features(&plan, input.query.accuracy, &self.buffers);
+        if input.query.accuracy != Accuracy::Exact {
+            return self.record(plan, frame, features, 0, brings, None).map(|_| ());
+        }
+        // The host waits for the device between waves, so it knows at the end whether the frame is void.
+        let (mut plan, mut frame) = (plan, frame);
+        let gpu = Arc::clone(&self.gpu);
+        loop {
+            let undecided = Undecided::new(&gpu, tree, *input, frame);
+            if !self.record(plan, frame, features, 0, brings, Some(undecided))? {
+                return Ok(());
+            }
+            (plan, frame) = halved(plan, frame)?;
+        }
     }
 
     /// Nothing is under way or finished any more.
@@ -235,22 +267,26 @@ impl WgpuRenderer {
         input: &FrameInput<'_>,
         plan: &Plan,
     ) -> Result<Frame, RenderError> {
+        if input.query.accuracy == Accuracy::Exact && !self.is_certain {
+            return Err(RenderError::ExactOnDevice);
+        }
         let described = input.scene.triangles();
         for triangles in [input.mesh.len() as u32, tree.triangle_count()] {
             if triangles != described {
                 return Err(RenderError::WrongMesh { described, triangles });
             }
         }
-        // The ray tracer's kernels have no binding to spare for the rest of the triangles.
-        tree.check_one_binding(&self.gpu)?;
-        self.buffers.set_tree(tree);
+        self.buffers.set_tree(&self.gpu, tree);
         self.buffers.reserve(&self.gpu, plan)?;
         let (gpu, buffers) = (&self.gpu, &mut self.buffers);
         gpu.guard(|| buffers.upload_scene(gpu, input.scene))?;
-        Ok(plan.frame(input.scene, &input.camera, &input.query))
+        let tail_at = input.scene.words().len() as u32;
+        buffers.copy_tail(gpu, u64::from(tail_at))?;
+        Ok(Frame { tail_at, ..plan.frame(input.scene, &input.camera, &input.query) })
     }
 
-    /// Records and submits the whole schedule, and requests the counters.
+    /// Records and submits the whole schedule, and requests the counters. Of an exact frame returns whether it is void; of
+    /// others that is not known yet.
     fn record(
         &mut self,
         plan: Plan,
@@ -258,7 +294,8 @@ impl WgpuRenderer {
         features: RenderFeatures,
         before: u32,
         brings: bool,
-    ) -> Result<(), RenderError> {
+        undecided: Option<Undecided<'_>>,
+    ) -> Result<bool, RenderError> {
         let needed = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
         let readback = match self.spare.take().filter(|spare| spare.size() >= needed) {
             Some(spare) => spare,
@@ -266,25 +303,34 @@ impl WgpuRenderer {
         };
         let gpu = Arc::clone(&self.gpu);
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
-        let submissions = gpu.guard(|| -> Result<u32, RenderError> {
-            buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
-            let counters = buffers.get(Buffer::Counters).cloned();
-            let mut executor =
-                executor(&gpu, pipelines, buffers, plan, features, LoopControl::Recorded);
-            schedule::frame(&mut executor, &plan)?;
-            if let Some(counters) = counters {
-                let bytes = brought::COUNTERS;
-                executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
-            }
-            for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
-                if let Some(held) = executor.job().output(buffer).cloned() {
-                    let (at, bytes) = (place.start, place.end - place.start);
-                    executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
+        let (submissions, redone) =
+            gpu.guard(|| -> Result<(u32, Option<u64>), RenderError> {
+                buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
+                let counters = buffers.get(Buffer::Counters).cloned();
+                let (loops, is_exact) = (LoopControl::Recorded, undecided.is_some());
+                let mut executor =
+                    executor(&gpu, pipelines, buffers, plan, features, loops, undecided);
+                schedule::frame(&mut executor, &plan)?;
+                if is_exact && executor.counters()?[Counter::Overflow] != 0 {
+                    return Ok((0, None));
                 }
-            }
-            executor.submit()?;
-            Ok(executor.submissions())
-        })??;
+                if let Some(counters) = counters {
+                    let bytes = brought::COUNTERS;
+                    executor.encoder().copy_buffer_to_buffer(&counters, 0, &readback, 0, bytes);
+                }
+                for (buffer, place) in brought::outputs(&plan).filter(|_| brings) {
+                    if let Some(held) = executor.job().output(buffer).cloned() {
+                        let (at, bytes) = (place.start, place.end - place.start);
+                        executor.encoder().copy_buffer_to_buffer(&held, 0, &readback, at, bytes);
+                    }
+                }
+                executor.submit()?;
+                Ok((executor.submissions(), Some(executor.job().redone())))
+            })??;
+        let Some(redone) = redone else {
+            self.spare = Some(readback);
+            return Ok(true);
+        };
         let last = gpu.last_submission();
         let mapped = Arc::new(AtomicU8::new(WAITING));
         let told = Arc::clone(&mapped);
@@ -294,9 +340,18 @@ impl WgpuRenderer {
             });
         })?;
         let submissions = before + submissions;
-        self.pending =
-            Some(Pending { plan, frame, features, readback, mapped, submissions, last, brings });
-        Ok(())
+        self.pending = Some(Pending {
+            plan,
+            frame,
+            features,
+            readback,
+            mapped,
+            submissions,
+            last,
+            brings,
+            redone,
+        });
+        Ok(false)
     }
 
     /// The statistics of the frame if the device is done with it; `None` if it is not, or if a
@@ -352,7 +407,7 @@ impl WgpuRenderer {
 
     /// Reads the counters: the frame is done, or must be repeated.
     fn look(&mut self, pending: Pending) -> Result<Option<FrameStats>, RenderError> {
-        let Pending { plan, frame, features, readback, submissions, brings, .. } = pending;
+        let Pending { plan, frame, features, readback, submissions, brings, redone, .. } = pending;
         let bytes = if brings { brought::bytes(&plan) } else { brought::COUNTERS };
         let refused = |error: wgpu::MapRangeError| GpuError::Refused(error.to_string());
         self.gpu.note_readback(bytes);
@@ -367,14 +422,10 @@ impl WgpuRenderer {
         self.spare = Some(readback);
         if !is_void {
             self.finished = Some(plan);
-            return Ok(Some(FrameStats::new(plan, &counters, None)));
+            return Ok(Some(FrameStats { redone, ..FrameStats::new(plan, &counters, None) }));
         }
-        let plan = plan.halved().ok_or(RenderError::PixelTooDeep {
-            paths: plan.path_room(),
-            shadow_rays: plan.shadow_room(),
-        })?;
-        let frame = Frame { slice_pixels: plan.slice_pixels(), ..frame };
-        self.record(plan, frame, features, submissions, brings)?;
+        let (plan, frame) = halved(plan, frame)?;
+        self.record(plan, frame, features, submissions, brings, None)?;
         Ok(None)
     }
 
@@ -393,13 +444,16 @@ impl WgpuRenderer {
         self.forget();
         self.buffers.set_target(None);
         let frame = self.prepare(tree, input, plan)?;
-        let features = features(plan, input.query.accuracy);
+        let features = features(plan, input.query.accuracy, &self.buffers);
         let gpu = Arc::clone(&self.gpu);
+        let is_exact = input.query.accuracy == Accuracy::Exact;
+        let undecided = is_exact.then(|| Undecided::new(&gpu, tree, *input, frame));
         let (buffers, pipelines) = (&mut self.buffers, &self.pipelines);
         let out = gpu.guard(|| {
             buffers.upload(&gpu, &frame, &first_counters(plan.size().pixels()));
             buffers.fill(&gpu, plan);
-            run(executor(&gpu, pipelines, buffers, *plan, features, LoopControl::ReadCounters))
+            let loops = LoopControl::ReadCounters;
+            run(executor(&gpu, pipelines, buffers, *plan, features, loops, undecided))
         })?;
         Ok(out)
     }
@@ -475,4 +529,12 @@ impl WgpuRenderer {
     pub fn pipelines(&self) -> usize {
         self.pipelines.count()
     }
+}
+
+/// The same frame in slices of half as many pixels.
+fn halved(plan: Plan, frame: Frame) -> Result<(Plan, Frame), RenderError> {
+    let too_deep =
+        RenderError::PixelTooDeep { paths: plan.path_room(), shadow_rays: plan.shadow_room() };
+    let plan = plan.halved().ok_or(too_deep)?;
+    Ok((plan, Frame { slice_pixels: plan.slice_pixels(), ..frame }))
 }

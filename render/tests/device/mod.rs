@@ -11,7 +11,7 @@ use splitplane_core::backend::BuildOptions;
 use splitplane_core::config::BuildConfig;
 use splitplane_cpu::CpuBackend;
 use splitplane_render::wgpu::WgpuRenderer;
-use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, WgpuBackend};
+use splitplane_wgpu::{DeviceTree, Gpu, OpenOptions, Parity, WgpuBackend};
 
 /// The device of this process, with WebGPU's default limits. `SPLITPLANE_ADAPTER` names another
 /// adapter than the first.
@@ -34,7 +34,11 @@ pub(crate) fn gpu() -> Arc<Gpu> {
 /// The renderer of this process, for one test at a time: what it compiled serves the next.
 pub(crate) fn renderer() -> MutexGuard<'static, WgpuRenderer> {
     static RENDERER: OnceLock<Mutex<WgpuRenderer>> = OnceLock::new();
-    let make = || Mutex::new(WgpuRenderer::new(gpu()).expect("a renderer"));
+    let make = || {
+        let mut renderer = WgpuRenderer::new(gpu()).expect("a renderer");
+        renderer.set_parity(&Parity::Bitwise);
+        Mutex::new(renderer)
+    };
     let renderer = RENDERER.get_or_init(make);
     renderer.lock().unwrap_or_else(PoisonError::into_inner)
 }

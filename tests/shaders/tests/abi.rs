@@ -27,8 +27,8 @@ use splitplane_core::kernel::{
 use splitplane_core::layout::Counters;
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, Shader, TriangleTest,
-    continue_lists, join, parts_by_halves, query,
+    CHECKS, KERNELS, LIBRARY, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+    TriangleTest, continue_lists, join, parts_by_halves, query,
 };
 
 use constants::Number;
@@ -76,7 +76,7 @@ fn assert_none(shaders: &[Shader], faults: impl Fn(&Shader) -> Vec<String>) {
 fn assert_agrees<S: Shaders>() {
     assert_eq!(sets::table_faults::<S>(), [""; 0]);
     let mut own = names::own_files(S::TABLE);
-    own.extend(names::own_files(S::RETRIES));
+    S::RETRIES.iter().for_each(|table| own.extend(names::own_files(table)));
     assert_eq!(own, names::files(S::FOLDER, ".wgsl"));
     let known = S::known();
     let mut missing: Vec<&str> = S::KERNELS.iter().map(|row| row.name).collect();
@@ -197,7 +197,7 @@ fn the_scanner_reads_the_core() {
 
 #[test]
 fn every_kernel_says_what_it_does() {
-    for table in [KERNELS, QUERIES, RENDER, RENDER_RETRIES, CHECKS] {
+    for table in [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS] {
         assert_none(table, |shader| {
             let own = shader.parts.last().map_or("", |part| part.text);
             names::header_faults(own)

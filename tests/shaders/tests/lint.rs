@@ -33,8 +33,8 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_shaders::{
-    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RenderFeatures, Shader,
-    render_parts,
+    CHECKS, KERNELS, LIBRARY, Part, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES,
+    RenderFeatures, Shader, TriangleTest, render_parts,
 };
 
 use rules::{Finding, Rule};
@@ -80,8 +80,10 @@ fn linted() -> impl Iterator<Item = (&'static Shader, Free)> {
     let queries = QUERIES.iter().map(|shader| (shader, free_in::<RayQueries>(shader)));
     let render = RENDER.iter().map(|shader| (shader, free_in::<RayTracer>(shader)));
     let retries = RENDER_RETRIES.iter().map(|shader| (shader, Free::Allowed));
+    // They trace nothing, but are joined with parts of what does.
+    let settles = RENDER_SETTLES.iter().map(|shader| (shader, Free::Allowed));
     let checks = CHECKS.iter().map(|shader| (shader, free_in::<DeviceChecks>(shader)));
-    let all = kernels.chain(queries).chain(render).chain(retries).chain(checks);
+    let all = kernels.chain(queries).chain(render).chain(retries).chain(settles).chain(checks);
     all.filter(|(shader, _)| !shader.name.ends_with("_fast"))
 }
 
@@ -136,6 +138,23 @@ fn every_choice_of_features_keeps_the_rules() {
             }
         }
     }
+}
+
+/// Those of exact frames.
+#[test]
+fn every_exact_shader_keeps_the_rules() {
+    let features = RenderFeatures { test: TriangleTest::Certain, ..RenderFeatures::ALL };
+    let traced = RENDER.iter().chain(RENDER_RETRIES).filter(|shader| {
+        let name = shader.name.trim_end_matches("_retry");
+        ["closest_hits", "shadow_hits", "shadow_hits_through_glass"].contains(&name)
+    });
+    let mut linted = 0;
+    for shader in traced {
+        let parts = render_parts(shader.name, &features).expect("a kernel of the table");
+        assert_clean(shader.name, &lint(parts.iter().map(Text::from).collect(), Free::Allowed));
+        linted += 1;
+    }
+    assert_eq!(linted, 6);
 }
 
 /// Also while no shader uses it.
@@ -212,6 +231,7 @@ fn only_those_that_trace_rays_may_be_free() {
             "closest_hits_retry",
             "shadow_hits_retry",
             "shadow_hits_through_glass_retry",
+            "closest_hits_settle",
         ]
     );
 }

@@ -11,7 +11,9 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use naga::back::{hlsl, msl, spv};
-use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, Shader};
+use splitplane_shaders::{
+    CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+};
 
 use source::{Parsed, Text, texts};
 
@@ -20,7 +22,7 @@ use source::{Parsed, Text, texts};
 mod source;
 
 fn shaders() -> impl Iterator<Item = &'static Shader> {
-    [KERNELS, QUERIES, RENDER, RENDER_RETRIES, CHECKS].into_iter().flatten()
+    [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS].into_iter().flatten()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

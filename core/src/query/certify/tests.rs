@@ -375,3 +375,53 @@ fn lists_have_all_that_is_crossed_and_all_that_holds_the_origin() {
     let [wanted, lacking, _] = listed::<Sloppy>(300);
     assert!(lacking > 10, "{lacking} of {wanted}");
 }
+
+/// Records of rays whose triangle is certain: how many there are, how many are certain to the last bit, and how many of
+/// those are not the exact hit's.
+fn records<A: Arithmetic>(rounds: u32) -> [u32; 3] {
+    let [mut hits, mut certain, mut wrong] = [0; 3];
+    let options = QueryOptions::default();
+    for round in 0..rounds {
+        let mut numbers = Numbers(round);
+        // Some are seen from so far off that they are small.
+        let small = power_of_two(-(numbers.bits() as i32 & 15));
+        let mut triangles = numbers.triangles(round, 6);
+        if round % 3 == 0 {
+            triangles = triangles.iter().map(|t| t.map(|p| p.map(|x| x * small))).collect();
+        }
+        triangles.retain(|corners| prepare(corners).kept);
+        if triangles.is_empty() {
+            continue;
+        }
+        let scene = Scene::new(triangles);
+        for _ in 0..60 {
+            let ray = numbers.ray(round, &scene.triangles);
+            let found = scene.certain::<A>(&ray, &options, Query::Closest, in_one_plane);
+            if !found.is_hit() {
+                continue;
+            }
+            let corners = scene.triangles[found.triangle as usize];
+            let exact = meet(&ExactRay::new(&ray).unwrap(), &corners, options.culling);
+            // What a wrong arithmetic finds need not be met at all.
+            let Some(exact) = exact.map(|met| met.hit(found.triangle)) else { continue };
+            hits += 1;
+            if let Some(record) = record::<A>(&ray, &corners, found.triangle) {
+                certain += 1;
+                let bits = |hit: Hit| [hit.t, hit.u, hit.v].map(f32::to_bits);
+                wrong += u32::from(bits(record) != bits(exact));
+            }
+        }
+    }
+    [hits, certain, wrong]
+}
+
+#[test]
+fn records_that_are_certain_are_the_exact_ones() {
+    for [hits, certain, wrong] in [records::<Strict>(3_000), records::<Hostile>(1_000)] {
+        assert_eq!(wrong, 0, "{hits} {certain}");
+        // Those at corners and edges, or of whole coordinates, have weights of which the last bit is chance.
+        assert!(certain * 10 > hits * 3 && certain > 5_000, "{hits} {certain}");
+    }
+    let [_, certain, wrong] = records::<Sloppy>(500);
+    assert!(wrong > 10, "{certain}");
+}

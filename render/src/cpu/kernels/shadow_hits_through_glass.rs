@@ -4,7 +4,7 @@
 use crate::cpu::buffers::Buffers;
 use crate::scene_data::SceneData;
 use crate::scene_words::SceneWords;
-use crate::surface::MOST_CLEAR_LAYERS;
+use crate::surface::{MOST_CLEAR_LAYERS, after};
 use crate::vector::{greatest, mul};
 use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
@@ -56,10 +56,4 @@ pub(crate) fn run(
         through_indices.truncate(kept);
     }
     Ok(())
-}
-
-/// The next float: both ends of a ray are closed, so this leaves out the surface that was just hit.
-/// `t` is not negative.
-fn after(t: f32) -> f32 {
-    f32::from_bits(t.to_bits() + 1)
 }

@@ -4,7 +4,9 @@ use core::mem::offset_of;
 
 use splitplane_render::kernel::Kernel;
 use splitplane_render::layout::{Counters, FirstCost, FirstHit, Frame, Path, Spawned, Surface};
-use splitplane_shaders::{RENDER, RenderFeatures, TriangleTest, render_parts, render_retry};
+use splitplane_shaders::{
+    RENDER, RenderFeatures, TriangleTest, render_parts, render_retry, render_settle,
+};
 
 use crate::constants::{self, Known};
 use crate::records::{Member, Record, kinds_of};
@@ -26,7 +28,7 @@ pub(crate) fn records() -> Vec<Record> {
             nadir seed minimum_weight ambient headlight exposure sample_weight slice_pixels
             path_room shadow_room lights emitters materials triangles lights_at emitters_at
             textures_at srgb_at material_of_at normals_at texcoords_at texels_at culling ignore
-            padding
+            tail_at padding
         }),
     ]
 }
@@ -43,15 +45,26 @@ pub(crate) fn variants() -> Vec<(Kernel, Vec<Text>)> {
     let mut variants: Vec<(Kernel, Vec<Text>)> = Vec::new();
     let own = Kernel::ALL.into_iter().zip(RENDER.iter().map(|shader| shader.name));
     let retries = Kernel::ALL.into_iter().filter_map(|k| Some((k, render_retry(k.name())?)));
-    for (kernel, name) in own.chain(retries) {
-        for choice in 0..32u32 {
+    let settles = Kernel::ALL.into_iter().filter_map(|k| Some((k, render_settle(k.name())?)));
+    for (kernel, name) in own.chain(retries).chain(settles) {
+        for choice in 0..48u32 {
             let has = |bit: u32| choice & (1 << bit) != 0;
+            let test = match choice >> 4 {
+                0 => TriangleTest::MoellerTrumbore,
+                1 => TriangleTest::Watertight,
+                _ => TriangleTest::Certain,
+            };
+            // It follows exact hits only.
+            if name.ends_with("_settle") && test != TriangleTest::Certain {
+                continue;
+            }
             let features = RenderFeatures {
                 textures: has(0),
                 smooth_normals: has(1),
                 area_lights: has(2),
                 dielectrics: has(3),
-                test: if has(4) { TriangleTest::Watertight } else { TriangleTest::MoellerTrumbore },
+                test,
+                by_halves: false,
             };
             let parts = render_parts(name, &features).expect("a kernel of the table");
             let texts: Vec<Text> = parts.iter().map(Text::from).collect();

@@ -5,7 +5,9 @@ use splitplane_core::kernel::{
 };
 use splitplane_render::RayTracer;
 use splitplane_render::kernel as render_kernel;
-use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, Shader};
+use splitplane_shaders::{
+    CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, Shader,
+};
 
 use crate::bindings;
 use crate::constants::{self, Known, snake};
@@ -18,7 +20,7 @@ pub(crate) trait Shaders: KernelSet {
     /// The shaders, by kernel and in the order of kernels, each with all that it may have.
     const TABLE: &'static [Shader];
     /// What finishes what kernels leave to it.
-    const RETRIES: &'static [Shader] = &[];
+    const RETRIES: &'static [&'static [Shader]] = &[];
     /// The folder of the kernels' own files.
     const FOLDER: &'static str;
     /// The file of `lib/` with the twins of records.
@@ -75,7 +77,7 @@ impl Shaders for TreeBuilder {
 
 impl Shaders for RayTracer {
     const TABLE: &'static [Shader] = RENDER;
-    const RETRIES: &'static [Shader] = RENDER_RETRIES;
+    const RETRIES: &'static [&'static [Shader]] = &[RENDER_RETRIES, RENDER_SETTLES];
     const FOLDER: &'static str = "render";
     const LAYOUT: &'static str = "render_layout";
     const SINGLES: &'static [render_kernel::Buffer] = &[render_kernel::Buffer::Counters];
