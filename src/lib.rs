@@ -88,6 +88,7 @@ pub mod backend;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
+pub use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions, UpdateReport};
 pub use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 pub use splitplane_core::config::{BuildConfig, Builder, ConfigError, Preset, Stages, Sweep};
 pub use splitplane_core::error::{BuildError, DeviceError, QueryError};
@@ -98,12 +99,16 @@ pub use splitplane_core::query::best_first::LeafCell;
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
+pub use splitplane_core::scene::{
+    GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneError, SceneHit, SceneOptions,
+    SceneReport, Transform,
+};
 pub use splitplane_core::tree::digest::Digest;
 pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]
-pub use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
+pub use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuScene, InstructionSet};
 #[cfg(feature = "render")]
 pub use splitplane_render as render;
 #[cfg(feature = "picture")]

@@ -7,6 +7,7 @@ mod build;
 mod cancel;
 mod layout;
 mod memory;
+mod scene;
 mod simd;
 #[doc(hidden)]
 pub mod testing;
@@ -19,4 +20,5 @@ pub use build::twin::CpuExecutor;
 pub use build::twin::buffers;
 #[doc(hidden)]
 pub use memory::Memory;
+pub use scene::CpuScene;
 pub use simd::InstructionSet;
