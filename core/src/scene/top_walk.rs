@@ -50,16 +50,16 @@ impl TopRay {
             (1.0 / DIRECTION_MOST..=DIRECTION_MOST).contains(&length) && distance <= ORIGIN_MOST;
         let least = length * DIRECTION_LEAST;
         let reciprocal = ray.direction.map(|d| 1.0 / if d.abs() < least { least } else { d });
-        let t_min = ray.t_min - ray.t_min.abs() * STOP_SLACK;
+        let t_min = (ray.t_min - ray.t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE;
         Some(TopRay { origin: ray.origin, reciprocal, distance, t_min, tame })
     }
 
-    /// Where the ray enters the boxes of a node's children that it meets before `t_max`: `f32::INFINITY` for the others. A
+    /// Where the ray enters the boxes of a node's children that it meets up to `stop`: `f32::INFINITY` for the others. A
     /// box within another is never entered before the other, nor met without it.
     #[inline]
-    fn enter(&self, node: &TopNode, t_max: f32) -> [f32; WIDTH] {
+    fn enter(&self, node: &TopNode, stop: f32) -> [f32; WIDTH] {
         let mut near = [self.t_min; WIDTH];
-        let mut far = [t_max + t_max.abs() * STOP_SLACK; WIDTH];
+        let mut far = [stop; WIDTH];
         if !self.tame {
             return node
                 .children
@@ -83,6 +83,14 @@ impl TopRay {
         }
         enter
     }
+}
+
+/// Beyond this no box can have a hit at `t_max` or before: the `t` of a hit may be off by half of `STOP_SLACK`, and one below
+/// the least normal float counts as 0.
+#[inline]
+fn stop_after(t_max: f32) -> f32 {
+    let t_max = if t_max >= 0.0 { t_max.max(f32::MIN_POSITIVE) } else { t_max };
+    t_max + t_max.abs() * STOP_SLACK
 }
 
 /// A stack of nodes and instances that a ray still has to enter, the next one last. An entry is where the ray enters
@@ -115,7 +123,7 @@ impl TopTree {
         stack: &mut [TopStack],
         top: &mut usize,
     ) -> Option<u32> {
-        let stop = t_max + t_max.abs() * STOP_SLACK;
+        let stop = stop_after(t_max);
         while *top > 0 {
             *top -= 1;
             let (enter, child) = stack[*top];
@@ -126,7 +134,7 @@ impl TopTree {
                 return Some(child & !INSTANCE);
             }
             let node = &self.nodes[child as usize];
-            let entered = ray.enter(node, t_max);
+            let entered = ray.enter(node, stop);
             let bottom = *top;
             for slot in 0..WIDTH {
                 let t = entered[slot];

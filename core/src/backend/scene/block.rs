@@ -110,11 +110,11 @@ impl Asked {
 }
 
 /// The ray as an instance sees it, up to the best hit so far. An exact distance that rounds to the best `t` may lie a little
-/// beyond it, so the limit is the float after it.
+/// beyond it, so the limit is the float after it; and one below the least normal float may have become 0.
 #[inline]
 pub(super) fn seen_by(placement: &Placement, ray: &Ray, best: &SceneHit) -> Ray {
-    let t_max = ray.t_max.min(best.t.next_up());
-    placement.space.ray(&ray.with_limits(ray.t_min, t_max))
+    let best = if best.t >= 0.0 { best.t.max(f32::MIN_POSITIVE) } else { best.t };
+    placement.space.ray(&ray.with_limits(ray.t_min, ray.t_max.min(best.next_up())))
 }
 
 /// Memory of a block, kept between blocks.

@@ -20,18 +20,20 @@ impl BuiltScene {
             let Some(name) = self.top.next(&top_ray, t_max, &mut stack, &mut top) else {
                 return answer;
             };
-            if self.enter(InstanceId(name), ray, options, &mut answer) {
+            let best = answer.best();
+            if self.enter(InstanceId(name), ray, &best, options, &mut answer) {
                 return answer;
             }
         }
     }
 
-    /// The answer by all instances, one after the other, without the tree over them: what every other path is held to.
+    /// The answer by all instances, one after the other, each for the whole ray, without the tree over
+    /// them: what every other path is held to.
     pub fn answer_by_all<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
         let mut answer = T::NONE;
         if TopRay::new(ray).is_some() {
             for (instance, _) in self.placements() {
-                if self.enter(instance, ray, options, &mut answer) {
+                if self.enter(instance, ray, &SceneHit::MISS, options, &mut answer) {
                     break;
                 }
             }
@@ -39,11 +41,12 @@ impl BuiltScene {
         answer
     }
 
-    /// Asks one instance. Returns whether the ray is done.
+    /// Asks one instance, for hits that do not come after `best`. Returns whether the ray is done.
     fn enter<T: SceneAnswer>(
         &self,
         instance: InstanceId,
         ray: &Ray,
+        best: &SceneHit,
         options: &SceneOptions<'_>,
         answer: &mut T,
     ) -> bool {
@@ -52,7 +55,7 @@ impl BuiltScene {
         let geometry = placement.instance.geometry;
         let Some(built) = self.geometry(geometry) else { return false };
         let query = &options.of_geometry(asked.culling, asked.ignore, None);
-        let seen = seen_by(placement, ray, &answer.best());
+        let seen = seen_by(placement, ray, best);
         if T::QUERY == Query::Any && options.filter.is_none() {
             return built.accelerator().any_hit(&seen, query) && answer.take(SceneHit::MISS);
         }

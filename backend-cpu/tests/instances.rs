@@ -1,10 +1,13 @@
 //! Scenes of many objects: every path finds the hits that all instances give, one after the other.
 
-use splitplane::core::scene::{TopRay, TopTree, WIDEST_STACK, WorldBox};
-use splitplane::{
-    Accuracy, Backend, BuildOptions, CpuBackend, Culling, InstanceId, InstructionSet, Ray, Scene,
-    SceneAccelerator, SceneHit, SceneOptions,
+use splitplane_core::aabb::Aabb;
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::{
+    InstanceId, Scene, SceneHit, SceneOptions, TopRay, TopTree, WIDEST_STACK, WorldBox,
 };
+use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::objects::{self, Kind};
 
 fn built(set: InstructionSet, scene: &Scene) -> Box<dyn SceneAccelerator> {
@@ -105,11 +108,11 @@ fn boxes_without_slack_lose_hits() {
             .map(|(InstanceId(name), placement)| {
                 let (transform, own) = (&placement.instance.transform, placement.bounds);
                 let ends = [own.lo, own.hi];
-                let mut tight = splitplane::Aabb::EMPTY;
+                let mut tight = Aabb::EMPTY;
                 for corner in 0..8 {
                     let at = [0, 1, 2].map(|k| f64::from(ends[corner >> k & 1][k]));
                     let at = objects::in_world(transform, at).map(|x| x as f32);
-                    tight = tight.union(&splitplane::Aabb { lo: at, hi: at });
+                    tight = tight.union(&Aabb { lo: at, hi: at });
                 }
                 (name, WorldBox { bounds: tight, reach: 0.0 })
             })
