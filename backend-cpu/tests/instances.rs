@@ -15,6 +15,11 @@ fn built(set: InstructionSet, scene: &Scene) -> Box<dyn SceneAccelerator> {
     backend.build_scene(scene, &BuildOptions::default()).expect("a scene")
 }
 
+/// Whether there is time for many rays.
+fn long() -> bool {
+    std::env::var_os("SPLITPLANE_LONG").is_some()
+}
+
 /// Each hit as its bits.
 fn bits(hits: &[SceneHit]) -> Vec<[u32; 6]> {
     bytemuck::cast_slice(hits).to_vec()
@@ -45,7 +50,7 @@ fn every_path_finds_what_all_instances_give() {
     let mut found = 0;
     for kind in Kind::ALL {
         let (scene, _) = objects::scene(kind, 70, 11);
-        let rays = objects::rays(&scene, 3000, 12);
+        let rays = objects::rays(&scene, if long() { 20_000 } else { 500 }, 12);
         for accuracy in [Accuracy::Watertight, Accuracy::Exact] {
             for culling in [Culling::None, Culling::Back, Culling::Front] {
                 let options =
@@ -75,7 +80,7 @@ fn every_path_finds_what_all_instances_give() {
             }
         }
     }
-    assert!(found > 40_000, "{found}");
+    assert!(found > 6_000, "{found}");
 }
 
 /// How many hits a tree over boxes does not lead to.
@@ -98,7 +103,7 @@ fn boxes_without_slack_lose_hits() {
     let (mut with, mut without) = (0, 0);
     for kind in [Kind::Ordinary, Kind::IllConditioned, Kind::Far] {
         let (scene, _) = objects::scene(kind, 70, 21);
-        let rays = objects::rays(&scene, 20_000, 22);
+        let rays = objects::rays(&scene, 8_000, 22);
         let accelerator = &*built(InstructionSet::detect(), &scene);
         let hits = by_all(accelerator, &rays, &SceneOptions::default());
         let boxes: Vec<(u32, WorldBox)> = accelerator
@@ -122,5 +127,5 @@ fn boxes_without_slack_lose_hits() {
         without += lost(&rays, &hits, &tight);
     }
     assert_eq!(with, 0);
-    assert!(without > 20, "{without}");
+    assert!(without > 8, "{without}");
 }
