@@ -198,7 +198,8 @@ fn hosts_find_the_same_and_batches_can_be_cancelled() {
     let mut hits = vec![SceneHit::MISS; rays.len()];
     let report = host.closest_hits(&rays, &mut hits, &SceneOptions::default()).unwrap();
     assert_eq!(report.placed_by_cpu, 3000);
-    for scene in [&*own, &host] as [&dyn SceneAccelerator; 2] {
+    let both: [&dyn SceneAccelerator; 2] = [&*own, &host];
+    for scene in both {
         let wrong = scene.closest_hits(&rays, &mut hits[1..], &SceneOptions::default());
         assert_eq!(wrong, Err(QueryError::LengthMismatch { rays: 3000, results: 2999 }));
         let mut cancelled = 0;

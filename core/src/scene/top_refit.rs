@@ -34,7 +34,7 @@ impl TopTree {
 
     /// Whether a tree built anew would be worth it: whether rays cost half as much again as when it was built.
     pub fn is_worn(&self) -> bool {
-        // Not `>`: sums of areas next to the greatest floats are still finite, but a NaN must not go unnoticed.
-        !(self.cost <= self.cost_when_built * GROWTH_MOST)
+        // Finite, even where boxes are as large as floats go.
+        self.cost > self.cost_when_built * GROWTH_MOST
     }
 }

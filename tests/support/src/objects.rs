@@ -175,7 +175,7 @@ pub fn baked(scene: &Scene) -> Vec<[[f32; 3]; 3]> {
 pub fn rays(scene: &Scene, count: usize, seed: u64) -> Vec<Ray> {
     let mut random = Random::new(seed);
     let instances: Vec<_> = scene.instances().map(|(_, instance)| *instance).collect();
-    let mut target = |random: &mut Random| {
+    let target = |random: &mut Random| {
         let instance = random.pick(&instances);
         let mesh = scene.geometry(instance.geometry).expect("a geometry").clone();
         let mesh = mesh.mesh().expect("a mesh");
