@@ -26,6 +26,8 @@
 //!   [`Backend`] too, which has its methods. The trait is public; you can write your own backend.
 //! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
 //!   is in [`BuildConfig`], which a [`Preset`] gives; limits of memory are in [`BuildOptions`] and only ever end in errors.
+//! - **Scenes** of many objects have geometries and instances: [`Backend::build_scene`] makes a [`SceneAccelerator`], and
+//!   [`Backend::update_scene`] remakes only what changed.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
 //! - **[`Accuracy`]** is a knob: watertight by default, exact on request. A faster test that may
@@ -53,6 +55,7 @@
 //! | to | see |
 //! |---|---|
 //! | rebuild a tree for each frame | [`Backend::rebuild`], [rebuild each frame] |
+//! | place one mesh many times, move objects | [`Scene`], [`Backend::build_scene`], [many objects] |
 //! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
@@ -70,6 +73,7 @@
 //!
 //! [guide]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/SUMMARY.md
 //! [rebuild each frame]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/rebuild.md
+//! [many objects]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/scenes.md
 //! [cancel]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/cancel.md
 //! [shadows]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/start.md#shadows
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
@@ -135,7 +139,19 @@ mod guide {
             )*
         };
     }
-    pages!(accuracy, backend, cancel, executor, keep, no_std, own_backend, query, rebuild, start);
+    pages!(
+        accuracy,
+        backend,
+        cancel,
+        executor,
+        keep,
+        no_std,
+        own_backend,
+        query,
+        rebuild,
+        scenes,
+        start
+    );
 
     #[cfg(feature = "wgpu")]
     pages!(shader);
