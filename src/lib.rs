@@ -26,6 +26,8 @@
 //!   [`Backend`] too, which has its methods. The trait is public; you can write your own backend.
 //! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
 //!   is in [`BuildConfig`], which a [`Preset`] gives; limits of memory are in [`BuildOptions`] and only ever end in errors.
+//! - **Scenes** of many objects have geometries and instances: [`Backend::build_scene`] makes a [`SceneAccelerator`], and
+//!   [`Backend::update_scene`] remakes only what changed.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
 //! - **[`Accuracy`]** is a knob: watertight by default, exact on request. A faster test that may
@@ -53,6 +55,7 @@
 //! | to | see |
 //! |---|---|
 //! | rebuild a tree for each frame | [`Backend::rebuild`], [rebuild each frame] |
+//! | place one mesh many times, move objects | [`Scene`], [`Backend::build_scene`], [many objects] |
 //! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
@@ -71,6 +74,7 @@
 //!
 //! [guide]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/SUMMARY.md
 //! [rebuild each frame]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/rebuild.md
+//! [many objects]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/scenes.md
 //! [cancel]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/cancel.md
 //! [shadows]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/start.md#shadows
 //! [choose an accuracy]: https://github.com/splitplane/splitplane/blob/main/docs/guide/src/accuracy.md
@@ -90,6 +94,7 @@ pub mod backend;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
+pub use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions, UpdateReport};
 pub use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 pub use splitplane_core::config::{BuildConfig, Builder, ConfigError, Preset, Stages, Sweep};
 pub use splitplane_core::error::{BuildError, DeviceError, QueryError};
@@ -101,12 +106,16 @@ pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOption
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
+pub use splitplane_core::scene::{
+    GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneError, SceneHit, SceneOptions,
+    SceneReport, Transform,
+};
 pub use splitplane_core::tree::digest::Digest;
 pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
 pub use splitplane_core::watch::{Progress, Stage, Watch};
 #[cfg(feature = "cpu")]
-pub use splitplane_cpu::{CpuAccelerator, CpuBackend, InstructionSet};
+pub use splitplane_cpu::{CpuAccelerator, CpuBackend, CpuScene, InstructionSet};
 #[cfg(feature = "render")]
 pub use splitplane_render as render;
 #[cfg(feature = "picture")]
@@ -144,6 +153,7 @@ mod guide {
         own_backend,
         query,
         rebuild,
+        scenes,
         start
     );
 

@@ -3,11 +3,13 @@
 use std::sync::Mutex;
 
 use rayon::prelude::*;
+use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::Counter;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::tree::{KdTree, KdTreeView};
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
@@ -18,6 +20,7 @@ use crate::build::{self, BuildScratch, Finished};
 use crate::cancel::{ProgressMeter, UNWATCHED};
 use crate::layout::scratch::{LayoutScratch, LayoutSource};
 use crate::memory::{Memory, boxed, extend};
+use crate::scene::CpuScene;
 use crate::simd::InstructionSet;
 
 /// The CPU backend. Work runs in the rayon pool of the calling thread; scratch memory is kept
@@ -281,6 +284,16 @@ impl Backend for CpuBackend {
         meter.finish_stage();
         meter.check()?;
         in_box(loaded)
+    }
+
+    /// Scenes whose batches are answered by all threads.
+    fn build_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
+        Ok(Box::new(CpuScene::build(scene, options, &mut build)?))
     }
 }
 

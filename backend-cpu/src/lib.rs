@@ -8,6 +8,7 @@ mod cancel;
 mod layout;
 mod memory;
 mod near;
+mod scene;
 mod simd;
 #[doc(hidden)]
 pub mod testing;
@@ -20,4 +21,5 @@ pub use build::twin::CpuExecutor;
 pub use build::twin::buffers;
 #[doc(hidden)]
 pub use memory::Memory;
+pub use scene::CpuScene;
 pub use simd::InstructionSet;

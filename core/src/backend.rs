@@ -2,6 +2,8 @@
 
 mod locate;
 mod options;
+#[cfg(target_has_atomic = "ptr")]
+pub mod scene;
 
 use crate::cancel::go_on_tracing;
 use crate::error::{BuildError, QueryError};
@@ -11,6 +13,8 @@ use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
+#[cfg(target_has_atomic = "ptr")]
+use crate::scene::{Scene, SceneBuildError};
 use crate::tree::KdTree;
 use crate::watch::Watch;
 use alloc::boxed::Box;
@@ -18,6 +22,8 @@ use core::any::Any;
 
 pub use locate::locate_along;
 pub use options::{BuildOptions, LoadOptions, QueryLayout};
+#[cfg(target_has_atomic = "ptr")]
+use scene::{HostScene, SceneAccelerator, UpdateReport};
 
 /// Builds trees and the structures that answer rays through them. Programs may implement it for their own
 /// backends; start summaries and reports from their `Default`, since they may gain fields.
@@ -66,6 +72,38 @@ pub trait Backend: Send + Sync {
         tree: KdTree,
         options: &LoadOptions<'_>,
     ) -> Result<Box<dyn Accelerator>, BuildError>;
+
+    /// Builds a scene of many objects: a tree for each geometry, and one over the instances.
+    ///
+    /// The default finds on the calling thread which instances each ray enters, and gives the rays of each geometry to its
+    /// accelerator, batch by batch.
+    ///
+    /// # Errors
+    /// A geometry that is not built, a limit that binds, or a watch that cancels the build.
+    #[cfg(target_has_atomic = "ptr")]
+    fn build_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
+        Ok(Box::new(HostScene::build(scene, options, &mut build)?))
+    }
+
+    /// Brings a built scene up to date with its description: only what changed is made anew. The report says what was.
+    /// The scene may be of another backend: geometries that are built from now on are this one's.
+    ///
+    /// # Errors
+    /// As for [`Backend::build_scene`]; the scene is then what it was.
+    #[cfg(target_has_atomic = "ptr")]
+    fn update_scene(
+        &self,
+        built: &mut dyn SceneAccelerator,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        built.update_by(scene, options, &mut |mesh, options| self.build(mesh, options))
+    }
 }
 
 /// A built tree, ready for rays. Answers do not depend on the order of rays or the thread count.

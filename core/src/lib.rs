@@ -27,6 +27,8 @@ pub mod ray;
 #[cfg(feature = "alloc")]
 pub mod report;
 pub mod sah;
+#[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
+pub mod scene;
 pub mod tree;
 pub mod triangle;
 pub mod watch;

@@ -27,6 +27,9 @@ pub enum Stage {
     Device,
     /// Rays are traced; `done` counts rays.
     Rays,
+    /// The geometries of a scene are built, one after the other; `done` counts those that are finished. The stages of
+    /// each come in between.
+    Geometries,
 }
 
 impl Stage {
@@ -41,6 +44,7 @@ impl Stage {
             Stage::Layout => "query layout",
             Stage::Device => "device",
             Stage::Rays => "rays",
+            Stage::Geometries => "geometries",
         }
     }
 }

@@ -14,16 +14,18 @@
 //!
 //! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
 //! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
+//! A sixth argument, `instances`, asks for the harness's task of that name: see `instances.rs`.
 //! `PEERS_CLOCK=cpu` in the environment asks for CPU time in place of the time that passes.
 
 mod clock;
+mod instances;
 
 use clock::Clock;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Map, Value, json};
-use splitplane_core::backend::{Accelerator, BuildOptions, QueryLayout};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, QueryLayout};
 use splitplane_core::config::{BuildConfig, Preset};
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
@@ -175,11 +177,15 @@ impl Built {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let [name, dir, threads, reps, prefix] = &arguments[..] else {
-        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX");
+    let (arguments, task) = match &arguments[..] {
+        [five @ .., task] if five.len() == 5 => (five, Some(task.as_str())),
+        all => (all, None),
+    };
+    let ([name, dir, threads, reps, prefix], None | Some("instances")) = (arguments, task) else {
+        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX [instances]");
         std::process::exit(2);
     };
-    match measure(name, Path::new(dir), threads, reps, prefix) {
+    match measure(name, Path::new(dir), threads, reps, (prefix, task.is_some())) {
         Ok(report) => println!("{report}"),
         Err(error) => {
             eprintln!("splitplane-peer: {error}");
@@ -193,7 +199,7 @@ fn measure(
     dir: &Path,
     threads: &str,
     reps: &str,
-    prefix: &str,
+    (prefix, instances): (&str, bool),
 ) -> Result<Value, String> {
     let number = |text: &str| text.parse::<usize>().map_err(|_| format!("{text}: not a number"));
     let (threads, reps) = (number(threads)?, number(reps)?);
@@ -207,6 +213,15 @@ fn measure(
         .map_err(|error| error.to_string())?;
     let backend = Side::open(&plan)?;
     let options = BuildOptions { layout: plan.layout, ..BuildOptions::from(plan.config) };
+    if instances {
+        let (plan, pool) = (&plan, &pool);
+        let backend: &dyn Backend = match &backend {
+            Side::Cpu(backend) => backend,
+            Side::Gpu(backend) => backend,
+        };
+        let task = instances::Task { plan, clock, pool, backend, mesh, options, reps, prefix };
+        return task.measure(dir);
+    }
     let build = || pool.install(|| backend.build(&mesh, &options));
 
     // The first build warms up and is not counted.
@@ -222,13 +237,7 @@ fn measure(
     }
     let mut sets = Map::new();
     for set in SETS {
-        let raw: Vec<[f32; 8]> = read(&dir.join(format!("{set}.rays")))?;
-        let rays: Vec<Ray> = raw
-            .iter()
-            .map(|&[ox, oy, oz, dx, dy, dz, t_min, t_max]| {
-                Ray::new([ox, oy, oz], [dx, dy, dz]).with_limits(t_min, t_max)
-            })
-            .collect();
+        let rays = rays_of(dir, set)?;
         let mut hits = vec![Hit::MISS; rays.len()];
         let mut any = vec![false; rays.len()];
         closest(&pool, &built, &plan, &rays, &mut hits);
@@ -278,6 +287,15 @@ fn repeat(clock: Clock, reps: usize, mut run: impl FnMut()) -> Vec<f64> {
             return seconds;
         }
     }
+}
+
+/// The rays of a set.
+fn rays_of(dir: &Path, set: &str) -> Result<Vec<Ray>, String> {
+    let raw: Vec<[f32; 8]> = read(&dir.join(format!("{set}.rays")))?;
+    let ray = |&[ox, oy, oz, dx, dy, dz, t_min, t_max]: &[f32; 8]| {
+        Ray::new([ox, oy, oz], [dx, dy, dz]).with_limits(t_min, t_max)
+    };
+    Ok(raw.iter().map(ray).collect())
 }
 
 fn read<T: bytemuck::Pod>(path: &Path) -> Result<Vec<T>, String> {

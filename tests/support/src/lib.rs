@@ -15,6 +15,7 @@ pub mod grazing;
 pub mod greedy;
 pub mod judge;
 pub mod modules;
+pub mod objects;
 pub mod oracle;
 pub mod random;
 pub mod rational;

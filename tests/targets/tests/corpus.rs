@@ -4,8 +4,13 @@
 //! some that reach far; their names say which. Whatever is added there is run.
 
 use splitplane::scene::obj::{ObjError, parse};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::{BuildGeometry, BuiltScene, SceneAccelerator, UpdateReport};
+use splitplane_core::error::QueryError;
+use splitplane_core::ray::Ray;
+use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_cpu::CpuBackend;
-use splitplane_fuzz_targets::{ALL, Target, build_tree, obj};
+use splitplane_fuzz_targets::{ALL, Target, build_tree, obj, scene_operations};
 use splitplane_test_support::faulty::{Fault, FaultyBackend};
 use splitplane_test_support::random::Random;
 use std::collections::BTreeSet;
@@ -120,6 +125,80 @@ fn faulty_backends_are_found() {
     ] {
         let faulty = FaultyBackend::new(CpuBackend::new(), fault);
         assert!(is_found(20_000, |bytes| build_tree::run_on(bytes, &faulty)), "{fault:?}");
+    }
+}
+
+/// A scene with a fault.
+struct FaultyScene(Box<dyn SceneAccelerator>, SceneFault);
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum SceneFault {
+    /// No update does anything after the first few instances.
+    Stale,
+    /// Ignores masks.
+    Unmasked,
+    /// Names the wrong instance where there are several.
+    Misnamed,
+}
+
+impl SceneAccelerator for FaultyScene {
+    fn scene(&self) -> &BuiltScene {
+        self.0.scene()
+    }
+
+    fn update_by(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        if self.1 == SceneFault::Stale && scene.len() > 3 {
+            return Ok(UpdateReport::default());
+        }
+        self.0.update_by(scene, options, build)
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [SceneHit],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        let mask = if self.1 == SceneFault::Unmasked { u32::MAX } else { options.mask };
+        let report = self.0.closest_hits(rays, hits, &SceneOptions { mask, ..*options });
+        for hit in hits.iter_mut().filter(|hit| hit.is_hit()) {
+            hit.instance ^= u32::from(self.1 == SceneFault::Misnamed);
+        }
+        report
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.0.any_hits(rays, occluded, options)
+    }
+}
+
+/// Scenes with a fault are found out by edits of chance.
+#[test]
+fn faulty_scenes_are_found() {
+    let backend = CpuBackend::new();
+    for fault in [SceneFault::Stale, SceneFault::Unmasked, SceneFault::Misnamed] {
+        let faulty = |scene| -> Box<dyn SceneAccelerator> { Box::new(FaultyScene(scene, fault)) };
+        let run = |bytes: &[u8]| scene_operations::run_on(bytes, &backend, faulty);
+        assert!(is_found(4000, run), "{fault:?}");
+    }
+}
+
+/// Many sequences of edits, where there is time.
+#[test]
+fn scenes_brought_up_to_date_are_those_built_from_nothing() {
+    let long = std::env::var_os("SPLITPLANE_LONG").is_some();
+    for seed in 0..if long { 1_000_000 } else { 3000 } {
+        run("scene_operations", scene_operations::run, &format!("seed {seed}"), &chance(!seed));
     }
 }
 

@@ -1,0 +1,165 @@
+//! Scenes on all threads: blocks of rays, each answered by one thread with memory that it keeps.
+
+use std::cell::RefCell;
+
+use rayon::prelude::*;
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::{
+    Block, BlockScratch, BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits,
+    SceneAllHitsOptions, SceneAnswer, UpdateReport,
+};
+use splitplane_core::error::QueryError;
+use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::ray::Ray;
+use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
+use splitplane_core::watch::Stage;
+
+use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+
+/// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
+const BLOCK: usize = 4096;
+/// The same with a watch, so that a wave is soon over.
+const WATCHED_BLOCK: usize = 256;
+/// Fewer rays in a geometry are traced one at a time.
+const SINGLY_BELOW: usize = 3;
+
+/// A scene on the CPU.
+pub struct CpuScene {
+    built: BuiltScene,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Option<Box<BlockScratch>>> = const { RefCell::new(None) };
+}
+
+impl CpuScene {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// As for [`BuiltScene::build`].
+    pub(crate) fn build(
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<CpuScene, SceneBuildError> {
+        Ok(CpuScene { built: BuiltScene::build(scene, options, build)? })
+    }
+
+    fn answer<T: SceneAnswer>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [T],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        if rays.len() != answers.len() {
+            return Err(QueryError::LengthMismatch { rays: rays.len(), results: answers.len() });
+        }
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
+        let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
+        let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
+        let report = blocks.try_fold(SceneReport::default, |mut report, (rays, answers)| {
+            // Taken out, since a geometry's batch may run another block on this thread; `None` while the thread is being
+            // destroyed.
+            let kept = SCRATCH.try_with(RefCell::take).ok().flatten();
+            let mut scratch = kept.unwrap_or_default();
+            let block = Block {
+                scene: &self.built,
+                rays,
+                options,
+                watch: None,
+                singly_below: SINGLY_BELOW,
+            };
+            let part = block.answer(&mut scratch, answers, &mut || {
+                meter.record_work(WORK_BETWEEN_CHECKS);
+                meter.check_batch()
+            });
+            let _ = SCRATCH.try_with(|kept| kept.replace(Some(scratch)));
+            report.add(part?)?;
+            meter.advance(rays.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
+            Ok::<SceneReport, QueryError>(report)
+        });
+        let report = report.try_reduce(SceneReport::default, |mut one, other| {
+            one.add(other)?;
+            Ok(one)
+        })?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| report)
+    }
+}
+
+impl SceneAccelerator for CpuScene {
+    fn scene(&self) -> &BuiltScene {
+        &self.built
+    }
+
+    fn update_by(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        self.built.update(scene, options, build)
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [SceneHit],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer(rays, hits, options)
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        self.answer(rays, occluded, options)
+    }
+
+    /// Without a watch and a limit on all threads.
+    fn all_hits(
+        &self,
+        rays: &[Ray],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<SceneAllHits, QueryError> {
+        if options.query.watch.is_some() || options.max_memory.is_some() {
+            return self.built.all_hits(rays, options);
+        }
+        let parts: Vec<_> = rays
+            .par_chunks(FEW)
+            .map(|rays| self.built.all_hits(rays, options))
+            .collect::<Result<_, _>>()?;
+        SceneAllHits::joined(parts)
+    }
+
+    /// Without a watch and a limit on all threads.
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        if options.watch.is_some() || options.max_memory.is_some() {
+            return self.built.locate(points, options);
+        }
+        let parts = points.par_chunks(FEW).map(|points| self.built.locate(points, options));
+        let empty = || Ok(Located::default());
+        // In order: rayon joins neighbours only.
+        parts.reduce(empty, |one, other| {
+            let (mut one, other) = (one?, other?);
+            let places = one.windings.len();
+            let refused = |_| splitplane_core::error::refused(4 * places as u64);
+            one.windings.try_reserve(other.windings.len()).map_err(refused)?;
+            one.windings.extend(other.windings);
+            one.report.append(other.report, places)?;
+            Ok(one)
+        })
+    }
+}
+
+/// Rays or points of one task of the queries that take long.
+const FEW: usize = 256;

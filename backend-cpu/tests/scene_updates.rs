@@ -1,0 +1,219 @@
+//! Scenes brought up to date: only what changed is made anew, and a failure leaves what was there.
+
+use core::ops::ControlFlow;
+use core::sync::atomic::AtomicUsize;
+use core::sync::atomic::Ordering::Relaxed;
+
+use splitplane_core::backend::scene::{HostScene, SceneAccelerator, TopUpdate};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::error::{BuildError, DeviceError, QueryError};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::Ray;
+use splitplane_core::report::BackendInfo;
+use splitplane_core::scene::{
+    Instance, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
+};
+use splitplane_core::tree::KdTree;
+use splitplane_core::watch::Progress;
+use splitplane_cpu::CpuBackend;
+use splitplane_test_support::objects::{self, Kind};
+use splitplane_test_support::scenes;
+
+fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<SceneHit> {
+    let mut hits = vec![SceneHit::MISS; rays.len()];
+    accelerator.closest_hits(rays, &mut hits, &SceneOptions::default()).expect("hits");
+    hits
+}
+
+#[test]
+fn moving_one_of_many_looks_at_that_one_only() {
+    let backend = CpuBackend::new();
+    let mut scene = Scene::new();
+    let ball = scenes::sphere(6, [0.0; 3], 0.4);
+    let geometry = scene.add_mesh(&ball.mesh()).unwrap();
+    let place = |i: usize| translation([(i % 100) as f32, (i / 100) as f32, 0.0]);
+    let names: Vec<_> = (0..10_000)
+        .map(|i| scene.add_instance(Instance::new(geometry, place(i))).unwrap())
+        .collect();
+    let mut built = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
+    let nothing = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!((nothing.geometries_built, nothing.instances_compared), (0, 0));
+    assert_eq!(nothing.top, TopUpdate::Kept);
+
+    scene.move_instance(names[5050], translation([50.25, 50.0, 3.0])).unwrap();
+    let report = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!((report.geometries_built, report.instances_compared), (0, 1));
+    assert_eq!((report.instances_changed, report.top), (1, TopUpdate::Refitted));
+    assert!(report.top_nodes_changed <= 8, "{}", report.top_nodes_changed);
+    let fresh = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
+    assert_eq!(built.scene().digest(), fresh.scene().digest());
+    let down = Ray::new([50.25, 50.0, 9.0], [0.0, 0.0, -1.0]);
+    let hit = built.closest_hit(&down, &SceneOptions::default()).expect("it is there");
+    assert_eq!(hit.instance, names[5050].0);
+
+    // A mask: no box changes.
+    scene.set_mask(names[7], 0).unwrap();
+    let report = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!((report.instances_changed, report.top), (1, TopUpdate::Kept));
+    assert!(
+        built
+            .closest_hit(&Ray::new([7.0, 0.0, 9.0], [0.0, 0.0, -1.0]), &SceneOptions::default())
+            .is_none()
+    );
+
+    // One goes: the tree over the instances is built anew.
+    scene.remove_instance(names[9]).unwrap();
+    let report = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!((report.instances_compared, report.top), (1, TopUpdate::Rebuilt));
+
+    // New vertices within the same bounds: the geometry, and nothing else.
+    let mut turned = ball.triangles();
+    turned.rotate_left(7);
+    scene.replace_mesh(geometry, &Mesh::soup(&turned).unwrap()).unwrap();
+    let report = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!((report.geometries_built, report.instances_changed), (1, 0));
+
+    // Everything moves far apart: the refitted tree is worn, and built anew.
+    for (i, &name) in names.iter().enumerate().filter(|&(i, _)| i != 9) {
+        scene.move_instance(name, translation([((i * 7919) % 10_000) as f32, 0.0, 0.0])).unwrap();
+    }
+    let report = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    assert_eq!(report.top, TopUpdate::Rebuilt);
+    let fresh = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
+    let rays = objects::rays(&scene, 2000, 3);
+    assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
+}
+
+/// A CPU that fails at its n-th build.
+struct Fails(CpuBackend, usize, AtomicUsize);
+
+impl Backend for Fails {
+    fn describe(&self) -> BackendInfo {
+        BackendInfo::new("fails")
+    }
+
+    fn build(
+        &self,
+        mesh: &Mesh<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        if self.2.fetch_add(1, Relaxed) == self.1 {
+            return Err(BuildError::Device(DeviceError::Failed("planted".into())));
+        }
+        self.0.build(mesh, options)
+    }
+
+    fn load(
+        &self,
+        mesh: &Mesh<'_>,
+        tree: KdTree,
+        options: &LoadOptions<'_>,
+    ) -> Result<Box<dyn Accelerator>, BuildError> {
+        self.0.load(mesh, tree, options)
+    }
+}
+
+/// A scene after some edits: two new meshes, an instance that came, one that went, one that moved.
+fn edited(scene: &mut Scene, names: &[splitplane_core::scene::InstanceId]) {
+    let geometries: Vec<_> = scene.geometries().map(|(name, _)| name).collect();
+    scene.replace_mesh(geometries[0], &scenes::grid_boxes(1).mesh()).unwrap();
+    scene.replace_mesh(geometries[2], &scenes::soup(50, 0.5, 9).mesh()).unwrap();
+    scene.remove_instance(names[3]).unwrap();
+    scene.move_instance(names[4], translation([1.0, 2.0, 3.0])).unwrap();
+    scene.add_instance(Instance::new(geometries[1], translation([0.5, 0.0, 0.0]))).unwrap();
+}
+
+/// Failing builds, cancellation at every call of the watch, limits: the old scene answers as before, and a later update
+/// succeeds.
+#[test]
+fn a_failed_update_leaves_the_old_scene() {
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 5);
+    let rays = objects::rays(&scene, 300, 6);
+    let (backend, options) = (CpuBackend::new(), BuildOptions::default());
+    let mut built = backend.build_scene(&scene, &options).unwrap();
+    let (before, digest) = (traced(&*built, &rays), built.scene().digest());
+    edited(&mut scene, &names);
+    let mut failed = 0;
+    for at in 0..2 {
+        let fails = Fails(CpuBackend::new(), at, AtomicUsize::new(0));
+        let error = fails.update_scene(&mut built, &scene, &options).unwrap_err();
+        let SceneBuildError::Geometry { geometry, error: BuildError::Device(_) } = error else {
+            panic!("{error}");
+        };
+        assert_eq!(geometry, [0, 2][at]);
+        assert_eq!(built.scene().digest(), digest);
+        failed += 1;
+    }
+    for at in 0.. {
+        let calls = AtomicUsize::new(0);
+        let watch = |_: &Progress| match calls.fetch_add(1, Relaxed) == at {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let watched = BuildOptions { watch: Some(&watch), ..options };
+        let (fresh, _) = objects::scene(Kind::Ordinary, 40, 5);
+        let mut fresh = backend.build_scene(&fresh, &options).unwrap();
+        match backend.update_scene(&mut fresh, &scene, &watched) {
+            Ok(_) => break,
+            Err(error) => {
+                let text = error.to_string();
+                assert!(text.contains("cancelled"), "{text}");
+                assert_eq!(fresh.scene().digest(), digest);
+                failed += 1;
+            }
+        }
+    }
+    let (least, needed) = (built.scene().bytes(), built.scene().bytes() + (1 << 22));
+    for step in 0..12 {
+        let max_memory = Some(least + (needed - least) * step / 11);
+        let limited = BuildOptions { max_memory, ..options };
+        let (fresh, _) = objects::scene(Kind::Ordinary, 40, 5);
+        let mut fresh = backend.build_scene(&fresh, &options).unwrap();
+        if let Err(error) = backend.update_scene(&mut fresh, &scene, &limited) {
+            assert!(error.to_string().contains("limit"), "{error}");
+            assert_eq!(fresh.scene().digest(), digest);
+            failed += 1;
+        }
+    }
+    assert!(failed > 8, "{failed}");
+    assert_eq!(traced(&*built, &rays), before);
+    backend.update_scene(&mut built, &scene, &options).unwrap();
+    let fresh = backend.build_scene(&scene, &options).unwrap();
+    assert_eq!(built.scene().digest(), fresh.scene().digest());
+    assert_ne!(built.scene().digest(), digest);
+    assert_eq!(traced(&*built, &rays), traced(&*fresh, &rays));
+}
+
+/// The default of backends of others, and cancelled batches.
+#[test]
+fn hosts_find_the_same_and_batches_can_be_cancelled() {
+    let (scene, _) = objects::scene(Kind::Ordinary, 40, 15);
+    let rays = objects::rays(&scene, 3000, 16);
+    let backend = CpuBackend::new();
+    let options = BuildOptions::default();
+    let own = backend.build_scene(&scene, &options).unwrap();
+    let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| backend.build(mesh, options);
+    let host = HostScene::build(&scene, &options, &mut build).unwrap();
+    assert_eq!(traced(&*own, &rays), traced(&host, &rays));
+    let mut hits = vec![SceneHit::MISS; rays.len()];
+    let report = host.closest_hits(&rays, &mut hits, &SceneOptions::default()).unwrap();
+    assert_eq!(report.placed_by_cpu, 3000);
+    let both: [&dyn SceneAccelerator; 2] = [&*own, &host];
+    for scene in both {
+        let wrong = scene.closest_hits(&rays, &mut hits[1..], &SceneOptions::default());
+        assert_eq!(wrong, Err(QueryError::LengthMismatch { rays: 3000, results: 2999 }));
+        let mut cancelled = 0;
+        for at in [0, 1, 2, 5] {
+            let calls = AtomicUsize::new(0);
+            let watch = |_: &Progress| match calls.fetch_add(1, Relaxed) == at {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            };
+            let watched = SceneOptions { watch: Some(&watch), ..SceneOptions::default() };
+            let ended = scene.closest_hits(&rays, &mut hits, &watched);
+            let Err(QueryError::Cancelled { total: 3000, .. }) = ended else { panic!("{ended:?}") };
+            cancelled += 1;
+        }
+        assert_eq!(cancelled, 4);
+    }
+}

@@ -1,0 +1,77 @@
+//! Scenes of many objects on a device: the CPU's hits, bit for bit.
+
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::{InstanceId, SceneHit, SceneOptions, translation};
+use splitplane_cpu::CpuBackend;
+use splitplane_test_support::objects::{self, Kind};
+use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
+
+fn answers(
+    scene: &dyn SceneAccelerator,
+    rays: &[Ray],
+    options: &SceneOptions<'_>,
+) -> (Vec<[u32; 6]>, Vec<bool>) {
+    let mut hits = vec![SceneHit::MISS; rays.len()];
+    scene.closest_hits(rays, &mut hits, options).expect("hits");
+    let mut any = vec![false; rays.len()];
+    scene.any_hits(rays, &mut any, options).expect("hits");
+    (bytemuck::cast_slice(&hits).to_vec(), any)
+}
+
+#[test]
+fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
+    let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
+    let open = OpenOptions { default_limits: true, adapter, ..Default::default() };
+    let gpu = Gpu::open(&open).expect("the device tests need a GPU or a software Vulkan");
+    let device = WgpuBackend::new(gpu).expect("a backend");
+    let (cpu, build) = (CpuBackend::new(), BuildOptions::default());
+    let mut found = 0;
+    for kind in [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident] {
+        let (mut scene, names) = objects::scene(kind, 40, 71);
+        let rays = objects::rays(&scene, 1500, 72);
+        let mut own = cpu.build_scene(&scene, &build).expect("a scene");
+        let mut there = device.build_scene(&scene, &build).expect("a scene");
+        assert_eq!(own.scene().digest(), there.scene().digest());
+        for round in 0..2 {
+            for (accuracy, culling) in [
+                (Accuracy::Watertight, Culling::None),
+                (Accuracy::Watertight, Culling::Back),
+                (Accuracy::Exact, Culling::None),
+            ] {
+                let options = SceneOptions { accuracy, culling, ..SceneOptions::default() };
+                let expected = answers(&*own, &rays, &options);
+                let hits = answers(&*there, &rays, &options);
+                for (i, ray) in rays.iter().enumerate() {
+                    let what = format!("{kind:?} {round} {accuracy:?} {culling:?} {ray:?}");
+                    assert_eq!(hits.0[i], expected.0[i], "{what}");
+                    assert_eq!(hits.1[i], expected.1[i], "{what}");
+                }
+                found += expected.1.iter().filter(|any| **any).count();
+            }
+            // One moves, one goes.
+            scene.move_instance(names[1 + round], translation([0.5, 0.25, -1.0])).unwrap();
+            scene.remove_instance(names[10 + round]).unwrap();
+            cpu.update_scene(&mut own, &scene, &build).expect("an update");
+            let report = device.update_scene(&mut there, &scene, &build).expect("an update");
+            assert_eq!((report.geometries_built, report.instances_changed), (0, 2));
+            assert_eq!(own.scene().digest(), there.scene().digest());
+        }
+    }
+    assert!(found > 3000, "{found}");
+
+    // The last bit of one number of one instance is seen in the digest.
+    let (scene, names) = objects::scene(Kind::Ordinary, 40, 73);
+    let rays = objects::rays(&scene, 500, 74);
+    let there = device.build_scene(&scene, &build).expect("a scene");
+    let (mut other, same) = objects::scene(Kind::Ordinary, 40, 73);
+    assert_eq!(names, same);
+    let InstanceId(last) = *names.last().expect("an instance");
+    let was = *other.instance(InstanceId(last)).expect("an instance");
+    let mut becomes = was;
+    becomes.transform[0][3] = was.transform[0][3].next_up();
+    other.set_instance(InstanceId(last), becomes).expect("an edit");
+    let own = cpu.build_scene(&other, &build).expect("a scene");
+    assert_ne!(own.scene().digest(), there.scene().digest());
+}

@@ -1,0 +1,156 @@
+//! A scene that is built: accelerators, placements, and the tree over them.
+
+use alloc::boxed::Box;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+use crate::aabb::Aabb;
+use crate::backend::{Accelerator, BuildOptions};
+use crate::error::BuildError;
+use crate::mesh::Mesh;
+use crate::query::intersect::{Limits, SceneScale};
+use crate::query::traverse::Triangles;
+use crate::scene::{Edits, GeometryId, GeometryMesh, InstanceId, Placement, TopTree};
+use crate::tree::digest::{Digest, Xxh64};
+use crate::triangle::{Prepared, prepare};
+
+/// Builds a geometry: what a backend does with one mesh.
+pub type BuildGeometry<'a> =
+    dyn FnMut(&Mesh<'_>, &BuildOptions<'_>) -> Result<Box<dyn Accelerator>, BuildError> + 'a;
+
+/// A geometry that is built.
+pub struct BuiltGeometry {
+    pub(super) mesh: Arc<GeometryMesh>,
+    pub(super) accelerator: Box<dyn Accelerator>,
+    pub(super) scale: SceneScale,
+    pub(super) digest: Digest,
+}
+
+impl BuiltGeometry {
+    pub(super) fn new(mesh: Arc<GeometryMesh>, accelerator: Box<dyn Accelerator>) -> BuiltGeometry {
+        let mut limits = Limits::NONE;
+        if let Ok(mesh) = mesh.mesh() {
+            for triangle in 0..mesh.len() {
+                let Prepared { corners, kept, .. } = prepare(&mesh.triangle(triangle));
+                if kept {
+                    limits = limits.union(Limits::of(&corners));
+                }
+            }
+        }
+        let tree = accelerator.tree();
+        let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
+        BuiltGeometry { mesh, accelerator, scale, digest }
+    }
+
+    /// What answers its rays, in its own space.
+    pub fn accelerator(&self) -> &dyn Accelerator {
+        &*self.accelerator
+    }
+
+    /// The arrays it was built over.
+    pub fn mesh(&self) -> &Arc<GeometryMesh> {
+        &self.mesh
+    }
+
+    /// The box of its triangles, in its own space.
+    pub fn bounds(&self) -> Aabb {
+        self.accelerator.tree().bounds
+    }
+
+    /// Bytes of the tree and of what queries read.
+    pub fn bytes(&self) -> u64 {
+        let tree = self.accelerator.tree();
+        let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
+        self.accelerator.query_bytes() + tree as u64
+    }
+}
+
+/// Triangles of a mesh, some of which count as not there.
+pub(super) struct Without<'a> {
+    pub(super) mesh: &'a Mesh<'a>,
+    pub(super) rejected: &'a [u32],
+}
+
+impl Triangles for Without<'_> {
+    /// A triangle that is not there has no area, and is met nowhere.
+    fn corners(&self, triangle: u32) -> crate::triangle::Triangle {
+        if self.rejected.contains(&triangle) {
+            return [[0.0; 3]; 3];
+        }
+        self.mesh.corners(triangle)
+    }
+}
+
+/// A scene that is built, as far as it is the same on all backends. Placements and geometries are found by their names.
+#[derive(Default)]
+pub struct BuiltScene {
+    pub(super) geometries: Vec<Option<BuiltGeometry>>,
+    pub(super) placements: Vec<Option<Placement>>,
+    pub(super) top: TopTree,
+    /// The description as it was.
+    pub(super) edits: Option<Edits>,
+}
+
+impl BuiltScene {
+    /// The tree over the instances.
+    pub fn top_tree(&self) -> &TopTree {
+        &self.top
+    }
+
+    /// A geometry; `None` where there is none of this name.
+    pub fn geometry(&self, geometry: GeometryId) -> Option<&BuiltGeometry> {
+        self.geometries.get(geometry.0 as usize)?.as_ref()
+    }
+
+    /// An instance where it is; `None` where there is none of this name.
+    pub fn placement(&self, instance: InstanceId) -> Option<&Placement> {
+        self.placements.get(instance.0 as usize)?.as_ref()
+    }
+
+    /// All instances, in the order of their names.
+    pub fn placements(&self) -> impl Iterator<Item = (InstanceId, &Placement)> {
+        let named = self.placements.iter().enumerate();
+        named.filter_map(|(name, at)| Some((InstanceId(name as u32), at.as_ref()?)))
+    }
+
+    /// All geometries, in the order of their names.
+    pub fn geometries(&self) -> impl Iterator<Item = (GeometryId, &BuiltGeometry)> {
+        let named = self.geometries.iter().enumerate();
+        named.filter_map(|(name, at)| Some((GeometryId(name as u32), at.as_ref()?)))
+    }
+
+    /// Names the scene: its geometries' trees, and all instances with their transforms and inverses, masks, numbers and
+    /// culling. The tree over the instances is not part of it, since no hit depends on that.
+    pub fn digest(&self) -> Digest {
+        let mut hash = Xxh64::new(SCENE_DIGEST_VERSION);
+        for (name, geometry) in self.geometries() {
+            let Digest(digest) = geometry.digest;
+            hash.write_words(&[name.0, digest as u32, (digest >> 32) as u32]);
+        }
+        for (name, placement) in self.placements() {
+            let instance = &placement.instance;
+            let words = [name.0, instance.geometry.0, instance.mask, instance.id];
+            hash.write_words(&words);
+            hash.write_words(&[instance.culling as u32]);
+            for rows in [&instance.transform, &placement.space.inverse] {
+                rows.iter().for_each(|row| hash.write_words(&row.map(f32::to_bits)));
+            }
+        }
+        Digest(hash.finish())
+    }
+
+    /// Bytes that are held: geometries, placements, and the tree over them.
+    pub fn bytes(&self) -> u64 {
+        let geometries: u64 = self.geometries().map(|(_, geometry)| geometry.bytes()).sum();
+        geometries + self.bytes_beside_geometries()
+    }
+
+    /// Bytes of placements and of the tree over them.
+    pub fn bytes_beside_geometries(&self) -> u64 {
+        let placements = self.placements.capacity() * size_of::<Option<Placement>>();
+        self.top.bytes() + placements as u64
+    }
+}
+
+/// Begins every digest of a scene.
+const SCENE_DIGEST_VERSION: u64 = 1;

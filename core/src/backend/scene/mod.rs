@@ -1,0 +1,23 @@
+//! Scenes that are built: what answers rays through many objects.
+//!
+//! A batch is answered in *waves*. In each wave every ray that is not done finds the next instance that it enters, nearest
+//! boxes first; the rays that enter instances of one geometry go into its space together, one array for all of them, and the geometry's own
+//! batch query answers that. What it finds is merged by (t, instance, triangle), and a ray's next instance has to begin before its
+//! best hit. So whatever a backend's batches can do, they do for scenes, and answers are the same on all of them.
+
+mod accelerator;
+mod all_hits;
+mod block;
+mod built;
+mod filtered;
+mod host;
+mod locate;
+mod single;
+mod update;
+
+pub use accelerator::SceneAccelerator;
+pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
+pub use block::{Block, BlockScratch, SceneAnswer};
+pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
+pub use host::HostScene;
+pub use update::{TopUpdate, UpdateReport};

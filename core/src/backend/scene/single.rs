@@ -1,0 +1,73 @@
+//! One ray per call.
+
+use super::block::{Asked, SceneAnswer, seen_by};
+use super::built::BuiltScene;
+use super::filtered::Rejected;
+use crate::query::traverse::Query;
+use crate::ray::Ray;
+use crate::scene::{InstanceId, SceneHit, SceneOptions, TopRay, TopStack, WIDEST_STACK};
+
+impl BuiltScene {
+    /// The answer to one ray: through the tree over the instances, and each geometry's own query of one ray. Ignores the options'
+    /// watch.
+    pub fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        let mut stack: [TopStack; WIDEST_STACK] = [(0.0, 0); WIDEST_STACK];
+        let mut answer = T::NONE;
+        let Some(top_ray) = TopRay::new(ray) else { return answer };
+        let mut top = self.top.begin(&mut stack);
+        loop {
+            let t_max = ray.t_max.min(answer.best().t);
+            let Some(name) = self.top.next(&top_ray, t_max, &mut stack, &mut top) else {
+                return answer;
+            };
+            let best = answer.best();
+            if self.enter(InstanceId(name), ray, &best, options, &mut answer) {
+                return answer;
+            }
+        }
+    }
+
+    /// The answer by all instances, one after the other, each for the whole ray, without the tree over
+    /// them: what every other path is held to.
+    pub fn answer_by_all<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        let mut answer = T::NONE;
+        if TopRay::new(ray).is_some() {
+            for (instance, _) in self.placements() {
+                if self.enter(instance, ray, &SceneHit::MISS, options, &mut answer) {
+                    break;
+                }
+            }
+        }
+        answer
+    }
+
+    /// Asks one instance, for hits that do not come after `best`. Returns whether the ray is done.
+    fn enter<T: SceneAnswer>(
+        &self,
+        instance: InstanceId,
+        ray: &Ray,
+        best: &SceneHit,
+        options: &SceneOptions<'_>,
+        answer: &mut T,
+    ) -> bool {
+        let Some(placement) = self.placement(instance) else { return false };
+        let Some(asked) = Asked::of(instance, placement, options) else { return false };
+        let geometry = placement.instance.geometry;
+        let Some(built) = self.geometry(geometry) else { return false };
+        let query = &options.of_geometry(asked.culling, asked.ignore, None);
+        let seen = seen_by(placement, ray, best);
+        if T::QUERY == Query::Any && options.filter.is_none() {
+            return built.accelerator().any_hit(&seen, query) && answer.take(SceneHit::MISS);
+        }
+        let Some(hit) = built.accelerator().closest_hit(&seen, query) else { return false };
+        let mut found = SceneHit::of(&hit, geometry, instance);
+        if let Some(filter) = options.filter
+            && !filter.keeps(&found)
+        {
+            // Without memory for the rejected there is no answer: a call of one ray has no errors.
+            let kept = Rejected::default().next_kept(built, &seen, &found, query, filter);
+            found = kept.unwrap_or(SceneHit::MISS);
+        }
+        found.is_hit() && found.precedes(&answer.best()) && answer.take(found)
+    }
+}

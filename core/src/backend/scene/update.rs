@@ -1,0 +1,301 @@
+//! Building a scene, and bringing it up to date: only what changed is made anew.
+
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+use super::built::{BuildGeometry, BuiltGeometry, BuiltScene};
+use crate::aabb::Aabb;
+use crate::backend::BuildOptions;
+use crate::cancel::go_on;
+use crate::error::BuildError;
+use crate::scene::{
+    Changes, GeometryId, Instance, InstanceId, ObjectSpace, Placement, Scene, SceneBuildError,
+    TopTree, WorldBox, top_tree_bytes,
+};
+use crate::watch::{Progress, Stage};
+
+/// What became of the tree over the instances.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TopUpdate {
+    /// No box changed.
+    #[default]
+    Kept,
+    /// The nodes above what moved have new boxes.
+    Refitted,
+    /// It was built anew: instances came or went, or rays through the old one had become too costly.
+    Rebuilt,
+}
+
+/// What an update made anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct UpdateReport {
+    /// Geometries that were built.
+    pub geometries_built: u32,
+    /// Geometries that were dropped.
+    pub geometries_dropped: u32,
+    /// Instances that were looked at, to find out whether they changed.
+    pub instances_compared: u32,
+    /// Instances that came, went, moved or changed otherwise, or whose geometry has other bounds.
+    pub instances_changed: u32,
+    /// What became of the tree over the instances.
+    pub top: TopUpdate,
+    /// Nodes of that tree that have new boxes.
+    pub top_nodes_changed: u64,
+}
+
+/// What is going to change.
+struct Plan {
+    /// Geometries by name: a new one, or none any more.
+    geometries: Vec<(GeometryId, Option<BuiltGeometry>)>,
+    /// Placements by name, in ascending order.
+    placements: Vec<(InstanceId, Option<Placement>)>,
+    report: UpdateReport,
+}
+
+impl BuiltScene {
+    /// Builds a scene.
+    ///
+    /// # Errors
+    /// A geometry that is not built, a limit that binds, or a watch that cancels the work.
+    pub fn build(
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<BuiltScene, SceneBuildError> {
+        let mut built = BuiltScene::default();
+        built.update(scene, options, build)?;
+        Ok(built)
+    }
+
+    /// Brings the scene up to date with its description, or with another one. Geometries are built anew where their arrays
+    /// are not those they were built over, whatever the options say now; of instances only those that changed are looked at,
+    /// where the description knows. After an error the scene is what it was.
+    ///
+    /// # Errors
+    /// As for [`BuiltScene::build`]. New geometries are held beside the old ones, and count together with them towards the limit.
+    pub fn update(
+        &mut self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<UpdateReport, SceneBuildError> {
+        let mut plan = self.build_geometries(scene, options, build)?;
+        self.place_instances(scene, &mut plan)?;
+        let rebuilt = self.rebuilt_top(scene, &plan, options)?;
+        make_room(&mut self.geometries, scene.geometry_names())?;
+        make_room(&mut self.placements, scene.instance_names())?;
+
+        // Nothing fails from here on, but for a worn tree that is then kept.
+        let Plan { geometries, placements, mut report } = plan;
+        for (name, geometry) in geometries {
+            self.geometries[name.0 as usize] = geometry;
+        }
+        report.instances_changed = placements.len() as u32;
+        if let Some(top) = rebuilt {
+            report.top = TopUpdate::Rebuilt;
+            report.top_nodes_changed = top.nodes().len() as u64;
+            self.top = top;
+        } else {
+            for (name, placement) in &placements {
+                if let Some(Placement { world_box: Some(to), .. }) = placement {
+                    report.top_nodes_changed += self.top.move_to(name.0, to) as u64;
+                }
+            }
+            if report.top_nodes_changed > 0 {
+                report.top = TopUpdate::Refitted;
+            }
+        }
+        for (name, placement) in placements {
+            self.placements[name.0 as usize] = placement;
+        }
+        self.edits = Some(scene.edits());
+        if self.top.is_worn()
+            && let Ok(top) = self.top_of(scene.instance_names(), &[])
+        {
+            report.top = TopUpdate::Rebuilt;
+            report.top_nodes_changed += top.nodes().len() as u64;
+            self.top = top;
+        }
+        Ok(report)
+    }
+
+    /// Builds the geometries whose arrays are new, and finds those that are gone.
+    fn build_geometries(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+        build: &mut BuildGeometry<'_>,
+    ) -> Result<Plan, SceneBuildError> {
+        let mut geometries = Vec::new();
+        let mut report = UpdateReport::default();
+        let total = scene.geometries().filter(|&(name, mesh)| self.is_new(name, mesh)).count();
+        let mut held = if options.max_memory.is_some() { self.bytes() } else { 0 };
+        for (name, mesh) in scene.geometries() {
+            if !self.is_new(name, mesh) {
+                continue;
+            }
+            let done = u64::from(report.geometries_built);
+            let progress = Progress { stage: Stage::Geometries, done, total: total as u64 };
+            go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
+            let wrong = |error| SceneBuildError::Geometry { geometry: name.0, error };
+            let left = options.max_memory.map(|limit| limit.saturating_sub(held));
+            let own = BuildOptions { max_memory: left, ..*options };
+            let view = mesh.mesh().map_err(|error| {
+                wrong(BuildError::InvalidMesh { reason: alloc::format!("{error}") })
+            })?;
+            let built = build(&view, &own).map_err(wrong)?;
+            let built = BuiltGeometry::new(Arc::clone(mesh), built);
+            held += built.bytes();
+            push(&mut geometries, (name, Some(built)))?;
+            report.geometries_built += 1;
+        }
+        for (name, _) in self.geometries() {
+            if scene.geometry(name).is_err() {
+                push(&mut geometries, (name, None))?;
+                report.geometries_dropped += 1;
+            }
+        }
+        // In ascending order, to be found.
+        geometries.sort_unstable_by_key(|&(name, _)| name);
+        Ok(Plan { geometries, placements: Vec::new(), report })
+    }
+
+    /// Whether a geometry is not built over these arrays.
+    fn is_new(&self, name: GeometryId, mesh: &Arc<crate::scene::GeometryMesh>) -> bool {
+        self.geometry(name).is_none_or(|own| !Arc::ptr_eq(&own.mesh, mesh))
+    }
+
+    /// Places the instances that changed.
+    fn place_instances(&self, scene: &Scene, plan: &mut Plan) -> Result<(), SceneBuildError> {
+        let moved = plan.geometries.iter().any(|(name, geometry)| {
+            let was = self.geometry(*name).map(BuiltGeometry::bounds);
+            geometry.as_ref().map(BuiltGeometry::bounds) != was
+        });
+        let changes = match &self.edits {
+            Some(edits) if !moved => scene.changes_since(edits),
+            _ => Changes::Unknown,
+        };
+        if let Changes::These(names) = changes {
+            let mut names: Vec<InstanceId> = {
+                let mut own = Vec::new();
+                reserve(&mut own, names.len())?;
+                own.extend_from_slice(names);
+                own
+            };
+            names.sort_unstable();
+            names.dedup();
+            return names.into_iter().try_for_each(|name| self.place(scene, name, plan));
+        }
+        let names = scene.instance_names().max(self.placements.len()) as u32;
+        (0..names).try_for_each(|name| self.place(scene, InstanceId(name), plan))
+    }
+
+    /// Places an instance, where it changed.
+    fn place(
+        &self,
+        scene: &Scene,
+        name: InstanceId,
+        plan: &mut Plan,
+    ) -> Result<(), SceneBuildError> {
+        plan.report.instances_compared += 1;
+        let was = self.placement(name);
+        let Ok(instance) = scene.instance(name) else {
+            return if was.is_some() { push(&mut plan.placements, (name, None)) } else { Ok(()) };
+        };
+        let bounds = self.bounds_of(instance, plan);
+        if let Some(was) = was
+            && was.instance == *instance
+            && was.bounds == bounds
+        {
+            return Ok(());
+        }
+        // Checked when it was edited.
+        let Some(space) = ObjectSpace::new(&instance.transform) else { return Ok(()) };
+        push(&mut plan.placements, (name, Some(Placement::new(instance, space, &bounds))))
+    }
+
+    /// The bounds that an instance's geometry is going to have.
+    fn bounds_of(&self, instance: &Instance, plan: &Plan) -> Aabb {
+        let at = plan.geometries.binary_search_by_key(&instance.geometry, |&(name, _)| name);
+        let geometry = match at {
+            Ok(at) => plan.geometries[at].1.as_ref(),
+            Err(_) => self.geometry(instance.geometry),
+        };
+        geometry.map_or(Aabb::EMPTY, BuiltGeometry::bounds)
+    }
+
+    /// The tree over the instances that are going to be, where some come or go.
+    fn rebuilt_top(
+        &self,
+        scene: &Scene,
+        plan: &Plan,
+        options: &BuildOptions<'_>,
+    ) -> Result<Option<TopTree>, SceneBuildError> {
+        let is_there = |placement: &Option<Placement>| {
+            placement.as_ref().is_some_and(|placement| placement.world_box.is_some())
+        };
+        let same =
+            plan.placements.iter().all(|(name, becomes)| self.top.has(name.0) == is_there(becomes));
+        if same {
+            return Ok(None);
+        }
+        if let Some(limit) = options.max_memory {
+            let new: u64 =
+                plan.geometries.iter().flat_map(|(_, new)| new).map(|new| new.bytes()).sum();
+            let names = scene.instance_names();
+            let placements = (names * size_of::<Option<Placement>>()) as u64;
+            let needed = self.bytes() + new + placements + top_tree_bytes(scene.len(), names);
+            if needed > limit {
+                return Err(SceneBuildError::OutOfMemory { needed, limit });
+            }
+        }
+        self.top_of(scene.instance_names(), &plan.placements).map(Some)
+    }
+
+    /// The tree over placements, some of which are replaced: those are in ascending order.
+    fn top_of(
+        &self,
+        names: usize,
+        replaced: &[(InstanceId, Option<Placement>)],
+    ) -> Result<TopTree, SceneBuildError> {
+        let mut boxes: Vec<(u32, WorldBox)> = Vec::new();
+        let mut next = replaced.iter().peekable();
+        for name in 0..names.max(self.placements.len()) as u32 {
+            let placement = match next.next_if(|(replaced, _)| replaced.0 == name) {
+                Some((_, becomes)) => becomes.as_ref(),
+                None => self.placement(InstanceId(name)),
+            };
+            if let Some(Placement { world_box: Some(own), .. }) = placement {
+                push(&mut boxes, (name, *own))?;
+            }
+        }
+        let bytes = top_tree_bytes(boxes.len(), names);
+        TopTree::build(names, boxes.into_iter()).ok_or_else(|| lacking(bytes))
+    }
+}
+
+fn lacking(bytes: u64) -> SceneBuildError {
+    SceneBuildError::OutOfMemory { needed: bytes, limit: bytes }
+}
+
+fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneBuildError> {
+    let bytes = more.saturating_mul(size_of::<T>()) as u64;
+    list.try_reserve(more).map_err(|_| lacking(bytes))
+}
+
+fn push<T>(list: &mut Vec<T>, one: T) -> Result<(), SceneBuildError> {
+    reserve(list, 1)?;
+    list.push(one);
+    Ok(())
+}
+
+/// Makes a place for each name.
+fn make_room<T>(list: &mut Vec<Option<T>>, names: usize) -> Result<(), SceneBuildError> {
+    if list.len() < names {
+        reserve(list, names - list.len())?;
+        list.resize_with(names, || None);
+    }
+    Ok(())
+}

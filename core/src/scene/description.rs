@@ -1,0 +1,465 @@
+//! The description of a scene, which its user edits.
+
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+use super::error::SceneError;
+use super::hit::{GeometryId, InstanceId, MAX_INSTANCES};
+use super::transform::{IDENTITY, ObjectSpace, Transform};
+use crate::mesh::{Mesh, MeshError};
+use crate::ray::Culling;
+
+/// An instance: a geometry, placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// The geometry.
+    pub geometry: GeometryId,
+    /// From the object's space to the world.
+    pub transform: Transform,
+    /// Rays enter the instance when a bit of theirs is in this mask.
+    pub mask: u32,
+    /// A number of the user's, which means nothing here.
+    pub id: u32,
+    /// The side of its triangles that this instance ignores, whatever the query; seen in the world.
+    pub culling: Culling,
+}
+
+impl Instance {
+    /// An instance that lets nothing be ignored: all bits of the mask, no culling, number 0.
+    pub const fn new(geometry: GeometryId, transform: Transform) -> Instance {
+        Instance { geometry, transform, mask: u32::MAX, id: 0, culling: Culling::None }
+    }
+
+    /// The geometry where it is.
+    pub const fn in_place(geometry: GeometryId) -> Instance {
+        Instance::new(geometry, IDENTITY)
+    }
+}
+
+/// The arrays of a geometry's mesh.
+#[derive(Debug)]
+pub struct GeometryMesh {
+    positions: Vec<[f32; 3]>,
+    indices: Option<Vec<[u32; 3]>>,
+}
+
+impl GeometryMesh {
+    fn copied(mesh: &Mesh<'_>) -> Result<GeometryMesh, SceneError> {
+        let (positions, indices) = mesh.arrays();
+        Ok(GeometryMesh {
+            positions: copied(positions)?,
+            indices: indices.map(copied).transpose()?,
+        })
+    }
+
+    /// The mesh.
+    ///
+    /// # Errors
+    /// None: the arrays are those of a mesh.
+    pub fn mesh(&self) -> Result<Mesh<'_>, MeshError> {
+        match &self.indices {
+            Some(indices) => Mesh::indexed(&self.positions, indices),
+            None => Mesh::soup(self.positions.as_chunks().0),
+        }
+    }
+}
+
+fn copied<T: Copy>(slice: &[T]) -> Result<Vec<T>, SceneError> {
+    let mut own = Vec::new();
+    reserve(&mut own, slice.len())?;
+    own.extend_from_slice(slice);
+    Ok(own)
+}
+
+fn reserve<T>(list: &mut Vec<T>, more: usize) -> Result<(), SceneError> {
+    let bytes = more.saturating_mul(size_of::<T>()) as u64;
+    list.try_reserve(more).map_err(|_| SceneError::OutOfMemory { bytes })
+}
+
+/// Which instances changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Changes<'a> {
+    /// At most these; one may be named several times.
+    These(&'a [InstanceId]),
+    /// Any may have.
+    Unknown,
+}
+
+/// The edits of instances since some time, as many as are worth keeping.
+#[derive(Debug, Default)]
+struct EditLog {
+    /// Edits before those that are kept.
+    before: u64,
+    kept: Vec<InstanceId>,
+}
+
+/// Where a scene was in its edits, for who wants to know what changed since.
+#[derive(Clone, Debug)]
+pub struct Edits {
+    scene: Arc<()>,
+    count: u64,
+}
+
+/// A geometry of a scene and how many instances it has.
+#[derive(Debug)]
+struct Geometry {
+    mesh: Arc<GeometryMesh>,
+    instances: u32,
+}
+
+/// What is at the place of a name.
+#[derive(Clone, Debug)]
+pub enum State<T> {
+    /// Something.
+    There(T),
+    /// Nothing; the place will be used again.
+    Free,
+}
+
+impl<T> State<T> {
+    /// What is there, if anything.
+    pub const fn there(&self) -> Option<&T> {
+        match self {
+            State::There(it) => Some(it),
+            State::Free => None,
+        }
+    }
+}
+
+/// A description of many objects. It has its own copies of the meshes.
+///
+/// ```
+/// use splitplane_core::mesh::Mesh;
+/// use splitplane_core::scene::{Instance, Scene, translation};
+///
+/// let triangle = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+/// let mut scene = Scene::new();
+/// let geometry = scene.add_mesh(&Mesh::soup(&triangle).unwrap()).unwrap();
+/// let instance = scene.add_instance(Instance::in_place(geometry)).unwrap();
+/// scene.move_instance(instance, translation([0.0, 0.0, 2.0])).unwrap();
+/// ```
+#[derive(Debug, Default)]
+pub struct Scene {
+    geometries: Vec<State<Geometry>>,
+    free_geometries: Vec<u32>,
+    instances: Vec<State<Instance>>,
+    free_instances: Vec<u32>,
+    /// Instances that are there.
+    count: usize,
+    identity: Arc<()>,
+    log: EditLog,
+}
+
+impl Scene {
+    /// A scene without anything.
+    pub fn new() -> Scene {
+        Scene::default()
+    }
+
+    /// Adds a geometry: a copy of a mesh.
+    ///
+    /// # Errors
+    /// Too many geometries, or no memory for it.
+    pub fn add_mesh(&mut self, mesh: &Mesh<'_>) -> Result<GeometryId, SceneError> {
+        let place = next_place(&mut self.geometries, &self.free_geometries)
+            .ok_or(SceneError::TooManyGeometries)??;
+        let mesh = Arc::new(GeometryMesh::copied(mesh)?);
+        fill(&mut self.geometries, &mut self.free_geometries, Geometry { mesh, instances: 0 });
+        Ok(GeometryId(place))
+    }
+
+    /// Gives a geometry another mesh; its instances stay.
+    ///
+    /// # Errors
+    /// No such geometry, or no memory for the mesh.
+    pub fn replace_mesh(
+        &mut self,
+        geometry: GeometryId,
+        mesh: &Mesh<'_>,
+    ) -> Result<(), SceneError> {
+        let own = self.geometry_mut(geometry)?;
+        own.mesh = Arc::new(GeometryMesh::copied(mesh)?);
+        Ok(())
+    }
+
+    /// Removes a geometry.
+    ///
+    /// # Errors
+    /// No such geometry, or one that has instances.
+    pub fn remove_geometry(&mut self, geometry: GeometryId) -> Result<(), SceneError> {
+        let instances = self.geometry_mut(geometry)?.instances;
+        if instances > 0 {
+            let first = self.instances().find(|(_, instance)| instance.geometry == geometry);
+            return Err(SceneError::GeometryInUse {
+                geometry: geometry.0,
+                instances,
+                instance: first.map_or(u32::MAX, |(instance, _)| instance.0),
+            });
+        }
+        reserve(&mut self.free_geometries, 1)?;
+        self.free_geometries.push(geometry.0);
+        self.geometries[geometry.0 as usize] = State::Free;
+        Ok(())
+    }
+
+    /// Adds an instance.
+    ///
+    /// # Errors
+    /// No such geometry, a transform that is not finite or has no inverse, too many instances, or no memory.
+    pub fn add_instance(&mut self, instance: Instance) -> Result<InstanceId, SceneError> {
+        self.geometry_mut(instance.geometry)?;
+        let place = next_place(&mut self.instances, &self.free_instances)
+            .ok_or(SceneError::TooManyInstances)??;
+        check(place, &instance.transform)?;
+        self.note(InstanceId(place))?;
+        fill(&mut self.instances, &mut self.free_instances, instance);
+        self.geometry_mut(instance.geometry)?.instances += 1;
+        self.count += 1;
+        Ok(InstanceId(place))
+    }
+
+    /// Removes an instance.
+    ///
+    /// # Errors
+    /// No such instance.
+    pub fn remove_instance(&mut self, instance: InstanceId) -> Result<(), SceneError> {
+        let geometry = self.instance(instance)?.geometry;
+        reserve(&mut self.free_instances, 1)?;
+        self.note(instance)?;
+        self.geometry_mut(geometry)?.instances -= 1;
+        self.free_instances.push(instance.0);
+        self.instances[instance.0 as usize] = State::Free;
+        self.count -= 1;
+        Ok(())
+    }
+
+    /// Moves an instance: from now on this is its transform.
+    ///
+    /// # Errors
+    /// No such instance, or a transform that is not finite or has no inverse.
+    pub fn move_instance(
+        &mut self,
+        instance: InstanceId,
+        transform: Transform,
+    ) -> Result<(), SceneError> {
+        self.set_instance(instance, Instance { transform, ..*self.instance(instance)? })
+    }
+
+    /// Gives an instance another mask.
+    ///
+    /// # Errors
+    /// No such instance.
+    pub fn set_mask(&mut self, instance: InstanceId, mask: u32) -> Result<(), SceneError> {
+        self.set_instance(instance, Instance { mask, ..*self.instance(instance)? })
+    }
+
+    /// Replaces all that an instance is, its geometry included.
+    ///
+    /// # Errors
+    /// No such instance or geometry, or a transform that is not finite or has no inverse.
+    pub fn set_instance(
+        &mut self,
+        instance: InstanceId,
+        becomes: Instance,
+    ) -> Result<(), SceneError> {
+        let was = *self.instance(instance)?;
+        self.geometry_mut(becomes.geometry)?;
+        if becomes.transform != was.transform {
+            check(instance.0, &becomes.transform)?;
+        }
+        self.note(instance)?;
+        self.geometry_mut(was.geometry)?.instances -= 1;
+        self.geometry_mut(becomes.geometry)?.instances += 1;
+        self.instances[instance.0 as usize] = State::There(becomes);
+        Ok(())
+    }
+
+    /// An instance.
+    ///
+    /// # Errors
+    /// No such instance.
+    pub fn instance(&self, instance: InstanceId) -> Result<&Instance, SceneError> {
+        let place = self.instances.get(instance.0 as usize).and_then(State::there);
+        place.ok_or(SceneError::UnknownInstance { instance: instance.0 })
+    }
+
+    /// The arrays of a geometry, which do not change as long as anybody holds them.
+    ///
+    /// # Errors
+    /// No such geometry.
+    pub fn geometry(&self, geometry: GeometryId) -> Result<&Arc<GeometryMesh>, SceneError> {
+        match self.geometries.get(geometry.0 as usize).and_then(State::there) {
+            Some(own) => Ok(&own.mesh),
+            None => Err(SceneError::UnknownGeometry { geometry: geometry.0 }),
+        }
+    }
+
+    fn geometry_mut(&mut self, geometry: GeometryId) -> Result<&mut Geometry, SceneError> {
+        match self.geometries.get_mut(geometry.0 as usize) {
+            Some(State::There(own)) => Ok(own),
+            _ => Err(SceneError::UnknownGeometry { geometry: geometry.0 }),
+        }
+    }
+
+    /// All instances, in the order of their names.
+    pub fn instances(&self) -> impl Iterator<Item = (InstanceId, &Instance)> {
+        let named = self.instances.iter().enumerate();
+        named.filter_map(|(name, at)| Some((InstanceId(name as u32), at.there()?)))
+    }
+
+    /// All geometries, in the order of their names.
+    pub fn geometries(&self) -> impl Iterator<Item = (GeometryId, &Arc<GeometryMesh>)> {
+        let named = self.geometries.iter().enumerate();
+        named.filter_map(|(name, at)| Some((GeometryId(name as u32), &at.there()?.mesh)))
+    }
+
+    /// How many instances there are.
+    pub const fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True for a scene without instances.
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// One more than the greatest name that an instance has had.
+    pub fn instance_names(&self) -> usize {
+        self.instances.len()
+    }
+
+    /// One more than the greatest name that a geometry has had.
+    pub fn geometry_names(&self) -> usize {
+        self.geometries.len()
+    }
+
+    /// The present, for [`Scene::changes_since`].
+    pub fn edits(&self) -> Edits {
+        Edits { scene: Arc::clone(&self.identity), count: self.log.now() }
+    }
+
+    /// Which instances changed since then.
+    pub fn changes_since(&self, then: &Edits) -> Changes<'_> {
+        if !Arc::ptr_eq(&self.identity, &then.scene) || then.count < self.log.before {
+            return Changes::Unknown;
+        }
+        match self.log.kept.get((then.count - self.log.before) as usize..) {
+            Some(changed) => Changes::These(changed),
+            None => Changes::Unknown,
+        }
+    }
+
+    /// Notes that an instance changes.
+    fn note(&mut self, instance: InstanceId) -> Result<(), SceneError> {
+        // More than this is no less work than to look at all instances.
+        if self.log.kept.len() >= self.instances.len().max(64) {
+            self.log.before += self.log.kept.len() as u64;
+            self.log.kept.clear();
+        }
+        reserve(&mut self.log.kept, 1)?;
+        self.log.kept.push(instance);
+        Ok(())
+    }
+}
+
+impl EditLog {
+    fn now(&self) -> u64 {
+        self.before + self.kept.len() as u64
+    }
+}
+
+/// The next free place, with room for what will be there; `None` where there are too many.
+fn next_place<T>(places: &mut Vec<State<T>>, free: &[u32]) -> Option<Result<u32, SceneError>> {
+    if let Some(&place) = free.last() {
+        return Some(Ok(place));
+    }
+    if places.len() >= MAX_INSTANCES {
+        return None;
+    }
+    Some(reserve(places, 1).map(|()| places.len() as u32))
+}
+
+/// Puts something at the next free place.
+fn fill<T>(places: &mut Vec<State<T>>, free: &mut Vec<u32>, it: T) {
+    match free.pop() {
+        Some(place) => places[place as usize] = State::There(it),
+        None => places.push(State::There(it)),
+    }
+}
+
+/// Checks a transform of an instance.
+fn check(instance: u32, transform: &Transform) -> Result<(), SceneError> {
+    for (row, numbers) in transform.iter().enumerate() {
+        if let Some(column) = numbers.iter().position(|x| !x.is_finite()) {
+            return Err(SceneError::NonFiniteTransform { instance, row, column });
+        }
+    }
+    ObjectSpace::new(transform).map(|_| ()).ok_or(SceneError::SingularTransform { instance })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::transform::translation;
+
+    const TRIANGLE: [[[f32; 3]; 3]; 1] = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
+
+    #[test]
+    fn edits_are_checked_and_named() {
+        let mesh = Mesh::soup(&TRIANGLE).unwrap();
+        let mut scene = Scene::new();
+        let geometry = scene.add_mesh(&mesh).unwrap();
+        let first = scene.add_instance(Instance::in_place(geometry)).unwrap();
+        let second = scene.add_instance(Instance::in_place(geometry)).unwrap();
+        assert_eq!((first, second, scene.len()), (InstanceId(0), InstanceId(1), 2));
+
+        let mut bad = IDENTITY;
+        bad[1][3] = f32::NAN;
+        assert_eq!(
+            scene.move_instance(second, bad),
+            Err(SceneError::NonFiniteTransform { instance: 1, row: 1, column: 3 })
+        );
+        let flat = [[1.0, 0.0, 0.0, 0.0]; 3];
+        let error = Err(SceneError::SingularTransform { instance: 2 });
+        assert_eq!(scene.add_instance(Instance::new(geometry, flat)), error);
+        let error = Err(SceneError::UnknownGeometry { geometry: 9 });
+        assert_eq!(scene.add_instance(Instance::in_place(GeometryId(9))), error);
+        assert_eq!(scene.len(), 2);
+
+        let in_use = SceneError::GeometryInUse { geometry: 0, instances: 2, instance: 0 };
+        assert_eq!(scene.remove_geometry(geometry), Err(in_use));
+        scene.remove_instance(first).unwrap();
+        let gone = SceneError::UnknownInstance { instance: 0 };
+        assert_eq!(scene.move_instance(first, IDENTITY), Err(gone));
+        assert_eq!(scene.remove_instance(first), Err(gone));
+        // The name is given again.
+        assert_eq!(scene.add_instance(Instance::in_place(geometry)), Ok(first));
+        for instance in [first, second] {
+            scene.remove_instance(instance).unwrap();
+        }
+        scene.remove_geometry(geometry).unwrap();
+        assert!(scene.is_empty() && scene.geometries().next().is_none());
+        let error = Err(SceneError::UnknownGeometry { geometry: 0 });
+        assert_eq!(scene.replace_mesh(geometry, &mesh), error);
+        assert_eq!(scene.add_mesh(&mesh), Ok(geometry));
+    }
+
+    #[test]
+    fn changes_are_known_for_as_long_as_it_pays() {
+        let mut scene = Scene::new();
+        let geometry = scene.add_mesh(&Mesh::soup(&TRIANGLE).unwrap()).unwrap();
+        let all: Vec<_> =
+            (0..100).map(|_| scene.add_instance(Instance::in_place(geometry)).unwrap()).collect();
+        let then = scene.edits();
+        assert_eq!(scene.changes_since(&then), Changes::These(&[]));
+        scene.set_mask(all[7], 1).unwrap();
+        scene.move_instance(all[3], translation([1.0, 0.0, 0.0])).unwrap();
+        assert_eq!(scene.changes_since(&then), Changes::These(&[all[7], all[3]]));
+        assert_eq!(Scene::new().changes_since(&then), Changes::Unknown);
+        for _ in 0..2 {
+            all.iter().for_each(|&one| scene.set_mask(one, 2).unwrap());
+        }
+        assert_eq!(scene.changes_since(&then), Changes::Unknown);
+        assert!(scene.log.kept.len() <= 100);
+    }
+}

@@ -1,0 +1,34 @@
+//! Scenes of many objects: geometries, and instances of them.
+//!
+//! A [`Scene`] is a description that its user edits: meshes, and instances that place them in the world. A backend
+//! makes of it what answers rays ([`Backend::build_scene`](crate::backend::Backend::build_scene)), and brings that up to
+//! date after edits, remaking only what changed.
+//!
+//! A ray goes into an object's space by guarded operations in a stated order ([`ObjectSpace`]); the direction keeps its
+//! length, so that `t` is the caller's and one `t` orders all instances. There the geometry's own query answers it, by
+//! whatever backend and accuracy. Which instances a ray has to enter is found by a tree over their boxes
+//! ([`TopTree`]), which are wide enough for what the transforms' roundings move ([`WorldBox`]). So no hit depends on
+//! that tree, and it may be refitted while instances move.
+
+mod description;
+mod error;
+mod hit;
+mod options;
+mod placement;
+mod top_build;
+mod top_refit;
+mod top_tree;
+mod top_walk;
+mod transform;
+mod world_box;
+
+pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
+pub use error::{SceneBuildError, SceneError};
+pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
+pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
+pub use placement::Placement;
+pub use top_build::top_tree_bytes;
+pub use top_tree::{TopNode, TopTree};
+pub use top_walk::{TopRay, TopStack, WIDEST_STACK};
+pub use transform::{IDENTITY, ObjectSpace, Transform, translation};
+pub use world_box::WorldBox;

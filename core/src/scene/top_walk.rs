@@ -1,0 +1,156 @@
+//! Traversal of the tree over instances, which can be interrupted after each.
+
+use super::top_build::SAH_LEVELS;
+use super::top_tree::{INSTANCE, NONE, TopNode, TopTree, WIDTH};
+use crate::arithmetic::snap;
+use crate::query::intersect::STOP_SLACK;
+use crate::ray::Ray;
+
+/// Entries of a stack that serves every tree: after the levels of the SAH, those that halve 2^28 instances.
+pub const WIDEST_STACK: usize = (WIDTH - 1) * (SAH_LEVELS + 28) + 1;
+
+/// Components of a direction are taken to be at least this part of the greatest.
+const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80
+/// Rays whose direction is longer, or shorter than the reciprocal, enter every instance.
+const DIRECTION_MOST: f32 = 1.099_511_6e12; // 2^40
+/// Rays from farther away enter every instance.
+const ORIGIN_MOST: f32 = 1.152_921_5e18; // 2^60
+
+/// A ray, ready for the tree over instances.
+#[derive(Clone, Copy, Debug)]
+pub struct TopRay {
+    origin: [f32; 3],
+    reciprocal: [f32; 3],
+    /// Greatest component of the origin.
+    distance: f32,
+    /// Lower limit, a little wide.
+    t_min: f32,
+    /// False for a ray that enters everything.
+    tame: bool,
+}
+
+impl TopRay {
+    /// A ray that can be traced; `None` for one that hits nothing: an origin or a direction that is not finite, a zero
+    /// direction, no `t` between the limits.
+    #[inline]
+    pub fn new(ray: &Ray) -> Option<TopRay> {
+        let mut finite = true;
+        for axis in 0..3 {
+            finite &= ray.origin[axis].abs() <= f32::MAX;
+            finite &= ray.direction[axis].abs() <= f32::MAX;
+        }
+        let some_t = ray.t_min <= ray.t_max;
+        let greatest = |v: [f32; 3]| v.into_iter().fold(0.0f32, |m, x| m.max(x.abs()));
+        let length = greatest(ray.direction.map(snap));
+        if !(finite & some_t) || length == 0.0 {
+            return None;
+        }
+        let distance = greatest(ray.origin);
+        let tame =
+            (1.0 / DIRECTION_MOST..=DIRECTION_MOST).contains(&length) && distance <= ORIGIN_MOST;
+        let least = length * DIRECTION_LEAST;
+        let reciprocal = ray.direction.map(|d| 1.0 / if d.abs() < least { least } else { d });
+        let t_min = (ray.t_min - ray.t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE;
+        Some(TopRay { origin: ray.origin, reciprocal, distance, t_min, tame })
+    }
+
+    /// Where the ray enters the boxes of a node's children that it meets up to `stop`: `f32::INFINITY` for the others. A
+    /// box within another is never entered before the other, nor met without it.
+    #[inline]
+    fn enter(&self, node: &TopNode, stop: f32) -> [f32; WIDTH] {
+        let mut near = [self.t_min; WIDTH];
+        let mut far = [stop; WIDTH];
+        if !self.tame {
+            return node
+                .children
+                .map(|child| if child == NONE { f32::INFINITY } else { -f32::MAX });
+        }
+        for axis in 0..3 {
+            let (origin, reciprocal) = (self.origin[axis], self.reciprocal[axis]);
+            for slot in 0..WIDTH {
+                let reach = node.reach[slot] * self.distance;
+                let low = ((node.lo[axis][slot] - reach) - origin) * reciprocal;
+                let high = ((node.hi[axis][slot] + reach) - origin) * reciprocal;
+                let (first, last) = if low < high { (low, high) } else { (high, low) };
+                near[slot] = if first > near[slot] { first } else { near[slot] };
+                far[slot] = if last < far[slot] { last } else { far[slot] };
+            }
+        }
+        let mut enter = [f32::INFINITY; WIDTH];
+        for slot in 0..WIDTH {
+            let met = (near[slot] <= far[slot]) & (node.children[slot] != NONE);
+            enter[slot] = if met { near[slot].min(f32::MAX) } else { f32::INFINITY };
+        }
+        enter
+    }
+}
+
+/// Beyond this no box can have a hit at `t_max` or before: the `t` of a hit may be off by half of `STOP_SLACK`, and one below
+/// the least normal float counts as 0.
+#[inline]
+fn stop_after(t_max: f32) -> f32 {
+    let t_max = if t_max >= 0.0 { t_max.max(f32::MIN_POSITIVE) } else { t_max };
+    t_max + t_max.abs() * STOP_SLACK
+}
+
+/// A stack of nodes and instances that a ray still has to enter, the next one last. An entry is where the ray enters
+/// the box, and the child.
+pub type TopStack = (f32, u32);
+
+impl TopTree {
+    /// Entries of a stack.
+    pub const fn stack(&self) -> usize {
+        (WIDTH - 1) * self.depth + 1
+    }
+
+    /// Puts the root on a stack of at least [`TopTree::stack`] entries. Returns how many entries there are then.
+    #[inline]
+    pub fn begin(&self, stack: &mut [TopStack]) -> usize {
+        if self.nodes.is_empty() {
+            return 0;
+        }
+        stack[0] = (-f32::MAX, 0);
+        1
+    }
+
+    /// The next instance that the ray enters before `t_max`, nearest boxes first; `None` when there is none left. `top` is
+    /// the number of entries. Between two calls `t_max` may fall.
+    #[inline]
+    pub fn next(
+        &self,
+        ray: &TopRay,
+        t_max: f32,
+        stack: &mut [TopStack],
+        top: &mut usize,
+    ) -> Option<u32> {
+        let stop = stop_after(t_max);
+        while *top > 0 {
+            *top -= 1;
+            let (enter, child) = stack[*top];
+            if enter > stop {
+                continue;
+            }
+            if child & INSTANCE != 0 {
+                return Some(child & !INSTANCE);
+            }
+            let node = &self.nodes[child as usize];
+            let entered = ray.enter(node, stop);
+            let bottom = *top;
+            for slot in 0..WIDTH {
+                let t = entered[slot];
+                if t == f32::INFINITY {
+                    continue;
+                }
+                // The farthest first; of equals, the first child is the next.
+                let mut at = *top;
+                while at > bottom && stack[at - 1].0 <= t {
+                    stack[at] = stack[at - 1];
+                    at -= 1;
+                }
+                stack[at] = (t, node.children[slot]);
+                *top += 1;
+            }
+        }
+        None
+    }
+}

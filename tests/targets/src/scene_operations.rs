@@ -1,0 +1,244 @@
+//! Edits of a scene in any order, brought up to date after some of them: what comes out is what a scene built from
+//! nothing is, and the same as a list of what should be there.
+
+use core::ops::ControlFlow;
+use std::collections::BTreeMap;
+
+use crate::source::Source;
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::{
+    GeometryId, IDENTITY, Instance, InstanceId, Scene, SceneError, SceneHit, SceneOptions,
+    Transform,
+};
+use splitplane_core::watch::Progress;
+use splitplane_cpu::CpuBackend;
+
+thread_local! {
+    static BACKEND: CpuBackend = CpuBackend::new();
+}
+
+/// Edits of one input.
+const EDITS: usize = 40;
+/// Instances of one scene.
+const INSTANCES: usize = 24;
+
+/// Bytes as edits, for the CPU backend.
+pub fn run(data: &[u8]) {
+    crate::single_thread();
+    BACKEND.with(|backend| run_on(data, backend, |scene| scene));
+}
+
+/// The same, with what is built given through `fault`.
+pub fn run_on(
+    data: &[u8],
+    backend: &dyn Backend,
+    fault: impl Fn(Box<dyn SceneAccelerator>) -> Box<dyn SceneAccelerator>,
+) {
+    let source = &mut Source::new(data);
+    let options = BuildOptions::default();
+    let mut scene = Scene::new();
+    let mut model = Model::default();
+    let built = backend.build_scene(&scene, &options).expect("an empty scene");
+    let mut built = fault(built);
+    for _ in 0..EDITS {
+        edit(source, &mut scene, &mut model);
+        model.check(&scene);
+        if source.once_in(4) || source.is_empty() {
+            update(source, backend, &scene, &mut built);
+        }
+        if source.is_empty() {
+            break;
+        }
+    }
+    update(source, backend, &scene, &mut built);
+}
+
+/// What should be there.
+#[derive(Default)]
+struct Model {
+    geometries: BTreeMap<u32, Vec<[[f32; 3]; 3]>>,
+    instances: BTreeMap<u32, Instance>,
+}
+
+impl Model {
+    fn check(&self, scene: &Scene) {
+        let instances: Vec<_> = scene.instances().map(|(name, own)| (name.0, *own)).collect();
+        let expected: Vec<_> = self.instances.iter().map(|(&name, &own)| (name, own)).collect();
+        assert_eq!(instances, expected);
+        assert_eq!(scene.len(), expected.len());
+        let geometries: Vec<u32> = scene.geometries().map(|(name, _)| name.0).collect();
+        assert_eq!(geometries, self.geometries.keys().copied().collect::<Vec<_>>());
+    }
+}
+
+fn triangles(source: &mut Source<'_>) -> Vec<[[f32; 3]; 3]> {
+    let count = source.below(9);
+    (0..count).map(|_| [(); 3].map(|()| [(); 3].map(|()| source.number()))).collect()
+}
+
+fn transform(source: &mut Source<'_>) -> Transform {
+    let mut out = IDENTITY;
+    match source.below(4) {
+        0 => {}
+        1 => out.iter_mut().for_each(|row| row[3] = source.step()),
+        2 => {
+            for (axis, row) in out.iter_mut().enumerate() {
+                (row[axis], row[3]) = (source.number(), source.step());
+            }
+        }
+        _ => out.iter_mut().for_each(|row| *row = [(); 4].map(|()| source.number())),
+    }
+    out
+}
+
+fn instance(source: &mut Source<'_>, geometry: GeometryId) -> Instance {
+    Instance {
+        mask: source.pick(&[u32::MAX, 1, 2, 3, 0]),
+        id: source.below(100) as u32,
+        culling: source.pick(&[Culling::None, Culling::Back, Culling::Front]),
+        ..Instance::new(geometry, transform(source))
+    }
+}
+
+/// Whether a transform is refused, and for what.
+fn refusal(name: u32, transform: &Transform, error: SceneError) {
+    let finite = transform.iter().flatten().all(|x| x.is_finite());
+    match error {
+        SceneError::NonFiniteTransform { instance, row, column } => {
+            assert!(instance == name && !transform[row][column].is_finite());
+        }
+        SceneError::SingularTransform { instance } => assert!(finite && instance == name),
+        error => panic!("{error}"),
+    }
+    crate::check_message(&error.to_string(), &format!("instance {name} "));
+}
+
+/// One edit, of both.
+fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
+    // Names that are there, and some that are not.
+    let name = |source: &mut Source<'_>, most: usize| source.below(most + 1) as u32;
+    let geometry = GeometryId(name(source, scene.geometry_names()));
+    let one = InstanceId(name(source, scene.instance_names()));
+    let is_there = model.instances.get(&one.0).copied();
+    match source.below(8) {
+        0 => {
+            let triangles = triangles(source);
+            let added = scene.add_mesh(&Mesh::soup(&triangles).expect("a mesh"));
+            assert!(model.geometries.insert(added.expect("a name").0, triangles).is_none());
+        }
+        1 => {
+            let triangles = triangles(source);
+            let replaced = scene.replace_mesh(geometry, &Mesh::soup(&triangles).expect("a mesh"));
+            assert_eq!(replaced.is_ok(), model.geometries.contains_key(&geometry.0));
+            if replaced.is_ok() {
+                model.geometries.insert(geometry.0, triangles);
+            }
+        }
+        2 => {
+            let used = model.instances.values().filter(|own| own.geometry == geometry).count();
+            match scene.remove_geometry(geometry) {
+                Ok(()) => assert!(used == 0 && model.geometries.remove(&geometry.0).is_some()),
+                Err(SceneError::GeometryInUse { instances, instance, .. }) => {
+                    assert_eq!(instances as usize, used);
+                    assert_eq!(model.instances[&instance].geometry, geometry);
+                }
+                Err(error) => {
+                    assert_eq!(error, SceneError::UnknownGeometry { geometry: geometry.0 });
+                    assert!(!model.geometries.contains_key(&geometry.0));
+                }
+            }
+        }
+        3 => match scene.remove_instance(one) {
+            Ok(()) => assert!(model.instances.remove(&one.0).is_some()),
+            Err(error) => {
+                assert_eq!(error, SceneError::UnknownInstance { instance: one.0 });
+                assert!(is_there.is_none());
+            }
+        },
+        4 => {
+            let to = transform(source);
+            match (scene.move_instance(one, to), is_there) {
+                (Ok(()), Some(was)) => {
+                    model.instances.insert(one.0, Instance { transform: to, ..was });
+                }
+                (Err(error), Some(_)) => refusal(one.0, &to, error),
+                (moved, None) => {
+                    assert_eq!(moved, Err(SceneError::UnknownInstance { instance: one.0 }));
+                }
+            }
+        }
+        5 => {
+            let mask = source.bits();
+            let masked = scene.set_mask(one, mask);
+            assert_eq!(masked.is_ok(), is_there.is_some());
+            model.instances.entry(one.0).and_modify(|own| own.mask = mask);
+        }
+        _ if model.instances.len() < INSTANCES => {
+            let own = instance(source, geometry);
+            let next = scene.instance_names() as u32;
+            match scene.add_instance(own) {
+                Ok(name) => assert!(model.instances.insert(name.0, own).is_none()),
+                Err(SceneError::UnknownGeometry { .. }) => {
+                    assert!(!model.geometries.contains_key(&geometry.0));
+                }
+                Err(
+                    error @ (SceneError::NonFiniteTransform { instance, .. }
+                    | SceneError::SingularTransform { instance }),
+                ) => {
+                    assert!(instance <= next && !model.instances.contains_key(&instance));
+                    refusal(instance, &own.transform, error);
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+        _ => {}
+    }
+}
+
+/// Brings the scene up to date, maybe after a call that is cancelled, and holds it to one that is built from nothing.
+fn update(
+    source: &mut Source<'_>,
+    backend: &dyn Backend,
+    scene: &Scene,
+    built: &mut Box<dyn SceneAccelerator>,
+) {
+    let options = BuildOptions::default();
+    if source.once_in(3) {
+        let before = built.scene().digest();
+        let stop = |_: &Progress| ControlFlow::Break(());
+        let cancelled = BuildOptions { watch: Some(&stop), ..options };
+        if backend.update_scene(built, scene, &cancelled).is_err() {
+            assert_eq!(built.scene().digest(), before);
+        }
+    }
+    backend.update_scene(built, scene, &options).expect("an update");
+    let fresh = backend.build_scene(scene, &options).expect("a scene");
+    assert_eq!(built.scene().digest(), fresh.scene().digest());
+    let rays: Vec<Ray> = (0..12)
+        .map(|_| {
+            let mut point = || [(); 3].map(|()| source.step());
+            Ray::segment(point(), point()).with_limits(-1.0, f32::INFINITY)
+        })
+        .collect();
+    for accuracy in [Accuracy::Watertight, Accuracy::Exact] {
+        let query = SceneOptions { accuracy, mask: 1, ..SceneOptions::default() };
+        let of = |scene: &dyn SceneAccelerator| {
+            let mut hits = vec![SceneHit::MISS; rays.len()];
+            scene.closest_hits(&rays, &mut hits, &query).expect("hits");
+            hits
+        };
+        let (hits, expected) = (of(&**built), of(&*fresh));
+        let same = |a: &[SceneHit], b: &[SceneHit]| {
+            bytemuck::cast_slice::<_, u8>(a) == bytemuck::cast_slice::<_, u8>(b)
+        };
+        assert!(same(&hits, &expected), "{hits:?} {expected:?}");
+        for (ray, hit) in rays.iter().zip(&hits) {
+            let by_all: SceneHit = built.scene().answer_by_all(ray, &query);
+            assert!(same(&[by_all], &[*hit]), "{ray:?} {hit:?} {by_all:?}");
+            assert_eq!(built.any_hit(ray, &query), hit.is_hit(), "{ray:?}");
+        }
+    }
+}
