@@ -1,14 +1,15 @@
 // The stack of a traversal of compressed nodes in the memory of the workgroup, for kernels of 64 invocations. An entry
-// is a node or a leaf, and where the ray enters its box. A ray that needs more is deferred.
+// is a node, and the key of one of its children: where the ray enters the child's box, and its place among the children. A
+// ray that needs more is deferred.
 
-const BOX_ENTRIES: u32 = 24u;
+const BOX_ENTRIES: u32 = 16u;
 const LANES: u32 = 64u;
 // From one entry to the next: those of all lanes lie side by side. Below it, the stack is empty.
 const STACK_STEP: u32 = LANES;
 const BOX_STACK_SIZE: u32 = LANES * BOX_ENTRIES;
 
-var<workgroup> stack_words: array<u32, BOX_STACK_SIZE>;
-var<workgroup> stack_enters: array<f32, BOX_STACK_SIZE>;
+// Key and node.
+var<workgroup> stack_entries: array<vec2<u32>, BOX_STACK_SIZE>;
 
 // The invocation's index in its workgroup. An entry point sets it.
 var<private> stack_lane: u32;
@@ -21,15 +22,14 @@ fn stack_has(entry: u32) -> bool {
     return entry < STACK_STEP + BOX_STACK_SIZE;
 }
 
-fn stack_store(at: u32, word: u32, enter: f32) {
-    stack_words[at - STACK_STEP] = word;
-    stack_enters[at - STACK_STEP] = enter;
+// Puts a child on the stack if it is one, and returns where the stack ends then. Beyond its room nothing is stored.
+fn stack_pushed(at: u32, key: u32, node: u32) -> u32 {
+    if key != NO_CHILD && stack_has(at) {
+        stack_entries[at - STACK_STEP] = vec2<u32>(key, node);
+    }
+    return at + select(STACK_STEP, 0u, key == NO_CHILD);
 }
 
-fn stack_word(at: u32) -> u32 {
-    return stack_words[at - STACK_STEP];
-}
-
-fn stack_enter(at: u32) -> f32 {
-    return stack_enters[at - STACK_STEP];
+fn stack_entry(at: u32) -> vec2<u32> {
+    return stack_entries[at - STACK_STEP];
 }

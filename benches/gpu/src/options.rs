@@ -44,6 +44,9 @@ pub(crate) struct Options {
     /// Builds only
     #[arg(long)]
     pub no_rays: bool,
+    /// With --predict: rays only
+    #[arg(long, requires = "predict", conflicts_with = "no_rays")]
+    pub no_builds: bool,
     /// Count and predict only: nothing is measured
     #[arg(long, conflicts_with = "check")]
     pub predict: bool,

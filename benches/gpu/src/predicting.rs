@@ -79,11 +79,13 @@ pub(crate) fn scene(
     }
     let scene = Scene::open(name)?;
     let mesh = scene.mesh()?;
-    let counted = build::count(counter, &mesh, preset)?;
-    out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
-    for device in devices {
-        out += &title(device);
-        out += &table::build(device, &counted, measured.times);
+    if !options.no_builds {
+        let counted = build::count(counter, &mesh, preset)?;
+        out += &format!("{} triangles, counted:\n\n{}", counted.triangles, counts::table(&counted));
+        for device in devices {
+            out += &title(device);
+            out += &table::build(device, &counted, measured.times);
+        }
     }
     if !options.no_rays {
         let primary = primary(&scene, &mesh, preset, options)?;
@@ -168,7 +170,8 @@ mod tests {
 
     #[test]
     fn a_tile_is_eight_by_four_neighbours() {
-        let rays: Vec<Ray> = (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
+        let rays: Vec<Ray> =
+            (0..20 * 6u16).map(|i| Ray::new([f32::from(i); 3], [1.0; 3])).collect();
         let tiled = in_tiles(&rays, 20);
         let pixel = |at: usize| tiled[at].origin[0] as usize;
         assert_eq!([pixel(0), pixel(7), pixel(8), pixel(31), pixel(32)], [0, 7, 20, 67, 8]);

@@ -5,7 +5,8 @@
 //! by the same operations on the same corners, and every leaf that the tree's traversal visits for the sake of a hit is
 //! within a box that this one visits. A box holds the part of its cells that the triangles' bounds reach into, widened
 //! by the slack that the sizes of its triangles and of the scene need. On the device it is one quantum wider still,
-//! which covers what the distance to a quantised side may err, and [`BOX_SLACK`] of the distance.
+//! which covers what the distance to a quantised side may err but for a part of that distance, for which there is
+//! [`BOX_FACTOR`].
 
 mod encode;
 mod make;
@@ -22,36 +23,37 @@ use bytemuck::{Pod, Zeroable};
 pub const CHILDREN: usize = 8;
 /// Most references of a leaf among the children of a node; longer leaves become several.
 pub const LEAF_MOST: u32 = 31;
-/// What [`CompressedNode::counts`] says of a child that is a node.
-pub const INNER_CHILD: u32 = 0x80;
-/// Set in an entry of a stack that is a leaf; then come five bits of its length and 26 of its first reference.
-pub const LEAF_ENTRY: u32 = 0x8000_0000;
-/// Where the length of a leaf begins in an entry of a stack.
-pub const LEAF_SHIFT: u32 = 26;
+/// Bits of [`CompressedNode::first_reference`] below the number of children that are nodes.
+pub const REFERENCE_BITS: u32 = 26;
 /// Entries of a stack in the memory of a workgroup. Rays that need more are traced through the tree itself.
-pub const BOX_ENTRIES: u32 = 24;
-/// Relative widening of the distance to a box. The distance to a side is computed in 11 roundings of 2^-24 at most where
-/// a device errs as far as WGSL lets it, and `PLANE_SLACK` has 4 for the images of corners: this is twice the sum.
-pub const BOX_SLACK: f32 = 1.907_348_6e-6; // 2^-19
+pub const BOX_ENTRIES: u32 = 16;
+/// By this factor a ray leaves a box later than is computed. The distance to a side is computed in 11 roundings of 2^-24
+/// at most where a device errs as far as WGSL lets it, and `PLANE_SLACK` has 4 for the images of corners: 2^-18 is twice
+/// the sum, for entering and leaving together.
+pub const BOX_FACTOR: f32 = 1.000_003_8; // 1 + 2^-18
+/// A side in quanta is a byte in the middle of the mantissa of a number from 1 to 2: its last bit stands for this part.
+pub const SIDE_SHIFT: u32 = 8;
 
-/// A node: 80 bytes. Sides of boxes are `origin + q * 2^(exponent - 127)`.
+/// A node: 80 bytes. Sides of boxes are `origin + q * 2^(exponent - 127)`, of the exponents of quanta. The children that
+/// are nodes come first, then those that are leaves.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct CompressedNode {
     /// Below all sides.
     pub origin: [f32; 3],
-    /// The biased exponents of the quanta on x, y and z, a byte each from the lowest on.
+    /// The biased exponents of 2^15 quanta on x, y and z, a byte each from the lowest on: what a device multiplies by.
     pub exponents: u32,
     /// The first of the children that are nodes; they follow one another.
     pub first_child: u32,
-    /// The first reference of the first child that is a leaf; leaves follow one another.
+    /// In the lowest [`REFERENCE_BITS`] bits, the first reference of the first child that is a leaf; leaves follow one
+    /// another. Above, how many children are nodes.
     pub first_reference: u32,
-    /// A byte for each child: 0 for none, [`INNER_CHILD`] for a node, else how many references a leaf has.
-    pub counts: [u32; 2],
-    /// The lower sides by axis, a byte for each child.
-    pub lower: [[u32; 2]; 3],
-    /// The upper sides.
-    pub upper: [[u32; 2]; 3],
+    /// A byte for each child: 0 for a node; for a leaf, where its references end, counted from the first of all leaves; the
+    /// last leaf's once more for places without a child.
+    pub ends: [u32; 2],
+    /// The sides of the first four children and of the others: the lower ones by axis and the upper ones, a byte for each
+    /// child. Where there is none, 255 and 0.
+    pub sides: [[[u32; 3]; 2]; 2],
 }
 
 /// A tree as compressed nodes; see [the module](self).
@@ -65,7 +67,7 @@ pub struct CompressedNodes {
 
 impl CompressedNodes {
     /// Most references that leaves can name.
-    pub const MOST_REFERENCES: u32 = 1 << LEAF_SHIFT;
+    pub const MOST_REFERENCES: u32 = 1 << REFERENCE_BITS;
 
     /// Bytes of nodes and references.
     pub fn bytes(&self) -> u64 {

@@ -7,7 +7,8 @@
 
 use naga::front::wgsl;
 use naga::ir::{
-    AddressSpace, Block, Expression, Function, Literal, Module, Statement, SwitchCase, TypeInner,
+    AddressSpace, BinaryOperator, Block, Expression, Function, Literal, Module, ScalarKind,
+    Statement, SwitchCase, TypeInner,
 };
 use naga::valid::{Capabilities, FunctionInfo, ModuleInfo, ValidationFlags, Validator};
 use naga::{Handle, Range, Span};
@@ -313,6 +314,16 @@ impl Costs<'_> {
                 Some(AddressSpace::WorkGroup) => operations(self.words(handle).div_ceil(4)),
                 _ => Cost::default(),
             },
+            // One operation with the product, as compilers have it.
+            Expression::Binary {
+                op: BinaryOperator::Add | BinaryOperator::Subtract,
+                left,
+                right,
+            } if self.is_free_product(function, *left)
+                || self.is_free_product(function, *right) =>
+            {
+                operations(0)
+            }
             Expression::Binary { .. }
             | Expression::Unary { .. }
             | Expression::Select { .. }
@@ -322,6 +333,18 @@ impl Costs<'_> {
             Expression::Access { .. } | Expression::ArrayLength(_) => operations(1),
             _ => Cost::default(),
         }
+    }
+
+    /// Whether a float is a product that nothing keeps from being fused with the one sum that it is in.
+    fn is_free_product(&self, function: &Function, handle: Handle<Expression>) -> bool {
+        let types = &self.module.types;
+        let scalar = self.info[handle].ty.inner_with(types).scalar();
+        scalar.is_some_and(|scalar| scalar.kind == ScalarKind::Float)
+            && self.info[handle].ref_count == 1
+            && matches!(
+                function.expressions[handle],
+                Expression::Binary { op: BinaryOperator::Multiply, .. }
+            )
     }
 
     /// Scalars of the type of an expression.
@@ -454,6 +477,21 @@ fn main(@builtin(workgroup_id) group: vec3<u32>) {
         assert_eq!(written(SHADER), Ok(12));
         let other = SHADER.replace("x * 2u", "x * 2u + 1u");
         assert_eq!(written(&other), Ok(13));
+    }
+
+    #[test]
+    fn a_product_and_its_sum_are_one_operation() {
+        let shader = "
+@group(0) @binding(0) var<storage, read_write> words: array<f32>;
+fn fused(a: f32, b: f32, c: f32) -> f32 { return a * b + c; }
+fn kept(a: f32, b: f32) -> f32 { let p = a * b; return p + p; }
+@compute @workgroup_size(64)
+fn main(@builtin(local_invocation_index) lane: u32) {
+    words[lane] = fused(1.5, words[lane], 0.5) + kept(0.5, words[lane]);
+}
+";
+        // Access 1 and load 1, twice; fused 1, kept 2, their sum 1; access 1, store 1.
+        assert_eq!(written(shader), Ok(10));
     }
 
     #[test]

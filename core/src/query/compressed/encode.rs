@@ -1,10 +1,14 @@
 //! Boxes as bytes: quantised outward.
 
-use super::{CHILDREN, CompressedNode, LEAF_ENTRY, LEAF_SHIFT};
+use super::{CHILDREN, CompressedNode, REFERENCE_BITS, SIDE_SHIFT};
 use crate::aabb::Aabb;
 
 /// Least exponent of a quantum: such quanta, and their products with what rays have, are normal numbers.
 const LEAST_QUANTUM: i32 = -100;
+/// The greatest: 2^15 of such quanta are a number.
+const MOST_QUANTUM: i32 = 127 - UNITS;
+/// A number from 1 to 2 whose mantissa holds a side stands for 2^15 quanta and the side.
+const UNITS: i32 = 23 - SIDE_SHIFT as i32;
 
 /// A power of two, exact in `f64`.
 fn power(exponent: i32) -> f64 {
@@ -36,7 +40,7 @@ fn frame(lo: f32, hi: f32) -> (f32, i32) {
     loop {
         // Two quanta below the least side, so that none is negative.
         let origin = rounded_down(lo - 2.0 * power(exponent));
-        if above((hi - f64::from(origin)) / power(exponent)) <= 255 || exponent >= 127 {
+        if above((hi - f64::from(origin)) / power(exponent)) <= 255 || exponent >= MOST_QUANTUM {
             return (origin, exponent);
         }
         exponent += 1;
@@ -59,68 +63,84 @@ impl CompressedNode {
     pub(super) fn set_boxes(&mut self, boxes: &[Aabb]) {
         let all = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
         self.exponents = 0;
+        self.sides = [[[u32::MAX; 3], [0; 3]]; 2];
         if boxes.is_empty() {
             return;
         }
         for axis in 0..3 {
             let (origin, exponent) = frame(all.lo[axis], all.hi[axis]);
             self.origin[axis] = origin;
-            self.exponents |= ((exponent + 127) as u32) << (8 * axis);
+            self.exponents |= ((exponent + 127 + UNITS) as u32) << (8 * axis);
             let place = |side: f32| (f64::from(side) - f64::from(origin)) / power(exponent);
             for (child, bounds) in boxes.iter().enumerate() {
-                let shift = 8 * (child % 4);
                 let (lower, upper) = (below(place(bounds.lo[axis])), above(place(bounds.hi[axis])));
-                self.lower[axis][child / 4] |= lower.min(255) << shift;
-                self.upper[axis][child / 4] |= upper.min(255) << shift;
+                for (words, side) in self.sides[child / 4].iter_mut().zip([lower, upper]) {
+                    set_byte(&mut words[axis], child, side.min(255));
+                }
             }
         }
     }
 
-    /// The quantum on an axis.
-    pub(super) fn quantum(&self, axis: usize) -> f32 {
+    /// 2^15 quanta on an axis.
+    pub(super) fn units(&self, axis: usize) -> f32 {
         f32::from_bits(((self.exponents >> (8 * axis)) & 0xff) << 23)
     }
 
-    /// Says what a child is; its byte was 0.
-    pub(super) fn set_count(&mut self, child: usize, count: u32) {
-        self.counts[child / 4] |= count << (8 * (child % 4));
+    /// The quantum on an axis.
+    pub(super) fn quantum(&self, axis: usize) -> f64 {
+        f64::from(self.units(axis)) * power(-UNITS)
     }
 
-    /// What there is of a child: see [`CompressedNode::counts`].
-    pub(super) fn count(&self, child: usize) -> u32 {
-        byte(&self.counts, child)
+    /// Says what the children are: so many nodes, then leaves with so many references each.
+    pub(super) fn set_children(&mut self, nodes: usize, leaves: &[u32]) {
+        self.first_reference |= (nodes as u32) << REFERENCE_BITS;
+        let mut end = 0;
+        for child in nodes..CHILDREN {
+            end += leaves.get(child - nodes).copied().unwrap_or(0);
+            set_byte(&mut self.ends[child / 4], child, end);
+        }
     }
 
-    /// The lower or upper side of a child's box on an axis, in quanta.
-    pub(super) fn side(&self, child: usize, axis: usize, upper: bool) -> u32 {
-        byte(if upper { &self.upper[axis] } else { &self.lower[axis] }, child)
+    /// How many children are nodes.
+    fn inner(&self) -> usize {
+        (self.first_reference >> REFERENCE_BITS) as usize
+    }
+
+    /// The lower or upper side of a child's box on an axis, as a number from 1 to 2: 1 and the side in quanta by 2^15.
+    pub(super) fn side(&self, child: usize, axis: usize, upper: bool) -> f32 {
+        f32::from_bits(0x3f80_0000 | self.quanta(child, axis, upper) << SIDE_SHIFT)
+    }
+
+    fn quanta(&self, child: usize, axis: usize, upper: bool) -> u32 {
+        byte(self.sides[child / 4][usize::from(upper)][axis], child)
     }
 
     /// A child's box, as it is in real numbers: for tests and reports.
     pub fn child_bounds(&self, child: usize) -> [[f64; 2]; 3] {
         core::array::from_fn(|axis| {
             [false, true].map(|upper| {
-                let quanta = f64::from(self.side(child, axis, upper));
-                f64::from(self.origin[axis]) + quanta * f64::from(self.quantum(axis))
+                let quanta = f64::from(self.quanta(child, axis, upper));
+                f64::from(self.origin[axis]) + quanta * self.quantum(axis)
             })
         })
     }
 
     /// What the children are, in their order: the number of a node, or a leaf's range of references.
     pub fn children(&self) -> impl Iterator<Item = CompressedChild> {
-        let (mut node, mut first) = (self.first_child, self.first_reference);
-        let node_of = *self;
-        (0..CHILDREN).map_while(move |child| match node_of.count(child) {
-            0 => None,
-            super::INNER_CHILD => {
-                node += 1;
-                Some(CompressedChild::Node(node - 1))
-            }
-            count => {
-                first += count;
-                Some(CompressedChild::Leaf { first: first - count, count })
-            }
-        })
+        let node = *self;
+        let all = (0..CHILDREN).map(move |child| node.child(child));
+        all.take_while(|child| !matches!(child, CompressedChild::Leaf { count: 0, .. }))
+    }
+
+    /// A child; where there is none, a leaf without references.
+    pub(super) fn child(&self, child: usize) -> CompressedChild {
+        if child < self.inner() {
+            return CompressedChild::Node(self.first_child + child as u32);
+        }
+        let end = |child: usize| byte(self.ends[child / 4], child);
+        let start = if child == 0 { 0 } else { end(child - 1) };
+        let first = (self.first_reference & ((1 << REFERENCE_BITS) - 1)) + start;
+        CompressedChild::Leaf { first, count: end(child) - start }
     }
 }
 
@@ -138,26 +158,13 @@ pub enum CompressedChild {
     },
 }
 
-impl CompressedChild {
-    /// The entry of a stack for the child: [`LEAF_ENTRY`] says how.
-    pub(super) fn entry(self) -> u32 {
-        match self {
-            CompressedChild::Node(node) => node,
-            CompressedChild::Leaf { first, count } => LEAF_ENTRY | count << LEAF_SHIFT | first,
-        }
-    }
-
-    /// The child of an entry.
-    pub(super) fn of_entry(entry: u32) -> CompressedChild {
-        if entry & LEAF_ENTRY == 0 {
-            return CompressedChild::Node(entry);
-        }
-        let first = entry & ((1 << LEAF_SHIFT) - 1);
-        CompressedChild::Leaf { first, count: (entry & !LEAF_ENTRY) >> LEAF_SHIFT }
-    }
+/// The byte of a child in the word for it and its three neighbours.
+fn byte(word: u32, child: usize) -> u32 {
+    (word >> (8 * (child % 4))) & 0xff
 }
 
-/// A byte of eight.
-fn byte(words: &[u32; 2], place: usize) -> u32 {
-    (words[place / 4] >> (8 * (place % 4))) & 0xff
+/// Sets it.
+fn set_byte(word: &mut u32, child: usize, value: u32) {
+    let shift = 8 * (child % 4);
+    *word = *word & !(0xff << shift) | value << shift;
 }

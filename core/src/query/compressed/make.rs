@@ -1,7 +1,7 @@
 //! Making compressed nodes from a finished tree.
 
 use super::plan::Plan;
-use super::{CHILDREN, CompressedNode, CompressedNodes, INNER_CHILD, LEAF_MOST};
+use super::{CHILDREN, CompressedNode, CompressedNodes, LEAF_MOST};
 use crate::aabb::Aabb;
 use crate::query::intersect::SceneScale;
 use crate::query::traverse::Triangles;
@@ -88,33 +88,42 @@ impl CompressedNodes {
             first_reference: self.references.len() as u32,
             ..CompressedNode::default()
         };
-        let mut boxes = [Aabb::EMPTY; CHILDREN];
-        for (child, &part) in parts.iter().enumerate() {
-            let (bounds, first, count, is_leaf) = match part {
-                Part::Subtree(index) => {
-                    let planned = &plan.nodes[index as usize];
-                    (planned.bounds, planned.first, planned.count, planned.is_leaf)
-                }
-                Part::Run(first, count, bounds) => (bounds, first, count, count <= LEAF_MOST),
-            };
-            boxes[child] = bounds;
-            let byte = if is_leaf {
-                let start = self.references.len();
-                for &triangle in &plan.tree.references[first as usize..(first + count) as usize] {
-                    // Subtrees that became one leaf may name a triangle twice.
-                    if !self.references[start..].contains(&triangle) {
-                        self.references.push(triangle);
-                    }
-                }
-                (self.references.len() - start) as u32
-            } else {
+        let mut boxes = Vec::with_capacity(CHILDREN);
+        let mut leaves = Vec::new();
+        let planned = |part: Part| match part {
+            Part::Subtree(index) => {
+                let planned = &plan.nodes[index as usize];
+                (planned.bounds, planned.first, planned.count, planned.is_leaf)
+            }
+            Part::Run(first, count, bounds) => (bounds, first, count, count <= LEAF_MOST),
+        };
+        // Nodes first.
+        for &part in parts {
+            let (bounds, _, _, is_leaf) = planned(part);
+            if !is_leaf {
+                boxes.push(bounds);
                 waiting.push((self.nodes.len(), plan.opened(part)));
                 self.nodes.push(CompressedNode::default());
-                INNER_CHILD
-            };
-            node.set_count(child, byte);
+            }
         }
-        node.set_boxes(&boxes[..parts.len()]);
+        let nodes = boxes.len();
+        for &part in parts {
+            let (bounds, first, count, is_leaf) = planned(part);
+            if !is_leaf {
+                continue;
+            }
+            boxes.push(bounds);
+            let start = self.references.len();
+            for &triangle in &plan.tree.references[first as usize..(first + count) as usize] {
+                // Subtrees that became one leaf may name a triangle twice.
+                if !self.references[start..].contains(&triangle) {
+                    self.references.push(triangle);
+                }
+            }
+            leaves.push((self.references.len() - start) as u32);
+        }
+        node.set_children(nodes, &leaves);
+        node.set_boxes(&boxes);
         node
     }
 }

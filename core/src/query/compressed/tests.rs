@@ -42,7 +42,7 @@ fn a_quantised_box_is_a_quantum_wider_and_hardly_more() {
         node.set_boxes(&boxes);
         for (child, given) in boxes.iter().enumerate() {
             for (axis, [lo, hi]) in node.child_bounds(child).into_iter().enumerate() {
-                let quantum = f64::from(node.quantum(axis));
+                let quantum = node.quantum(axis);
                 let (below, above) =
                     (f64::from(given.lo[axis]) - lo, hi - f64::from(given.hi[axis]));
                 assert!(below >= quantum && above >= quantum, "{round}: {below} {above} {quantum}");
@@ -52,7 +52,7 @@ fn a_quantised_box_is_a_quantum_wider_and_hardly_more() {
         // The quanta are no coarser than eight bits need.
         let all = boxes.iter().fold(Aabb::EMPTY, |all, one| all.union(one));
         for axis in 0..3 {
-            let (extent, quantum) = (all.hi[axis] - all.lo[axis], node.quantum(axis));
+            let (extent, quantum) = (all.hi[axis] - all.lo[axis], node.quantum(axis) as f32);
             let finest = away.abs().max(size) * 1e-6;
             assert!(quantum <= (extent / 62.0).max(finest), "{round}: {quantum} of {extent}");
         }
@@ -165,9 +165,14 @@ fn hits_are_those_of_the_tree() {
 fn faults_show_in_hits() {
     let triangles = soup(700, 5);
     let faults: [fn(&mut CompressedNodes); 4] = [
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.lower[0] = [0x6060_6060; 2]),
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.upper[2] = [0x4040_4040; 2]),
-        |nodes| nodes.nodes.iter_mut().for_each(|node| node.first_reference /= 2),
+        |nodes| nodes.nodes.iter_mut().for_each(|node| node.sides[0][0][0] = 0x6060_6060),
+        |nodes| nodes.nodes.iter_mut().for_each(|node| node.sides[0][1][2] = 0x4040_4040),
+        |nodes| {
+            let most = CompressedNodes::MOST_REFERENCES;
+            let halved =
+                |node: &mut CompressedNode| node.first_reference -= node.first_reference % most / 2;
+            nodes.nodes.iter_mut().for_each(halved);
+        },
         |nodes| nodes.references.iter_mut().step_by(2).for_each(|triangle| *triangle = 0),
     ];
     for fault in faults {
@@ -208,7 +213,7 @@ fn nothing_is_lost_on_the_way() {
                             let bounds = below.child_bounds(inner);
                             for axis in 0..3 {
                                 // The child's own quanta may reach further by three of them.
-                                let slack = 3.0 * f64::from(below.quantum(axis));
+                                let slack = 3.0 * below.quantum(axis);
                                 assert!(bounds[axis][0] >= outer[axis][0] - slack);
                                 assert!(bounds[axis][1] <= outer[axis][1] + slack);
                             }

@@ -1,20 +1,49 @@
 //! The walk of a ray down compressed nodes: the serial reference of the kernels `closest_hit_compressed` and
 //! `any_hit_compressed`.
 
-use super::{BOX_ENTRIES, BOX_SLACK, CHILDREN, CompressedChild, CompressedNode, CompressedNodes};
+use super::{BOX_ENTRIES, BOX_FACTOR, CHILDREN, CompressedChild, CompressedNode, CompressedNodes};
 use crate::arithmetic::Arithmetic;
 use crate::query::intersect::{PreparedRay, SceneScale};
 use crate::query::traverse::{Best, Observer, Query, Triangles};
 use crate::ray::{Hit, QueryOptions, Ray};
 use core::ops::ControlFlow;
 
-/// What is yet to be visited, and where the ray enters it.
-type Entry = (u32, f32);
+/// Where a ray enters a child's box, a float that is not negative, with the child's place in its last three bits: whole
+/// numbers in the order of the floats. [`NONE`] for a child that the ray passes by.
+type Key = u32;
+const NONE: Key = u32::MAX;
+const PLACE: Key = CHILDREN as u32 - 1;
+
+/// What is yet to be visited: a child, and its node.
+type Entry = (Key, u32);
+
+/// What is compared and exchanged to put eight keys in order (Batcher's odd-even merge sort).
+const SORTING: [(usize, usize); 19] = [
+    (0, 1),
+    (2, 3),
+    (4, 5),
+    (6, 7),
+    (0, 2),
+    (1, 3),
+    (4, 6),
+    (5, 7),
+    (1, 2),
+    (5, 6),
+    (0, 4),
+    (1, 5),
+    (2, 6),
+    (3, 7),
+    (2, 4),
+    (3, 5),
+    (1, 2),
+    (3, 4),
+    (5, 6),
+];
 
 impl CompressedNodes {
     /// Traces one ray under accuracy `watertight`: the hit of [`trace`](crate::query::traverse::trace), bit for bit.
-    /// `None` where the kernel leaves the ray to the tree itself: it is of a wide scene, starts far off, or needs more
-    /// than [`BOX_ENTRIES`] entries of a stack.
+    /// `None` where the kernel leaves the ray to the tree itself: it is of a wide scene, starts far off, reaches behind its
+    /// origin, or needs more than [`BOX_ENTRIES`] entries of a stack.
     ///
     /// The observer is told each compressed node, not the leaves.
     pub fn trace<A: Arithmetic, O: Observer>(
@@ -27,21 +56,26 @@ impl CompressedNodes {
         observer: &mut O,
     ) -> Option<Hit> {
         let Some(ray) = PreparedRay::new::<A>(ray, scale) else { return Some(Hit::MISS) };
-        if ray.wide || ray.offset != 0.0 {
+        if ray.wide || ray.offset != 0.0 || ray.limits[0] < 0.0 {
             return None;
         }
-        let Some(whole) = ray.enter::<A>(&scale.bounds) else { return Some(Hit::MISS) };
+        let Some((from, to)) = ray.enter::<A>(&scale.bounds) else { return Some(Hit::MISS) };
         let mut best = Best { hit: Hit::MISS, stop: f32::INFINITY };
-        let mut stack = [(0, 0.0); BOX_ENTRIES as usize];
+        let mut stack: [Entry; BOX_ENTRIES as usize] = [(NONE, 0); BOX_ENTRIES as usize];
         let mut top = 0;
-        let mut entry = 0;
+        let mut next = CompressedChild::Node(0);
+        // What is entered beyond is of no interest.
+        let mut limit = to;
         loop {
-            match CompressedChild::of_entry(entry) {
-                CompressedChild::Node(node) => {
+            match next {
+                CompressedChild::Node(index) => {
                     observer.node();
-                    let node = &self.nodes[node as usize];
-                    let near = Near { bottom: top, ray: &ray, whole, stop: best.stop };
-                    top = near.children_of::<A>(node, &mut stack, top)?;
+                    let node = &self.nodes[index as usize];
+                    let keys = sorted(node.keys::<A>(&ray, from, limit));
+                    for &key in keys.iter().rev().filter(|&&key| key != NONE) {
+                        *stack.get_mut(top)? = (key, index);
+                        top += 1;
+                    }
                 }
                 CompressedChild::Leaf { first, count } => {
                     let tested = &self.references[first as usize..(first + count) as usize];
@@ -50,73 +84,50 @@ impl CompressedNodes {
                     {
                         return Some(best.hit);
                     }
+                    limit = to.min(best.stop);
                 }
             }
-            loop {
-                if top == 0 {
-                    return Some(best.hit);
-                }
-                top -= 1;
-                if stack[top].1 <= best.stop {
-                    break;
-                }
-            }
-            entry = stack[top].0;
+            let reached = A::free_mul(limit, BOX_FACTOR);
+            let entry =
+                stack[..top].iter().rposition(|&(key, _)| f32::from_bits(key & !PLACE) <= reached);
+            let Some(entry) = entry else { return Some(best.hit) };
+            top = entry;
+            let (key, index) = stack[entry];
+            next = self.nodes[index as usize].child((key & PLACE) as usize);
         }
     }
 }
 
-/// A ray that has come to a node.
-struct Near<'a> {
-    /// The stack's entries below belong to other nodes.
-    bottom: usize,
-    ray: &'a PreparedRay,
-    whole: (f32, f32),
-    stop: f32,
+/// Keys in ascending order.
+fn sorted(mut keys: [Key; CHILDREN]) -> [Key; CHILDREN] {
+    for (one, other) in SORTING {
+        (keys[one], keys[other]) = (keys[one].min(keys[other]), keys[one].max(keys[other]));
+    }
+    keys
 }
 
-impl Near<'_> {
-    /// Puts the children that the ray may pass on the stack, the nearest on top. `None` where there is no room.
-    fn children_of<A: Arithmetic>(
-        &self,
-        node: &CompressedNode,
-        stack: &mut [Entry],
-        mut top: usize,
-    ) -> Option<usize> {
-        for (child, what) in node.children().enumerate().take(CHILDREN) {
-            let (enter, leave) = self.interval::<A>(node, child);
-            let (from, to) = self.whole;
-            if enter > leave || enter > to || enter > self.stop || leave < from {
-                continue;
-            }
-            if top >= stack.len() {
-                return None;
-            }
-            let mut place = top;
-            while place > self.bottom && stack[place - 1].1 < enter {
-                stack[place] = stack[place - 1];
-                place -= 1;
-            }
-            stack[place] = (what.entry(), enter);
-            top += 1;
-        }
-        Some(top)
-    }
-
-    /// Where the ray may be within a child's box: none unless the first is at most the second.
-    fn interval<A: Arithmetic>(&self, node: &CompressedNode, child: usize) -> (f32, f32) {
-        let (mut enter, mut leave) = (f32::MIN, f32::MAX);
+impl CompressedNode {
+    /// The keys of the children that a ray may meet from one distance to another.
+    fn keys<A: Arithmetic>(&self, ray: &PreparedRay, from: f32, to: f32) -> [Key; CHILDREN] {
+        let mut step = [0.0; 3];
+        let mut start = [0.0; 3];
         for axis in 0..3 {
-            let reciprocal = self.ray.reciprocal[axis];
-            let step = A::free_mul(node.quantum(axis), reciprocal);
-            let away = A::free_sub(node.origin[axis], self.ray.origin[axis]);
-            let start = A::free_mul(away, reciprocal);
-            let backwards = reciprocal < 0.0;
-            let [near, far] = [backwards, !backwards]
-                .map(|upper| A::free_mul_add(node.side(child, axis, upper) as f32, step, start));
-            (enter, leave) = (enter.max(near), leave.min(far));
+            let reciprocal = ray.reciprocal[axis];
+            step[axis] = A::free_mul(self.units(axis), reciprocal);
+            let away = A::free_sub(self.origin[axis], ray.origin[axis]);
+            start[axis] = A::free_sub(A::free_mul(away, reciprocal), step[axis]);
         }
-        let before = A::free_mul_add(enter.abs(), -BOX_SLACK, enter);
-        (before, A::free_mul_add(leave.abs(), BOX_SLACK, leave))
+        core::array::from_fn(|child| {
+            let (mut enter, mut leave) = (from, to);
+            for axis in 0..3 {
+                let backwards = ray.reciprocal[axis] < 0.0;
+                let [near, far] = [backwards, !backwards].map(|upper| {
+                    A::free_mul_add(self.side(child, axis, upper), step[axis], start[axis])
+                });
+                (enter, leave) = (enter.max(near), leave.min(far));
+            }
+            let meets = enter <= A::free_mul(leave, BOX_FACTOR);
+            if meets { enter.to_bits() & !PLACE | child as u32 } else { NONE }
+        })
     }
 }
