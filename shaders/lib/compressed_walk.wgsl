@@ -14,8 +14,6 @@ const CHILD_PLACE: u32 = 7u;
 const REFERENCE_BITS: u32 = 26u;
 // By this factor a ray leaves a box later than is computed.
 const BOX_FACTOR: f32 = 0x1.00004p+0f;
-// A side in quanta stands from this bit of a number from 1 to 2 on.
-const SIDE_SHIFT: u32 = 8u;
 
 // False once a driver ends the loops of the invocation: llvmpipe then lets each loop run once.
 fn loops_run() -> bool {

@@ -8,7 +8,12 @@
 //! which covers what the distance to a quantised side may err but for a part of that distance, for which there is
 //! [`BOX_FACTOR`].
 
+//!
+//! Which levels go together is chosen in one of two ways: [`CompressedNodes::new`] finds the least cost by surface area,
+//! bottom up; [`CompressedNodes::greedy`] follows a rule top down that a device can follow as well.
+
 mod encode;
+mod greedy;
 mod make;
 mod plan;
 mod walk;

@@ -35,6 +35,10 @@ impl Parts {
         self.count += 1;
     }
 
+    fn push_runs(&mut self, runs: impl Iterator<Item = (u32, u32)>, bounds: Aabb) {
+        runs.for_each(|(first, count)| self.push(Part::Run(first, count, bounds)));
+    }
+
     fn as_slice(&self) -> &[Part] {
         &self.parts[..self.count]
     }
@@ -142,7 +146,7 @@ impl Plan<'_> {
                 None => self.spread(index, CHILDREN, &mut parts),
             },
             Part::Run(first, count, bounds) => {
-                share(first, count, CHILDREN as u32, &bounds, &mut parts);
+                parts.push_runs(share(first, count, CHILDREN as u32), bounds);
             }
         }
         parts
@@ -171,7 +175,8 @@ impl Plan<'_> {
                 return parts.push(Part::Subtree(index));
             }
             return match planned.count.div_ceil(LEAF_MOST) as usize <= places {
-                true => share(planned.first, planned.count, places as u32, &planned.bounds, parts),
+                true => parts
+                    .push_runs(share(planned.first, planned.count, places as u32), planned.bounds),
                 false => parts.push(Part::Run(planned.first, planned.count, planned.bounds)),
             };
         };
@@ -186,13 +191,13 @@ impl Plan<'_> {
     }
 }
 
-/// Divides references among as many children as they need, at most `places`.
-fn share(first: u32, count: u32, places: u32, bounds: &Aabb, parts: &mut Parts) {
-    let places = count.div_ceil(LEAF_MOST).min(places);
+/// Divides references among as many children as they need, at most `places`: where each begins, and how many it has.
+pub(super) fn share(first: u32, count: u32, places: u32) -> impl Iterator<Item = (u32, u32)> {
+    let places = count.div_ceil(LEAF_MOST).min(places).max(1);
     let mut next = first;
-    for place in 0..places {
+    (0..places).map(move |place| {
         let part = count / places + u32::from(place < count % places);
-        parts.push(Part::Run(next, part, *bounds));
         next += part;
-    }
+        (next - part, part)
+    })
 }

@@ -6,11 +6,12 @@ use crate::arithmetic::Strict;
 use crate::build::reference;
 use crate::config::{BuildConfig, Preset};
 use crate::mesh::Mesh;
+use crate::query::intersect::SceneScale;
 use crate::query::lines::scene_scale;
 use crate::query::traverse::{Cost, Query, trace};
 use crate::random;
 use crate::ray::{Hit, QueryOptions, Ray};
-use crate::tree::KdTree;
+use crate::tree::{KdTree, KdTreeView};
 use crate::triangle::Triangle;
 use alloc::vec::Vec;
 
@@ -121,16 +122,33 @@ fn compare(
     let built = build(triangles, config);
     let tree = built.view();
     let scale = scene_scale(&tree, triangles);
-    let mut nodes = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
-    fault(&mut nodes);
+    let made = [
+        CompressedNodes::new(&tree, triangles, &scale),
+        CompressedNodes::greedy(&tree, triangles, &scale),
+    ];
+    let [mut left, mut wrong] = [0, 0];
+    for nodes in made {
+        let mut nodes = nodes.expect("few references");
+        fault(&mut nodes);
+        let found = compare_nodes(&tree, triangles, &scale, &nodes);
+        (left, wrong) = (left + found[0], wrong + found[1]);
+    }
+    [left, wrong]
+}
+
+fn compare_nodes(
+    tree: &KdTreeView<'_>,
+    triangles: &[Triangle],
+    scale: &SceneScale,
+    nodes: &CompressedNodes,
+) -> [usize; 2] {
     let options = QueryOptions::default();
     let (mut left, mut wrong) = (0, 0);
     for ray in &rays(triangles, 4_000) {
         for query in [Query::Closest, Query::Any] {
-            let expected = trace::<Strict>(&tree, triangles, &scale, ray, &options, query);
+            let expected = trace::<Strict>(tree, triangles, scale, ray, &options, query);
             let mut cost = Cost::default();
-            let found =
-                nodes.trace::<Strict, _>(triangles, &scale, ray, &options, query, &mut cost);
+            let found = nodes.trace::<Strict, _>(triangles, scale, ray, &options, query, &mut cost);
             let Some(found) = found else {
                 left += 1;
                 continue;
@@ -189,7 +207,16 @@ fn nothing_is_lost_on_the_way() {
         let built = build(triangles, Preset::Fast.config());
         let tree = built.view();
         let scale = scene_scale(&tree, triangles);
-        let nodes = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
+        let least = CompressedNodes::new(&tree, triangles, &scale).expect("few references");
+        let greedy = CompressedNodes::greedy(&tree, triangles, &scale).expect("few references");
+        assert!(greedy.references.len() == tree.references.len());
+        nothing_is_lost(&tree, &least);
+        nothing_is_lost(&tree, &greedy);
+    }
+}
+
+fn nothing_is_lost(tree: &KdTreeView<'_>, nodes: &CompressedNodes) {
+    {
         let mut named: Vec<u32> = nodes.references.clone();
         let mut expected: Vec<u32> = tree.references.to_vec();
         for list in [&mut named, &mut expected] {

@@ -9,10 +9,11 @@ use crate::ray::{Hit, QueryOptions, Ray};
 use core::ops::ControlFlow;
 
 /// Where a ray enters a child's box, a float that is not negative, with the child's place in its last three bits: whole
-/// numbers in the order of the floats. [`NONE`] for a child that the ray passes by.
+/// numbers in the order of the floats. [`NO_CHILD`] for a child that the ray passes by.
 type Key = u32;
-const NONE: Key = u32::MAX;
-const PLACE: Key = CHILDREN as u32 - 1;
+const NO_CHILD: u32 = u32::MAX;
+/// The bits of a key that hold the child's place.
+const CHILD_PLACE: u32 = 7;
 
 /// What is yet to be visited: a child, and its node.
 type Entry = (Key, u32);
@@ -61,7 +62,7 @@ impl CompressedNodes {
         }
         let Some((from, to)) = ray.enter::<A>(&scale.bounds) else { return Some(Hit::MISS) };
         let mut best = Best { hit: Hit::MISS, stop: f32::INFINITY };
-        let mut stack: [Entry; BOX_ENTRIES as usize] = [(NONE, 0); BOX_ENTRIES as usize];
+        let mut stack: [Entry; BOX_ENTRIES as usize] = [(NO_CHILD, 0); BOX_ENTRIES as usize];
         let mut top = 0;
         let mut next = CompressedChild::Node(0);
         // What is entered beyond is of no interest.
@@ -72,7 +73,7 @@ impl CompressedNodes {
                     observer.node();
                     let node = &self.nodes[index as usize];
                     let keys = sorted(node.keys::<A>(&ray, from, limit));
-                    for &key in keys.iter().rev().filter(|&&key| key != NONE) {
+                    for &key in keys.iter().rev().filter(|&&key| key != NO_CHILD) {
                         *stack.get_mut(top)? = (key, index);
                         top += 1;
                     }
@@ -88,12 +89,13 @@ impl CompressedNodes {
                 }
             }
             let reached = A::free_mul(limit, BOX_FACTOR);
-            let entry =
-                stack[..top].iter().rposition(|&(key, _)| f32::from_bits(key & !PLACE) <= reached);
+            let entry = stack[..top]
+                .iter()
+                .rposition(|&(key, _)| f32::from_bits(key & !CHILD_PLACE) <= reached);
             let Some(entry) = entry else { return Some(best.hit) };
             top = entry;
             let (key, index) = stack[entry];
-            next = self.nodes[index as usize].child((key & PLACE) as usize);
+            next = self.nodes[index as usize].child((key & CHILD_PLACE) as usize);
         }
     }
 }
@@ -127,7 +129,7 @@ impl CompressedNode {
                 (enter, leave) = (enter.max(near), leave.min(far));
             }
             let meets = enter <= A::free_mul(leave, BOX_FACTOR);
-            if meets { enter.to_bits() & !PLACE | child as u32 } else { NONE }
+            if meets { enter.to_bits() & !CHILD_PLACE | child as u32 } else { NO_CHILD }
         })
     }
 }
