@@ -24,7 +24,8 @@ FIGURES = pathlib.Path(__file__).resolve().parent.parent / "docs/measurements/sh
 # Most of each number, for every shader.
 PROMISED = {"swiftshader.seconds": 5.0, "swiftshader.mib": 1024}
 # And for those that trace the plain case.
-LEAN = ["closest_hit", "any_hit", "closest_hits", "shadow_hits", "shadow_hits_through_glass"]
+LEAN = ["closest_hit", "any_hit", "closest_hit_compressed", "any_hit_compressed", "closest_hits", "shadow_hits",
+        "shadow_hits_through_glass"]
 LEAN_PROMISED = {
     "aco.vgprs": 64,
     "aco.scratch": 0,
