@@ -2,7 +2,8 @@
 //!
 //! A lane of a GPU tests one triangle at a time, so a tree for it is judged by the triangles that a ray tests and the
 //! nodes that it visits, not by blocks. Both are counted in the reference traversal, for camera, shadow and bounce rays
-//! and for chords of the scene; and in compressed nodes made from the same tree. Counts, not times: they are the same on every machine.
+//! and for chords of the scene; and in compressed nodes made from the same tree,
+//! by least cost and by the rule for devices. Counts, not times: they are the same on every machine.
 
 use rayon::prelude::*;
 use splitplane::backend::OpenOptions;
@@ -101,27 +102,32 @@ fn measure(spec: &str, only: Option<&str>) -> Result<(), Box<dyn Error>> {
         }
         println!("{:>14}{:>14}", tree.nodes.len(), tree.references.len());
         let scale = scene_scale(&tree, &mesh);
-        let Some(nodes) = CompressedNodes::new(&tree, &mesh, &scale) else { continue };
-        print!("  {:<18}", "  compressed");
-        let mut left = 0.0f64;
-        for (set, rays) in rays.each().into_iter().enumerate() {
-            let query = if set == Sets::<()>::SHADOW { Query::Any } else { Query::Closest };
-            let trace = |ray: &Ray, cost: &mut Cost| {
-                let options = QueryOptions::default();
-                nodes.trace::<Strict, _>(&mesh, &scale, ray, &options, query, cost).is_some()
-            };
-            let [visited, tested, missing] = mean(rays, trace);
-            print!("{visited:>8.1}{tested:>8.1}");
-            left = left.max(missing);
+        for (name, made) in [
+            ("  compressed", CompressedNodes::new(&tree, &mesh, &scale)),
+            ("  greedy", CompressedNodes::greedy(&tree, &mesh, &scale)),
+        ] {
+            let Some(nodes) = made else { continue };
+            print!("  {name:<18}");
+            let mut left = 0.0f64;
+            for (set, rays) in rays.each().into_iter().enumerate() {
+                let query = if set == Sets::<()>::SHADOW { Query::Any } else { Query::Closest };
+                let trace = |ray: &Ray, cost: &mut Cost| {
+                    let options = QueryOptions::default();
+                    nodes.trace::<Strict, _>(&mesh, &scale, ray, &options, query, cost).is_some()
+                };
+                let [visited, tested, missing] = mean(rays, trace);
+                print!("{visited:>8.1}{tested:>8.1}");
+                left = left.max(missing);
+            }
+            println!(
+                "{:>14}{:>14}  {:.1} MB for {:.1}; at most {:.2} % of a set left to the tree",
+                nodes.nodes.len(),
+                nodes.references.len(),
+                nodes.bytes() as f64 * 1e-6,
+                (8 * tree.nodes.len() + 4 * tree.references.len()) as f64 * 1e-6,
+                100.0 * left
+            );
         }
-        println!(
-            "{:>14}{:>14}  {:.1} MB for {:.1}; at most {:.2} % of a set left to the tree",
-            nodes.nodes.len(),
-            nodes.references.len(),
-            nodes.bytes() as f64 * 1e-6,
-            (8 * tree.nodes.len() + 4 * tree.references.len()) as f64 * 1e-6,
-            100.0 * left
-        );
     }
     Ok(())
 }
