@@ -36,8 +36,6 @@ pub const BOX_ENTRIES: u32 = 16;
 /// at most where a device errs as far as WGSL lets it, and `PLANE_SLACK` has 4 for the images of corners: 2^-18 is twice
 /// the sum, for entering and leaving together.
 pub const BOX_FACTOR: f32 = 1.000_003_8; // 1 + 2^-18
-/// A side in quanta is a byte in the middle of the mantissa of a number from 1 to 2: its last bit stands for this part.
-pub const SIDE_SHIFT: u32 = 8;
 
 /// A node: 80 bytes. Sides of boxes are `origin + q * 2^(exponent - 127)`, of the exponents of quanta. The children that
 /// are nodes come first, then those that are leaves.

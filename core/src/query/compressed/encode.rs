@@ -1,12 +1,14 @@
 //! Boxes as bytes: quantised outward.
 
-use super::{CHILDREN, CompressedNode, REFERENCE_BITS, SIDE_SHIFT};
+use super::{CHILDREN, CompressedNode, REFERENCE_BITS};
 use crate::aabb::Aabb;
 
 /// Least exponent of a quantum: such quanta, and their products with what rays have, are normal numbers.
 const LEAST_QUANTUM: i32 = -100;
 /// The greatest: 2^15 of such quanta are a number.
 const MOST_QUANTUM: i32 = 127 - UNITS;
+/// Where a side in quanta begins in a number from 1 to 2: in the middle of its mantissa.
+const SIDE_SHIFT: u32 = 8;
 /// A number from 1 to 2 whose mantissa holds a side stands for 2^15 quanta and the side.
 const UNITS: i32 = 23 - SIDE_SHIFT as i32;
 

@@ -216,41 +216,39 @@ fn nothing_is_lost_on_the_way() {
 }
 
 fn nothing_is_lost(tree: &KdTreeView<'_>, nodes: &CompressedNodes) {
-    {
-        let mut named: Vec<u32> = nodes.references.clone();
-        let mut expected: Vec<u32> = tree.references.to_vec();
-        for list in [&mut named, &mut expected] {
-            list.sort_unstable();
-            list.dedup();
-        }
-        assert_eq!(named, expected);
-        let mut reached = 1;
-        for node in &nodes.nodes {
-            for (child, what) in node.children().enumerate() {
-                let outer = node.child_bounds(child);
-                match what {
-                    CompressedChild::Leaf { first, count } => {
-                        assert!(count <= LEAF_MOST);
-                        assert!((first + count) as usize <= nodes.references.len());
-                    }
-                    CompressedChild::Node(index) => {
-                        reached += 1;
-                        let below = &nodes.nodes[index as usize];
-                        for inner in 0..below.children().count() {
-                            let bounds = below.child_bounds(inner);
-                            for axis in 0..3 {
-                                // The child's own quanta may reach further by three of them.
-                                let slack = 3.0 * below.quantum(axis);
-                                assert!(bounds[axis][0] >= outer[axis][0] - slack);
-                                assert!(bounds[axis][1] <= outer[axis][1] + slack);
-                            }
+    let mut named: Vec<u32> = nodes.references.clone();
+    let mut expected: Vec<u32> = tree.references.to_vec();
+    for list in [&mut named, &mut expected] {
+        list.sort_unstable();
+        list.dedup();
+    }
+    assert_eq!(named, expected);
+    let mut reached = 1;
+    for node in &nodes.nodes {
+        for (child, what) in node.children().enumerate() {
+            let outer = node.child_bounds(child);
+            match what {
+                CompressedChild::Leaf { first, count } => {
+                    assert!(count <= LEAF_MOST);
+                    assert!((first + count) as usize <= nodes.references.len());
+                }
+                CompressedChild::Node(index) => {
+                    reached += 1;
+                    let below = &nodes.nodes[index as usize];
+                    for inner in 0..below.children().count() {
+                        let bounds = below.child_bounds(inner);
+                        for axis in 0..3 {
+                            // The child's own quanta may reach further by three of them.
+                            let slack = 3.0 * below.quantum(axis);
+                            assert!(bounds[axis][0] >= outer[axis][0] - slack);
+                            assert!(bounds[axis][1] <= outer[axis][1] + slack);
                         }
                     }
                 }
             }
         }
-        assert_eq!(reached, nodes.nodes.len());
     }
+    assert_eq!(reached, nodes.nodes.len());
 }
 
 #[test]
