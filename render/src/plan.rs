@@ -132,7 +132,10 @@ impl Plan {
         }
         let most = |bytes: usize| (room.buffer_bytes / bytes as u64).min(1 << 30) as u32;
         let per_path = shadow_rays.max(1) as u32;
-        let listed = if room.undecided { 4 + 4 * UNDECIDED_WORDS as usize } else { 4 };
+        // The list of rays on a device: its head, and the words of each.
+        let words = 1 + if room.undecided { UNDECIDED_WORDS } else { 0 };
+        let after_head = room.buffer_bytes.saturating_sub(4 * u64::from(DEFERRED_HEAD));
+        let listed = (after_head / (4 * u64::from(words))).min(1 << 30) as u32;
         // A glass surface turns one ray into two. Twice the capacity is mostly enough; else the
         // frame is rendered again in smaller slices.
         let branching = if plan.branches() { 2 } else { 1 };
@@ -143,7 +146,8 @@ impl Plan {
         let paths = room
             .paths
             .min(most(Buffer::Surfaces.element_size()))
-            .min(most(listed.max(Buffer::ShadowRays.element_size())) / per_path)
+            .min(most(Buffer::ShadowRays.element_size()) / per_path)
+            .min(listed / per_path)
             .min(wanted.min(1 << 30) as u32);
         let slice_paths = u64::from(paths) / branching;
         plan.slice_pixels = (slice_paths as u32 / settings.samples).clamp(1, size.pixels());

@@ -300,7 +300,8 @@ impl Tracer {
 
     /// Submits a frame of the tree that was built or submitted last; [`Tracer::finish_frame`] has it. On a GPU
     /// this returns when that tree is there, and the outputs come back together with the counters, in one round
-    /// trip. The next tree may be submitted meanwhile. A frame that was submitted before is forgotten.
+    /// trip. The next tree may be submitted meanwhile. A frame that was submitted before is forgotten. A frame of accuracy `exact`
+    /// waits for the device between its waves, and so does this.
     ///
     /// On the CPU the frame is rendered before this returns.
     ///
