@@ -63,7 +63,6 @@ fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
 
     // The last bit of one number of one instance is seen in the digest.
     let (scene, names) = objects::scene(Kind::Ordinary, 40, 73);
-    let rays = objects::rays(&scene, 500, 74);
     let there = device.build_scene(&scene, &build).expect("a scene");
     let (mut other, same) = objects::scene(Kind::Ordinary, 40, 73);
     assert_eq!(names, same);

@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::block::{Asked, seen_by};
 use super::built::BuiltScene;
-use super::host::Within;
+use super::within::Within;
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, check_bytes, refused};
 use crate::query::all_hits::AllHitsOptions;

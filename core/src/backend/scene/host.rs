@@ -1,17 +1,16 @@
 //! Scenes of any backend: the host finds the instances, the geometries' batches answer.
 
-use core::ops::ControlFlow;
-
 use super::accelerator::SceneAccelerator;
 use super::block::{Block, BlockScratch, SceneAnswer};
 use super::built::{BuildGeometry, BuiltScene};
 use super::update::UpdateReport;
+use super::within::Within;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on_tracing;
 use crate::error::QueryError;
 use crate::ray::Ray;
 use crate::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
-use crate::watch::{Progress, Watch};
+use crate::watch::Watch;
 
 /// Rays of a block at most: devices want many at a time.
 const BLOCK: usize = 1 << 16;
@@ -70,21 +69,8 @@ impl HostScene {
 }
 
 /// Rays and answers are as many.
-pub(super) fn check(rays: usize, results: usize) -> Result<(), QueryError> {
+fn check(rays: usize, results: usize) -> Result<(), QueryError> {
     if rays == results { Ok(()) } else { Err(QueryError::LengthMismatch { rays, results }) }
-}
-
-/// Turns the progress of a geometry's batch into that of the scene's.
-pub(super) struct Within<'a> {
-    pub(super) watch: &'a dyn Watch,
-    pub(super) done: u64,
-    pub(super) total: u64,
-}
-
-impl Watch for Within<'_> {
-    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
-        self.watch.progress(&Progress { done: self.done, total: self.total, ..*progress })
-    }
 }
 
 impl SceneAccelerator for HostScene {

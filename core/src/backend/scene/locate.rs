@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::built::BuiltScene;
-use super::host::Within;
+use super::within::Within;
 use crate::cancel::go_on_tracing;
 use crate::error::QueryError;
 use crate::query::inside::{LocateOptions, Located, check_points, no_windings};

@@ -14,6 +14,7 @@ mod host;
 mod locate;
 mod single;
 mod update;
+mod within;
 
 pub use accelerator::SceneAccelerator;
 pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
