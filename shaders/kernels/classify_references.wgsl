@@ -1,5 +1,5 @@
 // Finds the sides each reference goes to and counts them by chunk.
-// One workgroup a chunk, one invocation a reference.
+// One workgroup a chunk, one invocation a reference; then one invocation each of those that may be cut.
 // Reads: decisions, references, corners of those whose bounds a plane cuts where they are clipped.
 // Writes: the sides of each reference, and how many of the chunk's go to each.
 
@@ -10,6 +10,11 @@
 @group(0) @binding(4) var<storage, read> references: array<Reference>;
 @group(0) @binding(5) var<storage, read> triangles: array<f32>;
 @group(0) @binding(6) var<storage, read_write> chunk_state: array<u32>;
+
+// The lanes whose references' bounds straddle the plane, where references are clipped. Their order may differ from run to
+// run; nothing depends on it.
+var<workgroup> open_lanes: array<u32, CHUNK>;
+var<workgroup> open_count: atomic<u32>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -23,6 +28,10 @@ fn main(
         let chunk = chunks[index];
         let axis = decisions[chunk.node].axis;
         let position = decisions[chunk.node].position;
+        if lane == 0u {
+            atomicStore(&open_count, 0u);
+        }
+        workgroupBarrier();
         var left = false;
         var right = false;
         if lane < chunk.count {
@@ -36,22 +45,38 @@ fn main(
                 right = goes_right(hi, position);
                 if left && right && parameters.clip == 1u {
                     // The bounds straddle the plane, but what is left of the triangle may not.
-                    let corners = corners_of(reference.triangle);
-                    let bounds = Aabb(reference.lo, reference.hi);
-                    if !corners_on_both_sides(corners, bounds, axis, position) {
-                        let parts = clip(corners, bounds, axis, position);
-                        left = !is_empty(parts.left);
-                        right = !is_empty(parts.right);
-                    }
+                    open_lanes[atomicAdd(&open_count, 1u)] = lane;
+                    left = false;
+                    right = false;
                 }
             }
         }
         ballot(lane, left, right);
+        if lane < atomicLoad(&open_count) {
+            let source = open_lanes[lane];
+            let reference = references[chunk.first + source];
+            let corners = corners_of(reference.triangle);
+            let bounds = Aabb(reference.lo, reference.hi);
+            var both = vec2<bool>(true);
+            if !corners_on_both_sides(corners, bounds, axis, position) {
+                let parts = clip(corners, bounds, axis, position);
+                both = vec2<bool>(!is_empty(parts.left), !is_empty(parts.right));
+            }
+            let bit = 1u << (source % 32u);
+            if both.x {
+                atomicOr(&ballot_words[source / 32u], bit);
+            }
+            if both.y {
+                atomicOr(&ballot_words[8u + source / 32u], bit);
+            }
+        }
+        workgroupBarrier();
         if lane < 16u {
             chunk_state[sides_of(index) + lane] = atomicLoad(&ballot_words[lane]);
         }
-        if lane == 0u {
-            store_counts(index, vec2<u32>(ballot_count(0u), ballot_count(1u)));
+        // The counts of both sides.
+        if lane < 2u {
+            chunk_state[2u * index + lane] = ballot_count(lane);
         }
     }
 }

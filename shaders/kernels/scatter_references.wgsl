@@ -1,5 +1,5 @@
 // Moves references to the children, clipped, and bounds them by chunk.
-// One workgroup a chunk, one invocation a reference.
+// One workgroup a chunk, one invocation a reference; then one invocation each of those that the plane cuts.
 // Reads: decisions, sides, scanned counts, references, corners of those that a plane cuts where
 // they are clipped.
 // Writes: the references of the children, clipped to their side, in order; bounds by chunk and child.
@@ -14,22 +14,29 @@
 @group(0) @binding(7) var<storage, read_write> next_references: array<Reference>;
 
 const LANES: u32 = 256u;
-const BOXES: u32 = 2u;
 
+// Which references go to the left and to the right, eight words each, and how many before each word.
 var<workgroup> side_words: array<u32, 16>;
+var<workgroup> side_ranks: array<u32, 16>;
+// The lanes whose references the plane cuts. Their order may differ from run to run; the places of their parts do not
+// depend on it.
+var<workgroup> cut_lanes: array<u32, LANES>;
+var<workgroup> cut_count: atomic<u32>;
+// Bounds of what each lane's reference left, left and right, as 12 coordinates of which the least is sought: those of upper corners
+// are negated. Then the least of 8 lanes, and of 32.
+var<workgroup> lane_bounds: array<vec4<f32>, 768>;
+var<workgroup> part_bounds: array<vec4<f32>, 96>;
+var<workgroup> few_bounds: array<vec4<f32>, 24>;
 
-// Whether this lane's reference goes to a side (0 left, 1 right).
+// Whether a lane's reference goes to a side (0 left, 1 right).
 fn goes(side: u32, lane: u32) -> bool {
     return ((side_words[8u * side + lane / 32u] >> (lane % 32u)) & 1u) == 1u;
 }
 
-// How many of the chunk's references before this lane's go there.
+// How many of the chunk's references before a lane's go there.
 fn rank(side: u32, lane: u32) -> u32 {
-    var count = 0u;
-    for (var word = 0u; word < lane / 32u; word++) {
-        count += countOneBits(side_words[8u * side + word]);
-    }
-    return count + countOneBits(side_words[8u * side + lane / 32u] & ((1u << (lane % 32u)) - 1u));
+    let word = 8u * side + lane / 32u;
+    return side_ranks[word] + countOneBits(side_words[word] & ((1u << (lane % 32u)) - 1u));
 }
 
 // A child of `count` references takes one at `place`.
@@ -39,6 +46,73 @@ fn store(count: u32, place: u32, bounds: Aabb, triangle: u32) {
         store_next(place, reference);
     } else {
         store_small(place, reference);
+    }
+}
+
+// Which references go where. Every lane must call it.
+fn load_sides(chunk: u32, lane: u32) {
+    workgroupBarrier();
+    if lane < 16u {
+        side_words[lane] = chunk_state[sides_of(chunk) + lane];
+    }
+    if lane == 0u {
+        atomicStore(&cut_count, 0u);
+    }
+    workgroupBarrier();
+    if lane < 16u {
+        var count = 0u;
+        for (var word = lane & 8u; word < lane; word++) {
+            count += countOneBits(side_words[word]);
+        }
+        side_ranks[lane] = count;
+    }
+    workgroupBarrier();
+}
+
+// The bounds of what a lane's reference left on both sides.
+fn put_bounds(lane: u32, left: Aabb, right: Aabb) {
+    lane_bounds[lane] = vec4<f32>(left.lo, -left.hi.x);
+    lane_bounds[LANES + lane] = vec4<f32>(-left.hi.yz, right.lo.xy);
+    lane_bounds[2u * LANES + lane] = vec4<f32>(right.lo.z, -right.hi);
+}
+
+// What was put for a lane on one side.
+fn put_on(lane: u32, side: u32) -> Aabb {
+    let middle = lane_bounds[LANES + lane];
+    let other = lane_bounds[2u * LANES * side + lane];
+    if side == 0u {
+        return Aabb(other.xyz, -vec3<f32>(other.w, middle.xy));
+    }
+    return Aabb(vec3<f32>(middle.zw, other.x), -other.yzw);
+}
+
+// Writes the unions of what was put. Every lane must call it.
+fn store_bounds(chunk: u32, lane: u32) {
+    workgroupBarrier();
+    if lane < 96u {
+        let first = (lane / 32u) * LANES + lane % 32u;
+        var bounds = lane_bounds[first];
+        for (var i = 32u; i < LANES; i += 32u) {
+            bounds = min(bounds, lane_bounds[first + i]);
+        }
+        part_bounds[lane] = bounds;
+    }
+    workgroupBarrier();
+    if lane < 24u {
+        let first = (lane / 8u) * 32u + lane % 8u;
+        let a = min(part_bounds[first], part_bounds[first + 8u]);
+        let b = min(part_bounds[first + 16u], part_bounds[first + 24u]);
+        few_bounds[lane] = min(a, b);
+    }
+    workgroupBarrier();
+    if lane < 12u {
+        let first = (lane / 4u) * 8u;
+        var bound = few_bounds[first][lane % 4u];
+        for (var i = 1u; i < 8u; i++) {
+            bound = min(bound, few_bounds[first + i][lane % 4u]);
+        }
+        let is_upper = lane % 6u >= 3u;
+        chunk_state[bounds_of(chunk, 0u) + lane] = bitcast<u32>(select(bound, -bound, is_upper));
     }
 }
 
@@ -57,49 +131,61 @@ fn main(
         if !is_seen(chunk, decision) {
             continue;
         }
-        workgroupBarrier();
-        if lane < 16u {
-            side_words[lane] = chunk_state[sides_of(index) + lane];
-        }
-        workgroupBarrier();
+        load_sides(index, lane);
         var left_bounds = empty_aabb();
-        var right_bounds = empty_aabb();
+        var right_bounds = left_bounds;
+        let places = decision.first + load_counts(index);
         if lane < chunk.count {
             let reference = active_reference(chunk.first + lane);
+            let bounds = Aabb(reference.lo, reference.hi);
             if decision.axis == TRANSFER {
                 let place = decision.first.x + chunk.first - decision.source_first + lane;
                 store_small(place, reference);
+            } else if strictly_inside(bounds, decision.axis, decision.position) {
+                cut_lanes[atomicAdd(&cut_count, 1u)] = lane;
             } else {
-                let bounds = Aabb(reference.lo, reference.hi);
-                var parts = Parts(bounds, bounds);
-                // A reference that goes to one side only may still have bounds that cross the plane:
-                // its part on the other side came out empty.
-                if strictly_inside(bounds, decision.axis, decision.position) {
-                    if parameters.clip == 1u {
-                        let corners = corners_of(reference.triangle);
-                        parts = clip(corners, bounds, decision.axis, decision.position);
-                    } else {
-                        parts.left.hi = with_axis(bounds.hi, decision.axis, decision.position);
-                        parts.right.lo = with_axis(bounds.lo, decision.axis, decision.position);
-                    }
-                }
-                let offsets = load_counts(index);
-                if goes(0u, lane) {
-                    left_bounds = parts.left;
-                    let place = decision.first.x + offsets.x + rank(0u, lane);
-                    store(decision.counts.x, place, parts.left, reference.triangle);
-                }
-                if goes(1u, lane) {
-                    right_bounds = parts.right;
-                    let place = decision.first.y + offsets.y + rank(1u, lane);
-                    store(decision.counts.y, place, parts.right, reference.triangle);
+                // It goes to one side only.
+                let side = select(1u, 0u, goes(0u, lane));
+                let count = select(decision.counts.y, decision.counts.x, side == 0u);
+                let place = select(places.y, places.x, side == 0u) + rank(side, lane);
+                store(count, place, bounds, reference.triangle);
+                if side == 0u {
+                    left_bounds = bounds;
+                } else {
+                    right_bounds = bounds;
                 }
             }
         }
-        // Nobody reads the last chunk's any more: two barriers stand above.
-        put_bounds(lane, 0u, left_bounds);
-        put_bounds(lane, 1u, right_bounds);
-        reduce_boxes(lane);
-        store_reduced_bounds(index, lane);
+        put_bounds(lane, left_bounds, right_bounds);
+        workgroupBarrier();
+        if lane < atomicLoad(&cut_count) {
+            let source = cut_lanes[lane];
+            let reference = active_reference(chunk.first + source);
+            let bounds = Aabb(reference.lo, reference.hi);
+            var parts = Parts(bounds, bounds);
+            if parameters.clip == 1u {
+                parts = clip(corners_of(reference.triangle), bounds, decision.axis, decision.position);
+            } else {
+                parts.left.hi = with_axis(bounds.hi, decision.axis, decision.position);
+                parts.right.lo = with_axis(bounds.lo, decision.axis, decision.position);
+            }
+            // It may still go to one side only: its part on the other came out empty.
+            if !goes(0u, source) {
+                parts.left = empty_aabb();
+            }
+            if !goes(1u, source) {
+                parts.right = empty_aabb();
+            }
+            put_bounds(source, parts.left, parts.right);
+            // One side after the other, from memory: in registers both would leave room for fewer workgroups.
+            for (var side = 0u; side < 2u; side++) {
+                if goes(side, source) {
+                    let count = select(decision.counts.y, decision.counts.x, side == 0u);
+                    let place = select(places.y, places.x, side == 0u) + rank(side, source);
+                    store(count, place, put_on(source, side), reference.triangle);
+                }
+            }
+        }
+        store_bounds(index, lane);
     }
 }

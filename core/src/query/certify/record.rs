@@ -12,7 +12,7 @@ use crate::triangle::Triangle;
 const TERM_LEAST: f32 = 2.117_582_4e-22; // 2^-72
 /// Error of a weight as `exact` computes it in `f64`, per unit of the direction times the longest side times the farthest
 /// corner over the denominator: 60 roundings of 2^-53, two and a half times, and slack.
-const WIDE_NOISE: f32 = 2.842_170_9e-14; // 2^-45
+const WIDE_NOISE: f32 = 2.842_171e-14; // 2^-45
 /// Weights that `f64` may know less well than this are left to the CPU, which then computes them in another way.
 const WIDE_MOST: f32 = 2.328_306_4e-10; // 2^-32
 /// What adding to the low part of a number rounds away, per unit of it and of the error: 2^-24, and slack.
