@@ -239,7 +239,7 @@ impl Arguments {
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
-            redone(&stats),
+            redone(stats),
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
             written.heat.as_deref().unwrap_or(""),
             names.join(", ")

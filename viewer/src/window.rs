@@ -61,11 +61,8 @@ struct Open {
     finished: u32,
 }
 
-/// Whether to go on after a frame.
-enum After {
-    Continue,
-    End(Ended),
-}
+/// Whether to go on after a frame, or how the window ends.
+type After = std::ops::ControlFlow<Ended>;
 
 impl App {
     pub(super) fn new(
@@ -159,8 +156,8 @@ impl App {
     fn redraw(&mut self, event_loop: &ActiveEventLoop) {
         let Some(open) = &mut self.open else { return };
         match open.redraw(&self.settings) {
-            Ok(After::Continue) => {}
-            Ok(After::End(ended)) => self.end(event_loop, Ok(ended)),
+            Ok(After::Continue(())) => {}
+            Ok(After::Break(ended)) => self.end(event_loop, Ok(ended)),
             Err(error) => self.end(event_loop, Err(error)),
         }
     }
@@ -238,7 +235,7 @@ impl ApplicationHandler<Event> for App {
 impl Open {
     fn redraw(&mut self, settings: &Settings) -> Result<After, ViewerError> {
         self.wake = None;
-        let Some(size) = self.screen.size() else { return Ok(After::Continue) };
+        let Some(size) = self.screen.size() else { return Ok(After::Continue(())) };
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
         let state = &mut self.state;
@@ -311,13 +308,13 @@ impl Open {
         settings: &Settings,
         content: &Content<'_>,
     ) -> Result<After, ViewerError> {
-        let Some(frames) = settings.frames else { return Ok(After::Continue) };
+        let Some(frames) = settings.frames else { return Ok(After::Continue(())) };
         if !shown || !self.state.is_finished() {
-            return Ok(After::Continue);
+            return Ok(After::Continue(()));
         }
         self.finished += 1;
         if self.finished < frames {
-            return Ok(After::Continue);
+            return Ok(After::Continue(()));
         }
         let report = self.state.frame.as_ref().map(|frame| frame.report.clone());
         let screenshot = if settings.screenshot {
@@ -326,7 +323,7 @@ impl Open {
         } else {
             None
         };
-        Ok(After::End(Ended { report, screenshot }))
+        Ok(After::Break(Ended { report, screenshot }))
     }
 
     /// Sets when to draw next although nothing happens.
