@@ -4,10 +4,8 @@
 //! cargo run --release --example scene
 //! ```
 
-use splitplane::core::scene::translation;
-use splitplane::{
-    Backend, BuildOptions, CpuBackend, Instance, Mesh, Ray, Scene, SceneHit, SceneOptions,
-};
+use splitplane::objects::{Instance, Scene, SceneHit, SceneOptions, translation};
+use splitplane::{Backend, BuildOptions, CpuBackend, Mesh, Ray};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let positions = [[0.0, 0.0, 0.0], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], [0.0, 0.0, 0.5]];

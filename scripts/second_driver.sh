@@ -12,7 +12,7 @@
 # MEMORY_KIB       what each step may take of address space; 6000000 by default
 #
 # Each step is a process of its own within these limits. Adapters are listed within 30 seconds; a scene of 10,000 triangles is built by
-# each preset in step with the CPU; every kind of query, by each accuracy, and frames of 64x64, exact ones too, give the CPU's files,
+# each preset in step with the CPU; hits of every kind by accuracies watertight and exact, points inside, and frames of 64x64, exact ones too, give the CPU's files,
 # byte for byte.
 #
 # Exit code 0: everything equal; 1: something differs or a step failed; 5: there is no SwiftShader.

@@ -26,7 +26,7 @@
 //!   [`Backend`] too, which has its methods. The trait is public; you can write your own backend.
 //! - **Building** gives an [`Accelerator`]: it owns the tree and answers rays. What shapes the tree
 //!   is in [`BuildConfig`], which a [`Preset`] gives; limits of memory are in [`BuildOptions`] and only ever end in errors.
-//! - **Scenes** of many objects have geometries and instances: [`Backend::build_scene`] makes a [`SceneAccelerator`], and
+//! - **Scenes** of many objects have geometries and instances: [`Backend::build_scene`] makes a [`SceneAccelerator`](objects::SceneAccelerator), and
 //!   [`Backend::update_scene`] remakes only what changed.
 //! - **Rays** go in batches ([`Accelerator::closest_hits`], [`Accelerator::any_hits`]) or one at a
 //!   time. A closest hit is the one of least (`t`, triangle index), whatever the backend.
@@ -55,7 +55,7 @@
 //! | to | see |
 //! |---|---|
 //! | rebuild a tree for each frame | [`Backend::rebuild`], [rebuild each frame] |
-//! | place one mesh many times, move objects | [`Scene`], [`Backend::build_scene`], [many objects] |
+//! | place one mesh many times, move objects | [`Scene`](objects::Scene), [`Backend::build_scene`], [many objects] |
 //! | limit memory, follow progress, cancel | [`BuildOptions`], [`Watch`], [cancel] |
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
@@ -94,7 +94,6 @@ pub mod backend;
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;
 pub use splitplane_core::aabb::Aabb;
-pub use splitplane_core::backend::scene::{SceneAccelerator, SceneAllHitsOptions, UpdateReport};
 pub use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 pub use splitplane_core::config::{BuildConfig, Builder, ConfigError, Preset, Stages, Sweep};
 pub use splitplane_core::error::{BuildError, DeviceError, QueryError};
@@ -106,10 +105,6 @@ pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOption
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
-pub use splitplane_core::scene::{
-    GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneError, SceneHit, SceneOptions,
-    SceneReport, Transform,
-};
 pub use splitplane_core::tree::digest::Digest;
 pub use splitplane_core::tree::node::{Axis, KdNode, NodeKind};
 pub use splitplane_core::tree::{KdTree, KdTreeView};
@@ -130,6 +125,13 @@ pub use splitplane_verify as verify;
 pub use splitplane_verify::parity;
 #[cfg(feature = "wgpu")]
 pub use splitplane_wgpu as gpu;
+
+/// Scenes of many objects: a description, and what answers rays through it. (Scenes from files, with materials and
+/// lights, are in the module `scene`.)
+pub mod objects {
+    pub use splitplane_core::backend::scene::*;
+    pub use splitplane_core::scene::*;
+}
 
 /// The pages of the guide, whose code is tested.
 #[cfg(all(doctest, feature = "cpu"))]

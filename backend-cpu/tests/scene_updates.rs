@@ -38,6 +38,11 @@ fn moving_one_of_many_looks_at_that_one_only() {
     let mut built = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
     let nothing = backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
     assert_eq!((nothing.geometries_built, nothing.instances_compared), (0, 0));
+    // A zero of another sign is another description, which the digest names.
+    scene.move_instance(names[0], translation([-0.0, 0.0, 0.0])).unwrap();
+    backend.update_scene(&mut built, &scene, &BuildOptions::default()).unwrap();
+    let fresh = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
+    assert_eq!(built.scene().digest(), fresh.scene().digest());
     assert_eq!(nothing.top, TopUpdate::Kept);
 
     scene.move_instance(names[5050], translation([50.25, 50.0, 3.0])).unwrap();

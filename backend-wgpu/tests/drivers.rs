@@ -63,7 +63,7 @@ fn no_order_of_workgroups_shows() {
 }
 
 /// Drivers that do several of these things at once, where they do not contradict one another.
-const AT_ONCE: [&[&str]; 2] = [
+const AT_ONCE: [&[&str]; 3] = [
     &[
         "reciprocals are too large",
         "free operations round away from zero",
@@ -71,6 +71,7 @@ const AT_ONCE: [&[&str]; 2] = [
         "subnormal products are flushed before they are rounded",
     ],
     &["reciprocals are too small", "free operations round towards zero", "zeros become negative"],
+    &["products and sums fuse", "zeros lose their sign"],
 ];
 
 #[test]

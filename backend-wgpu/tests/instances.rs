@@ -21,6 +21,7 @@ fn answers(
 }
 
 #[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
 fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
     let adapter = std::env::var("SPLITPLANE_ADAPTER").ok();
     let open = OpenOptions { default_limits: true, adapter, ..Default::default() };

@@ -90,8 +90,9 @@ pub(super) fn write_closest_points(
 ) -> Result<(), Failure> {
     let mut bytes = start(path, CLOSEST_POINT_TYPE, 28, closest.len())?;
     for (place, closest) in closest.iter().enumerate() {
-        let is_inside =
-            signs.is_some_and(|located| located.location(place, Rule::NonZero) == Location::Inside);
+        let is_inside = closest.is_some()
+            && signs
+                .is_some_and(|located| located.location(place, Rule::NonZero) == Location::Inside);
         let distance = if is_inside { -closest.distance() } else { closest.distance() };
         let ClosestPoint { point: [x, y, z], triangle, u, v, .. } = *closest;
         let [x, y, z, u, v] = [x, y, z, u, v].map(f32::to_bits);

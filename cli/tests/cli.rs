@@ -989,6 +989,11 @@ fn all_crossings_and_points_inside() {
         (report["hits"].as_u64(), report["kind"].as_str()),
         (Some(3), Some("closest-point"))
     );
+    // A point inside is near nothing: there is no distance to be negative.
+    let none = [&query[..], &["--max-distance", "0.1", "--signed", "--hits", "none.bin"]].concat();
+    succeed(&folder, &none);
+    let records = fs::read(folder.path().join("none.bin")).unwrap();
+    assert_eq!(f32::from_le_bytes([records[0], records[1], records[2], records[3]]), f32::INFINITY);
     fail(&folder, 2, &[&query[..], &["--max-distance", "-1"]].concat());
     fail(&folder, 2, &[&query[..], &["--max-distance", "nan"]].concat());
     fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--signed"]);

@@ -101,7 +101,6 @@ impl Task<'_> {
             "top_ms": top_ms,
             "top_bytes": top_bytes,
             "struct_bytes": built.scene().bytes(),
-            "build_peak_bytes": built.scene().bytes(),
             "sets": sets,
         }))
     }

@@ -6,7 +6,7 @@ use alloc::vec::Vec;
 use super::error::SceneError;
 use super::hit::{GeometryId, InstanceId, MAX_INSTANCES};
 use super::transform::{IDENTITY, ObjectSpace, Transform};
-use crate::mesh::{Mesh, MeshError};
+use crate::mesh::Mesh;
 use crate::ray::Culling;
 
 /// An instance: a geometry, placed in the world.
@@ -53,14 +53,8 @@ impl GeometryMesh {
     }
 
     /// The mesh.
-    ///
-    /// # Errors
-    /// None: the arrays are those of a mesh.
-    pub fn mesh(&self) -> Result<Mesh<'_>, MeshError> {
-        match &self.indices {
-            Some(indices) => Mesh::indexed(&self.positions, indices),
-            None => Mesh::soup(self.positions.as_chunks().0),
-        }
+    pub fn mesh(&self) -> Mesh<'_> {
+        Mesh::of_checked(&self.positions, self.indices.as_deref())
     }
 }
 

@@ -5,6 +5,9 @@ use super::world_box::WorldBox;
 
 /// A tree whose cost has grown by more than this is built anew.
 const GROWTH_MOST: f64 = 1.5;
+/// And one whose cost has fallen by more than this: it was built around something far larger that is gone, beside which the cost of the rest cannot be
+/// told.
+const FALL_MOST: f64 = 32.0;
 
 impl TopTree {
     /// Whether an instance has a place.
@@ -32,9 +35,10 @@ impl TopTree {
         changed
     }
 
-    /// Whether a tree built anew would be worth it: whether rays cost half as much again as when it was built.
+    /// Whether a tree built anew would be worth it: whether rays cost half as much again as when it was built, or far less.
     pub fn is_worn(&self) -> bool {
         // Finite, even where boxes are as large as floats go.
         self.cost > self.cost_when_built * GROWTH_MOST
+            || self.cost * FALL_MOST < self.cost_when_built
     }
 }

@@ -12,6 +12,7 @@ use crate::scene_words::SceneWords;
 use crate::surface::{MOST_CLEAR_LAYERS, after};
 use crate::vector::{greatest, mul};
 use rayon::prelude::*;
+use splitplane_core::error::{DeviceError, QueryError};
 use splitplane_core::exact::{ExactRay, meet};
 use splitplane_core::query::traverse::{Query, Triangles, exact};
 use splitplane_core::ray::{Hit, Ray};
@@ -104,6 +105,13 @@ impl<'a> Undecided<'a> {
         let records = words(&read(self.gpu, list, at, 4 * u64::from(count * UNDECIDED_WORDS))?);
         let mut left: Vec<Left> =
             records.chunks_exact(UNDECIDED_WORDS as usize).map(Left::of_words).collect();
+        if let Some(beyond) = left.iter().find(|left| left.index >= room) {
+            let reason = format!(
+                "it left ray {} undecided, where a kernel has {room} at most",
+                beyond.index
+            );
+            return Err(QueryError::from(DeviceError::Failed(reason)).into());
+        }
         // Neighbours go back together.
         left.sort_unstable_by_key(|left| left.index);
         if self.copy.is_none() && !left.iter().all(|left| self.at_triangle(left).is_some()) {

@@ -124,4 +124,142 @@ impl SceneAccelerator for Box<dyn SceneAccelerator> {
     ) -> Result<SceneReport, QueryError> {
         (**self).any_hits(rays, occluded, options)
     }
+
+    fn closest_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> Option<SceneHit> {
+        (**self).closest_hit(ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> bool {
+        (**self).any_hit(ray, options)
+    }
+
+    fn all_hits(
+        &self,
+        rays: &[Ray],
+        options: &SceneAllHitsOptions<'_>,
+    ) -> Result<SceneAllHits, QueryError> {
+        (**self).all_hits(rays, options)
+    }
+
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        (**self).locate(points, options)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use core::sync::atomic::AtomicUsize;
+    use core::sync::atomic::Ordering::Relaxed;
+
+    use super::*;
+
+    const NAMES: [&str; 8] = [
+        "scene",
+        "update_by",
+        "closest_hits",
+        "any_hits",
+        "closest_hit",
+        "any_hit",
+        "all_hits",
+        "locate",
+    ];
+
+    /// Writes down which of its methods was called.
+    #[derive(Default)]
+    struct Noted {
+        scene: BuiltScene,
+        called: AtomicUsize,
+    }
+
+    impl Noted {
+        fn note<T>(&self, name: &str, answer: T) -> T {
+            let place = NAMES.iter().position(|known| *known == name).expect("a name");
+            self.called.store(place, Relaxed);
+            answer
+        }
+    }
+
+    impl SceneAccelerator for &'static Noted {
+        fn scene(&self) -> &BuiltScene {
+            self.note("scene", &self.scene)
+        }
+
+        fn update_by(
+            &mut self,
+            _: &Scene,
+            _: &BuildOptions<'_>,
+            _: &mut BuildGeometry<'_>,
+        ) -> Result<UpdateReport, SceneBuildError> {
+            self.note("update_by", Ok(UpdateReport::default()))
+        }
+
+        fn closest_hits(
+            &self,
+            _: &[Ray],
+            _: &mut [SceneHit],
+            _: &SceneOptions<'_>,
+        ) -> Result<SceneReport, QueryError> {
+            self.note("closest_hits", Ok(SceneReport::default()))
+        }
+
+        fn any_hits(
+            &self,
+            _: &[Ray],
+            _: &mut [bool],
+            _: &SceneOptions<'_>,
+        ) -> Result<SceneReport, QueryError> {
+            self.note("any_hits", Ok(SceneReport::default()))
+        }
+
+        fn closest_hit(&self, _: &Ray, _: &SceneOptions<'_>) -> Option<SceneHit> {
+            self.note("closest_hit", None)
+        }
+
+        fn any_hit(&self, _: &Ray, _: &SceneOptions<'_>) -> bool {
+            self.note("any_hit", false)
+        }
+
+        fn all_hits(
+            &self,
+            _: &[Ray],
+            _: &SceneAllHitsOptions<'_>,
+        ) -> Result<SceneAllHits, QueryError> {
+            self.note("all_hits", Err(QueryError::Unsupported { query: "all hits" }))
+        }
+
+        fn locate(&self, _: &[[f32; 3]], _: &LocateOptions<'_>) -> Result<Located, QueryError> {
+            self.note("locate", Ok(Located::default()))
+        }
+    }
+
+    /// A box hands every call on: a default in its place would pass over what a backend has of its own.
+    #[test]
+    fn a_box_hands_every_call_on() {
+        let noted: &'static Noted = Box::leak(Box::default());
+        let mut boxed: Box<dyn SceneAccelerator> = Box::new(noted);
+        let called = || NAMES[noted.called.load(Relaxed)];
+        let (ray, options) = (Ray::new([0.0; 3], [1.0; 3]), SceneOptions::default());
+        let _ = SceneAccelerator::scene(&boxed);
+        assert_eq!(called(), "scene");
+        let build = &mut |_: &crate::mesh::Mesh<'_>, _: &BuildOptions<'_>| unreachable!();
+        let _ =
+            SceneAccelerator::update_by(&mut boxed, &Scene::new(), &BuildOptions::default(), build);
+        assert_eq!(called(), "update_by");
+        let _ = SceneAccelerator::closest_hits(&boxed, &[], &mut [], &options);
+        assert_eq!(called(), "closest_hits");
+        let _ = SceneAccelerator::any_hits(&boxed, &[], &mut [], &options);
+        assert_eq!(called(), "any_hits");
+        let _ = SceneAccelerator::closest_hit(&boxed, &ray, &options);
+        assert_eq!(called(), "closest_hit");
+        let _ = SceneAccelerator::any_hit(&boxed, &ray, &options);
+        assert_eq!(called(), "any_hit");
+        let _ = SceneAccelerator::all_hits(&boxed, &[], &SceneAllHitsOptions::default());
+        assert_eq!(called(), "all_hits");
+        let _ = SceneAccelerator::locate(&boxed, &[], &LocateOptions::default());
+        assert_eq!(called(), "locate");
+    }
 }

@@ -29,12 +29,11 @@ pub struct BuiltGeometry {
 impl BuiltGeometry {
     pub(super) fn new(mesh: Arc<GeometryMesh>, accelerator: Box<dyn Accelerator>) -> BuiltGeometry {
         let mut limits = Limits::NONE;
-        if let Ok(mesh) = mesh.mesh() {
-            for triangle in 0..mesh.len() {
-                let Prepared { corners, kept, .. } = prepare(&mesh.triangle(triangle));
-                if kept {
-                    limits = limits.union(Limits::of(&corners));
-                }
+        let arrays = mesh.mesh();
+        for triangle in 0..arrays.len() {
+            let Prepared { corners, kept, .. } = prepare(&arrays.triangle(triangle));
+            if kept {
+                limits = limits.union(Limits::of(&corners));
             }
         }
         let tree = accelerator.tree();
@@ -68,13 +67,14 @@ impl BuiltGeometry {
 /// Triangles of a mesh, some of which count as not there.
 pub(super) struct Without<'a> {
     pub(super) mesh: &'a Mesh<'a>,
+    /// In ascending order.
     pub(super) rejected: &'a [u32],
 }
 
 impl Triangles for Without<'_> {
     /// A triangle that is not there has no area, and is met nowhere.
     fn corners(&self, triangle: u32) -> crate::triangle::Triangle {
-        if self.rejected.contains(&triangle) {
+        if self.rejected.binary_search(&triangle).is_ok() {
             return [[0.0; 3]; 3];
         }
         self.mesh.corners(triangle)

@@ -15,7 +15,7 @@ use crate::watch::Watch;
 impl BuiltScene {
     /// How often the surfaces of all instances wind around each point: the sum over the instances, each exact for the point
     /// as the object sees it. An instance counts where that point is within the box of its geometry; a reflection counts as its
-    /// mesh would in the world, with the opposite sign. A point on a surface of any instance has none.
+    /// mesh would in the world, with the opposite sign; a sum beyond `i32` stays at its end. A point on a surface of any instance has none.
     ///
     /// # Errors
     /// [`QueryError::OutOfMemory`], [`QueryError::Cancelled`], or a device that fails.
@@ -73,7 +73,8 @@ impl BuiltScene {
             report.append(own.report, 0)?;
             let own: Vec<Option<i32>> = own.windings;
             let Some(Some(winding)) = own.first().copied() else { return Ok(None) };
-            sum += if placement.space.mirrored { -winding } else { winding };
+            let winding = if placement.space.mirrored { -winding } else { winding };
+            sum = i32::saturating_add(sum, winding);
         }
         Ok(Some(sum))
     }

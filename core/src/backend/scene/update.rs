@@ -45,6 +45,9 @@ pub struct UpdateReport {
     pub top_nodes_changed: u64,
 }
 
+/// Instances that are placed between two calls of the watch.
+const PLACED: usize = 4096;
+
 /// What is going to change.
 struct Plan {
     /// Geometries by name: a new one, or none any more.
@@ -52,6 +55,20 @@ struct Plan {
     /// Placements by name, in ascending order.
     placements: Vec<(InstanceId, Option<Placement>)>,
     report: UpdateReport,
+}
+
+impl Plan {
+    /// Calls the watch, with all geometries built.
+    fn go_on(&self, options: &BuildOptions<'_>) -> Result<(), SceneBuildError> {
+        let done = u64::from(self.report.geometries_built);
+        let progress = Progress { stage: Stage::Geometries, done, total: done };
+        go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })
+    }
+
+    /// Bytes of the planned placements.
+    fn placement_bytes(&self) -> u64 {
+        (self.placements.capacity() * size_of::<(InstanceId, Option<Placement>)>()) as u64
+    }
 }
 
 impl BuiltScene {
@@ -82,7 +99,8 @@ impl BuiltScene {
         build: &mut BuildGeometry<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
         let mut plan = self.build_geometries(scene, options, build)?;
-        self.place_instances(scene, &mut plan)?;
+        plan.go_on(options)?;
+        self.place_instances(scene, &mut plan, options)?;
         let rebuilt = self.rebuilt_top(scene, &plan, options)?;
         make_room(&mut self.geometries, scene.geometry_names())?;
         make_room(&mut self.placements, scene.instance_names())?;
@@ -111,7 +129,10 @@ impl BuiltScene {
             self.placements[name.0 as usize] = placement;
         }
         self.edits = Some(scene.edits());
+        let room = top_tree_bytes(scene.len(), scene.instance_names())
+            + (scene.len() * size_of::<(u32, WorldBox)>()) as u64;
         if self.top.is_worn()
+            && options.max_memory.is_none_or(|limit| self.bytes() + room <= limit)
             && let Ok(top) = self.top_of(scene.instance_names(), &[])
         {
             report.top = TopUpdate::Rebuilt;
@@ -139,13 +160,20 @@ impl BuiltScene {
             let done = u64::from(report.geometries_built);
             let progress = Progress { stage: Stage::Geometries, done, total: total as u64 };
             go_on(options.watch, progress).map_err(|_| SceneBuildError::Cancelled { progress })?;
-            let wrong = |error| SceneBuildError::Geometry { geometry: name.0, error };
+            // Whoever set a limit reads of that limit, and of all that counts towards it.
+            let whole = options.max_memory.unwrap_or(u64::MAX);
+            let wrong = |error| match error {
+                BuildError::Cancelled { .. } => SceneBuildError::Cancelled { progress },
+                BuildError::OutOfMemory { needed, limit } if needed > limit => {
+                    let needed = needed.saturating_add(held);
+                    let error = BuildError::OutOfMemory { needed, limit: whole };
+                    SceneBuildError::Geometry { geometry: name.0, error }
+                }
+                error => SceneBuildError::Geometry { geometry: name.0, error },
+            };
             let left = options.max_memory.map(|limit| limit.saturating_sub(held));
             let own = BuildOptions { max_memory: left, ..*options };
-            let view = mesh.mesh().map_err(|error| {
-                wrong(BuildError::InvalidMesh { reason: alloc::format!("{error}") })
-            })?;
-            let built = build(&view, &own).map_err(wrong)?;
+            let built = build(&mesh.mesh(), &own).map_err(wrong)?;
             let built = BuiltGeometry::new(Arc::clone(mesh), built);
             held += built.bytes();
             push(&mut geometries, (name, Some(built)))?;
@@ -168,7 +196,12 @@ impl BuiltScene {
     }
 
     /// Places the instances that changed.
-    fn place_instances(&self, scene: &Scene, plan: &mut Plan) -> Result<(), SceneBuildError> {
+    fn place_instances(
+        &self,
+        scene: &Scene,
+        plan: &mut Plan,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), SceneBuildError> {
         let moved = plan.geometries.iter().any(|(name, geometry)| {
             let was = self.geometry(*name).map(BuiltGeometry::bounds);
             geometry.as_ref().map(BuiltGeometry::bounds) != was
@@ -186,10 +219,31 @@ impl BuiltScene {
             };
             names.sort_unstable();
             names.dedup();
-            return names.into_iter().try_for_each(|name| self.place(scene, name, plan));
+            return self.place_all(scene, names.into_iter(), plan, options);
         }
         let names = scene.instance_names().max(self.placements.len()) as u32;
-        (0..names).try_for_each(|name| self.place(scene, InstanceId(name), plan))
+        self.place_all(scene, (0..names).map(InstanceId), plan, options)
+    }
+
+    /// Places these instances, where they changed. The watch is called between every few thousand of them.
+    fn place_all(
+        &self,
+        scene: &Scene,
+        names: impl Iterator<Item = InstanceId>,
+        plan: &mut Plan,
+        options: &BuildOptions<'_>,
+    ) -> Result<(), SceneBuildError> {
+        for (place, name) in names.enumerate() {
+            if place > 0 && place % PLACED == 0 {
+                plan.go_on(options)?;
+                let held = plan.placement_bytes();
+                if let Some(limit) = options.max_memory.filter(|&limit| held > limit) {
+                    return Err(SceneBuildError::OutOfMemory { needed: held, limit });
+                }
+            }
+            self.place(scene, name, plan)?;
+        }
+        Ok(())
     }
 
     /// Places an instance, where it changed.
@@ -208,6 +262,8 @@ impl BuiltScene {
         if let Some(was) = was
             && was.instance == *instance
             && was.bounds == bounds
+            // Zeros of either sign are equal, but the digest knows them apart.
+            && bits(&was.instance.transform) == bits(&instance.transform)
         {
             return Ok(());
         }
@@ -246,7 +302,14 @@ impl BuiltScene {
                 plan.geometries.iter().flat_map(|(_, new)| new).map(|new| new.bytes()).sum();
             let names = scene.instance_names();
             let placements = (names * size_of::<Option<Placement>>()) as u64;
-            let needed = self.bytes() + new + placements + top_tree_bytes(scene.len(), names);
+            // What is held until the new placements take their places, and the list that the tree is built from.
+            let boxes = (scene.len() * size_of::<(u32, WorldBox)>()) as u64;
+            let needed = self.bytes()
+                + new
+                + placements
+                + plan.placement_bytes()
+                + boxes
+                + top_tree_bytes(scene.len(), names);
             if needed > limit {
                 return Err(SceneBuildError::OutOfMemory { needed, limit });
             }
@@ -274,6 +337,10 @@ impl BuiltScene {
         let bytes = top_tree_bytes(boxes.len(), names);
         TopTree::build(names, boxes.into_iter()).ok_or_else(|| lacking(bytes))
     }
+}
+
+fn bits(transform: &[[f32; 4]; 3]) -> [[u32; 4]; 3] {
+    transform.map(|row| row.map(f32::to_bits))
 }
 
 fn lacking(bytes: u64) -> SceneBuildError {
