@@ -16,7 +16,7 @@ use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, TreeBuilder};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, POOL_AT_START};
 use super::capacities::Capacities;
 use super::executor::{Build, WgpuExecutor, first_counters};
 use super::shared::{Pooled, Shared};
@@ -86,8 +86,8 @@ impl PendingBuild {
         let pooled = shared.take_buffers();
         let was_pooled = pooled.is_some();
         let input_bytes = position_bytes + index_bytes;
-        let estimate =
-            Capacities { input_bytes, ..Capacities::estimate(triangles, &options.config) };
+        let estimate = Capacities::estimate(triangles, &options.config).with_middle_stage();
+        let estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
         // A root that is small is no level's work but one.
         let one_level = triangles <= options.config.small_node_limit();
@@ -100,6 +100,8 @@ impl PendingBuild {
                 if (pooled.triangles, pooled.config) == (triangles, options.config) {
                     levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
                     capacities.by_halves = pooled.capacities.by_halves;
+                    // Where the middle stage could not finish such a build, the next one does without.
+                    capacities.middle &= pooled.capacities.middle;
                 }
                 pooled.buffers
             }
@@ -153,6 +155,9 @@ impl PendingBuild {
                 // This only costs time: subtrees that are not kept are built twice.
                 self.capacities.subtrees = 0;
             }
+            if self.needed_bytes() > limit {
+                self.capacities = self.capacities.without_middle_stage();
+            }
             let needed = self.needed_bytes();
             if needed > limit {
                 return Err(BuildError::OutOfMemory { needed, limit });
@@ -182,6 +187,7 @@ impl PendingBuild {
         buffers.write_parameters(&shared.gpu, &self.capacities, &parameters);
         let counters = first_counters(self.capacities.triangles);
         shared.gpu.write(buffers.get(Buffer::Counters), 0, bytemuck::bytes_of(&counters));
+        shared.gpu.write(buffers.get(Buffer::MiddleNodes), 0, &POOL_AT_START);
         self.record(levels, true)
     }
 

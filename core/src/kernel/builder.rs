@@ -132,7 +132,7 @@ kernel_set! {
             reads Chunks, reads Decisions, reads References, reads Triangles, reads ReferenceSides,
             reads ChunkCounts, writes NextReferences, scatters SmallReferences, writes ChunkBounds;
         /// Splits what the levels have handed over until it has T references or cannot be split.
-        BuildMiddle "build_middle", Each(SmallRoots) =>
+        BuildMiddle "build_middle", Each(MiddleRoots) =>
             reads SmallRoots, reads SmallReferences, reads Triangles, writes MiddleRoots,
             writes MiddleReferences, writes MiddleNodes, writes MiddleLeaves;
         /// Gives the leaves of the middle stage their places in the small list.
