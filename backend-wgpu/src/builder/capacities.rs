@@ -115,7 +115,8 @@ impl Capacities {
     pub(crate) fn with_room_for_any_growth(self) -> Capacities {
         let most = |room: u32, times: u32| room.saturating_mul(times).saturating_add(1 << 16);
         Capacities {
-            middle_references: most(self.middle_references, 4),
+            // Roots near the end of their rules take some 20,000 references each.
+            middle_references: most(self.middle_references, 4).max(3 << 20),
             middle_nodes: most(self.middle_nodes, 2),
             middle_leaves: most(self.middle_leaves, 2),
             ..self
