@@ -275,7 +275,7 @@ impl WgpuBackend {
         config: &BuildConfig,
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
-        let estimate = Capacities::estimate(mesh.len() as u32, config);
+        let estimate = Capacities::estimate(mesh.len() as u32, config).with_middle_stage();
         self.with_executor_of(estimate, mesh, config, run)
     }
 

@@ -12,7 +12,7 @@ use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_cpu::buffers::Buffers;
-use splitplane_cpu::{CpuExecutor, InstructionSet};
+use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
 use splitplane_test_support::configs::by_every_staged_builder;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
@@ -260,6 +260,27 @@ fn the_middle_stage_in_step() {
             default.with_stages(|stages| stages.small_node_limit = 20),
         ] {
             check(&backend, scene, &config);
+        }
+    }
+}
+
+/// Builds of the device with the middle stage, and where it cannot finish: the trees are the CPU's, and a build of which the stage
+/// was void is not tried with it again.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn builds_with_the_middle_stage() {
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let small = scenes::soup(12_000, 0.03, 9);
+    for (scene, repeats) in [(&small, [0, 0]), (&scenes::identical(5_000), [1, 0])] {
+        let mesh = scene.mesh();
+        let options = BuildConfig::default().into();
+        let (expected, summary) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
+        for repeats in repeats {
+            let built = backend.build_on_device(&mesh, &options).expect("a tree");
+            let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
+            assert!(tree == expected, "{}", scene.name);
+            assert_eq!(built.summary.large_levels, summary.large_levels, "{}", scene.name);
+            assert_eq!(built.effort.repeats, repeats, "{}", scene.name);
         }
     }
 }

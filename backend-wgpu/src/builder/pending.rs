@@ -86,7 +86,7 @@ impl PendingBuild {
         let pooled = shared.take_buffers();
         let was_pooled = pooled.is_some();
         let input_bytes = position_bytes + index_bytes;
-        let estimate = Capacities::estimate(triangles, &options.config);
+        let estimate = Capacities::estimate(triangles, &options.config).with_middle_stage();
         let estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
         // A root that is small is no level's work but one.
