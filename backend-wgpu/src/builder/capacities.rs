@@ -369,6 +369,11 @@ impl Capacities {
         Ok(self)
     }
 
+    /// Most references of a node that the levels hand over.
+    pub(crate) fn hand_over_limit(&self, config: &BuildConfig) -> u32 {
+        if self.middle { hand_over_limit(config) } else { config.small_node_limit() }
+    }
+
     /// The parameters that kernels read.
     pub(crate) fn parameters(&self, config: &BuildConfig, first_index: u32) -> Parameters {
         Parameters {
@@ -380,10 +385,7 @@ impl Capacities {
             intersection_cost: config.intersection_cost,
             block_width: config.block_width,
             small_node_limit: config.small_node_limit(),
-            hand_over_limit: match self.middle {
-                true => hand_over_limit(config),
-                false => config.small_node_limit(),
-            },
+            hand_over_limit: self.hand_over_limit(config),
             empty_cutoff: config.empty_cutoff(),
             max_depth: config.max_depth,
             reference_cap: config.reference_cap(self.triangles),

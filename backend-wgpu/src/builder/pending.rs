@@ -89,9 +89,7 @@ impl PendingBuild {
         let estimate = Capacities::estimate(triangles, &options.config).with_middle_stage();
         let estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
-        // A root that is small is no level's work but one.
-        let one_level = triangles <= options.config.small_node_limit();
-        let mut levels = if one_level { 1 } else { options.config.max_depth + 1 };
+        let mut levels = options.config.max_depth + 1;
         let buffers = match pooled {
             Some(pooled) => {
                 // The capacities that an earlier build needed are there already.
@@ -129,6 +127,10 @@ impl PendingBuild {
                 pending.reserve(None)?;
             }
             reserved => reserved?,
+        }
+        // A root that is handed over is no level's work but one.
+        if triangles <= pending.capacities.hand_over_limit(&options.config) {
+            levels = 1;
         }
         let shared = Arc::clone(&pending.shared);
         guarded(&shared.gpu, || {
@@ -339,5 +341,5 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
-/// little from frame to frame.
-const LEVELS_TO_SPARE: u32 = 2;
+/// little from frame to frame, and what is missing is submitted.
+const LEVELS_TO_SPARE: u32 = 1;

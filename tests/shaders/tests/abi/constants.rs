@@ -65,7 +65,6 @@ const DEVICE_ONLY: &[(&str, Only, &str)] = &[
     ("REFUSED", Only::Any, "a verdict within allocate_children"),
     ("REFUSED_ALL", Only::Any, "a verdict within allocate_children"),
     ("NO_TRIANGLE", word(u32::MAX), "an `Option` on the CPU"),
-    ("NO_NODE", word(u32::MAX), "loops of their own on the CPU"),
     ("INFINITY_BITS", word(0x7f80_0000), "WGSL has no infinity; the bits of `f32::INFINITY`"),
     ("UNFINISHED", word(u32::MAX - 1), "the CPU finishes every ray"),
     ("DEFERRED", word(u32::MAX - 3), "the CPU has one kernel for all rays"),
