@@ -155,6 +155,12 @@ impl Executor<TreeBuilder> for Threads<'_> {
             Kernel::BuildSmall => fill(&mut b.small_sizes[..small], |root| {
                 k::build_small::<Strict>(config, root, &b.small_roots, &b.small_references)
             }),
+            // This executor hands nothing over.
+            Kernel::BuildMiddle
+            | Kernel::ScanMiddle
+            | Kernel::PlaceMiddle
+            | Kernel::MeasureMiddle
+            | Kernel::EmitMiddle => {}
             Kernel::SubtreeSizes => {
                 let (nodes, sizes) = (&b.top_nodes[..top], &b.small_sizes);
                 k::subtree_sizes(nodes, sizes, &mut b.top_sizes, &mut b.counters);
@@ -167,11 +173,15 @@ impl Executor<TreeBuilder> for Threads<'_> {
                     if let Some((at, emitted)) = k::emit_top(node, &b.top_nodes, &b.top_addresses) {
                         b.nodes[at] = emitted;
                     }
+                    let address = k::small_address(node, &b.top_nodes, &b.top_addresses);
+                    if let Some((root, address)) = address {
+                        b.small_addresses[root] = address;
+                    }
                 }
             }
             Kernel::EmitSmall => {
                 // In the order of the output, so that it can be divided.
-                let address = |root: usize| b.top_addresses[b.small_roots[root].node as usize];
+                let address = |root: usize| b.small_addresses[root];
                 let mut roots: Vec<usize> = (0..small).collect();
                 roots.sort_unstable_by_key(|&root| address(root).nodes);
                 let mut nodes = Parts::new(&mut b.nodes);
@@ -184,7 +194,7 @@ impl Executor<TreeBuilder> for Threads<'_> {
                 };
                 each(roots.into_iter().map(part), |(root, nodes, references)| {
                     let (roots, from) = (&b.small_roots, &b.small_references);
-                    let addresses = &b.top_addresses;
+                    let addresses = &b.small_addresses;
                     k::emit_small::<Strict>(
                         config, root, roots, from, addresses, nodes, references,
                     );

@@ -7,6 +7,7 @@ use std::sync::atomic::Ordering::Relaxed;
 use splitplane_core::arithmetic::{Arithmetic, Hostile, Strict};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::build::lockstep::{Difference, Inspect, Lockstep, LockstepError};
+use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::reference::{Budget, ReferenceExecutor};
 use splitplane_core::build::{reference, schedule};
 use splitplane_core::config::{BuildConfig, Preset};
@@ -36,11 +37,13 @@ fn reference_of<'a, A: Arithmetic>(
 fn in_step(
     mesh: &Mesh<'_>,
     config: &BuildConfig,
+    middle: bool,
     second: impl Inspect<TreeBuilder, Error = BuildError>,
 ) -> Result<u32, Difference> {
     let set = InstructionSet::detect();
     let cpu: CpuExecutor<'_> =
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("no limit");
+    let cpu = if middle { cpu.with_middle_stage() } else { cpu };
     let mut lockstep = Lockstep::new(cpu, second);
     match schedule::build(&mut lockstep, config.preset().planes().expect("a schedule")) {
         Ok(()) => Ok(lockstep.dispatches()),
@@ -51,8 +54,13 @@ fn in_step(
 
 fn check(scene: &Scene, config: &BuildConfig) {
     let mesh = scene.mesh();
-    if let Err(difference) = in_step(&mesh, config, reference_of::<Strict>(&mesh, config)) {
-        panic!("{}, {config:?}: {difference}", scene.name);
+    let reference = || reference_of::<Strict>(&mesh, config);
+    let plain = in_step(&mesh, config, false, reference());
+    let middle = in_step(&mesh, config, true, reference().with_middle_stage());
+    for compared in [plain, middle] {
+        if let Err(difference) = compared {
+            panic!("{}, {config:?}: {difference}", scene.name);
+        }
     }
 }
 
@@ -227,25 +235,32 @@ fn planted_faults_are_named() {
     let scene = scenes::zeros_and_subnormals()
         .joined(&scenes::grid_boxes(4), "boxes")
         .joined(&scenes::soup(3000, 0.4, 9), "faults");
-    let mesh = scene.mesh();
+    // Triangles small enough for the middle stage to finish.
+    let small = scenes::soup(12_000, 0.03, 9);
     for &(kernel, what, fault) in FAULTS {
+        let mesh = if is_of_middle_stage(kernel) { small.mesh() } else { scene.mesh() };
         missing.retain(|without| *without != kernel);
         let mut seen = 0;
         for config in by_every_staged_builder(BuildConfig::default()) {
-            let wrong = WrongKernel::new(reference_of(&mesh, &config), kernel, fault);
-            match in_step(&mesh, &config, wrong) {
+            let middle = is_of_middle_stage(kernel);
+            let reference: ReferenceExecutor<'_> = reference_of(&mesh, &config);
+            let reference = if middle { reference.with_middle_stage() } else { reference };
+            match in_step(&mesh, &config, middle, WrongKernel::new(reference, kernel, fault)) {
                 Err(difference) => {
                     assert_eq!(difference.kernel, format!("{kernel:?}"), "{what}: {difference}");
                     seen += 1;
                 }
-                // Planes are found by one kernel or the other.
-                Ok(_) => assert!(matches!(
-                    kernel,
-                    Kernel::SplitMedian
-                        | Kernel::NodeBounds
-                        | Kernel::BinReferences
-                        | Kernel::SplitBinned
-                )),
+                // Planes are found by one kernel or the other; those of bins have no middle stage.
+                Ok(_) => assert!(
+                    middle
+                        || matches!(
+                            kernel,
+                            Kernel::SplitMedian
+                                | Kernel::NodeBounds
+                                | Kernel::BinReferences
+                                | Kernel::SplitBinned
+                        )
+                ),
             }
         }
         assert!(seen > 0, "{kernel:?} {what}: the fault was not seen");

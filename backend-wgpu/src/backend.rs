@@ -15,7 +15,7 @@ use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
 use splitplane_core::watch::{Progress, Stage};
 
-use crate::builder::buffers::Buffers;
+use crate::builder::buffers::{Buffers, POOL_AT_START};
 use crate::builder::capacities::Capacities;
 use crate::builder::executor::first_counters;
 use crate::builder::shared::Shared;
@@ -251,6 +251,21 @@ impl WgpuBackend {
         self.with_executor_of(Capacities::roomy(mesh.len() as u32, config), mesh, config, run)
     }
 
+    /// As [`WgpuBackend::with_executor`], with the middle stage. The build may then turn out void: see
+    /// [`splitplane_core::build::middle`].
+    ///
+    /// # Errors
+    /// As for [`WgpuBackend::with_executor`].
+    pub fn with_middle_executor<T>(
+        &self,
+        mesh: &Mesh<'_>,
+        config: &BuildConfig,
+        run: impl FnOnce(WgpuExecutor<'_>) -> T,
+    ) -> Result<T, BuildError> {
+        let roomy = Capacities::roomy(mesh.len() as u32, config).with_middle_stage();
+        self.with_executor_of(roomy.with_room_for_any_growth(), mesh, config, run)
+    }
+
     /// As [`WgpuBackend::with_executor`], with the capacities that a first build estimates, which most scenes fit: then
     /// grids are those of builds.
     #[doc(hidden)]
@@ -260,7 +275,8 @@ impl WgpuBackend {
         config: &BuildConfig,
         run: impl FnOnce(WgpuExecutor<'_>) -> T,
     ) -> Result<T, BuildError> {
-        self.with_executor_of(Capacities::estimate(mesh.len() as u32, config), mesh, config, run)
+        let estimate = Capacities::estimate(mesh.len() as u32, config).with_middle_stage();
+        self.with_executor_of(estimate, mesh, config, run)
     }
 
     fn with_executor_of<T>(
@@ -298,6 +314,7 @@ impl WgpuBackend {
         let counters = first_counters(triangles);
         let bytes = bytemuck::bytes_of(&counters);
         gpu.queue().write_buffer(buffers.get(Buffer::Counters), 0, bytes);
+        gpu.queue().write_buffer(buffers.get(Buffer::MiddleNodes), 0, &POOL_AT_START);
         let pipelines = &self.shared.pipelines;
         Ok(run(WgpuExecutor::inspected(gpu, pipelines, &mut buffers, capacities)))
     }

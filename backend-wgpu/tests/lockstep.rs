@@ -6,31 +6,50 @@ mod common;
 mod poison;
 
 use splitplane_core::build::lockstep::{Difference, Lockstep, LockstepError};
+use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Planes, Preset};
 use splitplane_core::kernel::Kernel;
 use splitplane_core::mesh::Mesh;
 use splitplane_cpu::buffers::Buffers;
-use splitplane_cpu::{CpuExecutor, InstructionSet};
+use splitplane_cpu::{CpuBackend, CpuExecutor, InstructionSet};
 use splitplane_test_support::configs::by_every_staged_builder;
 use splitplane_test_support::scenes::{self, Scene};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
 
-/// Runs both executors in step; the number of dispatches that were compared.
+/// Runs both executors in step, without the middle stage and with it; the number of dispatches that were compared.
 fn in_step(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
     config: &BuildConfig,
 ) -> Result<u32, Difference> {
+    let plain = in_step_with(backend, mesh, config, false)?;
+    match config.preset().planes() {
+        Some(Planes::Median) => Ok(plain + in_step_with(backend, mesh, config, true)?),
+        _ => Ok(plain),
+    }
+}
+
+fn in_step_with(
+    backend: &WgpuBackend,
+    mesh: &Mesh<'_>,
+    config: &BuildConfig,
+    middle: bool,
+) -> Result<u32, Difference> {
     let set = InstructionSet::detect();
     let cpu: CpuExecutor<'_> =
         CpuExecutor::new(*mesh, *config, set, Buffers::default(), None).expect("memory");
+    let cpu = if middle { cpu.with_middle_stage() } else { cpu };
     let run = |gpu: WgpuExecutor<'_>| {
         let mut lockstep = Lockstep::new(cpu, gpu);
         schedule::build(&mut lockstep, config.preset().planes().expect("a schedule"))
             .map(|()| lockstep.dispatches())
     };
-    match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
+    let ran = match middle {
+        true => backend.with_middle_executor(mesh, config, run),
+        false => backend.with_executor(mesh, config, run),
+    };
+    match ran.expect("a device that holds the scene") {
         Ok(dispatches) => Ok(dispatches),
         Err(LockstepError::Differs(difference)) => Err(difference),
         Err(other) => panic!("{config:?}: {other}"),
@@ -151,6 +170,12 @@ fn planted_faults_are_named() {
         (K::CountChildren, "counts = total;", "counts = total.yx;"),
         (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
+        (K::BuildMiddle, "root.level + levels", "root.level"),
+        (K::BuildMiddle, "ordered_bits(bounds.lo.x)", "ordered_bits(bounds.lo.y)"),
+        (K::ScanMiddle, "first_reference = place.y", "first_reference = place.x"),
+        (K::PlaceMiddle, "small.padding = 0u", "small.padding = 1u"),
+        (K::MeasureMiddle, "root.nodes - root.leaves", "root.nodes"),
+        (K::EmitMiddle, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (K::BuildSmall, "allocated.x + 2u <= SMALL_ROOT_NODES", "allocated.x < 3u"),
         (K::SubtreeSizes, "vec2<u32>(1u, 0u));\n        node", "vec2<u32>(2u, 0u));\n        node"),
         (K::PreorderAddresses, "here.x + 1u", "here.x + 2u"),
@@ -194,7 +219,13 @@ fn planted_faults_are_named() {
     let (flat, same) = (scenes::coplanar(1, 500), scenes::identical(500));
     let of_flat = (K::BinReferences, "if !axes[axis].divisible", "if false", balanced);
     let of_same = (K::SplitBinned, "node.inseparable == 1u", "false", balanced);
-    let plants = plants.map(|plant| (plant, &scene)).chain([(of_flat, &flat), (of_same, &same)]);
+    // Triangles small enough for the middle stage to finish.
+    let small = scenes::soup(12_000, 0.03, 9);
+    let plants = plants.map(|plant| match is_of_middle_stage(plant.0) {
+        true => (plant, &small),
+        false => (plant, &scene),
+    });
+    let plants = plants.chain([(of_flat, &flat), (of_same, &same)]);
     let gpu = common::gpu();
     let mut missed = Vec::new();
     for ((kernel, text, fault, config), scene) in plants {
@@ -212,6 +243,46 @@ fn planted_faults_are_named() {
     }
     assert!(missed.is_empty(), "{missed:#?}");
     assert!(missing.is_empty(), "no fault is planted in {missing:?}");
+}
+
+/// What the middle stage finishes, in step on scenes that it does finish: small triangles, levels of many nodes, nodes that
+/// are swept, sides that are clipped and not.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn the_middle_stage_in_step() {
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let default = BuildConfig::default();
+    let small = scenes::soup(12_000, 0.03, 9);
+    for scene in [&small, &small.joined(&scenes::identical(300), "swept")] {
+        for config in [
+            default,
+            BuildConfig { clip: false, block_width: 1, ..default },
+            default.with_stages(|stages| stages.small_node_limit = 20),
+        ] {
+            check(&backend, scene, &config);
+        }
+    }
+}
+
+/// Builds of the device with the middle stage, and where it cannot finish: the trees are the CPU's, and a build of which the stage
+/// was void is not tried with it again.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn builds_with_the_middle_stage() {
+    let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
+    let small = scenes::soup(12_000, 0.03, 9);
+    for (scene, repeats) in [(&small, [0, 0]), (&scenes::identical(5_000), [1, 0])] {
+        let mesh = scene.mesh();
+        let options = BuildConfig::default().into();
+        let (expected, summary) = CpuBackend::new().build_tree(&mesh, &options).expect("a tree");
+        for repeats in repeats {
+            let built = backend.build_on_device(&mesh, &options).expect("a tree");
+            let tree = built.tree.read(backend.gpu()).expect("a tree in host memory");
+            assert!(tree == expected, "{}", scene.name);
+            assert_eq!(built.summary.large_levels, summary.large_levels, "{}", scene.name);
+            assert_eq!(built.effort.repeats, repeats, "{}", scene.name);
+        }
+    }
 }
 
 /// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.

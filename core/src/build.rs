@@ -6,6 +6,7 @@ pub mod decide;
 #[cfg(feature = "alloc")]
 pub mod lockstep;
 pub mod mask;
+pub mod middle;
 pub mod reference;
 pub mod schedule;
 pub mod split;

@@ -208,8 +208,10 @@ pub struct SmallRoot {
     pub node: u32,
     /// Levels below the root.
     pub depth: u32,
+    /// Levels of the large-node stage before the one that would split it.
+    pub level: u32,
     /// Zero.
-    pub padding: [u32; 2],
+    pub padding: u32,
 }
 
 impl SmallRoot {
@@ -218,6 +220,38 @@ impl SmallRoot {
     pub fn cell(&self) -> Aabb {
         Aabb { lo: self.lo, hi: self.hi }
     }
+}
+
+/// A root of the middle stage: a node that the levels handed over, and what became of it. See [`build::middle`](crate::build::middle).
+///
+/// `build_middle` writes what it counts, `scan_middle` the places.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+pub struct MiddleRoot {
+    /// Its place in the top tree.
+    pub node: u32,
+    /// First of the references that were handed over.
+    pub first: u32,
+    /// How many there were.
+    pub count: u32,
+    /// Levels of the large-node stage down to its deepest split.
+    pub levels: u32,
+    /// Nodes of its tree; its leaves are small roots or empty.
+    pub nodes: u32,
+    /// How many of them are small roots.
+    pub leaves: u32,
+    /// References of these.
+    pub references: u32,
+    /// References that its splits added.
+    pub growth: u32,
+    /// Place of its first leaf in the small list.
+    pub first_leaf: u32,
+    /// Place of its first reference among those of the small roots.
+    pub first_reference: u32,
+    /// 1 when it cannot be finished in its regions.
+    pub outgrown: u32,
+    /// Zero.
+    pub padding: u32,
 }
 
 /// A number of nodes and of references: the size of a subtree, or its address in the output.
@@ -279,6 +313,8 @@ pub struct Parameters {
     pub block_width: u32,
     /// T.
     pub small_node_limit: u32,
+    /// Most references of a node that the levels hand over: T where there is no middle stage.
+    pub hand_over_limit: u32,
     /// C_e in 256ths.
     pub empty_cutoff: u32,
     /// Most levels below the root.
@@ -309,6 +345,12 @@ pub struct Parameters {
     pub leaf_reference_room: u32,
     /// Capacity for subtrees.
     pub subtree_room: u32,
+    /// Capacity for references of the regions of middle roots.
+    pub middle_reference_room: u32,
+    /// Capacity for nodes of these regions.
+    pub middle_node_room: u32,
+    /// Capacity for leaves of these regions.
+    pub middle_leaf_room: u32,
     /// Bins of each axis.
     pub bins: u32,
     /// 1 when references are clipped.
@@ -323,7 +365,7 @@ pub struct Parameters {
 }
 
 const _: () = {
-    assert!(size_of::<Parameters>() == 112);
+    assert!(size_of::<Parameters>() == 128);
     assert!(size_of::<Reference>() == 32);
     assert!(size_of::<LargeNode>() == 64);
     assert!(size_of::<Chunk>() == 16);
@@ -332,6 +374,7 @@ const _: () = {
     assert!(size_of::<Decision>() == 64);
     assert!(size_of::<TopNode>() == 16);
     assert!(size_of::<SmallRoot>() == 48);
+    assert!(size_of::<MiddleRoot>() == 48);
     assert!(size_of::<ChunkBounds>() == 48);
     assert!(size_of::<Counters>() == 128);
 };

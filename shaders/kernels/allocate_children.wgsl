@@ -19,6 +19,7 @@ const LANES: u32 = 256u;
 // Running totals, as of the nodes done so far.
 var<workgroup> node_count: u32;
 var<workgroup> alive: u32;
+var<workgroup> alive_before: u32;
 var<workgroup> top_count: u32;
 var<workgroup> next_count: u32;
 var<workgroup> next_reference_count: u32;
@@ -100,16 +101,18 @@ fn place_child(
         }
     } else {
         top_nodes[top] = TopNode(SMALL_ROOT, 0u, index, 0u);
+        // Levels before the one that would split it.
+        let level = counters[COUNTER_LEVELS] + select(1u, 0u, decision.axis == TRANSFER);
         if index < parameters.small_root_room {
             small_roots[index] =
-                SmallRoot(cell.lo, first, cell.hi, count, top, depth, array<u32, 2>(0u, 0u));
+                SmallRoot(cell.lo, first, cell.hi, count, top, depth, level, 0u);
         }
     }
 }
 
 // Whether a child goes to the next list.
 fn is_large(decision: Decision, count: u32) -> bool {
-    return decision.axis != TRANSFER && count > parameters.small_node_limit;
+    return decision.axis != TRANSFER && count > parameters.hand_over_limit;
 }
 
 @compute @workgroup_size(256)
@@ -121,6 +124,7 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         let level = counters[COUNTER_LEVELS];
         top_count = counters[COUNTER_TOP_NODES];
         alive = counters[COUNTER_SMALL_REFERENCES] + counters[COUNTER_ACTIVE_REFERENCES + parameters.swapped];
+        alive_before = alive;
         next_count = 0u;
         next_reference_count = 0u;
         next_chunk_count = 0u;
@@ -141,6 +145,10 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         counters[COUNTER_NEXT_CHUNKS - parameters.swapped] = next_chunk_count;
         if nodes > 0u {
             counters[COUNTER_SMALL_ROOTS] = small_count;
+            if parameters.hand_over_limit > parameters.small_node_limit {
+                counters[COUNTER_MIDDLE_ROOTS] = small_count;
+            }
+            counters[COUNTER_GROWTH] = saturating_sum(counters[COUNTER_GROWTH], alive - alive_before);
             counters[COUNTER_SMALL_REFERENCES] = small_reference_count;
             counters[COUNTER_TOP_NODES] = top_count;
             counters[COUNTER_LEVELS] += 1u;

@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
 @group(0) @binding(4) var<storage, read> small_sizes: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> subtrees: array<u32>;
-@group(0) @binding(6) var<storage, read> top_addresses: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read> small_addresses: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
 
@@ -60,7 +60,7 @@ fn main(
         if !is_seen(root) {
             continue;
         }
-        address = top_addresses[root.node];
+        address = small_addresses[index];
         let size = small_sizes[index];
         if index < parameters.subtree_room && size.x <= SUBTREE_NODES && size.y <= SUBTREE_REFERENCES {
             copy_subtree(SUBTREE_WORDS * index, size, lane);

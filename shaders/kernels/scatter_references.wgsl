@@ -42,7 +42,7 @@ fn rank(side: u32, lane: u32) -> u32 {
 // A child of `count` references takes one at `place`.
 fn store(count: u32, place: u32, bounds: Aabb, triangle: u32) {
     let reference = Reference(bounds.lo, triangle, bounds.hi, 0u);
-    if count > parameters.small_node_limit {
+    if count > parameters.hand_over_limit {
         store_next(place, reference);
     } else {
         store_small(place, reference);

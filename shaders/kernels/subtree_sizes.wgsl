@@ -1,6 +1,6 @@
 // Sizes of the subtrees of the top tree, bottom up.
 // One workgroup, one invocation a node, level by level from the deepest.
-// Reads: the top tree, sizes of the small roots.
+// Reads: the top tree, sizes of the middle roots, or of the small roots where there is no middle stage.
 // Writes: nodes and references of every top node's subtree; the size of the tree.
 
 @group(0) @binding(0) var<uniform> parameters: Parameters;
@@ -8,12 +8,14 @@
 @group(0) @binding(2) var<storage, read> top_nodes: array<TopNode>;
 @group(0) @binding(3) var<storage, read> level_starts: array<u32>;
 @group(0) @binding(4) var<storage, read> small_sizes: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read_write> top_sizes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> middle_sizes: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> top_sizes: array<vec2<u32>>;
 
 const LANES: u32 = 256u;
 
 var<workgroup> level_count: u32;
 var<workgroup> node_count: u32;
+var<private> has_middle_stage: bool;
 
 // a + b, each at most 2^32 - 1.
 fn saturating_sum(a: vec2<u32>, b: vec2<u32>) -> vec2<u32> {
@@ -26,6 +28,10 @@ fn size_above(node: TopNode) -> vec2<u32> {
         return vec2<u32>(1u, 0u);
     }
     if node.kind == SMALL_ROOT {
+        // What the levels have handed over: to the middle stage, if there is one.
+        if has_middle_stage {
+            return middle_sizes[node.left];
+        }
         return small_sizes[node.left];
     }
     let children = saturating_sum(top_sizes[node.left], top_sizes[node.right]);
@@ -48,6 +54,7 @@ fn size_of(index: u32, end: u32) -> vec2<u32> {
 
 @compute @workgroup_size(256)
 fn main(@builtin(local_invocation_index) lane: u32) {
+    has_middle_stage = middle_root_count() > 0u;
     if lane == 0u {
         level_count = live(COUNTER_LEVELS);
         node_count = live(COUNTER_TOP_NODES);

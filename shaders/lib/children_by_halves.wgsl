@@ -21,7 +21,7 @@ fn end_stored() -> u32 {
 
 // Whether some of a child's `count` references from `first` on are stored.
 fn stores_some(first: u32, count: u32) -> bool {
-    let small = count <= parameters.small_node_limit;
+    let small = count <= parameters.hand_over_limit;
     return small == stores_small() && first < end_stored() && first + count > first_stored();
 }
 

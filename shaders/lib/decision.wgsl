@@ -26,7 +26,7 @@ fn cut_empty_space(index: u32, node: LargeNode) -> bool {
     decided.first = vec2<u32>(0u);
     decided.first_node = 0u;
     decided.source_first = node.first;
-    if node.count <= parameters.small_node_limit {
+    if node.count <= parameters.hand_over_limit {
         return false;
     }
     var cell = Aabb(node.lo, node.hi);

@@ -20,6 +20,9 @@ const COUNTER_LEVELS: u32 = 13u;
 const COUNTER_NODES: u32 = 14u;
 const COUNTER_LEAF_REFERENCES: u32 = 15u;
 const COUNTER_OVERFLOW: u32 = 16u;
+const COUNTER_GROWTH: u32 = 17u;
+const COUNTER_MIDDLE_ROOTS: u32 = 18u;
+const COUNTER_MIDDLE_LEVELS: u32 = 19u;
 
 const OVERFLOW_NODES: u32 = 1u;
 const OVERFLOW_REFERENCES: u32 = 2u;
@@ -32,6 +35,9 @@ const OVERFLOW_LEAF_REFERENCES: u32 = 128u;
 const OVERFLOW_CHUNKS: u32 = 256u;
 // Not a list: a driver ended a loop before its end.
 const OVERFLOW_UNFINISHED: u32 = 512u;
+// Not a list: the middle stage cannot finish what was handed over to it.
+const OVERFLOW_MIDDLE_STAGE: u32 = 1024u;
+const OVERFLOW_MIDDLE_REGIONS: u32 = 2048u;
 
 // A counter; zero once a list has outgrown its room, so that nothing more is done.
 fn live(counter: u32) -> u32 {
@@ -50,6 +56,11 @@ fn active_chunk_count() -> u32 {
 // Where this slice of a grid over `count` items ends.
 fn slice_end(count: u32) -> u32 {
     return parameters.first + min(parameters.count, max(count, parameters.first) - parameters.first);
+}
+
+// The roots of the middle stage. While nodes are active the levels have more to hand over, and the stage waits.
+fn middle_root_count() -> u32 {
+    return select(0u, live(COUNTER_MIDDLE_ROOTS), active_node_count() == 0u);
 }
 
 // How many chunks a node of `count` references has.

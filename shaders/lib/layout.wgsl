@@ -64,7 +64,23 @@ struct SmallRoot {
     count: u32,
     node: u32,
     depth: u32,
-    padding: array<u32, 2>,
+    level: u32,
+    padding: u32,
+}
+
+struct MiddleRoot {
+    node: u32,
+    first: u32,
+    count: u32,
+    levels: u32,
+    nodes: u32,
+    leaves: u32,
+    references: u32,
+    growth: u32,
+    first_leaf: u32,
+    first_reference: u32,
+    outgrown: u32,
+    padding: u32,
 }
 
 struct Parameters {
@@ -76,6 +92,7 @@ struct Parameters {
     intersection_cost: u32,
     block_width: u32,
     small_node_limit: u32,
+    hand_over_limit: u32,
     empty_cutoff: u32,
     max_depth: u32,
     reference_cap: u32,
@@ -91,6 +108,9 @@ struct Parameters {
     tree_node_room: u32,
     leaf_reference_room: u32,
     subtree_room: u32,
+    middle_reference_room: u32,
+    middle_node_room: u32,
+    middle_leaf_room: u32,
     bins: u32,
     clip: u32,
     view: u32,

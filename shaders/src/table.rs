@@ -47,6 +47,9 @@ library! {
     DECISION "decision"
     BALLOT "ballot"
     SMALL_NODE "small_node"
+    SIDES "sides"
+    MIDDLE "middle"
+    WIDE_SCAN "wide_scan"
     RAY "ray"
     BINDINGS "bindings"
     MESH "mesh"
@@ -125,9 +128,14 @@ shaders! {
         "count_children": ARITHMETIC AABB LAYOUT KERNEL CHUNK_STATE CHUNK_STATE_STORE SCAN;
         "allocate_children": ARITHMETIC AABB LAYOUT KERNEL SCAN;
         "scatter_references": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH CORNERS CHUNK_STATE CHILDREN;
+        "build_middle": ARITHMETIC AABB LAYOUT KERNEL TRIANGLE SPLIT SAH WIDE CORNERS SIDES MIDDLE WIDE_SCAN;
+        "scan_middle": LAYOUT KERNEL SCAN;
+        "place_middle": LAYOUT KERNEL MIDDLE;
         "build_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
+        "measure_middle": LAYOUT KERNEL;
         "subtree_sizes": LAYOUT KERNEL;
         "preorder_addresses": LAYOUT KERNEL;
+        "emit_middle": LAYOUT KERNEL NODE MIDDLE;
         "emit_top": LAYOUT KERNEL NODE;
         "emit_small": ARITHMETIC AABB LAYOUT KERNEL SPLIT SAH NODE SMALL_NODE;
     }

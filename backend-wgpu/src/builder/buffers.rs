@@ -14,6 +14,9 @@ use crate::error::GpuError;
 /// Small roots of one dispatch: few enough that a device builds them well before any watchdog acts.
 pub(crate) const ROOTS_A_SLICE: u32 = 1 << 16;
 
+/// What stands before the nodes of the middle stage when it begins: nothing of its pool is taken.
+pub(crate) const POOL_AT_START: [u8; 4] = [0; 4];
+
 /// What is read back after a build, by its place in the one buffer that is mapped: counters, the
 /// root's node, the limits of the triangles, then nodes and references where the host wants them.
 pub(crate) mod readback {

@@ -1,5 +1,6 @@
 //! The capacity of each list, chosen before its length is known.
 
+use splitplane_core::build::middle::{Region, hand_over_limit};
 use splitplane_core::config::{BuildConfig, CHUNK, Planes};
 use splitplane_core::kernel::{Buffer, Counter, Overflow};
 use splitplane_core::layout::{Counters, Parameters};
@@ -20,12 +21,18 @@ pub(crate) struct Capacities {
     pub too_many_chunks: u32,
     /// Whether planes are found by bins: chunks then have bins.
     pub binned: bool,
+    /// Whether the levels hand nodes over to the middle stage.
+    pub middle: bool,
     pub nodes: u32,
     pub references: u32,
     pub small_roots: u32,
     pub small_references: u32,
     /// Small roots whose subtrees are kept; others are built twice.
     pub subtrees: u32,
+    /// References of the pool of the middle stage, and nodes and leaves of its regions.
+    pub middle_references: u32,
+    pub middle_nodes: u32,
+    pub middle_leaves: u32,
     pub top_nodes: u32,
     pub levels: u32,
     pub tree_nodes: u32,
@@ -51,11 +58,15 @@ impl Capacities {
             chunks: 0,
             too_many_chunks: 0,
             binned: config.preset().planes() == Some(Planes::Binned),
+            middle: false,
             nodes: 0,
             references: share(triangles, 3, 2, 4096),
             small_roots: share(triangles, 1, 12, 1024),
             small_references: share(triangles, 3, 1, 4096),
             subtrees: share(triangles, 1, 12, 1024),
+            middle_references: 0,
+            middle_nodes: 0,
+            middle_leaves: 0,
             top_nodes: share(triangles, 1, 4, 4096),
             levels: config.max_depth + 2,
             tree_nodes: share(triangles, nodes, 1, 8192),
@@ -78,6 +89,44 @@ impl Capacities {
             ..Capacities::estimate(triangles, config)
         }
         .with_bounds(config)
+    }
+
+    /// The same with a middle stage, if there is one for the configuration's planes: what a first build estimates.
+    #[must_use]
+    pub(crate) fn with_middle_stage(self) -> Capacities {
+        if self.binned {
+            return self;
+        }
+        // The greatest seen over scanned and built scenes: 1.2 references of a triangle are handed over, in a node for 500
+        // triangles and few others.
+        let handed = share(self.triangles, 3, 2, 4096);
+        let regions = Region::start(handed, share(self.triangles, 1, 200, 256));
+        Capacities {
+            middle: true,
+            middle_references: share(self.triangles, 8, 1, 16_384),
+            middle_nodes: regions.nodes.saturating_add(1),
+            middle_leaves: regions.leaves,
+            ..self
+        }
+    }
+
+    /// With a middle stage that has room whatever scenes do, short of its own rules.
+    #[must_use]
+    pub(crate) fn with_room_for_any_growth(self) -> Capacities {
+        let most = |room: u32, times: u32| room.saturating_mul(times).saturating_add(1 << 16);
+        Capacities {
+            // Roots near the end of their rules take some 20,000 references each.
+            middle_references: most(self.middle_references, 4).max(3 << 20),
+            middle_nodes: most(self.middle_nodes, 2),
+            middle_leaves: most(self.middle_leaves, 2),
+            ..self
+        }
+    }
+
+    /// The same without a middle stage.
+    #[must_use]
+    pub(crate) fn without_middle_stage(self) -> Capacities {
+        Capacities { middle: false, ..self }
     }
 
     /// Large nodes have more than T references each, and a node's last chunk alone may be short: that
@@ -121,6 +170,14 @@ impl Capacities {
         grow(&mut self.tree_nodes, Overflow::TreeNodes, counters[Counter::Nodes]);
         let leaf_references = counters[Counter::LeafReferences];
         grow(&mut self.leaf_references, Overflow::LeafReferences, leaf_references);
+        if overflow & Overflow::MiddleRegions as u32 != 0 {
+            self.middle_references = self.middle_references.saturating_mul(2).max(16_384);
+            let (handed, roots) =
+                (counters[Counter::SmallReferences], counters[Counter::MiddleRoots]);
+            let regions = Region::start(handed, roots);
+            self.middle_nodes = self.middle_nodes.max(regions.nodes.saturating_add(1));
+            self.middle_leaves = self.middle_leaves.max(regions.leaves);
+        }
         // There is space for all chunks of this many references, unless no device can bind it.
         if overflow & Overflow::Chunks as u32 != 0 {
             // Active and next may have changed places.
@@ -139,11 +196,15 @@ impl Capacities {
             chunks: self.chunks.max(other.chunks),
             too_many_chunks: self.too_many_chunks,
             binned: self.binned,
+            middle: self.middle,
             nodes: self.nodes.max(other.nodes),
             references: self.references.max(other.references),
             small_roots: self.small_roots.max(other.small_roots),
             small_references: self.small_references.max(other.small_references),
             subtrees: self.subtrees.max(other.subtrees),
+            middle_references: self.middle_references.max(other.middle_references),
+            middle_nodes: self.middle_nodes.max(other.middle_nodes),
+            middle_leaves: self.middle_leaves.max(other.middle_leaves),
             top_nodes: self.top_nodes.max(other.top_nodes),
             levels: self.levels.max(other.levels),
             tree_nodes: self.tree_nodes.max(other.tree_nodes),
@@ -170,7 +231,16 @@ impl Capacities {
             Buffer::ChunkBins => 0,
             Buffer::TopNodes | Buffer::TopSizes | Buffer::TopAddresses => self.top_nodes,
             Buffer::LevelStarts => self.levels,
-            Buffer::SmallRoots | Buffer::SmallSizes => self.small_roots,
+            Buffer::SmallRoots | Buffer::SmallSizes | Buffer::SmallAddresses => self.small_roots,
+            Buffer::MiddleRoots | Buffer::MiddleSizes if self.middle => self.small_roots,
+            Buffer::MiddleReferences if self.middle => self.middle_references,
+            Buffer::MiddleNodes if self.middle => self.middle_nodes,
+            Buffer::MiddleLeaves if self.middle => self.middle_leaves,
+            Buffer::MiddleRoots
+            | Buffer::MiddleSizes
+            | Buffer::MiddleReferences
+            | Buffer::MiddleNodes
+            | Buffer::MiddleLeaves => 1,
             Buffer::Nodes => self.tree_nodes,
             Buffer::LeafReferences => self.leaf_references,
             Buffer::Subtrees => self.subtrees,
@@ -197,7 +267,7 @@ impl Capacities {
 
     /// The buffers that grow, each storage once; [`Buffer::ChunkBins`] only where planes are found by
     /// bins.
-    pub(crate) const BUFFERS: [Buffer; 20] = [
+    pub(crate) const BUFFERS: [Buffer; 26] = [
         Buffer::Triangles,
         Buffer::References,
         Buffer::NextReferences,
@@ -214,6 +284,12 @@ impl Capacities {
         Buffer::SmallRoots,
         Buffer::SmallSizes,
         Buffer::Subtrees,
+        Buffer::MiddleRoots,
+        Buffer::MiddleReferences,
+        Buffer::MiddleNodes,
+        Buffer::MiddleLeaves,
+        Buffer::MiddleSizes,
+        Buffer::SmallAddresses,
         Buffer::TopSizes,
         Buffer::TopAddresses,
         Buffer::Nodes,
@@ -277,6 +353,11 @@ impl Capacities {
             return Err(beyond(Buffer::Input, self.input_bytes / 4));
         }
         self = self.with_bounds(config);
+        // The middle stage works on whole lists in single bindings. It can be left out.
+        let whole = [Buffer::MiddleReferences, Buffer::MiddleNodes, Buffer::MiddleLeaves];
+        if self.by_halves || whole.into_iter().any(|buffer| self.bytes_of(buffer) > one_binding.0) {
+            self.middle = false;
+        }
         if self.binned {
             let most = most(Buffer::ChunkBins);
             if self.too_many_chunks > most {
@@ -286,6 +367,11 @@ impl Capacities {
             self.chunks = self.chunks.min(most);
         }
         Ok(self)
+    }
+
+    /// Most references of a node that the levels hand over.
+    pub(crate) fn hand_over_limit(&self, config: &BuildConfig) -> u32 {
+        if self.middle { hand_over_limit(config) } else { config.small_node_limit() }
     }
 
     /// The parameters that kernels read.
@@ -299,6 +385,7 @@ impl Capacities {
             intersection_cost: config.intersection_cost,
             block_width: config.block_width,
             small_node_limit: config.small_node_limit(),
+            hand_over_limit: self.hand_over_limit(config),
             empty_cutoff: config.empty_cutoff(),
             max_depth: config.max_depth,
             reference_cap: config.reference_cap(self.triangles),
@@ -314,6 +401,9 @@ impl Capacities {
             tree_node_room: self.tree_nodes,
             leaf_reference_room: self.leaf_references,
             subtree_room: self.subtrees,
+            middle_reference_room: self.middle_references,
+            middle_node_room: self.middle_nodes,
+            middle_leaf_room: self.middle_leaves,
             bins: config.bins(),
             clip: u32::from(config.clip),
             view: 0,
@@ -341,10 +431,13 @@ fn bounded_by(bit: Overflow) -> Buffer {
         Overflow::Levels => Buffer::LevelStarts,
         Overflow::TreeNodes => Buffer::Nodes,
         Overflow::LeafReferences => Buffer::LeafReferences,
+        Overflow::MiddleRegions => Buffer::MiddleReferences,
         // The number of references bounds those of large nodes and of their chunks.
-        Overflow::References | Overflow::Nodes | Overflow::Chunks | Overflow::Unfinished => {
-            Buffer::References
-        }
+        Overflow::References
+        | Overflow::Nodes
+        | Overflow::Chunks
+        | Overflow::Unfinished
+        | Overflow::MiddleStage => Buffer::References,
     }
 }
 

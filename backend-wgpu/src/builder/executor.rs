@@ -1,8 +1,9 @@
 //! A build on a device: what its grids represent, how long its levels continue, where its buffers
 //! are.
 
+use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::config::CHUNK;
-use splitplane_core::kernel::{Buffer, Counter, Grid, Kernel, TreeBuilder, Uniform};
+use splitplane_core::kernel::{Buffer, Counter, Grid, Kernel, Overflow, TreeBuilder, Uniform};
 use splitplane_core::layout::{Counters, LargeNode, Parameters};
 use wgpu::BufferBinding;
 
@@ -96,7 +97,7 @@ impl<'a> Build<'a> {
                 c.nodes.min(nodes)
             }
             Counter::Chunks => c.chunks,
-            Counter::SmallRoots => c.small_roots,
+            Counter::SmallRoots | Counter::MiddleRoots => c.small_roots,
             _ => c.top_nodes,
         }
     }
@@ -141,6 +142,9 @@ impl Job for Build<'_> {
     fn pieces(&self, kernel: Kernel, swapped: bool, pieces: &mut Vec<Piece>) {
         let piece = |block, workgroups| Piece { block: Some(block), workgroups, view: 0 };
         let whole = self.buffers.whole(swapped);
+        if is_of_middle_stage(kernel) && !self.capacities.middle {
+            return;
+        }
         let grid = kernel.grid();
         match grid {
             Grid::One => pieces.push(piece(whole, 1)),
@@ -186,7 +190,9 @@ impl Job for Build<'_> {
     }
 
     fn check_counters(&self, counters: &Counters) -> Result<(), GpuError> {
-        if self.is_void(counters) {
+        // Where the middle stage could not finish, all lists are empty.
+        let outgrown = counters[Counter::Overflow] & !(Overflow::MiddleStage as u32);
+        if outgrown != 0 {
             // The capacities were made as large as the device allows: counts now go beyond them.
             let (allowed, limit) = self.room;
             let what = "a list of this scene".into();

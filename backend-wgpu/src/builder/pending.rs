@@ -16,7 +16,7 @@ use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, TreeBuilder};
 use splitplane_core::watch::{Progress, Stage, Watch};
 
-use super::buffers::Buffers;
+use super::buffers::{Buffers, POOL_AT_START};
 use super::capacities::Capacities;
 use super::executor::{Build, WgpuExecutor, first_counters};
 use super::shared::{Pooled, Shared};
@@ -86,12 +86,10 @@ impl PendingBuild {
         let pooled = shared.take_buffers();
         let was_pooled = pooled.is_some();
         let input_bytes = position_bytes + index_bytes;
-        let estimate =
-            Capacities { input_bytes, ..Capacities::estimate(triangles, &options.config) };
+        let estimate = Capacities::estimate(triangles, &options.config).with_middle_stage();
+        let estimate = Capacities { input_bytes, ..estimate };
         let mut capacities = estimate;
-        // A root that is small is no level's work but one.
-        let one_level = triangles <= options.config.small_node_limit();
-        let mut levels = if one_level { 1 } else { options.config.max_depth + 1 };
+        let mut levels = options.config.max_depth + 1;
         let buffers = match pooled {
             Some(pooled) => {
                 // The capacities that an earlier build needed are there already.
@@ -100,6 +98,8 @@ impl PendingBuild {
                 if (pooled.triangles, pooled.config) == (triangles, options.config) {
                     levels = levels.min(pooled.levels + LEVELS_TO_SPARE);
                     capacities.by_halves = pooled.capacities.by_halves;
+                    // Where the middle stage could not finish such a build, the next one does without.
+                    capacities.middle &= pooled.capacities.middle;
                 }
                 pooled.buffers
             }
@@ -128,6 +128,10 @@ impl PendingBuild {
             }
             reserved => reserved?,
         }
+        // A root that is handed over is no level's work but one.
+        if triangles <= pending.capacities.hand_over_limit(&options.config) {
+            levels = 1;
+        }
         let shared = Arc::clone(&pending.shared);
         guarded(&shared.gpu, || {
             let buffers = pending.buffers.as_mut().expect("until finished");
@@ -152,6 +156,9 @@ impl PendingBuild {
             if self.needed_bytes() > limit {
                 // This only costs time: subtrees that are not kept are built twice.
                 self.capacities.subtrees = 0;
+            }
+            if self.needed_bytes() > limit {
+                self.capacities = self.capacities.without_middle_stage();
             }
             let needed = self.needed_bytes();
             if needed > limit {
@@ -182,6 +189,7 @@ impl PendingBuild {
         buffers.write_parameters(&shared.gpu, &self.capacities, &parameters);
         let counters = first_counters(self.capacities.triangles);
         shared.gpu.write(buffers.get(Buffer::Counters), 0, bytemuck::bytes_of(&counters));
+        shared.gpu.write(buffers.get(Buffer::MiddleNodes), 0, &POOL_AT_START);
         self.record(levels, true)
     }
 
@@ -333,5 +341,5 @@ fn guarded<T>(gpu: &Gpu, work: impl FnOnce() -> Result<T, BuildError>) -> Result
 const POLL_INTERVAL: Duration = Duration::from_micros(500);
 
 /// Levels recorded beyond those of the last such build of as many triangles: moving scenes change theirs
-/// little from frame to frame.
-const LEVELS_TO_SPARE: u32 = 2;
+/// little from frame to frame, and what is missing is submitted.
+const LEVELS_TO_SPARE: u32 = 1;

@@ -70,8 +70,9 @@ pub fn resume<E: Executor<TreeBuilder>>(executor: &mut E, planes: Planes) -> Res
         process_large_nodes(executor, planes)?;
         level += 1;
     }
+    finish_middle_nodes(executor, planes)?;
     process_small_nodes(executor)?;
-    preorder_traversal(executor)
+    preorder_traversal(executor, planes)
 }
 
 /// Triangle bounds, scene bounds, the root: the start of every builder, including those that do not
@@ -109,15 +110,41 @@ fn process_large_nodes<E: Executor<TreeBuilder>>(
     executor.swap(Buffer::References, Buffer::NextReferences)
 }
 
+/// The rest of the large-node stage for nodes of few references, all levels of a node in one go: see
+/// [`build::middle`](crate::build::middle). An executor that hands nothing over leaves its kernels out.
+fn finish_middle_nodes<E: Executor<TreeBuilder>>(
+    executor: &mut E,
+    planes: Planes,
+) -> Result<(), E::Error> {
+    match planes {
+        Planes::Median => {
+            executor.dispatch(Kernel::BuildMiddle)?;
+            executor.dispatch(Kernel::ScanMiddle)?;
+            executor.dispatch(Kernel::PlaceMiddle)
+        }
+        Planes::Binned => Ok(()),
+    }
+}
+
 /// The small-node stage: each small root's subtree, on 64-bit masks.
 fn process_small_nodes<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
     executor.dispatch(Kernel::BuildSmall)
 }
 
 /// One preorder array from all subtrees.
-fn preorder_traversal<E: Executor<TreeBuilder>>(executor: &mut E) -> Result<(), E::Error> {
+fn preorder_traversal<E: Executor<TreeBuilder>>(
+    executor: &mut E,
+    planes: Planes,
+) -> Result<(), E::Error> {
+    let middle = planes == Planes::Median;
+    if middle {
+        executor.dispatch(Kernel::MeasureMiddle)?;
+    }
     executor.dispatch(Kernel::SubtreeSizes)?;
     executor.dispatch(Kernel::PreorderAddresses)?;
+    if middle {
+        executor.dispatch(Kernel::EmitMiddle)?;
+    }
     executor.dispatch(Kernel::EmitTop)?;
     executor.dispatch(Kernel::EmitSmall)
 }

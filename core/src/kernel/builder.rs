@@ -2,8 +2,8 @@
 
 use crate::kernel_set;
 use crate::layout::{
-    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
-    Sides, SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, MiddleRoot,
+    Reference, Sides, SmallRoot, TopNode,
 };
 use crate::tree::node::KdNode;
 
@@ -58,8 +58,19 @@ kernel_set! {
         TopNodes "top_nodes", size_of::<TopNode>(), live TopNodes;
         /// First top node emitted by each level.
         LevelStarts "level_starts", 4, live Levels;
-        /// The small list: [`SmallRoot`].
+        /// The small list: [`SmallRoot`]. Until the middle stage it holds what the levels hand over to that.
         SmallRoots "small_roots", size_of::<SmallRoot>(), live SmallRoots;
+        /// The roots of the middle stage: [`MiddleRoot`].
+        MiddleRoots "middle_roots", size_of::<MiddleRoot>(), live MiddleRoots;
+        /// The references of the middle roots while these are being finished, each root's in a region of its own:
+        /// not compared.
+        MiddleReferences "middle_references", size_of::<Reference>();
+        /// The trees of the middle roots, by regions: [`TopNode`], `right` of a leaf being its successor. Not compared.
+        MiddleNodes "middle_nodes", size_of::<TopNode>();
+        /// The leaves of these trees, by regions: [`SmallRoot`]. Not compared.
+        MiddleLeaves "middle_leaves", size_of::<SmallRoot>();
+        /// [`Extent`] of each middle root's subtree.
+        MiddleSizes "middle_sizes", size_of::<Extent>(), live MiddleRoots;
         /// [`Extent`] of each small root's subtree.
         SmallSizes "small_sizes", size_of::<Extent>(), live SmallRoots;
         /// Subtrees that `build_small` keeps for `emit_small`, as many as the backend chooses and
@@ -69,6 +80,8 @@ kernel_set! {
         TopSizes "top_sizes", size_of::<Extent>(), live TopNodes;
         /// [`Extent`]: where each top node's subtree starts.
         TopAddresses "top_addresses", size_of::<Extent>(), live TopNodes;
+        /// [`Extent`]: where each small root's subtree starts.
+        SmallAddresses "small_addresses", size_of::<Extent>(), live SmallRoots;
         /// The tree's nodes: [`KdNode`].
         Nodes "nodes", size_of::<KdNode>(), live Nodes;
         /// The tree's references.
@@ -118,23 +131,40 @@ kernel_set! {
         ScatterReferences "scatter_references", Each(Chunks) =>
             reads Chunks, reads Decisions, reads References, reads Triangles, reads ReferenceSides,
             reads ChunkCounts, writes NextReferences, scatters SmallReferences, writes ChunkBounds;
+        /// Splits what the levels have handed over until it has T references or cannot be split.
+        BuildMiddle "build_middle", Each(MiddleRoots) =>
+            reads SmallRoots, reads SmallReferences, reads Triangles, writes MiddleRoots,
+            writes MiddleReferences, writes MiddleNodes, writes MiddleLeaves;
+        /// Gives the leaves of the middle stage their places in the small list.
+        ScanMiddle "scan_middle", One => updates Counters, updates MiddleRoots;
+        /// Moves the leaves of the middle stage to the small list.
+        PlaceMiddle "place_middle", Each(MiddleRoots) =>
+            reads MiddleRoots, reads MiddleReferences, reads MiddleLeaves,
+            writes SmallRoots, writes SmallReferences;
         /// Builds the subtree of every small root and measures it.
         BuildSmall "build_small", Each(SmallRoots) =>
             reads SmallRoots, reads SmallReferences, writes SmallSizes, writes Subtrees;
+        /// Sums the sizes of every middle root's leaves.
+        MeasureMiddle "measure_middle", Each(MiddleRoots) =>
+            reads MiddleRoots, reads SmallSizes, writes MiddleSizes;
         /// Sizes of the subtrees of the top tree, bottom up.
         SubtreeSizes "subtree_sizes", One =>
             updates Counters,
-            reads TopNodes, reads LevelStarts, reads SmallSizes, writes TopSizes;
+            reads TopNodes, reads LevelStarts, reads SmallSizes, reads MiddleSizes, writes TopSizes;
         /// Preorder addresses of the top tree, top down.
         PreorderAddresses "preorder_addresses", One =>
             reads TopNodes, reads LevelStarts, reads TopSizes, writes TopAddresses;
-        /// Writes the nodes of the top tree.
+        /// Writes the nodes of the middle roots' trees, and the addresses of the small roots below.
+        EmitMiddle "emit_middle", Each(MiddleRoots) =>
+            reads MiddleRoots, reads MiddleNodes, reads SmallSizes, reads TopAddresses,
+            scatters Nodes, writes SmallAddresses;
+        /// Writes the nodes of the top tree, and the addresses of its small roots.
         EmitTop "emit_top", Invocations(TopNodes, 256) =>
-            reads TopNodes, reads TopAddresses, scatters Nodes;
+            reads TopNodes, reads TopAddresses, scatters Nodes, scatters SmallAddresses;
         /// Writes the subtrees of the small roots.
         EmitSmall "emit_small", Each(SmallRoots) =>
             reads SmallRoots, reads SmallReferences, reads SmallSizes, reads Subtrees,
-            reads TopAddresses, scatters Nodes, writes LeafReferences;
+            reads SmallAddresses, scatters Nodes, writes LeafReferences;
     }
 }
 
@@ -185,6 +215,12 @@ pub enum Counter {
     LeafReferences,
     /// Bits that say which capacity did not suffice: see [`Overflow`].
     Overflow,
+    /// References that the splits of large nodes have added, those that a cap refused included.
+    Growth,
+    /// Roots of the middle stage: what was handed over so far. None where there is no such stage.
+    MiddleRoots,
+    /// Levels of the large-node stage, those within the middle stage included.
+    MiddleLevels,
 }
 
 /// The bits of [`Counter::Overflow`]: lists that outgrew their capacity on a device.
@@ -211,11 +247,16 @@ pub enum Overflow {
     Chunks = 256,
     /// Not a list: the device's driver ended a loop before its end, so that the build is void.
     Unfinished = 512,
+    /// Not a list: the middle stage cannot finish what was handed over to it, so that the build is void and must be repeated
+    /// without it.
+    MiddleStage = 1024,
+    /// Regions of the middle roots.
+    MiddleRegions = 2048,
 }
 
 impl Overflow {
     /// All bits.
-    pub const ALL: [Overflow; 10] = [
+    pub const ALL: [Overflow; 12] = [
         Overflow::Nodes,
         Overflow::References,
         Overflow::SmallRoots,
@@ -226,12 +267,14 @@ impl Overflow {
         Overflow::LeafReferences,
         Overflow::Chunks,
         Overflow::Unfinished,
+        Overflow::MiddleStage,
+        Overflow::MiddleRegions,
     ];
 }
 
 impl Counter {
     /// All counters, by their word.
-    pub const ALL: [Counter; 17] = [
+    pub const ALL: [Counter; 20] = [
         Counter::Triangles,
         Counter::InputChunks,
         Counter::Dropped,
@@ -249,6 +292,9 @@ impl Counter {
         Counter::Nodes,
         Counter::LeafReferences,
         Counter::Overflow,
+        Counter::Growth,
+        Counter::MiddleRoots,
+        Counter::MiddleLevels,
     ];
 }
 

@@ -89,7 +89,10 @@ fn counters_are_written_by_those_that_say_so() {
         TreeBuilder::written(kernel, &mut |buffer| counters |= buffer == Buffer::Counters);
         let expected = matches!(
             kernel,
-            Kernel::ScanTriangles | Kernel::AllocateChildren | Kernel::SubtreeSizes
+            Kernel::ScanTriangles
+                | Kernel::AllocateChildren
+                | Kernel::ScanMiddle
+                | Kernel::SubtreeSizes
         );
         assert_eq!(counters, expected, "{kernel:?}");
     }

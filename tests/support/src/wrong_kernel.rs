@@ -115,6 +115,19 @@ pub const FAULTS: &[(Kernel, &str, Fault)] = &[
         let hi = &mut last(&mut b.chunk_bounds, b.counters, Counter::Chunks).sides[0].hi[1];
         *hi = hi.next_down();
     }),
+    (Kernel::BuildMiddle, "counts a level too many", |b| {
+        last(&mut b.middle_roots, b.counters, Counter::MiddleRoots).levels += 1;
+    }),
+    (Kernel::ScanMiddle, "leaves a gap before the references of a root", |b| {
+        last(&mut b.middle_roots, b.counters, Counter::MiddleRoots).first_reference += 1;
+    }),
+    (Kernel::PlaceMiddle, "exchanges two references", |b| b.small_references.swap(0, 1)),
+    (Kernel::MeasureMiddle, "counts a node too many", |b| {
+        last(&mut b.middle_sizes, b.counters, Counter::MiddleRoots).nodes += 1;
+    }),
+    (Kernel::EmitMiddle, "begins a small root too late", |b| {
+        last(&mut b.small_addresses, b.counters, Counter::SmallRoots).references += 1;
+    }),
     (Kernel::BuildSmall, "forgets a reference", |b| {
         last(&mut b.small_sizes, b.counters, Counter::SmallRoots).references -= 1;
     }),

@@ -2,8 +2,8 @@
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
-    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
-    Sides, SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, MiddleRoot,
+    Reference, Sides, SmallRoot, TopNode,
 };
 use splitplane_core::tree::node::KdNode;
 use splitplane_core::triangle::Triangle;
@@ -32,14 +32,22 @@ pub struct Buffers {
     pub(crate) level_starts: Vec<u32>,
     pub(crate) small_roots: Vec<SmallRoot>,
     pub(crate) small_sizes: Vec<Extent>,
+    pub(crate) middle_roots: Vec<MiddleRoot>,
+    pub(crate) middle_references: Vec<Reference>,
+    pub(crate) middle_nodes: Vec<TopNode>,
+    pub(crate) middle_leaves: Vec<SmallRoot>,
+    pub(crate) middle_sizes: Vec<Extent>,
     pub(crate) top_sizes: Vec<Extent>,
     pub(crate) top_addresses: Vec<Extent>,
+    pub(crate) small_addresses: Vec<Extent>,
     pub(crate) nodes: Vec<KdNode>,
     pub(crate) leaf_references: Vec<u32>,
     pub(crate) counters: Counters,
     pub(crate) root_bounds: Aabb,
     /// Not part of the schedule: the subtrees that `build_small` measured, kept for `emit_small`.
     pub(crate) subtrees: Vec<Subtrees>,
+    /// Not part of the schedule: references of two levels of a middle root, for each part of the grid.
+    pub(crate) middle_levels: Vec<Reference>,
     /// Not part of the schedule: how many references splits have added.
     pub(crate) growth: u64,
 }
@@ -65,10 +73,17 @@ impl Buffers {
             + of(&self.level_starts)
             + of(&self.small_roots)
             + of(&self.small_sizes)
+            + of(&self.middle_roots)
+            + of(&self.middle_references)
+            + of(&self.middle_nodes)
+            + of(&self.middle_leaves)
+            + of(&self.middle_sizes)
             + of(&self.top_sizes)
             + of(&self.top_addresses)
+            + of(&self.small_addresses)
             + of(&self.nodes)
             + of(&self.leaf_references)
+            + of(&self.middle_levels)
             + self.subtrees.iter().map(Subtrees::bytes).sum::<u64>()
     }
 }

@@ -1,6 +1,8 @@
 //! The kernels of the schedule, dispatched over the executor's buffers.
 
 use splitplane_core::arithmetic::Arithmetic;
+use splitplane_core::build::middle::Region;
+use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::schedule::Executor;
 use splitplane_core::error::{BuildError, DeviceError};
 use splitplane_core::kernel::{Buffer, Counter, Kernel, TreeBuilder};
@@ -16,7 +18,6 @@ use crate::build::twin::kernels::scatter_references::Inputs;
 impl<A: Arithmetic> CpuExecutor<'_, A> {
     /// Runs `emit_small`. The subtrees of `batch` roots each are in one element of the buffer.
     pub(in crate::build) fn emit_small(&mut self, batch: usize) -> Result<(), BuildError> {
-        let top = self.count(Counter::TopNodes);
         let small = self.count(Counter::SmallRoots);
         let (b, m, meter) = (&mut self.buffers, &mut self.memory, self.meter);
         let nodes = b.counters[Counter::Nodes] as usize;
@@ -28,7 +29,7 @@ impl<A: Arithmetic> CpuExecutor<'_, A> {
             &b.small_roots[..small],
             &b.small_sizes[..small],
             &b.subtrees,
-            &b.top_addresses[..top],
+            &b.small_addresses[..small],
             &mut b.nodes[..nodes],
             &mut b.leaf_references[..leaf_references],
         );
@@ -42,6 +43,12 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
         use kernels as k;
+        // What `emit_middle` writes has its room even where it is left out, so that executors can be compared.
+        let left_out = is_of_middle_stage(kernel) && !self.middle;
+        if self.is_void() || (left_out && kernel != Kernel::EmitMiddle) {
+            return Ok(());
+        }
+        let levels = self.levels();
         let triangles = self.count(Counter::Triangles);
         let input_chunks = self.count(Counter::InputChunks);
         let active = self.count(Counter::ActiveNodes);
@@ -49,6 +56,8 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
         let chunks = self.count(Counter::Chunks);
         let top = self.count(Counter::TopNodes);
         let small = self.count(Counter::SmallRoots);
+        // While nodes are active more will be handed over.
+        let middle = if active > 0 { 0 } else { self.count(Counter::MiddleRoots) };
         let b = &mut self.buffers;
         let m = &mut self.memory;
         let meter = self.meter;
@@ -111,7 +120,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.decisions, active, meter)?;
                 k::split_median::run::<A>(
                     meter,
-                    &self.config,
+                    &levels,
                     &b.active_nodes[..active],
                     &b.chunk_bounds,
                     &b.references[..references],
@@ -181,12 +190,15 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     growth: &mut b.growth,
                 };
                 k::allocate_children::run(
-                    &self.config,
+                    &levels,
                     &b.active_nodes[..active],
                     &mut b.decisions[..active],
                     &mut lists,
                     &mut b.counters,
                 );
+                if self.middle {
+                    b.counters[Counter::MiddleRoots] = b.counters[Counter::SmallRoots];
+                }
                 meter.advance(1);
             }
             Kernel::ScatterReferences => {
@@ -199,7 +211,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 }
                 m.grow_watched(&mut b.chunk_bounds, chunks, meter)?;
                 let inputs = Inputs {
-                    small_node_limit: self.config.small_node_limit(),
+                    small_node_limit: levels.small_node_limit(),
                     clip: self.config.clip,
                     chunks: &b.chunks[..chunks],
                     decisions: &b.decisions[..active],
@@ -214,6 +226,54 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.next_references[..next],
                     &mut b.small_references[..small],
                     &mut b.chunk_bounds[..chunks],
+                );
+            }
+            Kernel::BuildMiddle => {
+                let handed = b.counters[Counter::SmallReferences];
+                let regions = Region::start(handed, small as u32);
+                m.grow_watched(&mut b.middle_roots, middle, meter)?;
+                m.grow_watched(&mut b.middle_references, regions.references as usize, meter)?;
+                m.grow_watched(&mut b.middle_nodes, regions.nodes as usize, meter)?;
+                m.grow_watched(&mut b.middle_leaves, regions.leaves as usize, meter)?;
+                let scratch = k::build_middle::scratch();
+                m.grow_watched(&mut b.middle_levels, scratch, meter)?;
+                k::build_middle::run::<A>(
+                    meter,
+                    &self.config,
+                    &b.small_roots[..middle],
+                    &b.small_references,
+                    &b.triangles,
+                    &mut b.middle_levels[..scratch],
+                    &mut k::build_middle::Regions {
+                        references: &mut b.middle_references[..regions.references as usize],
+                        nodes: &mut b.middle_nodes[..regions.nodes as usize],
+                        leaves: &mut b.middle_leaves[..regions.leaves as usize],
+                    },
+                    &mut b.middle_roots[..middle],
+                );
+            }
+            Kernel::ScanMiddle => {
+                let roots = &mut b.middle_roots[..middle];
+                k::scan_middle::run(&self.config, roots, &mut b.counters);
+            }
+            Kernel::PlaceMiddle => {
+                let references = b.counters[Counter::SmallReferences] as usize;
+                m.grow_watched(&mut b.small_roots, small, meter)?;
+                m.grow_watched(&mut b.small_references, references, meter)?;
+                k::place_middle::run(
+                    &b.middle_roots[..middle],
+                    &b.middle_references,
+                    &b.middle_leaves,
+                    &mut b.small_roots,
+                    &mut b.small_references,
+                );
+            }
+            Kernel::MeasureMiddle => {
+                m.grow_watched(&mut b.middle_sizes, middle, meter)?;
+                k::measure_middle::run(
+                    &b.middle_roots[..middle],
+                    &b.small_sizes[..small],
+                    &mut b.middle_sizes[..middle],
                 );
             }
             Kernel::BuildSmall => {
@@ -244,7 +304,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                 m.grow_watched(&mut b.top_sizes, top, meter)?;
                 k::subtree_sizes::run(
                     &b.top_nodes[..top],
-                    &b.small_sizes[..small],
+                    if middle > 0 { &b.middle_sizes[..middle] } else { &b.small_sizes[..small] },
                     &mut b.top_sizes[..top],
                     &mut b.counters,
                 );
@@ -257,9 +317,30 @@ impl<A: Arithmetic> Executor<TreeBuilder> for CpuExecutor<'_, A> {
                     &mut b.top_addresses[..top],
                 );
             }
+            Kernel::EmitMiddle => {
+                let nodes = b.counters[Counter::Nodes] as usize;
+                m.grow_watched(&mut b.nodes, nodes, meter)?;
+                m.grow_watched(&mut b.small_addresses, small, meter)?;
+                k::emit_middle::run(
+                    &b.middle_roots[..middle],
+                    &b.middle_nodes,
+                    &b.small_sizes[..small],
+                    &b.top_addresses,
+                    &mut b.nodes[..nodes],
+                    &mut b.small_addresses[..small],
+                );
+            }
             Kernel::EmitTop => {
                 let nodes = b.counters[Counter::Nodes] as usize;
                 m.grow_watched(&mut b.nodes, nodes, meter)?;
+                m.grow_watched(&mut b.small_addresses, small, meter)?;
+                if middle == 0 {
+                    k::emit_top::address_small_roots(
+                        &b.top_nodes[..top],
+                        &b.top_addresses[..top],
+                        &mut b.small_addresses[..small],
+                    );
+                }
                 k::emit_top::run(
                     &b.top_nodes[..top],
                     &b.top_addresses[..top],

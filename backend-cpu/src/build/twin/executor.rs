@@ -4,7 +4,8 @@ use core::marker::PhantomData;
 
 use splitplane_core::arithmetic::{Arithmetic, Strict};
 use splitplane_core::build::lockstep::Inspect;
-use splitplane_core::config::BuildConfig;
+use splitplane_core::build::middle::hand_over_limit;
+use splitplane_core::config::{BuildConfig, Planes};
 use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Counter, TreeBuilder};
 use splitplane_core::layout::Counters;
@@ -31,6 +32,8 @@ pub(crate) struct StageCounts {
 pub struct CpuExecutor<'a, A = Strict> {
     pub(in crate::build) mesh: Mesh<'a>,
     pub(in crate::build) config: BuildConfig,
+    /// Whether the levels hand nodes over to the middle stage.
+    pub(in crate::build) middle: bool,
     pub(in crate::build) set: InstructionSet,
     pub(in crate::build) buffers: Buffers,
     pub(in crate::build) memory: Memory,
@@ -75,12 +78,35 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
         buffers.counters = Counters::at_start(mesh.len() as u32);
         buffers.growth = 0;
         let (meter, arithmetic) = (&UNWATCHED, PhantomData);
-        CpuExecutor { mesh, config, set, buffers, memory, meter, arithmetic }
+        CpuExecutor { mesh, config, middle: false, set, buffers, memory, meter, arithmetic }
     }
 
     /// The executor with a meter that may cancel the build.
     pub(crate) fn watched(self, meter: &'a ProgressMeter<'a>) -> CpuExecutor<'a, A> {
         CpuExecutor { meter, ..self }
+    }
+
+    /// With the middle stage: see [`splitplane_core::build::middle`]. The build may then turn out void, as
+    /// [`CpuExecutor::is_void`] says.
+    #[must_use]
+    pub fn with_middle_stage(self) -> CpuExecutor<'a, A> {
+        // Planes of bins have no such stage.
+        let middle = self.config.preset().planes() == Some(Planes::Median);
+        CpuExecutor { middle, ..self }
+    }
+
+    /// Whether the build is void, so that there is no tree: another one must do without the middle stage.
+    pub fn is_void(&self) -> bool {
+        self.buffers.counters[Counter::Overflow] != 0
+    }
+
+    /// The configuration with which levels run: with a middle stage T is what that takes.
+    pub(super) fn levels(&self) -> BuildConfig {
+        let limit = hand_over_limit(&self.config);
+        match self.middle {
+            true => self.config.with_stages(|stages| stages.small_node_limit = limit),
+            false => self.config,
+        }
     }
 
     /// From now on nodes of at most `references` references go to the small list, whatever T the configuration has: for an
@@ -92,7 +118,8 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     /// Levels of the large-node stage, and small roots.
     pub(crate) fn stage_counts(&self) -> StageCounts {
         StageCounts {
-            levels: self.buffers.counters[Counter::Levels],
+            levels: self.buffers.counters[Counter::Levels]
+                .max(self.buffers.counters[Counter::MiddleLevels]),
             small_roots: self.buffers.counters[Counter::SmallRoots],
         }
     }
@@ -116,7 +143,12 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             Some(bytemuck::cast_slice(vector.get(..length)?))
         }
         match buffer {
-            Buffer::Input | Buffer::Subtrees | Buffer::ChunkState => None,
+            Buffer::Input
+            | Buffer::Subtrees
+            | Buffer::ChunkState
+            | Buffer::MiddleReferences
+            | Buffer::MiddleNodes
+            | Buffer::MiddleLeaves => None,
             Buffer::Counters => Some(bytemuck::bytes_of(&b.counters)),
             Buffer::Triangles => bytes(b.triangles.as_flattened().as_flattened(), length * 9),
             Buffer::References => bytes(&b.references, length),
@@ -135,6 +167,9 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
             Buffer::LevelStarts => bytes(&b.level_starts, length),
             Buffer::SmallRoots => bytes(&b.small_roots, length),
             Buffer::SmallSizes => bytes(&b.small_sizes, length),
+            Buffer::MiddleRoots => bytes(&b.middle_roots, length),
+            Buffer::MiddleSizes => bytes(&b.middle_sizes, length),
+            Buffer::SmallAddresses => bytes(&b.small_addresses, length),
             Buffer::TopSizes => bytes(&b.top_sizes, length),
             Buffer::TopAddresses => bytes(&b.top_addresses, length),
             Buffer::Nodes => bytes(&b.nodes, length),
@@ -155,7 +190,9 @@ impl<'a, A: Arithmetic> CpuExecutor<'a, A> {
     pub(in crate::build) fn check_size(&self) -> Result<(), BuildError> {
         let b = &self.buffers;
         let small = &b.small_sizes[..self.count(Counter::SmallRoots)];
-        let top = self.count(Counter::TopNodes) as u64;
+        let middle = &b.middle_roots[..self.count(Counter::MiddleRoots)];
+        let middle = middle.iter().map(|root| u64::from(root.nodes)).sum::<u64>();
+        let top = self.count(Counter::TopNodes) as u64 + middle;
         let nodes = top + small.iter().map(|size| u64::from(size.nodes)).sum::<u64>();
         let references = small.iter().map(|size| u64::from(size.references)).sum::<u64>();
         if nodes > u64::from(MOST_NODES) || references > u64::from(u32::MAX) {

@@ -49,6 +49,14 @@ impl PendingBuild {
         if counters[Counter::Overflow] & Overflow::Unfinished as u32 != 0 {
             return Err(GpuError::Unfinished { what: "the scene".into() }.into());
         }
+        if counters[Counter::Overflow] & Overflow::MiddleStage as u32 != 0 {
+            readback.unmap();
+            self.capacities = self.capacities.without_middle_stage();
+            self.reserve(None)?;
+            self.effort.repeats += 1;
+            self.begin(config.max_depth + 1)?;
+            return Ok(None);
+        }
         if counters[Counter::Overflow] != 0 {
             readback.unmap();
             let grown = self.capacities.grown(&counters, &config, self.shared.gpu.limits());
@@ -96,7 +104,7 @@ impl PendingBuild {
         summary.triangles = triangles;
         summary.dropped = counters[Counter::Dropped];
         summary.snapped = counters[Counter::Snapped];
-        summary.large_levels = counters[Counter::Levels];
+        summary.large_levels = counters[Counter::Levels].max(counters[Counter::MiddleLevels]);
         summary.small_roots = counters[Counter::SmallRoots];
         summary.peak_bytes = peak_bytes;
         let parts = TreeParts {

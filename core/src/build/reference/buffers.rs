@@ -8,12 +8,13 @@ use bytemuck::Pod;
 use super::Budget;
 use super::kernels::allocate_children_most;
 use crate::aabb::Aabb;
+use crate::build::middle::Region;
 use crate::config::BuildConfig;
 use crate::error::{BuildError, DeviceError};
 use crate::kernel::{Buffer, Counter, Kernel, KernelSet, TreeBuilder};
 use crate::layout::{
-    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, Reference,
-    Sides, SmallRoot, TopNode,
+    Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision, Extent, LargeNode, MiddleRoot,
+    Reference, Sides, SmallRoot, TopNode,
 };
 use crate::tree::KdTree;
 use crate::tree::node::KdNode;
@@ -57,10 +58,22 @@ pub struct Buffers {
     pub small_roots: Vec<SmallRoot>,
     /// [`Buffer::SmallSizes`].
     pub small_sizes: Vec<Extent>,
+    /// [`Buffer::MiddleRoots`].
+    pub middle_roots: Vec<MiddleRoot>,
+    /// [`Buffer::MiddleReferences`].
+    pub middle_references: Vec<Reference>,
+    /// [`Buffer::MiddleNodes`].
+    pub middle_nodes: Vec<TopNode>,
+    /// [`Buffer::MiddleLeaves`].
+    pub middle_leaves: Vec<SmallRoot>,
+    /// [`Buffer::MiddleSizes`].
+    pub middle_sizes: Vec<Extent>,
     /// [`Buffer::TopSizes`].
     pub top_sizes: Vec<Extent>,
     /// [`Buffer::TopAddresses`].
     pub top_addresses: Vec<Extent>,
+    /// [`Buffer::SmallAddresses`].
+    pub small_addresses: Vec<Extent>,
     /// [`Buffer::Nodes`].
     pub nodes: Vec<KdNode>,
     /// [`Buffer::LeafReferences`].
@@ -104,6 +117,9 @@ impl Buffers {
     /// Sums sizes in 64 bits, before a kernel sums them in 32.
     fn check_size(&self) -> Result<(), BuildError> {
         let (mut nodes, mut references) = (self.count(Counter::TopNodes) as u64, 0);
+        for root in &self.middle_roots[..self.count(Counter::MiddleRoots)] {
+            nodes += u64::from(root.nodes);
+        }
         for size in &self.small_sizes[..self.count(Counter::SmallRoots)] {
             nodes += u64::from(size.nodes);
             references += u64::from(size.references);
@@ -117,7 +133,14 @@ impl Buffers {
     /// How long a buffer is after a kernel that writes it, at most.
     fn length_after(&self, kernel: Kernel, buffer: Buffer) -> usize {
         let live = buffer.live().map_or(0, |counter| self.count(counter));
+        let handed = |counter| self.counters[counter];
+        let regions =
+            || Region::start(handed(Counter::SmallReferences), handed(Counter::SmallRoots));
         match (kernel, buffer) {
+            // The regions of all that was handed over.
+            (Kernel::BuildMiddle, Buffer::MiddleReferences) => regions().references as usize,
+            (Kernel::BuildMiddle, Buffer::MiddleNodes) => regions().nodes as usize,
+            (Kernel::BuildMiddle, Buffer::MiddleLeaves) => regions().leaves as usize,
             // The root, which it counts itself.
             (Kernel::ScanTriangles, Buffer::ActiveNodes | Buffer::TopNodes) => 1,
             (Kernel::AllocateChildren, _) => {
@@ -215,8 +238,14 @@ impl Buffers {
             Buffer::LevelStarts => &mut self.level_starts,
             Buffer::SmallRoots => &mut self.small_roots,
             Buffer::SmallSizes => &mut self.small_sizes,
+            Buffer::MiddleRoots => &mut self.middle_roots,
+            Buffer::MiddleReferences => &mut self.middle_references,
+            Buffer::MiddleNodes => &mut self.middle_nodes,
+            Buffer::MiddleLeaves => &mut self.middle_leaves,
+            Buffer::MiddleSizes => &mut self.middle_sizes,
             Buffer::TopSizes => &mut self.top_sizes,
             Buffer::TopAddresses => &mut self.top_addresses,
+            Buffer::SmallAddresses => &mut self.small_addresses,
             Buffer::Nodes => &mut self.nodes,
             Buffer::LeafReferences => &mut self.leaf_references,
         })

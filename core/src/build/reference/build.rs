@@ -42,7 +42,7 @@ mod tests {
     use crate::aabb::Aabb;
     use crate::arithmetic::{Arithmetic, Hostile, Strict};
     use crate::build::schedule::Executor;
-    use crate::config::{BuildConfig, Preset};
+    use crate::config::{BuildConfig, Planes, Preset};
     use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
     use crate::query::{lines, traverse};
     use crate::random;
@@ -232,6 +232,41 @@ mod tests {
                 assert_eq!(again, tree);
             }
         }
+    }
+
+    /// With the middle stage the tree is the same, wherever that is not void; and it is void where it must be: too deep for
+    /// its nodes to become small, or no plane separates them.
+    #[test]
+    fn the_middle_stage_gives_the_same_tree() {
+        let (mut finished, mut split) = (0, 0);
+        let draw = |i: u64, k: u64| random::unit(77, &[i, k]);
+        let corner =
+            |i, corner: u64| [0, 1, 2].map(|k| 16.0 * draw(i, k) + draw(i, 3 * corner + k));
+        let scattered = (0..9_000).map(|i| [1, 2, 3].map(|c| corner(i, c).map(|x| x as f32)));
+        for soup in soups().into_iter().chain([soup(4, 6_000), scattered.collect()]) {
+            let mesh = Mesh::soup(&soup).expect("few triangles");
+            for config in configs() {
+                let planes = config.preset().planes().expect("a preset of the schedule");
+                if planes == Planes::Binned {
+                    continue;
+                }
+                let (tree, summary) = build(&mesh, &options(config)).expect("memory");
+                let executor = ReferenceExecutor::new(mesh, config, Budget::default());
+                let mut executor = executor.expect("in range").with_middle_stage();
+                schedule::build(&mut executor, planes).expect("memory");
+                if executor.is_void() {
+                    continue;
+                }
+                let found = executor.summary();
+                assert_eq!(found.large_levels, summary.large_levels);
+                assert_eq!(found.small_roots, summary.small_roots);
+                let roots = &executor.buffers().middle_roots;
+                split += roots.iter().filter(|root| root.nodes > 1).count();
+                finished += 1;
+                assert_eq!(executor.into_tree(), tree, "{} {config:?}", soup.len());
+            }
+        }
+        assert!(finished >= 20 && split >= 10, "{finished} {split}");
     }
 
     /// The peak that a build reports is the least limit that it keeps.

@@ -9,11 +9,12 @@ use super::{Budget, Buffers};
 use crate::aabb::Aabb;
 use crate::arithmetic::{Arithmetic, Strict};
 use crate::build::lockstep::Inspect;
+use crate::build::middle::{LEVEL_REFERENCES, Region, hand_over_limit};
 use crate::build::schedule::Executor;
-use crate::config::BuildConfig;
+use crate::config::{BuildConfig, Planes};
 use crate::error::BuildError;
 use crate::kernel::{Buffer, Counter, Kernel, TreeBuilder};
-use crate::layout::Extent;
+use crate::layout::{Extent, Reference};
 use crate::mesh::Mesh;
 use crate::report::BuildSummary;
 use crate::tree::KdTree;
@@ -25,8 +26,12 @@ use crate::watch::Stage;
 pub struct ReferenceExecutor<'a, A = Strict> {
     mesh: Mesh<'a>,
     config: BuildConfig,
+    /// Whether the levels hand nodes over to the middle stage.
+    middle: bool,
     buffers: Buffers,
     budget: Budget<'a>,
+    /// References of two levels of a middle root that is being finished.
+    levels_of_middle_root: [Vec<Reference>; 2],
     /// Bounds of all triangles kept.
     bounds: Aabb,
     arithmetic: PhantomData<A>,
@@ -59,7 +64,39 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
         config.validate()?;
         let buffers = Buffers::new(mesh.len() as u32);
         let (bounds, arithmetic) = (Aabb::EMPTY, PhantomData);
-        Ok(ReferenceExecutor { mesh, config, buffers, budget, bounds, arithmetic })
+        Ok(ReferenceExecutor {
+            mesh,
+            config,
+            middle: false,
+            buffers,
+            budget,
+            levels_of_middle_root: Default::default(),
+            bounds,
+            arithmetic,
+        })
+    }
+
+    /// With the middle stage: see [`build::middle`](crate::build::middle). The build may then turn out void, as
+    /// [`ReferenceExecutor::is_void`] says.
+    #[must_use]
+    pub fn with_middle_stage(self) -> ReferenceExecutor<'a, A> {
+        // Planes of bins have no such stage.
+        let middle = self.config.preset().planes() == Some(Planes::Median);
+        ReferenceExecutor { middle, ..self }
+    }
+
+    /// Whether the build is void, so that there is no tree: another one must do without the middle stage.
+    pub fn is_void(&self) -> bool {
+        self.buffers.counters[Counter::Overflow] != 0
+    }
+
+    /// The configuration with which levels run: with a middle stage T is what that takes.
+    fn levels(&self) -> BuildConfig {
+        let limit = hand_over_limit(&self.config);
+        match self.middle {
+            true => self.config.with_stages(|stages| stages.small_node_limit = limit),
+            false => self.config,
+        }
     }
 
     /// The buffers as the last kernel left them.
@@ -87,7 +124,7 @@ impl<'a, A: Arithmetic> ReferenceExecutor<'a, A> {
             triangles: counters[Counter::Triangles],
             dropped: counters[Counter::Dropped],
             snapped: counters[Counter::Snapped],
-            large_levels: counters[Counter::Levels],
+            large_levels: counters[Counter::Levels].max(counters[Counter::MiddleLevels]),
             small_roots: counters[Counter::SmallRoots],
             peak_bytes: self.budget.peak(),
         }
@@ -124,8 +161,16 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
     type Error = BuildError;
 
     fn dispatch(&mut self, kernel: Kernel) -> Result<(), BuildError> {
+        if self.is_void() {
+            return Ok(());
+        }
+        if k::is_of_middle_stage(kernel) && !self.middle {
+            // What it would write has its room all the same, so that executors can be compared.
+            return if kernel == Kernel::EmitMiddle { self.make_room(kernel) } else { Ok(()) };
+        }
         self.begin(kernel)?;
         self.make_room(kernel)?;
+        let levels = &self.levels();
         let (mesh, config, budget) = (&self.mesh, &self.config, &mut self.budget);
         let b = &mut self.buffers;
         let active = b.count(Counter::ActiveNodes);
@@ -133,6 +178,8 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
         let input_chunks = b.count(Counter::InputChunks);
         let small = b.count(Counter::SmallRoots);
         let top = b.count(Counter::TopNodes);
+        // While nodes are active more will be handed over.
+        let middle = if active > 0 { 0 } else { b.count(Counter::MiddleRoots) };
         match kernel {
             Kernel::TriangleBounds => {
                 for chunk in 0..input_chunks {
@@ -185,7 +232,7 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                         asked.is_ok()
                     };
                     b.decisions[node] =
-                        k::split_median_while::<A>(config, this, &tight, &b.references, go_on);
+                        k::split_median_while::<A>(levels, this, &tight, &b.references, go_on);
                     asked?;
                 }
             }
@@ -240,18 +287,21 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                     level_starts: &mut b.level_starts,
                 };
                 k::allocate_children(
-                    config,
+                    levels,
                     &b.active_nodes[..active],
                     &mut b.decisions[..active],
                     &mut lists,
                     &mut b.counters,
                 );
+                if self.middle {
+                    b.counters[Counter::MiddleRoots] = b.counters[Counter::SmallRoots];
+                }
                 budget.advance(1);
                 budget.worked(active as u64)?;
             }
             Kernel::ScatterReferences => {
                 let children = k::destinations(
-                    config,
+                    levels,
                     &b.chunks[..chunks],
                     &b.decisions,
                     &b.reference_sides,
@@ -272,6 +322,54 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                     budget.worked(2 * u64::from(b.chunks[chunk].count))?;
                 }
             }
+            Kernel::BuildMiddle => {
+                for list in &mut self.levels_of_middle_root {
+                    budget.grow(list, LEVEL_REFERENCES as usize)?;
+                }
+                for root in 0..middle {
+                    let this = &b.small_roots[root];
+                    let (start, length) =
+                        (Region::start(this.first, root as u32), Region::of(this.count));
+                    let [one, other] = &mut self.levels_of_middle_root;
+                    let mut region = k::MiddleRegion {
+                        levels: [one, other],
+                        references: &mut b.middle_references[start.references as usize..]
+                            [..length.references as usize],
+                        nodes: &mut b.middle_nodes[start.nodes as usize..][..length.nodes as usize],
+                        leaves: &mut b.middle_leaves[start.leaves as usize..]
+                            [..length.leaves as usize],
+                    };
+                    // Its levels are at most some twenty.
+                    let work = 16 * u64::from(this.count.min(levels.small_node_limit()));
+                    b.middle_roots[root] = k::build_middle::<A>(
+                        config,
+                        root,
+                        &b.small_roots,
+                        &b.small_references,
+                        &b.triangles,
+                        &mut region,
+                    );
+                    budget.worked(work)?;
+                }
+            }
+            Kernel::ScanMiddle => {
+                k::scan_middle(config, &mut b.middle_roots[..middle], &mut b.counters);
+            }
+            Kernel::PlaceMiddle => {
+                for root in 0..middle {
+                    let this = &b.middle_roots[root];
+                    k::place_middle(
+                        root,
+                        &b.middle_roots,
+                        &b.middle_references,
+                        &b.middle_leaves,
+                        &mut b.small_roots[this.first_leaf as usize..][..this.leaves as usize],
+                        &mut b.small_references[this.first_reference as usize..]
+                            [..this.references as usize],
+                    );
+                    budget.worked(u64::from(this.references))?;
+                }
+            }
             Kernel::BuildSmall => {
                 for root in 0..small {
                     b.small_sizes[root] =
@@ -281,17 +379,42 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
                 }
                 budget.finish()?;
             }
+            Kernel::MeasureMiddle => {
+                for root in 0..middle {
+                    b.middle_sizes[root] = k::measure_middle(root, &b.middle_roots, &b.small_sizes);
+                }
+            }
             Kernel::SubtreeSizes => k::subtree_sizes(
                 &b.top_nodes[..top],
-                &b.small_sizes,
+                if middle > 0 { &b.middle_sizes } else { &b.small_sizes },
                 &mut b.top_sizes,
                 &mut b.counters,
             ),
             Kernel::PreorderAddresses => {
                 k::preorder_addresses(&b.top_nodes[..top], &b.top_sizes, &mut b.top_addresses);
             }
+            Kernel::EmitMiddle => {
+                for root in 0..middle {
+                    let this = &b.middle_roots[root];
+                    k::emit_middle(
+                        root,
+                        &b.middle_roots,
+                        &b.middle_nodes,
+                        &b.small_sizes,
+                        &b.top_addresses,
+                        &mut b.nodes,
+                        &mut b.small_addresses[this.first_leaf as usize..][..this.leaves as usize],
+                    );
+                }
+            }
             Kernel::EmitTop => {
                 for node in 0..top {
+                    if middle == 0
+                        && let Some((small, address)) =
+                            k::small_address(node, &b.top_nodes, &b.top_addresses)
+                    {
+                        b.small_addresses[small] = address;
+                    }
                     if let Some((index, emitted)) =
                         k::emit_top(node, &b.top_nodes, &b.top_addresses)
                     {
@@ -302,14 +425,14 @@ impl<A: Arithmetic> Executor<TreeBuilder> for ReferenceExecutor<'_, A> {
             Kernel::EmitSmall => {
                 for root in 0..small {
                     let this = b.small_roots[root];
-                    let Extent { nodes, references } = b.top_addresses[this.node as usize];
+                    let Extent { nodes, references } = b.small_addresses[root];
                     let size = b.small_sizes[root];
                     k::emit_small::<A>(
                         config,
                         root,
                         &b.small_roots,
                         &b.small_references,
-                        &b.top_addresses,
+                        &b.small_addresses,
                         &mut b.nodes[nodes as usize..][..size.nodes as usize],
                         &mut b.leaf_references[references as usize..][..size.references as usize],
                     );

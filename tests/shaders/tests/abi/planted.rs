@@ -12,10 +12,11 @@ const KERNEL: &str = "
 struct Parameters {
     zero: u32, swapped: u32, first: u32, count: u32,
     traversal_cost: u32, intersection_cost: u32, block_width: u32, small_node_limit: u32,
-    empty_cutoff: u32, max_depth: u32, reference_cap: u32, node_cap: u32,
+    hand_over_limit: u32, empty_cutoff: u32, max_depth: u32, reference_cap: u32, node_cap: u32,
     first_index: u32, chunk_room: u32, node_room: u32, reference_room: u32,
     small_root_room: u32, small_reference_room: u32, top_node_room: u32, level_room: u32,
-    tree_node_room: u32, leaf_reference_room: u32, subtree_room: u32, bins: u32,
+    tree_node_room: u32, leaf_reference_room: u32, subtree_room: u32,
+    middle_reference_room: u32, middle_node_room: u32, middle_leaf_room: u32, bins: u32,
     clip: u32, view: u32, reference_half: u32, small_reference_half: u32,
 }
 struct LargeNode {
@@ -98,7 +99,7 @@ fn every_fault_is_found() {
         (
             "reference_half: u32, small_reference_half: u32,",
             "",
-            "Parameters: 104 bytes instead of 112",
+            "Parameters: 120 bytes instead of 128",
         ),
         ("struct Chunk {", "alias Chunk = Chink; struct Chink {", "Chink: no record of the core"),
         // Constants.

@@ -13,7 +13,7 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
-    Extent, LargeNode, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
+    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneUniform, Sides, SmallRoot, TopNode,
     TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
@@ -130,15 +130,20 @@ pub(crate) fn of_core() -> Vec<Record> {
             cuts cut_count cut_sides axis position counts first first_node source_first
         }),
         record!(TopNode { kind split left right }),
-        record!(SmallRoot { lo first hi count node depth padding }),
+        record!(SmallRoot { lo first hi count node depth level padding }),
+        record!(MiddleRoot {
+            node first count levels nodes leaves references growth first_leaf first_reference outgrown
+            padding
+        }),
         record!(Extent { nodes references }),
         record!(ChunkBounds { sides }),
         record!(Counters { words }),
         record!(Parameters {
             zero swapped first count traversal_cost intersection_cost block_width small_node_limit
-            empty_cutoff max_depth reference_cap node_cap first_index chunk_room node_room
+            hand_over_limit empty_cutoff max_depth reference_cap node_cap first_index chunk_room node_room
             reference_room small_root_room small_reference_room top_node_room level_room
-            tree_node_room leaf_reference_room subtree_room bins clip view
+            tree_node_room leaf_reference_room subtree_room middle_reference_room middle_node_room
+            middle_leaf_room bins clip view
             reference_half small_reference_half
         }),
         record!(Aabb { lo hi }),

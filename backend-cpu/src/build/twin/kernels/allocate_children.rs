@@ -48,7 +48,9 @@ pub(crate) fn run(
     lists.level_starts.push(counters[Counter::TopNodes]);
 
     // What is alive if no further node is split.
-    let mut alive = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
+    let before = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
+    let mut alive = before;
+    let level = counters[Counter::Levels];
     let (mut next_references, mut next_chunks) = (0, 0);
     let mut small_references = counters[Counter::SmallReferences];
     for (node, decision) in active.iter().zip(decisions) {
@@ -125,7 +127,8 @@ pub(crate) fn run(
                     count,
                     node: top as u32,
                     depth,
-                    padding: [0; 2],
+                    level: level + u32::from(decision.axis != Decision::TRANSFER),
+                    padding: 0,
                 });
                 first
             } else {
@@ -157,6 +160,7 @@ pub(crate) fn run(
     counters[Counter::SmallReferences] = small_references;
     counters[Counter::TopNodes] = lists.top.len() as u32;
     counters[Counter::Levels] += 1;
+    counters[Counter::Growth] = counters[Counter::Growth].saturating_add(alive - before);
 }
 
 /// Turns a split into a transfer.

@@ -25,37 +25,34 @@ pub(crate) fn run(
 ) {
     let nodes = Scatter::new(nodes);
     let leaf_references = Scatter::new(leaf_references);
-    roots.par_chunks(batch).zip(sizes.par_chunks(batch)).zip(subtrees).for_each(
-        |((roots, sizes), subtrees)| {
-            if meter.is_cancelled() {
-                return;
+    let addresses = addresses.par_chunks(batch);
+    let batches = roots.par_chunks(batch).zip(sizes.par_chunks(batch)).zip(addresses).zip(subtrees);
+    batches.for_each(|(((roots, sizes), addresses), subtrees)| {
+        if meter.is_cancelled() {
+            return;
+        }
+        let (mut node, mut reference) = (0, 0);
+        for (size, address) in sizes.iter().zip(addresses) {
+            let next_node = node + size.nodes as usize;
+            let next_reference = reference + size.references as usize;
+            // SAFETY: preorder addresses give each subtree a range of its own.
+            let out = unsafe { nodes.part(address.nodes as usize, size.nodes as usize) };
+            for (out, kept) in out.iter_mut().zip(&subtrees.nodes[node..next_node]) {
+                *out = match kept.kind() {
+                    NodeKind::Interior { axis, split, right } => {
+                        KdNode::interior(axis, split, right + address.nodes)
+                    }
+                    NodeKind::Leaf { first, count } => {
+                        KdNode::leaf(first + address.references, count)
+                    }
+                };
             }
-            let (mut node, mut reference) = (0, 0);
-            for (root, size) in roots.iter().zip(sizes) {
-                let address = addresses[root.node as usize];
-                let next_node = node + size.nodes as usize;
-                let next_reference = reference + size.references as usize;
-                // SAFETY: preorder addresses give each subtree a range of its own.
-                let out = unsafe { nodes.part(address.nodes as usize, size.nodes as usize) };
-                for (out, kept) in out.iter_mut().zip(&subtrees.nodes[node..next_node]) {
-                    *out = match kept.kind() {
-                        NodeKind::Interior { axis, split, right } => {
-                            KdNode::interior(axis, split, right + address.nodes)
-                        }
-                        NodeKind::Leaf { first, count } => {
-                            KdNode::leaf(first + address.references, count)
-                        }
-                    };
-                }
-                // SAFETY: as above.
-                unsafe {
-                    leaf_references.part(address.references as usize, size.references as usize)
-                }
+            // SAFETY: as above.
+            unsafe { leaf_references.part(address.references as usize, size.references as usize) }
                 .copy_from_slice(&subtrees.references[reference..next_reference]);
-                (node, reference) = (next_node, next_reference);
-            }
-            meter.advance(roots.len() as u64);
-            meter.record_work((node + reference) as u64 / 2);
-        },
-    );
+            (node, reference) = (next_node, next_reference);
+        }
+        meter.advance(roots.len() as u64);
+        meter.record_work((node + reference) as u64 / 2);
+    });
 }

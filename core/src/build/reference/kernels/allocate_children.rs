@@ -62,7 +62,8 @@ pub fn allocate_children(
     counters[Counter::NextNodes] = 0;
     counters[Counter::NextReferences] = 0;
     counters[Counter::NextChunks] = 0;
-    let mut alive = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
+    let before = counters[Counter::SmallReferences] + counters[Counter::ActiveReferences];
+    let mut alive = before;
     for (node, decision) in active_nodes.iter().zip(decisions) {
         let emitted = 2 * decision.cut_count + 2;
         if u64::from(counters[Counter::TopNodes]) + u64::from(emitted) > u64::from(node_cap) {
@@ -78,6 +79,7 @@ pub fn allocate_children(
         decision.first_node = counters[Counter::TopNodes];
         Emission { config, node, lists, counters }.emit(decision);
     }
+    counters[Counter::Growth] = counters[Counter::Growth].saturating_add(alive - before);
 }
 
 /// Makes a split a transfer.
@@ -117,7 +119,9 @@ impl Emission<'_, '_> {
             rest = parts[usize::from(is_low)];
         }
         if decision.axis == Decision::TRANSFER {
-            decision.first = Sides { left: self.small(rest, node.count), right: 0 };
+            // No level has split it.
+            let level = self.counters[Counter::Levels] - 1;
+            decision.first = Sides { left: self.small(rest, node.count, level), right: 0 };
             return;
         }
         let left = self.pair();
@@ -161,7 +165,7 @@ impl Emission<'_, '_> {
     /// Puts a child of a split on the list of its class. Returns the place of its first reference.
     fn child(&mut self, part: Part, count: u32, side: u32, inseparable: bool) -> u32 {
         if count <= self.config.small_node_limit() {
-            return self.small(part, count);
+            return self.small(part, count, self.counters[Counter::Levels]);
         }
         let first = self.counters[Counter::NextReferences];
         self.counters[Counter::NextReferences] += count;
@@ -187,7 +191,7 @@ impl Emission<'_, '_> {
     }
 
     /// Puts a part on the small list, unless it is empty. Returns the place of its first reference.
-    fn small(&mut self, part: Part, count: u32) -> u32 {
+    fn small(&mut self, part: Part, count: u32, level: u32) -> u32 {
         let first = self.counters[Counter::SmallReferences];
         if count == 0 {
             return first;
@@ -204,7 +208,8 @@ impl Emission<'_, '_> {
             count,
             node: part.top,
             depth: part.depth,
-            padding: [0; 2],
+            level,
+            padding: 0,
         };
         first
     }

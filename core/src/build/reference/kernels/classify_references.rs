@@ -25,20 +25,31 @@ pub fn classify_references<A: Arithmetic>(
         let sides = ChunkSides::all_left(chunk.count);
         return (sides, sides.counts());
     }
-    let (axis, position) = (decision.axis as usize, decision.position);
     let mut sides = ChunkSides::default();
     for (index, reference) in references[range(chunk.first, chunk.count)].iter().enumerate() {
-        let mut left = goes_left(reference.lo[axis], reference.hi[axis], position);
-        let mut right = goes_right(reference.hi[axis], position);
-        if left && right && config.clip {
-            let corners = &triangles[reference.triangle as usize];
-            let parts = clip::<A>(corners, &reference.bounds(), axis, position);
-            [left, right] = parts.map(|part| !part.is_empty());
-        }
+        let [left, right] = goes::<A>(config, reference, triangles, decision);
         sides.left[index / 32] |= u32::from(left) << (index % 32);
         sides.right[index / 32] |= u32::from(right) << (index % 32);
     }
     (sides, sides.counts())
+}
+
+/// Whether a reference goes to the left child of its node, and whether to the right one.
+pub(super) fn goes<A: Arithmetic>(
+    config: &BuildConfig,
+    reference: &Reference,
+    triangles: &[Triangle],
+    decision: &Decision,
+) -> [bool; 2] {
+    let (axis, position) = (decision.axis as usize, decision.position);
+    let left = goes_left(reference.lo[axis], reference.hi[axis], position);
+    let right = goes_right(reference.hi[axis], position);
+    if left && right && config.clip {
+        let corners = &triangles[reference.triangle as usize];
+        let parts = clip::<A>(corners, &reference.bounds(), axis, position);
+        return parts.map(|part| !part.is_empty());
+    }
+    [left, right]
 }
 
 #[cfg(test)]

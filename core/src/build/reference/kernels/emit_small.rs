@@ -8,19 +8,18 @@ use crate::tree::node::{Axis, KdNode};
 /// Writes the subtree of a small root: nodes in preorder, and the triangles of its leaves in the
 /// order of the leaves, each leaf's in the order of the root's references.
 ///
-/// `nodes` and `leaf_references` are the subtree's own parts of the output: they begin at the address of
-/// its top node and are as long as [`super::build_small`] says.
+/// `nodes` and `leaf_references` are the subtree's own parts of the output: they begin at its address and are as long as [`super::build_small`] says.
 pub fn emit_small<A: Arithmetic>(
     config: &BuildConfig,
     root: usize,
     small_roots: &[SmallRoot],
     small_references: &[Reference],
-    top_addresses: &[Extent],
+    small_addresses: &[Extent],
     nodes: &mut [KdNode],
     leaf_references: &mut [u32],
 ) {
+    let address = small_addresses[root];
     let root = &small_roots[root];
-    let address = top_addresses[root.node as usize];
     let references = &small_references[range(root.first, root.count)];
     if root.count > config.small_node_limit() {
         nodes[0] = KdNode::leaf(address.references, root.count);

@@ -6,9 +6,11 @@
 //! | [`triangle_bounds`], [`gather_references`] | 256 consecutive triangles of the mesh |
 //! | [`name_chunks`], [`node_bounds`], [`split_median`], [`split_binned`], [`count_children`] | an active node |
 //! | [`bin_references`], [`classify_references`], [`scatter_references`] | a chunk: up to 256 consecutive references of an active node |
+//! | [`build_middle`] | a node that the levels hand over |
+//! | [`place_middle`], [`measure_middle`], [`emit_middle`] | a middle root |
 //! | [`build_small`], [`emit_small`] | a small root |
 //! | [`emit_top`] | a node of the top tree |
-//! | [`scan_triangles`], [`allocate_children`], [`subtree_sizes`], [`preorder_addresses`] | all there is |
+//! | [`scan_triangles`], [`allocate_children`], [`scan_middle`], [`subtree_sizes`], [`preorder_addresses`] | all there is |
 //!
 //! Parameters come in this order: the configuration where it matters, the index of the item, the
 //! buffers read, what is written in place. The slices of a buffer hold its live range, all of it
@@ -22,19 +24,25 @@
 use core::ops::Range;
 
 use crate::config::CHUNK;
+use crate::kernel::Kernel;
 use crate::layout::LargeNode;
 
 mod allocate_children;
 mod bin_references;
+mod build_middle;
 mod build_small;
 mod classify_references;
 mod count_children;
+mod emit_middle;
 mod emit_small;
 mod emit_top;
 mod gather_references;
+mod measure_middle;
 mod name_chunks;
 mod node_bounds;
+mod place_middle;
 mod preorder_addresses;
+mod scan_middle;
 mod scan_triangles;
 mod scatter_references;
 mod small_subtree;
@@ -45,15 +53,20 @@ mod triangle_bounds;
 
 pub use allocate_children::{Lists, Most, allocate_children, allocate_children_most};
 pub use bin_references::bin_references;
+pub use build_middle::{MiddleRegion, build_middle};
 pub use build_small::build_small;
 pub use classify_references::classify_references;
 pub use count_children::count_children;
+pub use emit_middle::emit_middle;
 pub use emit_small::emit_small;
-pub use emit_top::emit_top;
+pub use emit_top::{emit_top, small_address};
 pub use gather_references::{gather_references, gathered};
+pub use measure_middle::measure_middle;
 pub use name_chunks::name_chunks;
 pub use node_bounds::node_bounds;
+pub use place_middle::place_middle;
 pub use preorder_addresses::preorder_addresses;
+pub use scan_middle::scan_middle;
 pub use scan_triangles::scan_triangles;
 pub use scatter_references::{destinations, scatter_references};
 pub use small_subtree::{SmallNode, SmallSubtree};
@@ -61,6 +74,18 @@ pub use split_binned::split_binned;
 pub use split_median::{split_median, split_median_while};
 pub use subtree_sizes::subtree_sizes;
 pub use triangle_bounds::triangle_bounds;
+
+/// Whether a kernel belongs to the middle stage: an executor that hands nothing over leaves it out.
+pub const fn is_of_middle_stage(kernel: Kernel) -> bool {
+    matches!(
+        kernel,
+        Kernel::BuildMiddle
+            | Kernel::ScanMiddle
+            | Kernel::PlaceMiddle
+            | Kernel::MeasureMiddle
+            | Kernel::EmitMiddle
+    )
+}
 
 /// The triangles of an input chunk, of this many in all.
 pub fn triangles_of(chunk: usize, triangles: usize) -> Range<usize> {

@@ -53,7 +53,7 @@ pub fn scatter_references<A: Arithmetic>(
 ///
 /// A reference goes to one side only, even though the plane crosses its bounds, where nothing of it is
 /// left on the other side.
-fn cut<A: Arithmetic>(
+pub(super) fn cut<A: Arithmetic>(
     config: &BuildConfig,
     reference: &Reference,
     triangles: &[Triangle],
