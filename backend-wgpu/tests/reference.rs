@@ -3,6 +3,7 @@
 mod common;
 
 use splitplane_core::build::lockstep::{Difference, Inspect, Lockstep, LockstepError};
+use splitplane_core::build::reference::kernels::is_of_middle_stage;
 use splitplane_core::build::reference::{Budget, ReferenceExecutor};
 use splitplane_core::build::schedule;
 use splitplane_core::config::{BuildConfig, Preset};
@@ -14,11 +15,13 @@ use splitplane_test_support::scenes;
 use splitplane_test_support::wrong_kernel::{FAULTS, WrongKernel};
 use splitplane_wgpu::{Gpu, WgpuBackend, WgpuExecutor};
 
-/// Runs an executor in step with the device's; the number of dispatches that were compared.
+/// Runs an executor in step with the device's, both with the middle stage or without it; the number of dispatches that were
+/// compared.
 fn in_step(
     backend: &WgpuBackend,
     mesh: &Mesh<'_>,
     config: &BuildConfig,
+    middle: bool,
     first: impl Inspect<TreeBuilder, Error = BuildError>,
 ) -> Result<u32, Difference> {
     let run = |gpu: WgpuExecutor<'_>| {
@@ -26,7 +29,11 @@ fn in_step(
         schedule::build(&mut lockstep, config.preset().planes().expect("a schedule"))
             .map(|()| lockstep.dispatches())
     };
-    match backend.with_executor(mesh, config, run).expect("a device that holds the scene") {
+    let ran = match middle {
+        true => backend.with_middle_executor(mesh, config, run),
+        false => backend.with_executor(mesh, config, run),
+    };
+    match ran.expect("a device that holds the scene") {
         Ok(dispatches) => Ok(dispatches),
         Err(LockstepError::Differs(difference)) => Err(difference),
         Err(other) => panic!("{config:?}: {other}"),
@@ -66,10 +73,14 @@ fn the_gpu_leaves_what_the_reference_leaves() {
     for (scene, config) in runs {
         for preset in [Preset::Fast, Preset::Balanced] {
             let (mesh, config) = (scene.mesh(), with_builder_of(preset, config));
-            match in_step(&backend, &mesh, &config, reference_of(&mesh, &config)) {
-                // Three kernels begin a build and five end it.
-                Ok(dispatches) => assert!(dispatches >= 8, "{}", scene.name),
-                Err(difference) => panic!("{}: {difference}", scene.name),
+            for middle in [false, true] {
+                let reference = reference_of(&mesh, &config);
+                let reference = if middle { reference.with_middle_stage() } else { reference };
+                match in_step(&backend, &mesh, &config, middle, reference) {
+                    // Three kernels begin a build and five end it.
+                    Ok(dispatches) => assert!(dispatches >= 8, "{}", scene.name),
+                    Err(difference) => panic!("{}: {difference}", scene.name),
+                }
             }
         }
     }
@@ -81,15 +92,20 @@ fn the_gpu_leaves_what_the_reference_leaves() {
 fn planted_faults_are_named() {
     let backend = WgpuBackend::without_selftest(Gpu::clone(&common::gpu()));
     let scene = scenes::zeros_and_subnormals().joined(&scenes::soup(1_000, 0.4, 9), "faults");
-    let mesh = scene.mesh();
+    // Triangles small enough for the middle stage to finish.
+    let small = scenes::soup(12_000, 0.03, 9);
     for &(kernel, what, fault) in FAULTS {
+        let middle = is_of_middle_stage(kernel);
+        let mesh = if middle { small.mesh() } else { scene.mesh() };
         let preset = match kernel {
             Kernel::NodeBounds | Kernel::BinReferences | Kernel::SplitBinned => Preset::Balanced,
             _ => Preset::Fast,
         };
         let config = preset.config();
-        let wrong = WrongKernel::new(reference_of(&mesh, &config), kernel, fault);
-        let difference = in_step(&backend, &mesh, &config, wrong).expect_err(what);
+        let reference = reference_of(&mesh, &config);
+        let reference = if middle { reference.with_middle_stage() } else { reference };
+        let wrong = WrongKernel::new(reference, kernel, fault);
+        let difference = in_step(&backend, &mesh, &config, middle, wrong).expect_err(what);
         assert_eq!(difference.kernel, format!("{kernel:?}"), "{what}: {difference}");
     }
 }
