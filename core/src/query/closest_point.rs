@@ -196,7 +196,7 @@ fn dot(a: Vector, b: Vector) -> f64 {
 ///
 /// With q the point, p = q - a, e = b - a, f = c - a and n = e x f, the foot has the weights v = n (p x f) / nn and
 /// w = n (e x p) / nn; it counts where nn > 0, v >= 0, w >= 0 and v + w <= 1. By these the foot of a triangle of angle x is off by
-/// u R / x along the triangle. Where x is small, nn < [`SLIVER`] ee ff, the weights of what is left, p - v e - w f, are added, and the foot is off by
+/// u R / x along the triangle. Where x is small, nn < ee ff / 256, the weights of what is left, p - v e - w f, are added, and the foot is off by
 /// as much less as that is shorter than p. Of an edge from r with direction s it is the point at (q - r) s / ss, clamped to
 /// [0, 1], or r where ss is 0. Foot, a to b, a to c, b to c are compared in this order; a later one replaces an earlier one only where it is
 /// nearer.
