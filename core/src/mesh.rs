@@ -75,6 +75,7 @@ impl<'a> Mesh<'a> {
     }
 
     /// The mesh of arrays that have been those of a mesh before.
+    #[cfg(all(feature = "alloc", target_has_atomic = "ptr"))]
     pub(crate) const fn of_checked(
         positions: &'a [[f32; 3]],
         indices: Option<&'a [[u32; 3]]>,
