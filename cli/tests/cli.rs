@@ -994,8 +994,12 @@ fn all_crossings_and_points_inside() {
     succeed(&folder, &none);
     let records = fs::read(folder.path().join("none.bin")).unwrap();
     assert_eq!(f32::from_le_bytes([records[0], records[1], records[2], records[3]]), f32::INFINITY);
-    fail(&folder, 2, &[&query[..], &["--max-distance", "-1"]].concat());
-    fail(&folder, 2, &[&query[..], &["--max-distance", "nan"]].concat());
+    for bad in ["--max-distance=-1", "--max-distance=nan", "--max-distance=near"] {
+        let output = program(folder.path(), &[&query[..], &[bad]].concat()).output().unwrap();
+        let error = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(2), "{bad}: {error}");
+        assert!(error.contains("--max-distance <DISTANCE>"), "{error}");
+    }
     fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--signed"]);
     fail(&folder, 2, &["query", "closed.obj", "--rays", "rays.bin", "--kind", "closest-point"]);
     fs::write(folder.path().join("odd.bin"), &points[..20]).unwrap();
