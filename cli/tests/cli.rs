@@ -996,7 +996,7 @@ fn all_crossings_and_points_inside() {
     assert_eq!(f32::from_le_bytes([records[0], records[1], records[2], records[3]]), f32::INFINITY);
     for bad in ["--max-distance=-1", "--max-distance=nan", "--max-distance=near"] {
         let output = program(folder.path(), &[&query[..], &[bad]].concat()).output().unwrap();
-        let error = text(&output.stderr);
+        let error = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{bad}: {error}");
         assert!(error.contains("--max-distance <DISTANCE>"), "{error}");
     }
