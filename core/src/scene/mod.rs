@@ -11,7 +11,9 @@
 //! that tree, and it may be refitted while instances move.
 
 mod description;
+mod digest;
 mod error;
+pub mod file;
 mod hit;
 mod options;
 mod placement;
@@ -23,6 +25,7 @@ mod transform;
 mod world_box;
 
 pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
+pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
 pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
