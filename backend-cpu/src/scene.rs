@@ -6,11 +6,12 @@ use rayon::prelude::*;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{
     Block, BlockScratch, BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits,
-    SceneAllHitsOptions, SceneAnswer, UpdateReport,
+    SceneAllHitsOptions, SceneAnswer, SceneClosestPoint, SceneClosestPointOptions, UpdateReport,
 };
 use splitplane_core::error::QueryError;
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::ray::Ray;
+use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::watch::Stage;
 
@@ -158,6 +159,42 @@ impl SceneAccelerator for CpuScene {
             one.report.append(other.report, places)?;
             Ok(one)
         })
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.closest_points_by_tasks(points, closest, options)
+    }
+}
+
+impl CpuScene {
+    /// Closest points on all threads.
+    fn closest_points_by_tasks(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        if points.len() != closest.len() {
+            return Err(QueryError::LengthMismatch { rays: points.len(), results: closest.len() });
+        }
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, points.len() as u64);
+        let own = SceneClosestPointOptions { watch: None, ..*options };
+        let tasks = points.par_chunks(FEW).zip(closest.par_chunks_mut(FEW));
+        tasks.try_for_each(|(points, closest)| {
+            meter.check_batch()?;
+            self.built.closest_points(points, closest, &own)?;
+            meter.advance(points.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
+            Ok::<(), QueryError>(())
+        })?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| QueryReport::default())
     }
 }
 

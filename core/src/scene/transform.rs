@@ -64,7 +64,7 @@ impl ObjectSpace {
 
     /// How far transform times inverse is from the identity: bounds on the magnitude of each component, and in the last
     /// column of where the object's origin comes back to.
-    pub(super) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
+    pub(crate) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
         let a = transform.map(|row| row.map(f64::from));
         let m = self.inverse.map(|row| row.map(f64::from));
         let mut off = [[0.0; 4]; 3];
@@ -128,7 +128,7 @@ impl ObjectSpace {
 pub(super) const SUM_ERROR: f64 = 1.0 / (1u64 << 50) as f64;
 
 /// A box around the transformed box, in `f64`, rounded outwards: lower and upper ends. The box must not be empty.
-pub(super) fn transformed(transform: &Transform, bounds: &Aabb) -> [[f64; 3]; 2] {
+pub(crate) fn transformed(transform: &Transform, bounds: &Aabb) -> [[f64; 3]; 2] {
     let mut ends = [[0.0; 3]; 2];
     for row in 0..3 {
         let own = f64::from(transform[row][3]);
