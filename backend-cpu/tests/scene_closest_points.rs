@@ -83,7 +83,7 @@ fn points(scene: &Scene, count: usize, seed: u64) -> Vec<[f32; 3]> {
         all.push(match random.below(5) {
             0 => random.pick(&corners),
             1 => on.map(|x| x as f32),
-            2 => random.point(8.0).map(|x| x as f32),
+            2 => random.point(8.0),
             _ => [0, 1, 2].map(|axis| (on[axis] + away * by[axis]) as f32),
         });
     }
@@ -143,7 +143,7 @@ fn an_instance_in_place_answers_as_its_mesh() {
         let built = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
         let tree = backend.build(&mesh.mesh(), &BuildOptions::default()).unwrap();
         let mut random = Random::new(6);
-        let points: Vec<[f32; 3]> = (0..500).map(|_| random.point(3.0).map(|x| x as f32)).collect();
+        let points: Vec<[f32; 3]> = (0..500).map(|_| random.point(3.0)).collect();
         let mut of_mesh = vec![ClosestPoint::NONE; points.len()];
         tree.closest_points(&points, &mut of_mesh, &ClosestPointOptions::default()).unwrap();
         let of_scene = found(&*built, &points, &SceneClosestPointOptions::default());
