@@ -155,6 +155,11 @@ pub trait Accelerator: Send + Sync {
         None
     }
 
+    /// The same to look at: a backend's scenes trace through its own accelerators without a detour.
+    fn as_any(&self) -> Option<&dyn Any> {
+        None
+    }
+
     /// The closest hit of a single ray. Ignores the options' watch.
     fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit>;
 

@@ -32,8 +32,10 @@ pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use placement::Placement;
 pub use top_build::top_tree_bytes;
-pub use top_tree::{TopNode, TopTree};
-pub use top_walk::{TopRay, TopStack, WIDEST_STACK};
+pub use top_tree::{
+    INSTANCE as TOP_INSTANCE, NONE as TOP_NONE, TopNode, TopTree, WIDTH as TOP_WIDTH,
+};
+pub use top_walk::{ScalarWalker, TopRay, TopStack, TopWalk, TopWalker, WIDEST_STACK};
 pub(crate) use transform::transformed;
 pub use transform::{IDENTITY, ObjectSpace, Transform, translation};
 pub use world_box::WorldBox;

@@ -5,12 +5,12 @@ use alloc::vec::Vec;
 use super::world_box::WorldBox;
 use crate::aabb::{Aabb, max, min};
 
-/// Children of a node.
-pub(super) const WIDTH: usize = 8;
-/// A child that is an instance; the other bits are its name.
-pub(super) const INSTANCE: u32 = 1 << 31;
-/// No child.
-pub(super) const NONE: u32 = u32::MAX;
+/// Children of a node of the tree over instances.
+pub const WIDTH: usize = 8;
+/// A child of a node that is an instance; the other bits are its name.
+pub const INSTANCE: u32 = 1 << 31;
+/// No child of a node.
+pub const NONE: u32 = u32::MAX;
 /// Nothing is above the root.
 pub(super) const NO_PARENT: u32 = u32::MAX;
 

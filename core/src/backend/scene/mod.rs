@@ -19,7 +19,7 @@ mod within;
 
 pub use accelerator::SceneAccelerator;
 pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
-pub use block::{Block, BlockScratch, SceneAnswer};
+pub use block::{Asked, Block, BlockScratch, SceneAnswer, seen_by};
 pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
 pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_world};
 pub use host::HostScene;
