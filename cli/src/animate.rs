@@ -3,6 +3,8 @@
 use super::failure::Failure;
 use super::files::{self, ends_in};
 use super::look::Look;
+use super::objects::ObjectStage;
+use super::objects_report::{AnimatedObjects, ObjectTimes};
 use super::options::Common;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
@@ -12,7 +14,7 @@ use clap::Args;
 use serde::Serialize;
 use splitplane::picture::{self, Movie, MovieFormat};
 use splitplane::render::Outputs;
-use splitplane::scene::{Animation, Camera, Change};
+use splitplane::scene::{Animation, Camera, Change, InstancedScene};
 use splitplane::tracer::{FrameRequest, Moved, Tracer};
 use std::ffi::OsString;
 use std::fs;
@@ -28,7 +30,7 @@ const SAMPLES: u32 = 1;
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// How the scene moves: a folder of .obj files in the order of their names, or NAME.frames.bin with
@@ -176,6 +178,9 @@ fn format_of(path: &Path) -> Result<MovieFormat, Failure> {
 impl Arguments {
     fn animate(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
+        if InstancedScene::is_named_by(&self.scene) {
+            return self.animate_objects(format);
+        }
         let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let options = look.scene_options(common);
@@ -226,6 +231,59 @@ impl Arguments {
             written.push(path.display().to_string());
         }
         self.report(&stage, first_build, &described, times, written)
+    }
+
+    /// Renders the frames of a scene of many objects: what moved is brought up to date, nothing else is built.
+    fn animate_objects(&self, format: Option<MovieFormat>) -> Result<(), Failure> {
+        let Arguments { look, common, .. } = self;
+        if self.frames.is_some() {
+            return Err(Failure::usage(
+                "--frames is for one mesh; the objects of a scene file move by its keys",
+            ));
+        }
+        let mut stage = ObjectStage::set(&self.scene, look, common)?;
+        if let Some(folder) = &self.out {
+            fs::create_dir_all(folder).map_err(|error| {
+                Failure::file(format!("cannot make the folder `{}`: {error}", folder.display()))
+            })?;
+        }
+        let frames = stage.scene.frames;
+        let count = self.count.or(NonZeroU32::new(frames)).unwrap_or(NonZeroU32::MIN);
+        let mut movie = self.open_movie(format, count)?;
+        let bar = progress::bar(common.quiet, "rendering", u64::from(count.get()));
+        let request = FrameRequest {
+            settings: look.settings(SAMPLES, &stage.placed)?,
+            query: common.query_options(),
+            ..FrameRequest::new(stage.placed.camera.pinhole(look.size), look.size)
+        };
+        let mut times = Vec::new();
+        for number in 0..count.get() {
+            let frame = number % frames;
+            let update = stage.update(frame)?;
+            let start = Instant::now();
+            let stats = stage.tracer.frame(&stage.scene.parts.mesh()?, &request)?;
+            let trace_ms = milliseconds(start);
+            let total_ms = update.ms + trace_ms;
+            self.write(stage.tracer.pixels(), number as usize, movie.as_mut())?;
+            times.push(ObjectTimes {
+                frame,
+                rays: stats.rays(),
+                moved: update.moved,
+                update_ms: update.ms,
+                trace_ms,
+                total_ms,
+            });
+            bar.inc(1);
+        }
+        bar.finish_and_clear();
+        let mut output: Vec<String> =
+            self.out.iter().map(|folder| folder.display().to_string()).collect();
+        if let (Some(movie), Some(path)) = (movie, &self.movie) {
+            movie.movie.finish()?;
+            movie.part.keep()?;
+            output.push(path.display().to_string());
+        }
+        AnimatedObjects::new(&stage, look, times, output).print(&stage, common)
     }
 
     fn open_movie(

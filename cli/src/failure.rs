@@ -80,6 +80,12 @@ impl From<SceneError> for Failure {
                 Failure::usage(format!("{error}; `splitplane --help` lists the verbs"))
             }
             SceneError::Obj(obj) => from_obj(obj, error.to_string()),
+            SceneError::ManyObjects(_) => Failure::usage(error.to_string()),
+            SceneError::File(file) => match &file.problem {
+                SceneFileProblem::Obj(obj) => from_obj(obj, error.to_string()),
+                problem if problem.is_limit() => Failure::limit(error.to_string()),
+                _ => Failure::file(error.to_string()),
+            },
             _ => Failure::file(error.to_string()),
         }
     }
@@ -91,6 +97,29 @@ fn from_obj(error: &ObjError, message: String) -> Failure {
         ObjProblem::TooLong { .. } => Failure::limit(message + "; --max-file allows more"),
         ref problem if problem.is_limit() => Failure::limit(message),
         _ => Failure::file(message),
+    }
+}
+
+impl From<InstancedError> for Failure {
+    fn from(error: InstancedError) -> Failure {
+        match error {
+            InstancedError::Objects(ObjectsError::OutOfMemory { .. }) => {
+                Failure::limit(error.to_string())
+            }
+            error => Failure::file(error.to_string()),
+        }
+    }
+}
+
+impl From<SceneBuildError> for Failure {
+    fn from(error: SceneBuildError) -> Failure {
+        let code = match &error {
+            SceneBuildError::Cancelled { .. } => CANCELLED,
+            SceneBuildError::OutOfMemory { .. } => LIMIT,
+            SceneBuildError::Geometry { error, .. } => Failure::from(error.clone()).code,
+            _ => FILE,
+        };
+        Failure { message: error.to_string(), code }
     }
 }
 
@@ -190,6 +219,10 @@ impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
         match error {
             TracerError::Build(error) => error.into(),
+            TracerError::Scene(error) => error.into(),
+            TracerError::Render(RenderError::NoCosts) => {
+                Failure::usage(format!("{}; leave --heatmap and the costs of --aov out", RenderError::NoCosts))
+            }
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
                 let code = match &error {

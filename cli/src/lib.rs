@@ -15,6 +15,8 @@ mod knobs;
 mod look;
 mod mesa;
 pub mod npy;
+mod objects;
+mod objects_report;
 mod options;
 mod output;
 mod paper;
@@ -41,7 +43,7 @@ use std::process::ExitCode;
 
 /// SAH kd-trees for ray tracing: pictures, trees, ray queries and checks.
 ///
-/// Without a verb, renders. SCENE is the path of an .obj file or builtin:NAME[:SIZE].
+/// Without a verb, renders. SCENE is the path of an .obj file, a .json scene file, or builtin:NAME[:SIZE].
 #[derive(Parser)]
 #[command(name = "splitplane", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]

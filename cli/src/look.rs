@@ -5,7 +5,7 @@ use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
 use splitplane::render::{Environment, Light, RenderSettings, Size};
-use splitplane::scene::{Camera, MaterialRule, Placement, Scene, SceneOptions, View};
+use splitplane::scene::{Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View};
 
 /// [`SceneOptions::DECODE_LIMIT`] as users write it.
 pub(super) const MAX_TEXTURE: &str = "512M";
@@ -192,6 +192,26 @@ impl Look {
             inside: placement.inside,
             lights: of_user.unwrap_or(placement.lights),
             by_rule,
+            asked: count,
+        })
+    }
+
+    /// As [`Look::place`] for a scene of many objects, which is looked at from outside.
+    pub(super) fn place_objects(&self, scene: &mut InstancedScene) -> Result<Placed, Failure> {
+        let (count, aspect) = (usize::from(self.lights), self.size.aspect());
+        let mut placement = scene.placement(aspect, count);
+        let camera = self.camera(placement.camera)?;
+        if self.moves_camera() {
+            scene.parts.camera = Some(camera);
+            placement = scene.placement(aspect, count);
+        }
+        let of_user = self.lights_of_user(&camera)?;
+        Ok(Placed {
+            camera,
+            view: if self.moves_camera() { None } else { Some(placement.view) },
+            inside: false,
+            by_rule: of_user.is_none() && !scene.is_lit(),
+            lights: of_user.unwrap_or(placement.lights),
             asked: count,
         })
     }

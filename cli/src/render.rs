@@ -3,6 +3,7 @@
 use super::failure::Failure;
 use super::files::{self, ends_in};
 use super::look::Look;
+use super::objects::ObjectStage;
 use super::options::Common;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
 use super::stage::{Stage, open_backend};
@@ -10,9 +11,9 @@ use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use splitplane::picture::{self, Aov, HeatMap, Quantity};
-use splitplane::render::{FrameStats, Outputs};
-use splitplane::scene::{Scene, SceneOptions};
-use splitplane::tracer::{Frame, FrameRequest};
+use splitplane::render::{FrameStats, Outputs, RenderError};
+use splitplane::scene::{InstancedScene, Scene, SceneOptions};
+use splitplane::tracer::{Frame, FrameRequest, TracerError};
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::num::NonZeroU32;
@@ -26,7 +27,7 @@ const SAMPLES: [u32; 2] = [4, 16];
 
 #[derive(Args, Debug)]
 pub(super) struct Arguments {
-    /// An .obj file or builtin:NAME[:SIZE]
+    /// An .obj file, a .json scene file or builtin:NAME[:SIZE]
     #[arg(value_name = "SCENE", default_value = DEFAULT_SCENE)]
     scene: OsString,
     /// The picture: .png for screens, or .exr for linear light; splitplane-SCENE.png in the current
@@ -96,6 +97,9 @@ impl Arguments {
     }
 
     fn render(&self) -> Result<(), Failure> {
+        if InstancedScene::is_named_by(&self.scene) {
+            return self.render_objects();
+        }
         let Arguments { look, common, .. } = self;
         let opened = open_backend(common)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
@@ -123,6 +127,57 @@ impl Arguments {
         let written = self.write(&frame, &path)?;
         let stats = *frame.stats();
         self.report(&stage, &stats, render_ms, &written)
+    }
+
+    /// Renders a scene of many objects.
+    fn render_objects(&self) -> Result<(), Failure> {
+        let Arguments { look, common, .. } = self;
+        let costs = self.heatmap.is_some() || self.wants(AovName::Nodes) || self.wants(AovName::Tests);
+        if costs {
+            return Err(TracerError::Render(RenderError::NoCosts).into());
+        }
+        let mut stage = ObjectStage::set(&self.scene, look, common)?;
+        let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
+        let shines = stage.tracer.appearance().needs().emitters > 0;
+        let request = FrameRequest {
+            camera: stage.placed.camera.pinhole(look.size),
+            size: look.size,
+            settings: look.settings(SAMPLES[usize::from(shines)], &stage.placed)?,
+            outputs: self.outputs(&path),
+            query: common.query_options(),
+        };
+        if self.explain {
+            let plan = stage.tracer.plan(&request)?;
+            return output::data(&plan.explain());
+        }
+        let spinner = progress::spinner(common.quiet, "rendering");
+        let start = Instant::now();
+        let stats = stage.tracer.frame(&stage.scene.parts.mesh()?, &request)?;
+        let render_ms = milliseconds(start);
+        spinner.finish_and_clear();
+        let size = look.size;
+        let hits = stage.tracer.first_hits();
+        let aovs: Vec<Aov<'_>> = [
+            (AovName::Depth, Aov::Depth(hits)),
+            (AovName::Normal, Aov::Normal(hits)),
+            (AovName::Triangle, Aov::Triangle(hits)),
+        ]
+        .into_iter()
+        .filter_map(|(name, aov)| self.wants(name).then_some(aov))
+        .collect();
+        let mut written = vec![path.display().to_string()];
+        if request.outputs.radiance {
+            files::write(&path, &picture::encode_exr(size, stage.tracer.radiance(), &aovs)?)?;
+        } else {
+            let screen = picture::screen(size, stage.tracer.pixels())?;
+            files::write(&path, &picture::encode_png(&screen)?)?;
+            for aov in aovs {
+                let beside = path.with_extension(format!("{}.png", aov.name()));
+                files::write(&beside, &picture::encode_png(&aov.picture(size)?)?)?;
+                written.push(beside.display().to_string());
+            }
+        }
+        stage.report_picture(look, common, &stats, render_ms, written)
     }
 
     /// Heat maps show no surfaces.
@@ -287,6 +342,6 @@ struct RenderReport {
 /// A name in the current folder that no scene file has.
 fn default_name(scene: &str) -> PathBuf {
     let bare = scene.strip_prefix("builtin:").unwrap_or(scene);
-    let bare = bare.strip_suffix(".obj").unwrap_or(bare);
+    let bare = bare.strip_suffix(".obj").or(bare.strip_suffix(".json")).unwrap_or(bare);
     PathBuf::from(format!("splitplane-{}.png", bare.replace([':', '/', '\\'], "-")))
 }

@@ -10,6 +10,7 @@ mod camera;
 #[cfg(feature = "obj")]
 #[doc(hidden)]
 pub mod from_file;
+pub mod instanced;
 mod normals;
 #[cfg(feature = "obj")]
 pub mod obj;
@@ -21,6 +22,7 @@ pub mod surface;
 #[cfg(feature = "animation")]
 pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
+pub use instanced::InstancedScene;
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
 pub use splitplane_render::{Dielectric, Light, Material, Texture};
@@ -58,12 +60,25 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The pictures that materials name by index.
     pub textures: Vec<Texture>,
+    /// Where the groups and objects of a file begin, in the order of its triangles.
+    pub groups: Vec<Group>,
     /// The view the scene was made for; files have none, see [`Placement::of`].
     pub camera: Option<Camera>,
     /// Its lights, in addition to surfaces that shine; files have none, see [`Placement::of`].
     pub lights: Vec<Light>,
     /// What was left out or looked odd while reading.
     pub notes: Notes,
+}
+
+/// The triangles of an .obj file from here on are in these groups, or of this object, until the next of the kind.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    /// Whether this begins an object (`o`), of which a triangle has one; else groups (`g`), of which it may have many.
+    pub is_object: bool,
+    /// The name of the object, or the names of the groups with space between.
+    pub name: String,
+    /// The first of these triangles.
+    pub first_triangle: u32,
 }
 
 /// What a reader left out or found odd. Nothing is dropped without being counted here.
@@ -116,12 +131,29 @@ pub enum SceneError {
     /// A built-in scene that does not exist, or a size it cannot have.
     #[error(transparent)]
     Builtin(#[from] builtin::BuiltinError),
+    /// A scene file that cannot be read.
+    #[cfg(feature = "json")]
+    #[error(transparent)]
+    File(#[from] instanced::SceneFileError),
+    /// A file of many objects, where one mesh was asked for.
+    #[error(
+        "`{0}` is a scene of many objects; render and animate take such scenes"
+    )]
+    ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
         "`{0}` is neither a .obj file nor a built-in scene; the built-in ones are {names}",
         names = builtin::names()
     )]
     UnknownFormat(String),
+}
+
+/// Enough of a name for a message.
+fn quoted_name(name: &str) -> String {
+    #[cfg(feature = "obj")]
+    return from_file::quoted(name);
+    #[cfg(not(feature = "obj"))]
+    name.to_owned()
 }
 
 /// A scene as a user names it, for a message.
@@ -164,6 +196,10 @@ impl Scene {
         #[cfg(feature = "obj")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
             return Ok(obj::read_with(path, options)?);
+        }
+        #[cfg(feature = "json")]
+        if InstancedScene::is_named_by(spec) {
+            return Err(SceneError::ManyObjects(quoted_spec(spec)));
         }
         Err(SceneError::UnknownFormat(quoted_spec(spec)))
     }
@@ -216,6 +252,21 @@ impl Scene {
         let position = |vertex: u32| self.positions.get(vertex as usize).copied();
         let [a, b, c] = self.indices.get(triangle as usize)?.map(position);
         Some([a?, b?, c?])
+    }
+
+    /// The triangles of a group, or of an object, in runs. Empty where no triangle is in it.
+    pub fn triangles_of(&self, is_object: bool, name: &str) -> Vec<std::ops::Range<u32>> {
+        let starts: Vec<&Group> =
+            self.groups.iter().filter(|group| group.is_object == is_object).collect();
+        let ends = starts.iter().skip(1).map(|group| group.first_triangle);
+        let ends = ends.chain([self.indices.len() as u32]);
+        let is_named = |group: &Group| {
+            let words = || group.name.split_ascii_whitespace();
+            group.name == name || (!is_object && words().any(|word| word == name))
+        };
+        let runs = starts.iter().zip(ends).filter(|(group, _)| is_named(group));
+        let runs = runs.map(|(group, end)| group.first_triangle..end);
+        runs.filter(|run| !run.is_empty()).collect()
     }
 
     /// Whether the scene brings light: lights of its own, or triangles that shine.

@@ -1,4 +1,4 @@
-//! Wavefront OBJ: `v`, `vn`, `vt`, `f`, `usemtl`, `mtllib`; groups are read over.
+//! Wavefront OBJ: `v`, `vn`, `vt`, `f`, `usemtl`, `mtllib`; where groups (`g`) and objects (`o`) begin is noted.
 //!
 //! The reader is our own, because what a user gets back are indices: vertices keep the order of the
 //! file, unused ones included, and triangle `i` is the `i`-th one of the file, a face of more

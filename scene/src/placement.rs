@@ -129,6 +129,16 @@ impl Placement {
     }
 }
 
+/// A camera and lights for a scene that is looked at from outside, in which no ray is followed.
+pub(crate) fn outside_of(scene: &Scene, aspect: f64, lights: usize) -> Placement {
+    let (own, count) = (scene.camera, lights.clamp(1, Placement::MAX_LIGHTS));
+    let camera = own.unwrap_or_else(|| outside::camera(scene, aspect));
+    let lights =
+        if scene.is_lit() { scene.lights.clone() } else { outside::lights(&camera, count) };
+    let view = if own.is_some() { View::Given } else { View::Outside };
+    Placement { camera, lights, view, inside: false }
+}
+
 /// What one of several lights gives.
 fn share(number: usize, count: usize) -> [f32; 3] {
     let part = match (number, count) {

@@ -2,7 +2,7 @@
 //! scene must be the same bytes everywhere.
 
 /// Sine and cosine of an angle in turns (1 is a full circle), to about 1e-15.
-pub(super) fn sin_cos(turns: f64) -> (f64, f64) {
+pub(crate) fn sin_cos(turns: f64) -> (f64, f64) {
     // To the nearest quarter turn, then two short series on at most an eighth of a turn.
     let quarters = (turns * 4.0).round();
     let x = (turns - quarters * 0.25) * std::f64::consts::TAU;

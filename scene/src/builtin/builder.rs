@@ -144,6 +144,18 @@ impl Builder {
         normals::smooth(&mut self.scene, start.triangle, &mut Vec::new());
     }
 
+    /// Moves every vertex since `start`.
+    pub(super) fn reshape(&mut self, start: Mark, to: impl Fn(Point) -> Point) {
+        for point in &mut self.scene.positions[start.vertex..] {
+            *point = to(point.map(f64::from)).map(|x| x as f32);
+        }
+    }
+
+    /// Adds a light.
+    pub(super) fn shine(&mut self, light: Light) {
+        self.scene.lights.push(light);
+    }
+
     /// Gives every vertex since `start` a normal, and the triangles since use them.
     fn give_normals(&mut self, start: Mark, normal: impl Fn([f32; 3]) -> [f32; 3]) {
         let scene = &mut self.scene;

@@ -5,13 +5,18 @@ mod builder;
 pub(super) mod carousel;
 mod city;
 mod cornell;
+mod flock;
+mod forest;
 mod gallery;
+mod hills;
 mod paint;
 mod shape;
 mod spheres;
 mod stadium;
 
-use super::Scene;
+pub(crate) use angle::sin_cos;
+
+use super::{InstancedScene, Scene};
 use thiserror::Error;
 
 /// The names of the built-in scenes with what they show, in the order a help text lists them.
@@ -24,6 +29,12 @@ pub const ALL: [(&str, &str); 6] = [
     ("city", "streets and towers; city:N has about N triangles, 1000 to 10000000"),
 ];
 
+/// The names of the built-in scenes of many objects, which [`InstancedScene`] opens.
+pub const INSTANCED: [(&str, &str); 2] = [
+    ("forest", "trees and rocks on hills; forest:N has N objects, 10 to 1000000"),
+    ("flock", "birds that circle over a lake, which move; flock:N has N birds, 10 to 20000"),
+];
+
 /// Why there is no such built-in scene.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
@@ -31,28 +42,35 @@ pub enum BuiltinError {
     /// No scene has this name.
     #[error("there is no built-in scene `{0}`; there are {names}", names = names())]
     Unknown(String),
+    /// The scene is one of many objects, and one mesh was asked for.
+    #[error(
+        "the built-in scene `{0}` has many objects; render and animate take such scenes"
+    )]
+    ManyObjects(String),
     /// The scene comes in one size only.
     #[error("the built-in scene `{0}` comes in one size; leave the size out")]
     OneSize(String),
     /// The size is not a number in range.
     #[error(
-        "`{size}` is not a size of builtin:{scene}; give a number of triangles from {least} to {most}"
+        "`{size}` is not a size of builtin:{scene}; give a number of {unit} from {least} to {most}",
+        unit = if is_instanced(scene) { "objects" } else { "triangles" }
     )]
     BadSize {
         /// The scene's name.
         scene: &'static str,
         /// The size as written.
         size: String,
-        /// Fewest triangles it can have.
+        /// Fewest triangles, or objects, it can have.
         least: u64,
-        /// Most triangles it can have.
+        /// Most triangles, or objects, it can have.
         most: u64,
     },
 }
 
 /// The names of the built-in scenes, for messages.
 pub(super) fn names() -> String {
-    ALL.map(|(name, _)| format!("builtin:{name}")).join(", ")
+    let all = ALL.iter().chain(&INSTANCED);
+    all.map(|(name, _)| format!("builtin:{name}")).collect::<Vec<_>>().join(", ")
 }
 
 /// The number of triangles that a user asks for.
@@ -78,6 +96,22 @@ pub(super) fn moving(name: &str) -> Result<Option<(Scene, carousel::Motion)>, Bu
     }
 }
 
+/// Whether this is the name of a scene of many objects.
+pub(super) fn is_instanced(name: &str) -> bool {
+    let (name, _) = parts(name);
+    INSTANCED.iter().any(|(known, _)| *known == name)
+}
+
+/// Makes the scene of many objects called `NAME` or `NAME:SIZE`.
+pub(super) fn open_instanced(name: &str) -> Result<InstancedScene, BuiltinError> {
+    let (name, size) = parts(name);
+    match name {
+        "forest" => forest::open(size),
+        "flock" => flock::open(size),
+        _ => Err(BuiltinError::Unknown(name.to_owned())),
+    }
+}
+
 /// Name and size.
 fn parts(name: &str) -> (&str, Option<&str>) {
     match name.split_once(':') {
@@ -99,6 +133,7 @@ pub fn open(name: &str) -> Result<Scene, BuiltinError> {
         "gallery" => gallery::make,
         "spheres" => spheres::make,
         "stadium" => stadium::make,
+        _ if is_instanced(name) => return Err(BuiltinError::ManyObjects(name.to_owned())),
         _ => return Err(BuiltinError::Unknown(name.to_owned())),
     };
     match size {

@@ -78,7 +78,7 @@ fn square(name: &str, colour: impl Fn(u32, u32) -> [f64; 3]) -> Option<Texture> 
 }
 
 /// Smooth noise from 0 to 1: random values at whole coordinates, blended between.
-fn noise(layer: u64, x: f64, y: f64) -> f64 {
+pub(super) fn noise(layer: u64, x: f64, y: f64) -> f64 {
     let value = |i: f64, j: f64| unit(SEED, &[layer, i as i64 as u64, j as i64 as u64]);
     let (i, j) = (x.floor(), y.floor());
     let blend = |t: f64| t * t * (3.0 - 2.0 * t);

@@ -4,7 +4,7 @@ use super::corner::{Corner, Elements};
 use super::error::{Element, ObjProblem};
 use super::lines::Lines;
 use crate::from_file::quoted_word;
-use crate::{Material, Notes, Scene};
+use crate::{Group, Material, Notes, Scene};
 use glam::DVec3;
 use splitplane_core::mesh::MAX_TRIANGLES;
 use std::collections::HashMap;
@@ -53,6 +53,7 @@ impl Reader {
         scene.materials.clear();
         scene.textures.clear();
         scene.lights.clear();
+        scene.groups.clear();
         scene.camera = None;
         scene.notes = Notes::default();
         Reader { scene, ..Reader::default() }
@@ -72,13 +73,13 @@ impl Reader {
             // Some programs write it before every face.
             "mtllib" if self.libraries.last().is_some_and(|last| last == rest) => {}
             "mtllib" => push(&mut self.libraries, rest.to_owned())?,
+            "g" | "o" => self.group(keyword == "o", rest)?,
             "p" | "l" => self.scene.notes.skipped_elements += 1,
             "curv" | "curv2" | "surf" => self.scene.notes.skipped_freeform += 1,
             // What says nothing about triangles.
-            "" | "vp" | "g" | "o" | "s" | "mg" | "bevel" | "c_interp" | "d_interp" | "lod"
-            | "usemap" | "maplib" | "shadow_obj" | "trace_obj" | "cstype" | "deg" | "bmat"
-            | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech"
-            | "stech" => {}
+            "" | "vp" | "s" | "mg" | "bevel" | "c_interp" | "d_interp" | "lod" | "usemap"
+            | "maplib" | "shadow_obj" | "trace_obj" | "cstype" | "deg" | "bmat" | "step"
+            | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" | "ctech" | "stech" => {}
             _ => {
                 self.unknown.0 += 1;
                 self.unknown.1.get_or_insert_with(|| (line, quoted_word(keyword)));
@@ -159,6 +160,20 @@ impl Reader {
             scene.normal_indices.extend(fan().map(|corners| corners.map(|c| c.normal)));
         }
         Ok(())
+    }
+
+    fn group(&mut self, is_object: bool, name: &str) -> Result<(), ObjProblem> {
+        let first_triangle = self.scene.indices.len() as u32;
+        let groups = &mut self.scene.groups;
+        // One that no triangle is in was not begun.
+        if let Some(last) = groups.last_mut()
+            && (last.is_object, last.first_triangle) == (is_object, first_triangle)
+        {
+            last.name.clear();
+            last.name.push_str(name);
+            return Ok(());
+        }
+        push(groups, Group { is_object, name: name.to_owned(), first_triangle })
     }
 
     fn use_material(&mut self, name: &str) -> Result<(), ObjProblem> {

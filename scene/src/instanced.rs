@@ -1,0 +1,207 @@
+//! Scenes of many objects: geometries, instances of them, and how they move.
+
+mod boxes;
+#[cfg(feature = "json")]
+mod file;
+mod part;
+mod pose;
+
+#[cfg(feature = "json")]
+pub use file::{MAX_FRAMES, MAX_INSTANCES, SceneFileError, SceneFileProblem, VERSION, parse, read};
+pub use pose::{Key, Pose};
+
+use super::{Placement, Scene, SceneError, SceneOptions, builtin, placement};
+use splitplane_core::mesh::{Mesh, MeshError};
+use splitplane_core::ray::Culling;
+use splitplane_core::scene::{self as objects, GeometryId, InstanceId, Transform};
+use splitplane_render::instances::Geometries;
+use splitplane_render::scene_data::NONE;
+use std::ffi::OsStr;
+use std::ops::Range;
+use std::path::Path;
+use thiserror::Error;
+
+/// A geometry: some of the triangles of [`InstancedScene::parts`], by which it is seen in its own space.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Geometry {
+    /// Its name.
+    pub name: String,
+    /// Its vertices among all.
+    pub vertices: Range<u32>,
+    /// Its triangles among all; they name none but its vertices.
+    pub triangles: Range<u32>,
+}
+
+/// An instance: a geometry in the world, perhaps moving.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// The geometry, by its place in [`InstancedScene::geometries`].
+    pub geometry: u32,
+    /// Where it is now, from its own space to the world.
+    pub transform: Transform,
+    /// Rays enter it when a bit of theirs is in this mask. Pictures ask with all bits.
+    pub mask: u32,
+    /// A number of the user's.
+    pub id: u32,
+    /// The side of its triangles that is ignored.
+    pub culling: Culling,
+    /// The material of all of it, by its place in the list of `parts`; `None` for those of its triangles.
+    pub material: Option<u32>,
+    /// Where it is in frames, in ascending order; empty for one that stays. Before the first and after the last it stands still.
+    pub keys: Vec<Key>,
+}
+
+/// Many objects, and from where to look at them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InstancedScene {
+    /// The file's name without its folder, or `builtin:NAME`.
+    pub name: String,
+    /// The triangles of all geometries, one geometry after the other, each in its own space; their materials and textures; camera and
+    /// lights, which are in the world.
+    pub parts: Scene,
+    /// The geometries.
+    pub geometries: Vec<Geometry>,
+    /// The instances.
+    pub instances: Vec<Placed>,
+    /// How many frames there are; 1 for a scene that stays.
+    pub frames: u32,
+    /// How long a frame is.
+    pub seconds_per_frame: f64,
+}
+
+/// Why an instanced scene is no description of objects.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[non_exhaustive]
+pub enum InstancedError {
+    /// A geometry whose arrays do not fit together.
+    #[error("geometry `{name}`: {error}", name = crate::quoted_name(name))]
+    Mesh {
+        /// The geometry's name.
+        name: String,
+        /// What is wrong.
+        error: MeshError,
+    },
+    /// An instance that cannot be.
+    #[error(transparent)]
+    Objects(#[from] objects::SceneError),
+}
+
+impl Placed {
+    /// A geometry at a place, in its own materials.
+    pub fn new(geometry: u32, transform: Transform) -> Placed {
+        let culling = Culling::None;
+        let (mask, id, material, keys) = (u32::MAX, 0, None, Vec::new());
+        Placed { geometry, transform, mask, id, culling, material, keys }
+    }
+}
+
+impl InstancedScene {
+    /// Whether what a user writes names a scene of many objects: the path of a .json file, or one of the built-in ones.
+    pub fn is_named_by(spec: impl AsRef<OsStr>) -> bool {
+        let spec = spec.as_ref();
+        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
+            return builtin::is_instanced(name);
+        }
+        Path::new(spec).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
+    }
+
+    /// Opens a scene by what a user writes: the path of a .json file, or `builtin:NAME[:SIZE]`. It is in its first frame.
+    ///
+    /// # Errors
+    /// There is no such scene, or one of its files is broken.
+    pub fn open_with(
+        spec: impl AsRef<OsStr>,
+        options: &SceneOptions,
+    ) -> Result<InstancedScene, SceneError> {
+        let spec = spec.as_ref();
+        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
+            return Ok(builtin::open_instanced(name)?);
+        }
+        #[cfg(feature = "json")]
+        if InstancedScene::is_named_by(spec) {
+            return Ok(read(Path::new(spec), options)?);
+        }
+        let _ = options;
+        Err(SceneError::UnknownFormat(super::quoted_spec(spec)))
+    }
+
+    /// The triangles of a geometry, by the numbers of its own vertices.
+    fn indices_of(&self, geometry: &Geometry) -> Vec<[u32; 3]> {
+        let Range { start, end } = geometry.triangles;
+        let all = self.parts.indices.get(start as usize..end as usize).unwrap_or_default();
+        let own = |corner: u32| corner.wrapping_sub(geometry.vertices.start);
+        all.iter().map(|corners| corners.map(own)).collect()
+    }
+
+    /// The description that backends build: geometries and instances have the names of their places here.
+    ///
+    /// # Errors
+    /// Arrays that were changed to something that is not a mesh, a transform without an inverse, or no memory.
+    pub fn describe(&self) -> Result<objects::Scene, InstancedError> {
+        let mut scene = objects::Scene::new();
+        for geometry in &self.geometries {
+            let named = |error| InstancedError::Mesh { name: geometry.name.clone(), error };
+            let Range { start, end } = geometry.vertices;
+            let own = self.parts.positions.get(start as usize..end as usize).unwrap_or_default();
+            let indices = self.indices_of(geometry);
+            scene.add_mesh(&Mesh::indexed(own, &indices).map_err(named)?)?;
+        }
+        for placed in &self.instances {
+            let Placed { transform, mask, id, culling, .. } = *placed;
+            let geometry = GeometryId(placed.geometry);
+            scene.add_instance(objects::Instance { geometry, transform, mask, id, culling })?;
+        }
+        Ok(scene)
+    }
+
+    /// Puts the instances where they are in a frame, here and in the description that [`InstancedScene::describe`] gave. Returns how
+    /// many have keys.
+    ///
+    /// # Errors
+    /// A transform without an inverse, as between a key and its reflection; instances that were set before are where they are in
+    /// the frame.
+    pub fn set(&mut self, frame: u32, scene: &mut objects::Scene) -> Result<u32, InstancedError> {
+        let mut moved = 0;
+        for (name, placed) in self.instances.iter_mut().enumerate() {
+            if placed.keys.is_empty() {
+                continue;
+            }
+            let transform = pose::at(&placed.keys, frame);
+            scene.move_instance(InstanceId(name as u32), transform)?;
+            placed.transform = transform;
+            moved += 1;
+        }
+        Ok(moved)
+    }
+
+    /// The numbers of the geometries' first triangles among all, and of instances' materials, for
+    /// [`Geometries`].
+    pub fn numbers(&self) -> (Vec<u32>, Vec<u32>) {
+        let first = self.geometries.iter().map(|geometry| geometry.triangles.start);
+        let materials = self.instances.iter().map(|placed| placed.material.unwrap_or(NONE));
+        (first.collect(), materials.collect())
+    }
+
+    /// Triangles of all instances together, which may be far more than are held.
+    pub fn instanced_triangles(&self) -> u64 {
+        let of = |placed: &Placed| self.geometries.get(placed.geometry as usize);
+        let own = |geometry: &Geometry| geometry.triangles.len() as u64;
+        self.instances.iter().filter_map(of).map(own).sum()
+    }
+
+    /// A camera and lights for the scene, from outside: its own where it has some, else as for [`Placement::of_with`] around the boxes
+    /// of its instances.
+    pub fn placement(&self, aspect: f64, lights: usize) -> Placement {
+        placement::outside_of(&boxes::of(self), aspect, lights)
+    }
+
+    /// Whether the scene brings light: lights of its own, or instances that shine.
+    pub fn is_lit(&self) -> bool {
+        !self.parts.lights.is_empty() || boxes::shines(self)
+    }
+}
+
+/// The numbers of [`InstancedScene::numbers`], for frames.
+pub fn geometries<'a>((first_triangles, materials): &'a (Vec<u32>, Vec<u32>)) -> Geometries<'a> {
+    Geometries { first_triangles, materials }
+}

@@ -1,0 +1,191 @@
+//! Scene files in JSON: see `docs/scene-file.md` for the format.
+//!
+//! What a file says is checked as it is read, and an error names file, line, column and field.
+
+mod error;
+mod format;
+mod geometries;
+mod instances;
+mod locate;
+
+pub use error::{SceneFileError, SceneFileProblem};
+
+use super::InstancedScene;
+use crate::from_file::{self, ReadError, quoted, quoted_reason};
+use crate::{Camera, Light, Material, SceneOptions};
+use geometries::Geometries;
+use locate::Step;
+use std::collections::HashMap;
+use std::path::Path;
+
+/// The version of the format that is read.
+pub const VERSION: u32 = 1;
+/// Most frames of a scene.
+pub const MAX_FRAMES: u32 = 1 << 20;
+/// Most instances of a scene, and most geometries.
+pub const MAX_INSTANCES: usize = 1 << 24;
+
+/// A problem and the field that has it.
+type At = (Vec<Step>, SceneFileProblem);
+
+/// Reads a scene file and the .obj files that it names, whose paths are relative to its folder.
+///
+/// # Errors
+/// A file that cannot be read or is not a scene.
+pub fn read(path: &Path, options: &SceneOptions) -> Result<InstancedScene, SceneFileError> {
+    let fail = |problem| SceneFileError {
+        file: path.to_owned(),
+        place: None,
+        field: String::new(),
+        problem,
+    };
+    let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
+    let bytes = from_file::read(path, limit).map_err(|error| {
+        fail(match &error {
+            limit if limit.is_limit() => SceneFileProblem::Limit(limit.to_string()),
+            ReadError::System(system) if system.kind() == std::io::ErrorKind::NotFound => {
+                SceneFileProblem::Unreadable("there is no such file; check the path".to_owned())
+            }
+            error => SceneFileProblem::Unreadable(error.to_string()),
+        })
+    })?;
+    let text = std::str::from_utf8(&bytes).map_err(|_| fail(SceneFileProblem::NotUtf8))?;
+    parse(text, path, options)
+}
+
+/// Reads the text of a scene file. `path` names it in errors, and files it names are looked for beside it.
+///
+/// # Errors
+/// As for [`read`].
+pub fn parse(
+    text: &str,
+    path: &Path,
+    options: &SceneOptions,
+) -> Result<InstancedScene, SceneFileError> {
+    let file: format::File = from_json(text, path)?;
+    scene(&file, path, options).map_err(|(field, problem)| SceneFileError {
+        file: path.to_owned(),
+        place: Some(locate::place(text, &field)),
+        field: locate::shown(&field),
+        problem,
+    })
+}
+
+fn from_json(text: &str, path: &Path) -> Result<format::File, SceneFileError> {
+    let fail = |field: String, error: &serde_json::Error| {
+        // Its message ends in the place, which is said once.
+        let message = error.to_string();
+        let end = message.rfind(" at line ").unwrap_or(message.len());
+        SceneFileError {
+            file: path.to_owned(),
+            place: (error.line() > 0).then_some((error.line(), error.column().max(1))),
+            field,
+            problem: SceneFileProblem::Json(quoted_reason(&message[..end])),
+        }
+    };
+    let mut reader = serde_json::Deserializer::from_str(text);
+    let file = serde_path_to_error::deserialize(&mut reader).map_err(|error| {
+        let field = error.path().to_string();
+        let field = if field == "." { String::new() } else { field };
+        fail(field, error.inner())
+    })?;
+    reader.end().map_err(|error| fail(String::new(), &error))?;
+    Ok(file)
+}
+
+fn scene(file: &format::File, path: &Path, options: &SceneOptions) -> Result<InstancedScene, At> {
+    if file.format != "splitplane-scene" || file.version != VERSION {
+        let field = if file.version == VERSION { "format" } else { "version" };
+        let (format, version) = (quoted(&file.format), file.version);
+        return Err((vec![Step::Field(field)], SceneFileProblem::Version { format, version }));
+    }
+    if !(1..=MAX_FRAMES).contains(&file.frames) {
+        let problem = SceneFileProblem::Wrong("a scene has from 1 to 1048576 frames");
+        return Err((vec![Step::Field("frames")], problem));
+    }
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    let mut scene = InstancedScene {
+        name,
+        frames: file.frames,
+        seconds_per_frame: file.seconds_per_frame.unwrap_or(1.0 / 24.0),
+        ..InstancedScene::default()
+    };
+    let materials = materials(file, &mut scene)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let geometries = Geometries::read(file, &mut scene, &materials, folder, options)?;
+    instances::read(file, &mut scene, &materials, &geometries)?;
+    for (index, camera) in file.cameras.iter().enumerate() {
+        let fail = |error| (vec![Step::Field("cameras"), Step::Element(index)], error);
+        let up = camera.up.unwrap_or([0.0, 1.0, 0.0]);
+        let fov = camera.fov_degrees.unwrap_or(40.0);
+        let own =
+            Camera::new(camera.eye, camera.at, up, fov).map_err(|error| fail(error.into()))?;
+        scene.parts.camera.get_or_insert(own);
+    }
+    for (index, light) in file.lights.iter().enumerate() {
+        scene.parts.lights.push(match light {
+            format::Light::Point(format::PointLight { position, irradiance, distance }) => {
+                let (position, irradiance, distance) = (*position, *irradiance, *distance);
+                Light::Point { position, irradiance, distance }
+            }
+            format::Light::Sun(format::Sun { towards, irradiance }) => {
+                if *towards == [0.0; 3] {
+                    let field = [Step::Field("lights"), Step::Element(index)];
+                    let inner = [Step::Field("sun"), Step::Field("towards")];
+                    let problem = SceneFileProblem::Wrong("the direction is zero");
+                    return Err(([field, inner].concat(), problem));
+                }
+                Light::Directional { towards: *towards, irradiance: *irradiance }
+            }
+        });
+    }
+    Ok(scene)
+}
+
+/// The materials, and their numbers by name.
+fn materials<'a>(
+    file: &'a format::File,
+    scene: &mut InstancedScene,
+) -> Result<HashMap<&'a str, u32>, At> {
+    let mut numbers = HashMap::new();
+    for (index, own) in file.materials.iter().enumerate() {
+        let field = |name| vec![Step::Field("materials"), Step::Element(index), Step::Field(name)];
+        let both = own.glass.is_some() && (own.diffuse.is_some() || own.mirror.is_some());
+        if both {
+            let problem =
+                "a clear body neither scatters nor mirrors: leave `diffuse` and `mirror` out";
+            return Err((field("glass"), SceneFileProblem::Wrong(problem)));
+        }
+        let usual = if own.mirror.is_some() { [0.0; 3] } else { Material::clay().diffuse };
+        let mut material = Material::new(own.name.clone(), own.diffuse.unwrap_or(usual));
+        if let Some(mirror) = own.mirror {
+            material = material.with_mirror(mirror);
+        }
+        if let Some(glass) = &own.glass {
+            material = material.with_dielectric(glass.index, glass.tint.unwrap_or([1.0; 3]));
+        }
+        material = material.with_emission(own.emission.unwrap_or_default());
+        if numbers.insert(own.name.as_str(), index as u32).is_some() {
+            let name = quoted(&own.name);
+            return Err((field("name"), SceneFileProblem::Twice { what: "material", name }));
+        }
+        scene.parts.materials.push(material);
+    }
+    Ok(numbers)
+}
+
+/// The number of a material by its name.
+fn material(
+    materials: &HashMap<&str, u32>,
+    name: Option<&str>,
+    field: impl FnOnce() -> Vec<Step>,
+) -> Result<Option<u32>, At> {
+    let Some(name) = name else { return Ok(None) };
+    match materials.get(name) {
+        Some(number) => Ok(Some(*number)),
+        None => {
+            let name = quoted(name);
+            Err((field(), SceneFileProblem::Unknown { what: "material", name }))
+        }
+    }
+}

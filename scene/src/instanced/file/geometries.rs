@@ -1,0 +1,180 @@
+//! The geometries of a scene file: arrays in it, and .obj files beside it.
+
+use super::format::{self, File};
+use super::locate::Step;
+use super::{At, MAX_INSTANCES, SceneFileProblem, material};
+use crate::from_file::quoted;
+use crate::instanced::InstancedScene;
+use crate::{Material, Scene, SceneOptions, obj};
+use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
+use std::collections::HashMap;
+use std::path::Path;
+
+/// Their numbers by name. Those that are the same part of the same file are one.
+pub(super) struct Geometries<'a> {
+    by_name: HashMap<&'a str, u32>,
+}
+
+/// An .obj file that was read, and the number of its first material.
+struct Loaded {
+    scene: Scene,
+    first_material: u32,
+}
+
+/// What a geometry takes of an .obj file: the file, a group, an object.
+type Source<'a> = (&'a str, Option<&'a str>, Option<&'a str>);
+
+impl<'a> Geometries<'a> {
+    pub(super) fn get(&self, name: &str) -> Option<u32> {
+        self.by_name.get(name).copied()
+    }
+
+    pub(super) fn read(
+        file: &'a File,
+        scene: &mut InstancedScene,
+        materials: &HashMap<&str, u32>,
+        folder: &Path,
+        options: &SceneOptions,
+    ) -> Result<Geometries<'a>, At> {
+        let at =
+            |index, name| vec![Step::Field("geometries"), Step::Element(index), Step::Field(name)];
+        if file.geometries.len() > MAX_INSTANCES {
+            let problem = SceneFileProblem::TooMany { what: "geometries", most: MAX_INSTANCES };
+            return Err((vec![Step::Field("geometries")], problem));
+        }
+        let mut by_name = HashMap::new();
+        let mut known: HashMap<Source<'a>, u32> = HashMap::new();
+        let mut loaded: HashMap<&str, Loaded> = HashMap::new();
+        let mut texture_bytes = 0;
+        for (index, own) in file.geometries.iter().enumerate() {
+            let number = match Kind::of(own)
+                .map_err(|(field, wrong)| (at(index, field), SceneFileProblem::Wrong(wrong)))?
+            {
+                Kind::Obj(source) => match known.get(&source) {
+                    Some(number) => *number,
+                    None => {
+                        let (path, group, object) = source;
+                        if !loaded.contains_key(path) {
+                            let left = options.texture_limit.saturating_sub(texture_bytes);
+                            let options = SceneOptions { texture_limit: left, ..options.clone() };
+                            let mut read = obj::read_with(&folder.join(path), &options)
+                                .map_err(|error| (at(index, "obj"), error.into()))?;
+                            texture_bytes += texels(&read);
+                            note(scene, &mut read);
+                            let first_material = scene.add_materials(&mut read);
+                            loaded.insert(path, Loaded { scene: read, first_material });
+                        }
+                        let Loaded { scene: from, first_material } = &loaded[path];
+                        let all = 0..from.indices.len() as u32;
+                        let (runs, what, name) = match (group, object) {
+                            (Some(name), _) => (from.triangles_of(false, name), "group", name),
+                            (_, Some(name)) => (from.triangles_of(true, name), "object", name),
+                            (None, None) => (vec![all], "obj", path),
+                        };
+                        if runs.is_empty() {
+                            let name = quoted(name);
+                            let problem = SceneFileProblem::Unknown { what, name };
+                            return Err((at(index, what), problem));
+                        }
+                        let more: usize = runs.iter().map(|run| run.len()).sum();
+                        room(scene, more).map_err(|problem| (at(index, "obj"), problem))?;
+                        let number = scene.add_geometry(&own.name, from, &runs, *first_material);
+                        known.insert(source, number);
+                        number
+                    }
+                },
+                Kind::Arrays(positions, triangles) => {
+                    Mesh::indexed(positions, triangles)
+                        .map_err(|error| (at(index, "triangles"), error.into()))?;
+                    room(scene, triangles.len())
+                        .map_err(|problem| (at(index, "triangles"), problem))?;
+                    let name = own.material.as_deref();
+                    let named = material(materials, name, || at(index, "material"))?;
+                    let number = named.unwrap_or_else(|| clay(scene));
+                    let from = Scene {
+                        positions: positions.to_vec(),
+                        indices: triangles.to_vec(),
+                        material_of: vec![number; triangles.len()],
+                        ..Scene::default()
+                    };
+                    let all = 0..triangles.len() as u32;
+                    scene.add_geometry(&own.name, &from, &[all], 0)
+                }
+            };
+            if by_name.insert(own.name.as_str(), number).is_some() {
+                let name = quoted(&own.name);
+                let problem = SceneFileProblem::Twice { what: "geometry", name };
+                return Err((at(index, "name"), problem));
+            }
+        }
+        scene.finish_parts();
+        Ok(Geometries { by_name })
+    }
+}
+
+/// Where the triangles of a geometry are.
+enum Kind<'a> {
+    Obj(Source<'a>),
+    Arrays(&'a [[f32; 3]], &'a [[u32; 3]]),
+}
+
+impl<'a> Kind<'a> {
+    /// A field and what is wrong with it, where it is neither.
+    fn of(own: &'a format::Geometry) -> Result<Kind<'a>, (&'static str, &'static str)> {
+        match (&own.obj, &own.positions, &own.triangles) {
+            (Some(path), None, None) => match (&own.group, &own.object, &own.material) {
+                (Some(_), Some(_), _) => Err(("group", "give a group or an object, not both")),
+                (_, _, Some(_)) => Err((
+                    "material",
+                    "materials of an .obj file are its own; instances may have others",
+                )),
+                (group, object, None) => Ok(Kind::Obj((path, group.as_deref(), object.as_deref()))),
+            },
+            (None, Some(positions), Some(triangles)) => {
+                if own.group.is_some() || own.object.is_some() {
+                    return Err(("name", "groups and objects are those of an .obj file"));
+                }
+                Ok(Kind::Arrays(positions, triangles))
+            }
+            _ => Err(("name", "a geometry has `obj`, or `positions` and `triangles`")),
+        }
+    }
+}
+
+/// Whether so many triangles more can be numbered.
+fn room(scene: &InstancedScene, more: usize) -> Result<(), SceneFileProblem> {
+    if scene.parts.indices.len() + more > MAX_TRIANGLES {
+        return Err(SceneFileProblem::TooMany {
+            what: "triangles in all geometries together",
+            most: MAX_TRIANGLES,
+        });
+    }
+    Ok(())
+}
+
+/// The number of the material of triangles without one.
+fn clay(scene: &mut InstancedScene) -> u32 {
+    let materials = &mut scene.parts.materials;
+    let clay = Material::clay();
+    if let Some(there) = materials.iter().position(|material| *material == clay) {
+        return there as u32;
+    }
+    materials.push(clay);
+    materials.len() as u32 - 1
+}
+
+fn texels(scene: &Scene) -> u64 {
+    scene.textures.iter().map(|texture| 4 * texture.texels().len() as u64).sum()
+}
+
+/// Keeps what a file's reader has to say.
+fn note(scene: &mut InstancedScene, read: &mut Scene) {
+    let (notes, more) = (&mut scene.parts.notes, &mut read.notes);
+    notes.skipped_elements += more.skipped_elements;
+    notes.skipped_freeform += more.skipped_freeform;
+    notes.non_finite_vertices += more.non_finite_vertices;
+    notes.unusable_normals += more.unusable_normals;
+    notes.unusable_texcoords += more.unusable_texcoords;
+    notes.textures_over_limit += more.textures_over_limit;
+    notes.warnings.append(&mut more.warnings);
+}

@@ -1,0 +1,85 @@
+//! Puts triangles of a scene behind those that are there, as a geometry with vertices of its own.
+
+use super::{Geometry, InstancedScene};
+use crate::Scene;
+use std::collections::HashMap;
+use std::ops::Range;
+
+impl InstancedScene {
+    /// Adds materials and textures of a scene; gives the numbers that the first of each has now.
+    pub(crate) fn add_materials(&mut self, from: &mut Scene) -> u32 {
+        let (material, texture) =
+            (self.parts.materials.len() as u32, self.parts.textures.len() as u32);
+        self.parts.textures.append(&mut from.textures);
+        self.parts.materials.extend(from.materials.iter().cloned().map(|mut own| {
+            own.texture = own.texture.map(|named| named + texture);
+            own
+        }));
+        material
+    }
+
+    /// Adds a geometry: runs of triangles of a scene whose materials begin at `first_material`. Unused vertices stay out.
+    pub(crate) fn add_geometry(
+        &mut self,
+        name: &str,
+        from: &Scene,
+        runs: &[Range<u32>],
+        first_material: u32,
+    ) -> u32 {
+        let parts = &mut self.parts;
+        let (vertex, triangle) = (parts.positions.len() as u32, parts.indices.len() as u32);
+        let triangles = || runs.iter().cloned().flatten().map(|triangle| triangle as usize);
+        copy(
+            (&from.positions, &from.indices),
+            triangles(),
+            (&mut parts.positions, &mut parts.indices),
+        );
+        let material = |triangle: usize| from.material_of[triangle] + first_material;
+        parts.material_of.extend(triangles().map(material));
+        if !from.normal_indices.is_empty() {
+            parts.normal_indices.resize(triangle as usize, [Scene::NONE; 3]);
+            let to = (&mut parts.normals, &mut parts.normal_indices);
+            copy((&from.normals, &from.normal_indices), triangles(), to);
+        }
+        if !from.texcoord_indices.is_empty() {
+            parts.texcoord_indices.resize(triangle as usize, [Scene::NONE; 3]);
+            let to = (&mut parts.texcoords, &mut parts.texcoord_indices);
+            copy((&from.texcoords, &from.texcoord_indices), triangles(), to);
+        }
+        self.geometries.push(Geometry {
+            name: name.to_owned(),
+            vertices: vertex..self.parts.positions.len() as u32,
+            triangles: triangle..self.parts.indices.len() as u32,
+        });
+        self.geometries.len() as u32 - 1
+    }
+
+    /// Brings lists by triangle to one entry for each.
+    pub(crate) fn finish_parts(&mut self) {
+        let triangles = self.parts.indices.len();
+        let Scene { normal_indices, texcoord_indices, .. } = &mut self.parts;
+        for corners in [normal_indices, texcoord_indices] {
+            if !corners.is_empty() {
+                corners.resize(triangles, [Scene::NONE; 3]);
+            }
+        }
+    }
+}
+
+/// Copies what triangles name, each value once, in the order in which they name them.
+fn copy<T: Copy>(
+    (values, corners): (&[T], &[[u32; 3]]),
+    triangles: impl Iterator<Item = usize>,
+    (to_values, to_corners): (&mut Vec<T>, &mut Vec<[u32; 3]>),
+) {
+    let mut places: HashMap<u32, u32> = HashMap::new();
+    for triangle in triangles {
+        to_corners.push(corners[triangle].map(|named| {
+            let Some(value) = values.get(named as usize) else { return Scene::NONE };
+            *places.entry(named).or_insert_with(|| {
+                to_values.push(*value);
+                to_values.len() as u32 - 1
+            })
+        }));
+    }
+}
