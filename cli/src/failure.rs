@@ -1,7 +1,9 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
+use splitplane::objects::{SceneBuildError, SceneError as ObjectsError};
 use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
+use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
 use splitplane::scene::{AnimationError, SceneError};
 use splitplane::tracer::TracerError;
@@ -220,9 +222,10 @@ impl From<TracerError> for Failure {
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
-            TracerError::Render(RenderError::NoCosts) => {
-                Failure::usage(format!("{}; leave --heatmap and the costs of --aov out", RenderError::NoCosts))
-            }
+            TracerError::Render(RenderError::NoCosts) => Failure::usage(format!(
+                "{}; leave --heatmap and the costs of --aov out",
+                RenderError::NoCosts
+            )),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
                 let code = match &error {

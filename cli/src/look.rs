@@ -5,7 +5,9 @@ use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
 use splitplane::render::{Environment, Light, RenderSettings, Size};
-use splitplane::scene::{Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View};
+use splitplane::scene::{
+    Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
+};
 
 /// [`SceneOptions::DECODE_LIMIT`] as users write it.
 pub(super) const MAX_TEXTURE: &str = "512M";

@@ -132,7 +132,8 @@ impl Arguments {
     /// Renders a scene of many objects.
     fn render_objects(&self) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
-        let costs = self.heatmap.is_some() || self.wants(AovName::Nodes) || self.wants(AovName::Tests);
+        let costs =
+            self.heatmap.is_some() || self.wants(AovName::Nodes) || self.wants(AovName::Tests);
         if costs {
             return Err(TracerError::Render(RenderError::NoCosts).into());
         }

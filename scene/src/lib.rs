@@ -136,9 +136,7 @@ pub enum SceneError {
     #[error(transparent)]
     File(#[from] instanced::SceneFileError),
     /// A file of many objects, where one mesh was asked for.
-    #[error(
-        "`{0}` is a scene of many objects; render and animate take such scenes"
-    )]
+    #[error("`{0}` is a scene of many objects; render and animate take such scenes")]
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(

@@ -26,7 +26,7 @@ pub(super) fn open(size: Option<&str>) -> Result<InstancedScene, BuiltinError> {
 pub(super) fn look(objects: &mut Objects, hills: Hills) -> [f64; 3] {
     let away = (0.33 * hills.side).min(75.0);
     let (x, z) = (0.25 * away, away);
-    let eye = [x, hills.height(x, z).max(0.5) + 5.5, z];
+    let eye = [x, hills.height(x, z).max(0.5) + 11.0, z];
     let at = [-0.1 * away, 1.0, -0.35 * away];
     objects.builder.look(eye.map(|x| x as f32), at.map(|x| x as f32), 48.0);
     objects.builder.shine(SUN);

@@ -154,7 +154,7 @@ impl Kinds {
             if y < WATER + 0.35 && attempt < 200 * count {
                 continue;
             }
-            if picky && (near < 13.0 || draw(2) > 2.6 * grove - 0.45) {
+            if picky && (near < 19.0 || draw(2) > 2.6 * grove - 0.45) {
                 continue;
             }
             let rock = draw(3) < 0.10;

@@ -189,3 +189,6 @@ fn material(
         }
     }
 }
+
+#[cfg(test)]
+mod tests;
