@@ -6,15 +6,15 @@ use crate::aabb::Aabb;
 use crate::tree::KdTreeView;
 use crate::tree::node::NodeKind;
 
-/// Boxes of an outline.
-const BOXES: usize = 8;
+/// Cells of an outline.
+const CELLS: usize = 8;
 
 /// A few boxes that hold all triangles of a geometry: cells of its tree that are not empty, the greatest divided first. By axis, their
 /// middles and half their extents; where there are fewer, some stand there again.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Outline {
-    middle: [[f64; BOXES]; 3],
-    half: [[f64; BOXES]; 3],
+    middle: [[f64; CELLS]; 3],
+    half: [[f64; CELLS]; 3],
 }
 
 /// A node with its cell.
@@ -36,10 +36,10 @@ impl Outline {
             NodeKind::Leaf { .. } => Some(Cell { node, bounds, is_leaf: true }),
             NodeKind::Interior { .. } => Some(Cell { node, bounds, is_leaf: false }),
         };
-        let mut cells = [cell(0, tree.bounds); BOXES];
+        let mut cells = [cell(0, tree.bounds); CELLS];
         let mut count = 1;
         // Each step divides a cell, or finds that one half is empty: then it is smaller, and there may be as many steps as the tree has levels.
-        while count < BOXES {
+        while count < CELLS {
             let greatest = cells[..count]
                 .iter()
                 .enumerate()
@@ -64,8 +64,8 @@ impl Outline {
             }
         }
         let first = cells[0].map_or(tree.bounds, |cell| cell.bounds);
-        let mut outline = Outline { middle: [[0.0; BOXES]; 3], half: [[0.0; BOXES]; 3] };
-        for place in 0..BOXES {
+        let mut outline = Outline { middle: [[0.0; CELLS]; 3], half: [[0.0; CELLS]; 3] };
+        for place in 0..CELLS {
             let own = cells[..count].get(place).copied().flatten();
             let own = own.map_or(first, |cell| cell.bounds);
             for axis in 0..3 {
@@ -82,10 +82,10 @@ impl Outline {
         let mut ends = [[0.0; 3]; 2];
         for (row, numbers) in transform.iter().enumerate() {
             let [a, b, c, d] = numbers.map(f64::from);
-            let (mut lo, mut hi) = ([0.0; BOXES], [0.0; BOXES]);
+            let (mut lo, mut hi) = ([0.0; CELLS], [0.0; CELLS]);
             let [x, y, z] = &self.middle;
             let [p, q, r] = &self.half;
-            for place in 0..BOXES {
+            for place in 0..CELLS {
                 let middle = ((a * x[place] + b * y[place]) + c * z[place]) + d;
                 let half = (a.abs() * p[place] + b.abs() * q[place]) + c.abs() * r[place];
                 let sizes = (a.abs() * x[place].abs() + b.abs() * y[place].abs())
