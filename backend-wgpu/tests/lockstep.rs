@@ -167,7 +167,7 @@ fn planted_faults_are_named() {
         (K::SplitMedian, "node.source + chunk, node.side", "node.source + chunk, 0u"),
         (K::AllocateChildren, "first_chunk += chunks_of(count)", "first_chunk += 1u"),
         (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),
-        (K::CountChildren, "counts = total;", "counts = total.yx;"),
+        (K::CountChildren, "counts = scan_sum();", "counts = scan_sum().yx;"),
         (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
         (K::BuildMiddle, "root.level + levels", "root.level"),
