@@ -170,7 +170,7 @@ fn planted_faults_are_named() {
         (K::CountChildren, "counts = scan_sum();", "counts = scan_sum().yx;"),
         (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
-        (K::BuildMiddle, "root.level + levels", "root.level"),
+        (K::BuildMiddle, "own.level + levels", "own.level"),
         (K::BuildMiddle, "ordered_bits(bounds.lo.x)", "ordered_bits(bounds.lo.y)"),
         (K::ScanMiddle, "first_reference = place.y", "first_reference = place.x"),
         (K::PlaceMiddle, "small.padding = 0u", "small.padding = 1u"),
