@@ -101,8 +101,7 @@ impl CpuAccelerator {
     }
 
     /// What rays are traced through.
-    #[cfg(test)]
-    pub(super) fn parts(&self) -> (&TreeLayout, &SceneScale) {
+    pub(crate) fn parts(&self) -> (&TreeLayout, &SceneScale) {
         (&self.layout, &self.scene)
     }
 
@@ -304,6 +303,10 @@ impl Accelerator for CpuAccelerator {
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        Some(self)
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
         Some(self)
     }
 

@@ -293,7 +293,7 @@ impl Backend for CpuBackend {
         options: &BuildOptions<'_>,
     ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
-        Ok(Box::new(CpuScene::build(scene, options, &mut build)?))
+        Ok(Box::new(CpuScene::build(scene, options, &mut build, self.set)?))
     }
 }
 

@@ -6,15 +6,27 @@ use rayon::prelude::*;
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{
     Block, BlockScratch, BuildGeometry, BuiltScene, SceneAccelerator, SceneAllHits,
-    SceneAllHitsOptions, SceneAnswer, UpdateReport,
+    SceneAllHitsOptions, SceneAnswer, SceneClosestPoint, SceneClosestPointOptions, UpdateReport,
 };
-use splitplane_core::error::QueryError;
+use splitplane_core::error::{QueryError, refused};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::ray::Ray;
+use splitplane_core::report::QueryReport;
 use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use splitplane_core::watch::Stage;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::simd::InstructionSet;
+
+mod parts;
+mod single;
+mod stream;
+mod top_walk;
+
+use parts::{Geometries, is_direct};
+use single::{Followed, SceneSingle};
+use stream::SceneStream;
+use top_walk::VectorWalker;
 
 /// Rays of a block: enough that those in one geometry are many, and few enough that their stacks stay near.
 const BLOCK: usize = 4096;
@@ -26,6 +38,7 @@ const SINGLY_BELOW: usize = 3;
 /// A scene on the CPU.
 pub struct CpuScene {
     built: BuiltScene,
+    set: InstructionSet,
 }
 
 thread_local! {
@@ -33,7 +46,7 @@ thread_local! {
 }
 
 impl CpuScene {
-    /// Builds a scene.
+    /// Builds a scene; `set` must be one that the processor has.
     ///
     /// # Errors
     /// As for [`BuiltScene::build`].
@@ -41,8 +54,52 @@ impl CpuScene {
         scene: &Scene,
         options: &BuildOptions<'_>,
         build: &mut BuildGeometry<'_>,
+        set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
-        Ok(CpuScene { built: BuiltScene::build(scene, options, build)? })
+        Ok(CpuScene { built: BuiltScene::build(scene, options, build)?, set })
+    }
+
+    /// The answer to one ray.
+    fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        if options.filter.is_none() {
+            let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
+            // SAFETY: the set is one of this processor's.
+            if let Followed::Answer(answer) = unsafe { single.follow() } {
+                return answer;
+            }
+        }
+        self.built.answer_one(ray, options)
+    }
+
+    /// Follows rays from instance to instance.
+    fn follow<T: SceneAnswer>(
+        &self,
+        geometries: &Geometries<'_>,
+        rays: &[Ray],
+        answers: &mut [T],
+        options: &SceneOptions<'_>,
+    ) -> Result<SceneReport, QueryError> {
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, rays.len() as u64);
+        let size = if meter.is_watched() { WATCHED_BLOCK } else { BLOCK };
+        let blocks = rays.par_chunks(size).zip(answers.par_chunks_mut(size));
+        let entered = blocks.map(|(rays, answers)| {
+            meter.check_batch()?;
+            let scene = &self.built;
+            let stream = SceneStream { scene, geometries, rays, answers, options };
+            // SAFETY: the set is one of this processor's; geometries were made for it.
+            let entered = unsafe { self.set.run(stream) };
+            let entered = entered.map_err(|_| refused((16 * geometries.stack * 8) as u64))?;
+            meter.advance(rays.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
+            Ok::<u64, QueryError>(entered)
+        });
+        let entered = entered.try_reduce(|| 0, |one, other| Ok(one + other))?;
+        meter.finish_stage();
+        meter.check_batch()?;
+        let mut report = SceneReport::default();
+        report.entered = entered;
+        Ok(report)
     }
 
     fn answer<T: SceneAnswer>(
@@ -53,6 +110,11 @@ impl CpuScene {
     ) -> Result<SceneReport, QueryError> {
         if rays.len() != answers.len() {
             return Err(QueryError::LengthMismatch { rays: rays.len(), results: answers.len() });
+        }
+        if is_direct(options)
+            && let Some(geometries) = &Geometries::of(&self.built, self.set)?
+        {
+            return self.follow(geometries, rays, answers, options);
         }
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, rays.len() as u64);
@@ -70,7 +132,8 @@ impl CpuScene {
                 watch: None,
                 singly_below: SINGLY_BELOW,
             };
-            let part = block.answer(&mut scratch, answers, &mut || {
+            let mut walker = VectorWalker { set: self.set };
+            let part = block.answer(&mut walker, &mut scratch, answers, &mut || {
                 meter.record_work(WORK_BETWEEN_CHECKS);
                 meter.check_batch()
             });
@@ -121,6 +184,14 @@ impl SceneAccelerator for CpuScene {
         self.answer(rays, occluded, options)
     }
 
+    fn closest_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> Option<SceneHit> {
+        self.answer_one::<SceneHit>(ray, options).some()
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> bool {
+        self.answer_one(ray, options)
+    }
+
     /// Without a watch and a limit on all threads.
     fn all_hits(
         &self,
@@ -152,12 +223,48 @@ impl SceneAccelerator for CpuScene {
         parts.reduce(empty, |one, other| {
             let (mut one, other) = (one?, other?);
             let places = one.windings.len();
-            let refused = |_| splitplane_core::error::refused(4 * places as u64);
+            let refused = |_| refused(4 * places as u64);
             one.windings.try_reserve(other.windings.len()).map_err(refused)?;
             one.windings.extend(other.windings);
             one.report.append(other.report, places)?;
             Ok(one)
         })
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.closest_points_by_tasks(points, closest, options)
+    }
+}
+
+impl CpuScene {
+    /// Closest points on all threads.
+    fn closest_points_by_tasks(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        if points.len() != closest.len() {
+            return Err(QueryError::LengthMismatch { rays: points.len(), results: closest.len() });
+        }
+        let meter = &ProgressMeter::of(options.watch);
+        meter.begin_stage(Stage::Rays, points.len() as u64);
+        let own = SceneClosestPointOptions { watch: None, ..*options };
+        let tasks = points.par_chunks(FEW).zip(closest.par_chunks_mut(FEW));
+        tasks.try_for_each(|(points, closest)| {
+            meter.check_batch()?;
+            self.built.closest_points(points, closest, &own)?;
+            meter.advance(points.len() as u64);
+            meter.record_work(WORK_BETWEEN_CHECKS);
+            Ok::<(), QueryError>(())
+        })?;
+        meter.finish_stage();
+        meter.check_batch().map(|()| QueryReport::default())
     }
 }
 

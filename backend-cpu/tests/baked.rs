@@ -89,7 +89,9 @@ fn exact_transforms_give_a_baked_meshs_hits_bit_for_bit() {
             let options = SceneOptions { accuracy, culling, ..SceneOptions::default() };
             let mut hits = vec![SceneHit::MISS; rays.len()];
             let report = accelerator.closest_hits(&rays, &mut hits, &options).unwrap();
-            assert!(report.entered > 0 && report.batches > 0 && report.placed_by_cpu == 0);
+            assert!(report.entered > 0 && report.placed_by_cpu == 0);
+            // Exact answers are found in waves.
+            assert_eq!(report.batches > 0, accuracy == Accuracy::Exact);
             let mut expected = vec![Hit::MISS; rays.len()];
             let options = QueryOptions { accuracy, culling, ..QueryOptions::default() };
             mesh.closest_hits(&rays, &mut expected, &options).unwrap();

@@ -6,6 +6,7 @@ mod options;
 pub mod scene;
 
 use crate::cancel::go_on_tracing;
+use crate::config::BuildConfig;
 use crate::error::{BuildError, QueryError};
 use crate::mesh::Mesh;
 use crate::query::all_hits::{AllHits, AllHitsOptions};
@@ -13,6 +14,8 @@ use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
+#[cfg(target_has_atomic = "ptr")]
+use crate::scene::file::SceneFile;
 #[cfg(target_has_atomic = "ptr")]
 use crate::scene::{Scene, SceneBuildError};
 use crate::tree::KdTree;
@@ -104,6 +107,33 @@ pub trait Backend: Send + Sync {
     ) -> Result<UpdateReport, SceneBuildError> {
         built.update_by(scene, options, &mut |mesh, options| self.build(mesh, options))
     }
+
+    /// Makes a scene of a scene file: its description, which can be edited and handed to
+    /// [`Backend::update_scene`], and what answers rays through it. Trees are loaded, not built; the one over the
+    /// instances is made anew.
+    ///
+    /// # Errors
+    /// A tree that does not name all that it has to of its mesh, no memory, a limit that binds, or a watch that cancels the work.
+    #[cfg(target_has_atomic = "ptr")]
+    fn load_scene(
+        &self,
+        file: &SceneFile<'_>,
+        options: &LoadOptions<'_>,
+    ) -> Result<(Scene, Box<dyn SceneAccelerator>), SceneBuildError> {
+        let LoadOptions { max_memory, layout, watch } = *options;
+        // The trees have their own configurations.
+        let options = BuildOptions { config: BuildConfig::default(), max_memory, layout, watch };
+        let scene = file.to_scene()?;
+        let mut built = self.build_scene(&Scene::new(), &options)?;
+        let mut geometries = file.geometries();
+        built.update_by(&scene, &options, &mut |mesh, options| {
+            // Geometries are asked for in the order of their names.
+            let missing = || BuildError::WrongMesh { reason: "the file has no tree of it".into() };
+            let (_, geometry) = geometries.next().ok_or_else(missing)?;
+            self.load(mesh, geometry.tree.tree.to_tree()?, &options.for_loading())
+        })?;
+        Ok((scene, built))
+    }
 }
 
 /// A built tree, ready for rays. Answers do not depend on the order of rays or the thread count.
@@ -122,6 +152,11 @@ pub trait Accelerator: Send + Sync {
     /// The accelerator by its concrete type, so that a backend can recognise its own
     /// ([`Backend::rebuild`]).
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {
+        None
+    }
+
+    /// The same to look at: a backend's scenes trace through its own accelerators without a detour.
+    fn as_any(&self) -> Option<&dyn Any> {
         None
     }
 

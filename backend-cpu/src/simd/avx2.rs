@@ -38,6 +38,7 @@ impl ReferenceOps for Avx2 {}
 impl Simd for Avx2 {
     const N: usize = 8;
     type F32x16 = ArrayF32x16;
+    type Eight = Avx2;
     type Floats = __m256;
     type Places = __m256i;
     type Mask = __m256;

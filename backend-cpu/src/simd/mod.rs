@@ -72,6 +72,8 @@ pub(crate) trait Simd: ReferenceOps + Copy {
     const N: usize;
     /// Sixteen floats, however many lanes a vector has.
     type F32x16: F32x16;
+    /// A set of eight lanes that the processor has too.
+    type Eight: Simd;
     /// `N` floats.
     type Floats: Copy;
     /// `N` places in a table of `2 N`, from `N` bytes.

@@ -28,6 +28,7 @@ impl ReferenceOps for Neon {}
 impl Simd for Neon {
     const N: usize = 8;
     type F32x16 = ArrayF32x16;
+    type Eight = Neon;
     type Floats = Floats;
     /// The bytes of each lane's element in a table of 64.
     type Places = [uint8x16_t; 2];

@@ -24,6 +24,7 @@ impl ReferenceOps for Portable {}
 impl Simd for Portable {
     const N: usize = N;
     type F32x16 = ArrayF32x16;
+    type Eight = Portable;
     type Floats = [f32; N];
     type Places = [u8; N];
     type Mask = [bool; N];

@@ -167,7 +167,7 @@ impl Search {
 }
 
 /// The square of a distance that is greater by `slack`, and by more than squares and roots err.
-fn widened(squared: f64, slack: f64) -> f64 {
+pub(crate) fn widened(squared: f64, slack: f64) -> f64 {
     let reach = sqrt(squared) + slack;
     reach * reach * (1.0 + 1e-12)
 }
@@ -201,7 +201,12 @@ fn dot(a: Vector, b: Vector) -> f64 {
 /// [0, 1], or r where ss is 0. Foot, a to b, a to c, b to c are compared in this order; a later one replaces an earlier one only where it is
 /// nearer.
 pub fn of_triangle(point: [f64; 3], corners: &Triangle) -> ClosestPoint {
-    let [a, b, c] = corners.map(|corner| corner.map(f64::from));
+    of_corners(point, corners.map(|corner| corner.map(f64::from)))
+}
+
+/// [`of_triangle`] of a triangle whose corners are not rounded to `f32`. Coordinates must not be beyond the greatest `f32`.
+pub fn of_corners(point: [f64; 3], corners: [[f64; 3]; 3]) -> ClosestPoint {
+    let [a, b, c] = corners;
     let (to_a, e, f) = (difference(a, point), difference(b, a), difference(c, a));
     let mut best = (f64::INFINITY, [0.0; 2], [0.0; 3]);
     let mut consider = |v: f64, w: f64| {

@@ -150,6 +150,36 @@ impl Scene {
         Scene::default()
     }
 
+    /// A scene of these geometries and instances, by their names; what is `None` is free. Transforms and geometries of
+    /// instances have been checked. Of free names the least will be given first.
+    pub(super) fn of_checked<'a>(
+        geometries: impl ExactSizeIterator<Item = Option<Mesh<'a>>>,
+        instances: impl ExactSizeIterator<Item = Option<Instance>>,
+    ) -> Result<Scene, SceneError> {
+        let mut scene = Scene::new();
+        reserve(&mut scene.geometries, geometries.len())?;
+        for mesh in geometries {
+            scene.geometries.push(match mesh {
+                Some(mesh) => {
+                    let mesh = Arc::new(GeometryMesh::copied(&mesh)?);
+                    State::There(Geometry { mesh, instances: 0 })
+                }
+                None => State::Free,
+            });
+        }
+        reserve(&mut scene.instances, instances.len())?;
+        for instance in instances {
+            if let Some(instance) = &instance {
+                scene.geometry_mut(instance.geometry)?.instances += 1;
+                scene.count += 1;
+            }
+            scene.instances.push(instance.map_or(State::Free, State::There));
+        }
+        scene.free_geometries = free_names(&scene.geometries)?;
+        scene.free_instances = free_names(&scene.instances)?;
+        Ok(scene)
+    }
+
     /// Adds a geometry: a copy of a mesh.
     ///
     /// # Errors
@@ -373,6 +403,18 @@ fn next_place<T>(places: &mut Vec<State<T>>, free: &[u32]) -> Option<Result<u32,
     Some(reserve(places, 1).map(|()| places.len() as u32))
 }
 
+/// The places where nothing is, the least last, which is the next to be used.
+fn free_names<T>(places: &[State<T>]) -> Result<Vec<u32>, SceneError> {
+    let mut free = Vec::new();
+    for (place, at) in places.iter().enumerate().rev() {
+        if at.there().is_none() {
+            reserve(&mut free, 1)?;
+            free.push(place as u32);
+        }
+    }
+    Ok(free)
+}
+
 /// Puts something at the next free place.
 fn fill<T>(places: &mut Vec<State<T>>, free: &mut Vec<u32>, it: T) {
     match free.pop() {
@@ -382,7 +424,7 @@ fn fill<T>(places: &mut Vec<State<T>>, free: &mut Vec<u32>, it: T) {
 }
 
 /// Checks a transform of an instance.
-fn check(instance: u32, transform: &Transform) -> Result<(), SceneError> {
+pub(super) fn check(instance: u32, transform: &Transform) -> Result<(), SceneError> {
     for (row, numbers) in transform.iter().enumerate() {
         if let Some(column) = numbers.iter().position(|x| !x.is_finite()) {
             return Err(SceneError::NonFiniteTransform { instance, row, column });
@@ -392,68 +434,4 @@ fn check(instance: u32, transform: &Transform) -> Result<(), SceneError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::scene::transform::translation;
-
-    const TRIANGLE: [[[f32; 3]; 3]; 1] = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]];
-
-    #[test]
-    fn edits_are_checked_and_named() {
-        let mesh = Mesh::soup(&TRIANGLE).unwrap();
-        let mut scene = Scene::new();
-        let geometry = scene.add_mesh(&mesh).unwrap();
-        let first = scene.add_instance(Instance::in_place(geometry)).unwrap();
-        let second = scene.add_instance(Instance::in_place(geometry)).unwrap();
-        assert_eq!((first, second, scene.len()), (InstanceId(0), InstanceId(1), 2));
-
-        let mut bad = IDENTITY;
-        bad[1][3] = f32::NAN;
-        assert_eq!(
-            scene.move_instance(second, bad),
-            Err(SceneError::NonFiniteTransform { instance: 1, row: 1, column: 3 })
-        );
-        let flat = [[1.0, 0.0, 0.0, 0.0]; 3];
-        let error = Err(SceneError::SingularTransform { instance: 2 });
-        assert_eq!(scene.add_instance(Instance::new(geometry, flat)), error);
-        let error = Err(SceneError::UnknownGeometry { geometry: 9 });
-        assert_eq!(scene.add_instance(Instance::in_place(GeometryId(9))), error);
-        assert_eq!(scene.len(), 2);
-
-        let in_use = SceneError::GeometryInUse { geometry: 0, instances: 2, instance: 0 };
-        assert_eq!(scene.remove_geometry(geometry), Err(in_use));
-        scene.remove_instance(first).unwrap();
-        let gone = SceneError::UnknownInstance { instance: 0 };
-        assert_eq!(scene.move_instance(first, IDENTITY), Err(gone));
-        assert_eq!(scene.remove_instance(first), Err(gone));
-        // The name is given again.
-        assert_eq!(scene.add_instance(Instance::in_place(geometry)), Ok(first));
-        for instance in [first, second] {
-            scene.remove_instance(instance).unwrap();
-        }
-        scene.remove_geometry(geometry).unwrap();
-        assert!(scene.is_empty() && scene.geometries().next().is_none());
-        let error = Err(SceneError::UnknownGeometry { geometry: 0 });
-        assert_eq!(scene.replace_mesh(geometry, &mesh), error);
-        assert_eq!(scene.add_mesh(&mesh), Ok(geometry));
-    }
-
-    #[test]
-    fn changes_are_known_for_as_long_as_it_pays() {
-        let mut scene = Scene::new();
-        let geometry = scene.add_mesh(&Mesh::soup(&TRIANGLE).unwrap()).unwrap();
-        let all: Vec<_> =
-            (0..100).map(|_| scene.add_instance(Instance::in_place(geometry)).unwrap()).collect();
-        let then = scene.edits();
-        assert_eq!(scene.changes_since(&then), Changes::These(&[]));
-        scene.set_mask(all[7], 1).unwrap();
-        scene.move_instance(all[3], translation([1.0, 0.0, 0.0])).unwrap();
-        assert_eq!(scene.changes_since(&then), Changes::These(&[all[7], all[3]]));
-        assert_eq!(Scene::new().changes_since(&then), Changes::Unknown);
-        for _ in 0..2 {
-            all.iter().for_each(|&one| scene.set_mask(one, 2).unwrap());
-        }
-        assert_eq!(scene.changes_since(&then), Changes::Unknown);
-        assert!(scene.log.kept.len() <= 100);
-    }
-}
+mod tests;

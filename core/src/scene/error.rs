@@ -87,10 +87,25 @@ pub enum SceneBuildError {
         /// The limit; where the system refused more, as many as are `needed`.
         limit: u64,
     },
+    /// A description that is not one of a scene.
+    #[error(transparent)]
+    Description(SceneError),
     /// The watch cancelled the work between geometries.
     #[error("cancelled after {} of {} geometries", progress.done, progress.total)]
     Cancelled {
         /// How far it had come.
         progress: Progress,
     },
+}
+
+/// What a description refuses before anything is built.
+impl From<SceneError> for SceneBuildError {
+    fn from(error: SceneError) -> SceneBuildError {
+        match error {
+            SceneError::OutOfMemory { bytes } => {
+                SceneBuildError::OutOfMemory { needed: bytes, limit: bytes }
+            }
+            error => SceneBuildError::Description(error),
+        }
+    }
 }

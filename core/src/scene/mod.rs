@@ -11,11 +11,15 @@
 //! that tree, and it may be refitted while instances move.
 
 mod description;
+mod digest;
 mod error;
+pub mod file;
 mod hit;
 mod options;
+mod outline;
 mod placement;
 mod top_build;
+mod top_near;
 mod top_refit;
 mod top_tree;
 mod top_walk;
@@ -23,12 +27,17 @@ mod transform;
 mod world_box;
 
 pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
+pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
 pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
+pub use outline::Outline;
 pub use placement::Placement;
 pub use top_build::top_tree_bytes;
-pub use top_tree::{TopNode, TopTree};
-pub use top_walk::{TopRay, TopStack, WIDEST_STACK};
+pub use top_tree::{
+    INSTANCE as TOP_INSTANCE, NONE as TOP_NONE, TopNode, TopTree, WIDTH as TOP_WIDTH,
+};
+pub use top_walk::{ScalarWalker, TopRay, TopStack, TopWalk, TopWalker, WIDEST_STACK};
+pub(crate) use transform::transformed;
 pub use transform::{IDENTITY, ObjectSpace, Transform, translation};
 pub use world_box::WorldBox;

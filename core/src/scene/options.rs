@@ -91,7 +91,7 @@ pub struct SceneReport {
     pub geometries: QueryReport,
     /// Instances entered, by all rays together.
     pub entered: u64,
-    /// Batches that geometries answered.
+    /// Batches that geometries answered; 0 where the CPU backend followed each ray from instance to instance.
     pub batches: u64,
     /// Rays whose instances the CPU found for a device. 0 for the CPU backend.
     pub placed_by_cpu: u64,

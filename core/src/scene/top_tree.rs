@@ -3,14 +3,14 @@
 use alloc::vec::Vec;
 
 use super::world_box::WorldBox;
-use crate::aabb::{Aabb, max, min};
+use crate::aabb::{Aabb, max};
 
-/// Children of a node.
-pub(super) const WIDTH: usize = 8;
-/// A child that is an instance; the other bits are its name.
-pub(super) const INSTANCE: u32 = 1 << 31;
-/// No child.
-pub(super) const NONE: u32 = u32::MAX;
+/// Children of a node of the tree over instances.
+pub const WIDTH: usize = 8;
+/// A child of a node that is an instance; the other bits are its name.
+pub const INSTANCE: u32 = 1 << 31;
+/// No child of a node.
+pub const NONE: u32 = u32::MAX;
 /// Nothing is above the root.
 pub(super) const NO_PARENT: u32 = u32::MAX;
 
@@ -135,10 +135,4 @@ impl TopTree {
             + (self.parents.capacity() + self.places.capacity()) * size_of::<Place>())
             as u64
     }
-}
-
-/// Ends of boxes in the middle, which cannot overflow.
-pub(super) fn centre(bounds: &Aabb, axis: usize) -> f32 {
-    let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);
-    min(max(0.5 * lo + 0.5 * hi, lo), hi)
 }

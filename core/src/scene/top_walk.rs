@@ -1,13 +1,15 @@
 //! Traversal of the tree over instances, which can be interrupted after each.
 
-use super::top_build::SAH_LEVELS;
+use alloc::vec::Vec;
+
+use super::top_build::LEVELS;
 use super::top_tree::{INSTANCE, NONE, TopNode, TopTree, WIDTH};
 use crate::arithmetic::snap;
 use crate::query::intersect::STOP_SLACK;
 use crate::ray::Ray;
 
-/// Entries of a stack that serves every tree: after the levels of the SAH, those that halve 2^28 instances.
-pub const WIDEST_STACK: usize = (WIDTH - 1) * (SAH_LEVELS + 28) + 1;
+/// Entries of a stack that serves every tree.
+pub const WIDEST_STACK: usize = (WIDTH - 1) * LEVELS + 1;
 
 /// Components of a direction are taken to be at least this part of the greatest.
 const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80
@@ -17,16 +19,22 @@ const DIRECTION_MOST: f32 = 1.099_511_6e12; // 2^40
 const ORIGIN_MOST: f32 = 1.152_921_5e18; // 2^60
 
 /// A ray, ready for the tree over instances.
+///
+/// It enters a child's box at the greatest, over the axes, of the lesser of `((lo - reach distance) - origin) reciprocal` and
+/// `((hi + reach distance) - origin) reciprocal`, and of `t_min`; it leaves it at the least of the greater ones, and of
+/// [`TopRay::stop_after`] of its upper limit. It meets the box where it enters it no later than it leaves it. Each operation rounds by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct TopRay {
-    origin: [f32; 3],
-    reciprocal: [f32; 3],
+    /// Where it begins.
+    pub origin: [f32; 3],
+    /// Reciprocals of the direction, none of which is infinite.
+    pub reciprocal: [f32; 3],
     /// Greatest component of the origin.
-    distance: f32,
+    pub distance: f32,
     /// Lower limit, a little wide.
-    t_min: f32,
+    pub t_min: f32,
     /// False for a ray that enters everything.
-    tame: bool,
+    pub tame: bool,
 }
 
 impl TopRay {
@@ -52,6 +60,14 @@ impl TopRay {
         let reciprocal = ray.direction.map(|d| 1.0 / if d.abs() < least { least } else { d });
         let t_min = (ray.t_min - ray.t_min.abs() * STOP_SLACK) - f32::MIN_POSITIVE;
         Some(TopRay { origin: ray.origin, reciprocal, distance, t_min, tame })
+    }
+
+    /// Beyond this no box can have a hit at `t_max` or before: the `t` of a hit may be off by half of `STOP_SLACK`, and one below
+    /// the least normal float counts as 0.
+    #[inline]
+    pub fn stop_after(t_max: f32) -> f32 {
+        let t_max = if t_max >= 0.0 { t_max.max(f32::MIN_POSITIVE) } else { t_max };
+        t_max + t_max.abs() * STOP_SLACK
     }
 
     /// Where the ray enters the boxes of a node's children that it meets up to `stop`: `f32::INFINITY` for the others. A
@@ -85,17 +101,62 @@ impl TopRay {
     }
 }
 
-/// Beyond this no box can have a hit at `t_max` or before: the `t` of a hit may be off by half of `STOP_SLACK`, and one below
-/// the least normal float counts as 0.
-#[inline]
-fn stop_after(t_max: f32) -> f32 {
-    let t_max = if t_max >= 0.0 { t_max.max(f32::MIN_POSITIVE) } else { t_max };
-    t_max + t_max.abs() * STOP_SLACK
-}
-
 /// A stack of nodes and instances that a ray still has to enter, the next one last. An entry is where the ray enters
 /// the box, and the child.
 pub type TopStack = (f32, u32);
+
+/// Rays on their way through the tree over instances.
+pub struct TopWalk<'a> {
+    /// The tree.
+    pub tree: &'a TopTree,
+    /// The rays; `None` for those that hit nothing.
+    pub rays: &'a [Option<TopRay>],
+    /// A stack of [`TopTree::stack`] entries for each ray.
+    pub stacks: &'a mut [TopStack],
+    /// The number of entries of each.
+    pub tops: &'a mut [usize],
+    /// Rays that are not done, by their places.
+    pub active: &'a mut Vec<u32>,
+}
+
+/// Finds the instances that rays enter. What it finds first does not matter, as long as it finds those that a ray enters before its limit.
+pub trait TopWalker {
+    /// Finds the next instance of each active ray: those that `accept` takes, by the ray's place and the instance's name. Rays that have
+    /// no other instance are no longer active. A ray's limit, by its place, is in `t_max`.
+    fn advance(
+        &mut self,
+        walk: TopWalk<'_>,
+        t_max: impl Fn(u32) -> f32,
+        accept: impl FnMut(u32, u32) -> bool,
+    );
+}
+
+/// Finds them one ray after the other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ScalarWalker;
+
+impl TopWalker for ScalarWalker {
+    fn advance(
+        &mut self,
+        walk: TopWalk<'_>,
+        t_max: impl Fn(u32) -> f32,
+        mut accept: impl FnMut(u32, u32) -> bool,
+    ) {
+        let TopWalk { tree, rays, stacks, tops, active } = walk;
+        let room = tree.stack();
+        active.retain(|&index| {
+            let at = index as usize;
+            let Some(ray) = &rays[at] else { return false };
+            let (stack, t_max) = (&mut stacks[at * room..][..room], t_max(index));
+            while let Some(name) = tree.next(ray, t_max, stack, &mut tops[at]) {
+                if accept(index, name) {
+                    return true;
+                }
+            }
+            false
+        });
+    }
+}
 
 impl TopTree {
     /// Entries of a stack.
@@ -123,7 +184,7 @@ impl TopTree {
         stack: &mut [TopStack],
         top: &mut usize,
     ) -> Option<u32> {
-        let stop = stop_after(t_max);
+        let stop = TopRay::stop_after(t_max);
         while *top > 0 {
             *top -= 1;
             let (enter, child) = stack[*top];

@@ -64,7 +64,7 @@ impl ObjectSpace {
 
     /// How far transform times inverse is from the identity: bounds on the magnitude of each component, and in the last
     /// column of where the object's origin comes back to.
-    pub(super) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
+    pub(crate) fn defect(&self, transform: &Transform) -> [[f64; 4]; 3] {
         let a = transform.map(|row| row.map(f64::from));
         let m = self.inverse.map(|row| row.map(f64::from));
         let mut off = [[0.0; 4]; 3];
@@ -90,7 +90,7 @@ impl ObjectSpace {
     /// The ray as the object sees it: origin and direction through the inverse, limits as they are. Each product and sum is
     /// guarded and snapped, in the order `((m0 x + m1 y) + m2 z) + m3`. The direction keeps its length: `t` is the same in
     /// both spaces.
-    #[inline]
+    #[inline(always)]
     pub fn ray(&self, ray: &Ray) -> Ray {
         self.ray_in::<Strict>(ray)
     }
@@ -98,13 +98,15 @@ impl ObjectSpace {
     /// [`ObjectSpace::ray`] in some arithmetic.
     #[inline(always)]
     pub fn ray_in<A: Arithmetic>(&self, ray: &Ray) -> Ray {
-        let origin = self.point_in::<A>(ray.origin);
-        let [x, y, z] = ray.direction.map(snap);
-        let direction = self.inverse.map(|[m0, m1, m2, _]| {
-            let two = A::snapped_sum(A::snapped_product(m0, x), A::snapped_product(m1, y));
-            A::snapped_sum(two, A::snapped_product(m2, z))
-        });
-        Ray { origin, direction, ..*ray }
+        let [x, y, z] = ray.direction;
+        let (x, y, z) = (snap(x), snap(y), snap(z));
+        let mut direction = [0.0; 3];
+        // Loops, since closures over arrays are not compiled into who calls this.
+        for (to, [m0, m1, m2, _]) in direction.iter_mut().zip(&self.inverse) {
+            let two = A::snapped_sum(A::snapped_product(*m0, x), A::snapped_product(*m1, y));
+            *to = A::snapped_sum(two, A::snapped_product(*m2, z));
+        }
+        Ray { origin: self.point_in::<A>(ray.origin), direction, ..*ray }
     }
 
     /// A point as the object sees it, by the same operations as a ray's origin.
@@ -116,11 +118,14 @@ impl ObjectSpace {
     /// [`ObjectSpace::point`] in some arithmetic.
     #[inline(always)]
     pub fn point_in<A: Arithmetic>(&self, point: [f32; 3]) -> [f32; 3] {
-        let [x, y, z] = point.map(snap);
-        self.inverse.map(|[m0, m1, m2, m3]| {
-            let two = A::snapped_sum(A::snapped_product(m0, x), A::snapped_product(m1, y));
-            A::snapped_sum(A::snapped_sum(two, A::snapped_product(m2, z)), m3)
-        })
+        let [x, y, z] = point;
+        let (x, y, z) = (snap(x), snap(y), snap(z));
+        let mut seen = [0.0; 3];
+        for (to, [m0, m1, m2, m3]) in seen.iter_mut().zip(&self.inverse) {
+            let two = A::snapped_sum(A::snapped_product(*m0, x), A::snapped_product(*m1, y));
+            *to = A::snapped_sum(A::snapped_sum(two, A::snapped_product(*m2, z)), *m3);
+        }
+        seen
     }
 }
 
@@ -128,7 +133,7 @@ impl ObjectSpace {
 pub(super) const SUM_ERROR: f64 = 1.0 / (1u64 << 50) as f64;
 
 /// A box around the transformed box, in `f64`, rounded outwards: lower and upper ends. The box must not be empty.
-pub(super) fn transformed(transform: &Transform, bounds: &Aabb) -> [[f64; 3]; 2] {
+pub(crate) fn transformed(transform: &Transform, bounds: &Aabb) -> [[f64; 3]; 2] {
     let mut ends = [[0.0; 3]; 2];
     for row in 0..3 {
         let own = f64::from(transform[row][3]);

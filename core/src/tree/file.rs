@@ -153,7 +153,7 @@ pub fn write(
     tree: &KdTreeView<'_>,
     mesh: &Mesh<'_>,
 ) -> Result<alloc::vec::Vec<u8>, crate::error::BuildError> {
-    let length = HEAD + size_of_val(tree.nodes) + size_of_val(tree.references);
+    let length = length(tree);
     let mut bytes = alloc::vec::Vec::new();
     bytes.try_reserve_exact(length).map_err(|_| crate::error::BuildError::OutOfMemory {
         needed: length as u64,
@@ -185,6 +185,12 @@ pub fn write(
     let sum = checksum(&bytes);
     bytes[CHECKSUM..HEAD].copy_from_slice(&sum.to_le_bytes());
     Ok(bytes)
+}
+
+/// Bytes of the tree's file.
+#[cfg(feature = "alloc")]
+pub(crate) const fn length(tree: &KdTreeView<'_>) -> usize {
+    HEAD + size_of_val(tree.nodes) + size_of_val(tree.references)
 }
 
 /// The name of a mesh: XXH64 with seed 1 over the corners of all triangles as given, in order.

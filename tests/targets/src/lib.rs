@@ -13,6 +13,7 @@ pub mod build_tree;
 mod folder;
 pub mod obj;
 pub mod ray_file;
+pub mod scene_file;
 pub mod scene_operations;
 pub mod source;
 pub mod tree_file;
@@ -22,12 +23,13 @@ pub type Target = fn(&[u8]);
 
 /// All targets by their names, which are those of the programs in `fuzz/fuzz_targets` and of the
 /// folders in `tests/corpus`.
-pub const ALL: [(&str, Target); 7] = [
+pub const ALL: [(&str, Target); 8] = [
     ("animation", animation::run),
     ("arguments", arguments::run),
     ("build_tree", build_tree::run),
     ("obj", obj::run),
     ("ray_file", ray_file::run),
+    ("scene_file", scene_file::run),
     ("scene_operations", scene_operations::run),
     ("tree_file", tree_file::run),
 ];

@@ -18,6 +18,7 @@ pub(crate) struct Avx512;
 impl Simd for Avx512 {
     const N: usize = 16;
     type F32x16 = Avx512F32x16;
+    type Eight = super::avx2::Avx2;
     type Floats = __m512;
     type Places = __m512i;
     type Mask = __mmask16;

@@ -4,11 +4,13 @@ use alloc::boxed::Box;
 
 use super::all_hits::{SceneAllHits, SceneAllHitsOptions};
 use super::built::{BuildGeometry, BuiltScene};
+use super::closest_point::{SceneClosestPoint, SceneClosestPointOptions};
 use super::update::UpdateReport;
 use crate::backend::BuildOptions;
 use crate::error::QueryError;
 use crate::query::inside::{LocateOptions, Located};
 use crate::ray::Ray;
+use crate::report::QueryReport;
 use crate::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 
 /// A scene that is built, ready for rays. Answers do not depend on the order of rays, the thread count, or the tree over the
@@ -90,6 +92,20 @@ pub trait SceneAccelerator: Send + Sync {
     ) -> Result<Located, QueryError> {
         self.scene().locate(points, options)
     }
+
+    /// The point of the scene that is closest to each point: see [`BuiltScene::closest_points`]. After an error `closest` must not
+    /// be used.
+    ///
+    /// # Errors
+    /// As there.
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.scene().closest_points(points, closest, options)
+    }
 }
 
 /// A scene in a box, which need not be known by its own type.
@@ -148,6 +164,15 @@ impl SceneAccelerator for Box<dyn SceneAccelerator> {
     ) -> Result<Located, QueryError> {
         (**self).locate(points, options)
     }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [SceneClosestPoint],
+        options: &SceneClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        (**self).closest_points(points, closest, options)
+    }
 }
 
 #[cfg(test)]
@@ -157,7 +182,7 @@ mod tests {
 
     use super::*;
 
-    const NAMES: [&str; 8] = [
+    const NAMES: [&str; 9] = [
         "scene",
         "update_by",
         "closest_hits",
@@ -166,6 +191,7 @@ mod tests {
         "any_hit",
         "all_hits",
         "locate",
+        "closest_points",
     ];
 
     /// Writes down which of its methods was called.
@@ -234,6 +260,15 @@ mod tests {
         fn locate(&self, _: &[[f32; 3]], _: &LocateOptions<'_>) -> Result<Located, QueryError> {
             self.note("locate", Ok(Located::default()))
         }
+
+        fn closest_points(
+            &self,
+            _: &[[f32; 3]],
+            _: &mut [SceneClosestPoint],
+            _: &SceneClosestPointOptions<'_>,
+        ) -> Result<QueryReport, QueryError> {
+            self.note("closest_points", Ok(QueryReport::default()))
+        }
     }
 
     /// A box hands every call on: a default in its place would pass over what a backend has of its own.
@@ -261,5 +296,8 @@ mod tests {
         assert_eq!(called(), "all_hits");
         let _ = SceneAccelerator::locate(&boxed, &[], &LocateOptions::default());
         assert_eq!(called(), "locate");
+        let options = SceneClosestPointOptions::default();
+        let _ = SceneAccelerator::closest_points(&boxed, &[], &mut [], &options);
+        assert_eq!(called(), "closest_points");
     }
 }

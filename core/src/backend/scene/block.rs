@@ -7,7 +7,10 @@ use super::filtered::Rejected;
 use crate::error::{QueryError, refused};
 use crate::query::traverse::Query;
 use crate::ray::{Hit, Ray};
-use crate::scene::{InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay, TopStack};
+use crate::scene::{
+    InstanceId, Placement, SceneHit, SceneOptions, SceneReport, TopRay, TopStack, TopWalk,
+    TopWalker,
+};
 use crate::watch::Watch;
 
 /// What a query of a scene answers for each ray.
@@ -86,16 +89,18 @@ impl Entry {
 }
 
 /// How an instance's geometry is asked.
-#[derive(Clone, Copy)]
-pub(super) struct Asked {
-    pub(super) culling: crate::ray::Culling,
-    pub(super) ignore: Option<u32>,
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// The side of triangles to ignore, as the object sees them.
+    pub culling: crate::ray::Culling,
+    /// A triangle to ignore.
+    pub ignore: Option<u32>,
 }
 
 impl Asked {
-    /// `None` where the instance does not answer.
+    /// How an instance is asked by a query; `None` where it does not answer.
     #[inline]
-    pub(super) fn of(
+    pub fn of(
         instance: InstanceId,
         placement: &Placement,
         options: &SceneOptions<'_>,
@@ -111,8 +116,8 @@ impl Asked {
 
 /// The ray as an instance sees it, up to the best hit so far. An exact distance that rounds to the best `t` may lie a little
 /// beyond it, so the limit is the float after it; and one below the least normal float may have become 0.
-#[inline]
-pub(super) fn seen_by(placement: &Placement, ray: &Ray, best: &SceneHit) -> Ray {
+#[inline(always)]
+pub fn seen_by(placement: &Placement, ray: &Ray, best: &SceneHit) -> Ray {
     let best = if best.t >= 0.0 { best.t.max(f32::MIN_POSITIVE) } else { best.t };
     placement.space.ray(&ray.with_limits(ray.t_min, ray.t_max.min(best.next_up())))
 }
@@ -164,6 +169,7 @@ impl Block<'_> {
     /// What `go_on` or a geometry's batch returns, or no memory.
     pub fn answer<T: SceneAnswer>(
         &self,
+        walker: &mut impl TopWalker,
         scratch: &mut BlockScratch,
         answers: &mut [T],
         go_on: &mut impl FnMut() -> Result<(), QueryError>,
@@ -171,7 +177,7 @@ impl Block<'_> {
         let mut report = SceneReport::default();
         self.begin(scratch, answers)?;
         loop {
-            self.advance(scratch, answers);
+            self.advance(walker, scratch, answers);
             if scratch.entries.is_empty() {
                 return Ok(report);
             }
@@ -221,25 +227,25 @@ impl Block<'_> {
     }
 
     /// Finds the next instance of each ray. Rays that have none are done.
-    fn advance<T: SceneAnswer>(&self, scratch: &mut BlockScratch, answers: &[T]) {
-        let BlockScratch { top_rays, stacks, tops, active, entries, .. } = scratch;
-        let (top, room) = (&self.scene.top, self.scene.top.stack());
+    fn advance<T: SceneAnswer>(
+        &self,
+        walker: &mut impl TopWalker,
+        scratch: &mut BlockScratch,
+        answers: &[T],
+    ) {
+        let BlockScratch { top_rays: rays, stacks, tops, active, entries, .. } = scratch;
         entries.clear();
-        active.retain(|&index| {
+        let walk = TopWalk { tree: &self.scene.top, rays, stacks, tops, active };
+        let t_max = |index: u32| {
             let at = index as usize;
-            let Some(ray) = &top_rays[at] else { return false };
-            let stack = &mut stacks[at * room..][..room];
-            let t_max = self.rays[at].t_max.min(answers[at].best().t);
-            while let Some(name) = top.next(ray, t_max, stack, &mut tops[at]) {
-                let instance = InstanceId(name);
-                if let Some(placement) = self.scene.placement(instance)
-                    && let Some(asked) = Asked::of(instance, placement, self.options)
-                {
-                    entries.push(Entry::new(instance, placement, &asked, index));
-                    return true;
-                }
-            }
-            false
+            self.rays[at].t_max.min(answers[at].best().t)
+        };
+        walker.advance(walk, t_max, |index, name| {
+            let instance = InstanceId(name);
+            let Some(placement) = self.scene.placement(instance) else { return false };
+            let Some(asked) = Asked::of(instance, placement, self.options) else { return false };
+            entries.push(Entry::new(instance, placement, &asked, index));
+            true
         });
     }
 

@@ -10,11 +10,13 @@ use crate::error::BuildError;
 use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
 use crate::query::traverse::Triangles;
-use crate::scene::{Edits, GeometryId, GeometryMesh, InstanceId, Placement, TopTree};
-use crate::tree::digest::{Digest, Xxh64};
+use crate::scene::{
+    Edits, GeometryId, GeometryMesh, InstanceId, Outline, Placement, SceneDigest, TopTree,
+};
+use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
 
-/// Builds a geometry: what a backend does with one mesh.
+/// Builds a geometry: what a backend does with one mesh. A build or an update asks for geometries in the order of their names.
 pub type BuildGeometry<'a> =
     dyn FnMut(&Mesh<'_>, &BuildOptions<'_>) -> Result<Box<dyn Accelerator>, BuildError> + 'a;
 
@@ -24,6 +26,8 @@ pub struct BuiltGeometry {
     pub(super) accelerator: Box<dyn Accelerator>,
     pub(super) scale: SceneScale,
     pub(super) digest: Digest,
+    /// Where its triangles are, for the boxes of its instances.
+    pub(super) outline: Option<Outline>,
 }
 
 impl BuiltGeometry {
@@ -38,7 +42,8 @@ impl BuiltGeometry {
         }
         let tree = accelerator.tree();
         let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
-        BuiltGeometry { mesh, accelerator, scale, digest }
+        let outline = Outline::of(&tree.view());
+        BuiltGeometry { mesh, accelerator, scale, digest, outline }
     }
 
     /// What answers its rays, in its own space.
@@ -54,6 +59,11 @@ impl BuiltGeometry {
     /// The box of its triangles, in its own space.
     pub fn bounds(&self) -> Aabb {
         self.accelerator.tree().bounds
+    }
+
+    /// Where its triangles are within that box; `None` for a geometry without triangles.
+    pub fn outline(&self) -> Option<&Outline> {
+        self.outline.as_ref()
     }
 
     /// Bytes of the tree and of what queries read.
@@ -122,21 +132,14 @@ impl BuiltScene {
     /// Names the scene: its geometries' trees, and all instances with their transforms and inverses, masks, numbers and
     /// culling. The tree over the instances is not part of it, since no hit depends on that.
     pub fn digest(&self) -> Digest {
-        let mut hash = Xxh64::new(SCENE_DIGEST_VERSION);
+        let mut hash = SceneDigest::new();
         for (name, geometry) in self.geometries() {
-            let Digest(digest) = geometry.digest;
-            hash.write_words(&[name.0, digest as u32, (digest >> 32) as u32]);
+            hash.geometry(name, geometry.digest);
         }
         for (name, placement) in self.placements() {
-            let instance = &placement.instance;
-            let words = [name.0, instance.geometry.0, instance.mask, instance.id];
-            hash.write_words(&words);
-            hash.write_words(&[instance.culling as u32]);
-            for rows in [&instance.transform, &placement.space.inverse] {
-                rows.iter().for_each(|row| hash.write_words(&row.map(f32::to_bits)));
-            }
+            hash.instance(name, &placement.instance, &placement.space.inverse);
         }
-        Digest(hash.finish())
+        hash.finish()
     }
 
     /// Bytes that are held: geometries, placements, and the tree over them.
@@ -151,6 +154,3 @@ impl BuiltScene {
         self.top.bytes() + placements as u64
     }
 }
-
-/// Begins every digest of a scene.
-const SCENE_DIGEST_VERSION: u64 = 1;

@@ -9,7 +9,7 @@ use crate::backend::BuildOptions;
 use crate::cancel::go_on_tracing;
 use crate::error::QueryError;
 use crate::ray::Ray;
-use crate::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
+use crate::scene::{ScalarWalker, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport};
 use crate::watch::Watch;
 
 /// Rays of a block at most: devices want many at a time.
@@ -55,7 +55,7 @@ impl HostScene {
             };
             let block = Block { scene: &self.built, rays, options, watch, singly_below: 0 };
             let mut go_on = || go_on_tracing(options.watch, done, total);
-            let part = block.answer(&mut scratch, answers, &mut go_on);
+            let part = block.answer(&mut ScalarWalker, &mut scratch, answers, &mut go_on);
             report.add(part.map_err(|error| match error {
                 QueryError::Cancelled { .. } => QueryError::Cancelled { done, total },
                 error => error,

@@ -9,6 +9,7 @@ mod accelerator;
 mod all_hits;
 mod block;
 mod built;
+mod closest_point;
 mod filtered;
 mod host;
 mod locate;
@@ -18,7 +19,8 @@ mod within;
 
 pub use accelerator::SceneAccelerator;
 pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
-pub use block::{Block, BlockScratch, SceneAnswer};
+pub use block::{Asked, Block, BlockScratch, SceneAnswer, seen_by};
 pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
+pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_world};
 pub use host::HostScene;
 pub use update::{TopUpdate, UpdateReport};

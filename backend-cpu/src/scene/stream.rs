@@ -1,0 +1,331 @@
+//! Batches of rays through scenes: several rays at a time, each in an instance of its own, which take their steps in turn.
+//!
+//! As [`trace::stream`](crate::trace::stream), whose steps these are, but a ray whose way through an instance has ended goes on to the
+//! next instance that it enters, until none is left that could precede its best hit. So a ray's stack of instances stays where it is near, and
+//! nothing is sorted.
+
+use std::collections::TryReserveError;
+
+use splitplane_core::backend::QueryLayout;
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
+use splitplane_core::query::traverse::Query;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, TopRay, TopStack};
+
+use super::parts::Geometries;
+use super::top_walk::{VectorRay, next};
+use crate::layout::tree_layout::TreeLayout;
+use crate::layout::wide_node::{CacheLine, DONE, leaf_bit};
+use crate::memory::lengthen;
+use crate::simd::{Compiled, Simd};
+use crate::trace::block_test::BestHit;
+use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
+use crate::trace::prepare_one::Readiness;
+use crate::trace::ray_state::RayState;
+use crate::trace::single::Single;
+use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
+
+/// Rays under way.
+const FLIGHT: usize = 16;
+
+/// Rays through a scene on one thread. Geometries must be made for the set.
+pub(super) struct SceneStream<'a, T> {
+    pub(super) scene: &'a BuiltScene,
+    pub(super) geometries: &'a Geometries<'a>,
+    pub(super) rays: &'a [Ray],
+    pub(super) answers: &'a mut [T],
+    pub(super) options: &'a SceneOptions<'a>,
+}
+
+/// Layouts whose leaves are found in one way.
+trait Found<'a>: Leaves {
+    /// The leaves of a layout of this kind.
+    fn of(layout: &'a TreeLayout) -> Option<Self>;
+}
+
+impl<'a> Found<'a> for PackedLeaves<'a> {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn of(layout: &'a TreeLayout) -> Option<PackedLeaves<'a>> {
+        Some(PackedLeaves::new(layout))
+    }
+}
+
+impl<'a> Found<'a> for IndexedLeaves<'a> {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn of(layout: &'a TreeLayout) -> Option<IndexedLeaves<'a>> {
+        IndexedLeaves::of(layout)
+    }
+}
+
+impl<T: SceneAnswer> Compiled for SceneStream<'_, T> {
+    /// How many instances were entered; an error where there is no memory for the rays under way.
+    type Output = Result<u64, TryReserveError>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Result<u64, TryReserveError> {
+        // SAFETY: the caller's contract.
+        unsafe {
+            match self.geometries.layout {
+                QueryLayout::Compact => S::call(Flying::<T, IndexedLeaves<'_>>::new(self)),
+                _ => S::call(Flying::<T, PackedLeaves<'_>>::new(self)),
+            }
+        }
+    }
+}
+
+/// A ray in an instance.
+struct Lane<'a, T, L> {
+    ray_state: RayState,
+    /// Its current child, and the last entry of its stack.
+    child: u32,
+    top: usize,
+    best: BestHit,
+    lines: *const CacheLine,
+    /// `None` before the first instance.
+    within: Option<Within<'a, L>>,
+    instance: InstanceId,
+    geometry: GeometryId,
+    /// Its place in the batch; [`RayState::NO_RAY`] for none.
+    index: u32,
+    top_ray: VectorRay,
+    /// Entries of its stack of instances.
+    tops: usize,
+    answer: T,
+}
+
+/// What tests of triangles read in an instance.
+struct Within<'a, L> {
+    leaves: L,
+    options: QueryOptions<'a>,
+}
+
+/// The rays under way.
+struct Flying<'a, T, L> {
+    stream: SceneStream<'a, T>,
+    leaves: core::marker::PhantomData<L>,
+}
+
+impl<'a, T, L> Flying<'a, T, L> {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn new(stream: SceneStream<'a, T>) -> Flying<'a, T, L> {
+        Flying { stream, leaves: core::marker::PhantomData }
+    }
+}
+
+/// The lanes by what their rays wait for: see [`trace::stream`](crate::trace::stream).
+struct Queues(u64);
+
+#[derive(Clone, Copy)]
+enum Turn {
+    Node,
+    Block,
+    /// Another instance, or another ray.
+    Enter,
+}
+
+impl Queues {
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn put(&mut self, lane: usize, child: u32) {
+        let queue = leaf_bit(child) + usize::from(child == DONE);
+        self.0 |= 1 << (16 * queue + lane);
+    }
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn take(&mut self, turn: Turn) -> u64 {
+        let shift = 16 * turn as u32;
+        let lanes = self.0 >> shift & 0xffff;
+        self.0 ^= lanes << shift;
+        lanes
+    }
+}
+
+impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
+    type Output = Result<u64, TryReserveError>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Result<u64, TryReserveError> {
+        let SceneStream { scene, geometries, rays, answers, options } = self.stream;
+        let (room, top_room) = (geometries.stack, scene.top_tree().stack());
+        let (mut children, mut t) = (Vec::new(), Vec::new());
+        lengthen(&mut children, room * FLIGHT, DONE)?;
+        lengthen(&mut t, room * FLIGHT, 0.0)?;
+        let mut top_stacks: Vec<TopStack> = Vec::new();
+        lengthen(&mut top_stacks, top_room * FLIGHT, (0.0, 0))?;
+        let mut lanes: Vec<Lane<'a, T, L>> = Vec::new();
+        lanes.try_reserve_exact(FLIGHT)?;
+        lanes.extend((0..FLIGHT).map(|_| Lane {
+            ray_state: RayState::none(),
+            child: DONE,
+            top: 0,
+            best: BestHit::NONE,
+            lines: core::ptr::null(),
+            within: None,
+            instance: InstanceId(0),
+            geometry: GeometryId(0),
+            index: RayState::NO_RAY,
+            top_ray: VectorRay::NONE,
+            tops: 0,
+            answer: T::NONE,
+        }));
+        let lanes = &mut lanes[..FLIGHT];
+        let (children, t) = (children.as_mut_ptr(), t.as_mut_ptr());
+        macro_rules! stack {
+            ($lane:expr) => {
+                // SAFETY: lanes are below FLIGHT.
+                unsafe {
+                    TraversalStack { children: children.add($lane * room), t: t.add($lane * room) }
+                }
+            };
+        }
+        let nodes = scene.top_tree().nodes();
+        let (mut following, mut entered) = (0usize, 0u64);
+        let mut leaf_room = L::room();
+        let mut queues = Queues(0xffff << (16 * Turn::Enter as u32));
+        loop {
+            let mut waiting = queues.take(Turn::Enter);
+            while waiting != 0 {
+                let number = waiting.trailing_zeros() as usize;
+                waiting &= waiting - 1;
+                // SAFETY: lanes are below FLIGHT.
+                let lane = unsafe { lanes.get_unchecked_mut(number) };
+                let top_stack = &mut top_stacks[number * top_room..][..top_room];
+                // Without a ray there is nothing to be answered.
+                let mut is_done = lane.index == RayState::NO_RAY || lane.take(lane.best.hit);
+                loop {
+                    if is_done {
+                        if lane.index != RayState::NO_RAY {
+                            answers[lane.index as usize] = lane.answer;
+                            lane.index = RayState::NO_RAY;
+                        }
+                        let Some(ray) = rays.get(following) else { break };
+                        following += 1;
+                        let Some(top_ray) = TopRay::new(ray) else {
+                            answers[following - 1] = T::NONE;
+                            continue;
+                        };
+                        lane.index = following as u32 - 1;
+                        (lane.top_ray, lane.answer) = (VectorRay::new(&top_ray), T::NONE);
+                        lane.tops = scene.top_tree().begin(top_stack);
+                    }
+                    let ray = &rays[lane.index as usize];
+                    let best = lane.answer.best();
+                    let stop = TopRay::stop_after(ray.t_max.min(best.t));
+                    let top_stack = top_stack.as_mut_ptr();
+                    // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
+                    let found = unsafe {
+                        next::<S::Eight>(nodes, &lane.top_ray, stop, top_stack, &mut lane.tops)
+                    };
+                    let Some(name) = found else {
+                        is_done = true;
+                        continue;
+                    };
+                    is_done = false;
+                    let instance = InstanceId(name);
+                    let Some(placement) = scene.placement(instance) else { continue };
+                    let Some(asked) = Asked::of(instance, placement, options) else { continue };
+                    let geometry = placement.instance.geometry;
+                    let Some(accelerator) = geometries.get(geometry) else { continue };
+                    let (layout, scale) = accelerator.parts();
+                    let Some(leaves) = L::of(layout) else { continue };
+                    if layout.wide.lines().is_empty() {
+                        continue;
+                    }
+                    entered += 1;
+                    let seen = seen_by(placement, ray, &best);
+                    let query = options.of_geometry(asked.culling, asked.ignore, None);
+                    (lane.instance, lane.geometry) = (instance, geometry);
+                    match lane.ray_state.prepare(&seen, scale, T::QUERY) {
+                        Readiness::Misses => {}
+                        Readiness::Special => {
+                            let single = Single {
+                                layout,
+                                scene: scale,
+                                ray: &seen,
+                                options: &query,
+                                query: T::QUERY,
+                            };
+                            // SAFETY: the caller's contract.
+                            is_done = lane.take(unsafe { S::call(single) });
+                        }
+                        Readiness::Ready => {
+                            lane.best = BestHit::NONE;
+                            lane.lines = layout.wide.lines().as_ptr();
+                            lane.within = Some(Within { leaves, options: query });
+                            (lane.child, lane.top) = (0, 0);
+                            let mut stack = stack!(number);
+                            // SAFETY: stacks have the space.
+                            unsafe { stack.begin() };
+                            queues.put(number, 0);
+                            break;
+                        }
+                    }
+                }
+            }
+            if queues.0 == 0 {
+                return Ok(entered);
+            }
+            let mut waiting = queues.take(Turn::Node);
+            while waiting != 0 {
+                let number = waiting.trailing_zeros() as usize;
+                waiting &= waiting - 1;
+                // SAFETY: lanes are below FLIGHT.
+                let lane = unsafe { lanes.get_unchecked_mut(number) };
+                let Some(within) = &lane.within else { continue };
+                let mut stack = stack!(number);
+                // SAFETY: the caller's contract; the child is a node; stacks have the space.
+                let (child, top) = unsafe {
+                    step::<S>(&lane.ray_state, lane.lines, lane.child, &mut stack, lane.top)
+                };
+                (lane.child, lane.top) = (child, top);
+                ask_for::<S, L>(lane.lines, within.leaves, child);
+                queues.put(number, child);
+            }
+            let mut waiting = queues.take(Turn::Block);
+            while waiting != 0 {
+                let number = waiting.trailing_zeros() as usize;
+                waiting &= waiting - 1;
+                // SAFETY: lanes are below FLIGHT.
+                let lane = unsafe { lanes.get_unchecked_mut(number) };
+                let mut stack = stack!(number);
+                let Lane { ray_state, best, child, within: Some(within), .. } = lane else {
+                    continue;
+                };
+                let test = &TestContext {
+                    leaves: within.leaves,
+                    options: &within.options,
+                    query: T::QUERY,
+                };
+                let leaves = within.leaves;
+                let room = &mut leaf_room;
+                let tested = &mut RayTest { test, room, ray_state, best, exact: None };
+                // SAFETY: the caller's contract; children name nodes or leaves; wide rays are not
+                // ready.
+                let better = unsafe { TestLeaf(*child, tested).run::<S>() };
+                if better {
+                    if T::QUERY == Query::Any {
+                        queues.put(number, DONE);
+                        continue;
+                    }
+                    let stop = lane.best.stop.min(lane.ray_state.stop);
+                    lane.ray_state.stop = stop;
+                    // SAFETY: the caller's contract; stacks have the space.
+                    lane.top = unsafe { stack.cull::<S>(lane.top, stop) };
+                }
+                // SAFETY: entries that were written.
+                let child = unsafe { *stack.children.add(lane.top) };
+                (lane.child, lane.top) = (child, lane.top.wrapping_sub(1));
+                ask_for::<S, L>(lane.lines, leaves, child);
+                queues.put(number, child);
+            }
+        }
+    }
+}
+
+impl<T: SceneAnswer, L> Lane<'_, T, L> {
+    /// Takes a hit in the instance that the ray is in. True when the ray is done.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn take(&mut self, hit: Hit) -> bool {
+        let found = SceneHit::of(&hit, self.geometry, self.instance);
+        found.is_hit() && found.precedes(&self.answer.best()) && self.answer.take(found)
+    }
+}

@@ -1,0 +1,333 @@
+//! The scene file: a built scene as bytes, with its meshes, trees and instances, that can be read from untrusted sources.
+//!
+//! Little-endian throughout; all parts begin at multiples of four. A head of 64 bytes:
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 0..8 | magic `"splitsc\n"`: a text-mode transfer would alter it |
+//! | 8..12 | version of the format, [`VERSION`] |
+//! | 12..16 | size of the head, 64 |
+//! | 16..20 | number of names of geometries |
+//! | 20..24 | number of names of instances |
+//! | 24..32 | digest of the scene: [`BuiltScene::digest`](crate::backend::scene::BuiltScene::digest) |
+//! | 32..40 | bytes of the file |
+//! | 40..56 | zero |
+//! | 56..64 | XXH64 of all other bytes of the file, with seed [`VERSION`] |
+//!
+//! Then a record of 32 bytes for each name of a geometry: its kind (0 none, 1 a mesh without indices, 2 one with
+//! indices), zero, and as 64-bit numbers the positions, the triangles with indices, and the bytes of its tree. Then one
+//! of 64 bytes for each name of an instance: geometry, mask, number, culling (0 none, 1 back, 2 front) and
+//! transform; where there is none, the geometry is `u32::MAX` and all else is zero. Then for each geometry its positions (12 bytes each),
+//! indices (12 bytes for a triangle), and its tree as a [tree file](crate::tree::file).
+//!
+//! The tree over the instances is not kept: hits do not depend on it, and it is soon made.
+
+mod error;
+mod write;
+
+use bytemuck::try_cast_slice;
+
+pub use error::{GeometryFault, SceneFileError};
+pub use write::write;
+
+use super::description::{Instance, Scene, check};
+use super::digest::SceneDigest;
+use super::error::SceneError;
+use super::hit::{GeometryId, InstanceId, MAX_INSTANCES};
+use super::transform::{ObjectSpace, Transform};
+use crate::mesh::Mesh;
+use crate::ray::Culling;
+use crate::tree::digest::{Digest, Xxh64};
+use crate::tree::file::{TreeFile, mesh_digest};
+
+/// The first eight bytes.
+pub const MAGIC: [u8; 8] = *b"splitsc\n";
+/// Version of the format that this library writes and reads.
+pub const VERSION: u32 = 1;
+const HEAD: usize = 64;
+const CHECKSUM: usize = 56;
+/// Bytes of the record of a geometry.
+const GEOMETRY: usize = 32;
+/// Bytes of the record of an instance.
+const INSTANCE: usize = 64;
+/// Kinds of geometries.
+const NONE: u32 = 0;
+const SOUP: u32 = 1;
+const INDEXED: u32 = 2;
+
+/// A scene file, read in place. Everything in it has been checked, except whether each tree names what of its mesh it has to:
+/// [`Backend::load_scene`](crate::backend::Backend::load_scene) does that.
+#[derive(Clone, Copy, Debug)]
+pub struct SceneFile<'a> {
+    bytes: &'a [u8],
+}
+
+/// A geometry in a scene file.
+#[derive(Clone, Copy, Debug)]
+pub struct GeometryInFile<'a> {
+    /// Its mesh.
+    pub mesh: Mesh<'a>,
+    /// The tree over it.
+    pub tree: TreeFile<'a>,
+}
+
+/// Where the parts of a geometry are.
+#[derive(Clone, Copy)]
+struct Extent {
+    kind: u32,
+    positions: u64,
+    triangles: u64,
+    tree: u64,
+}
+
+impl Extent {
+    /// Bytes of all parts; `None` where no file could have so many.
+    fn bytes(&self) -> Option<u64> {
+        let positions = self.positions.checked_mul(12)?;
+        let indices = self.triangles.checked_mul(12)?;
+        positions.checked_add(indices)?.checked_add(self.tree)
+    }
+}
+
+impl<'a> SceneFile<'a> {
+    /// Reads a file. Nothing is copied and nothing is trusted: lengths, checksum, all meshes, trees and instances, and
+    /// the digests are checked.
+    ///
+    /// # Errors
+    /// The first thing wrong.
+    pub fn parse(bytes: &'a [u8]) -> Result<SceneFile<'a>, SceneFileError> {
+        if cfg!(target_endian = "big") {
+            return Err(SceneFileError::Endianness);
+        }
+        if bytes.len() < MAGIC.len() || bytes[..8] != MAGIC {
+            return Err(SceneFileError::Magic);
+        }
+        let file = SceneFile { bytes };
+        let found = bytes.len() as u64;
+        if bytes.len() < HEAD {
+            return Err(SceneFileError::Length { found, expected: HEAD as u64 });
+        }
+        if file.word(8) != VERSION {
+            return Err(SceneFileError::Version { found: file.word(8) });
+        }
+        let expected = file.long(32);
+        if found != expected || file.word(12) as usize != HEAD {
+            return Err(SceneFileError::Length { found, expected });
+        }
+        if bytes.as_ptr().align_offset(4) != 0 {
+            return Err(SceneFileError::Alignment);
+        }
+        if checksum(bytes) != file.long(CHECKSUM) {
+            return Err(SceneFileError::Checksum);
+        }
+        // From here on only a forger is at work, or a program that writes such files and has a fault.
+        if file.geometry_names().max(file.instance_names()) > MAX_INSTANCES {
+            return Err(SceneFileError::Records);
+        }
+        let geometries = GEOMETRY as u64 * file.geometry_names() as u64;
+        let records = HEAD as u64 + geometries + INSTANCE as u64 * file.instance_names() as u64;
+        if records > found || bytes[40..CHECKSUM].iter().any(|&byte| byte != 0) {
+            return Err(SceneFileError::Records);
+        }
+        let mut end = records;
+        for name in 0..file.geometry_names() {
+            let own = file.extent(name).bytes().and_then(|own| end.checked_add(own));
+            end = own.filter(|&end| end <= found).ok_or(SceneFileError::Records)?;
+        }
+        if end != found {
+            return Err(SceneFileError::Records);
+        }
+        file.check_content()?;
+        Ok(file)
+    }
+
+    /// Checks every geometry and every instance, and the digest.
+    fn check_content(&self) -> Result<(), SceneFileError> {
+        let mut digest = SceneDigest::new();
+        let mut at = self.instances_end();
+        for name in 0..self.geometry_names() as u32 {
+            let geometry = self.read_geometry(name, &mut at);
+            let wrong = |fault| SceneFileError::Geometry { geometry: name, fault };
+            if let Some(geometry) = geometry.map_err(wrong)? {
+                digest.geometry(GeometryId(name), geometry.tree.tree.digest());
+            }
+        }
+        for name in 0..self.instance_names() as u32 {
+            let Some(instance) = self.read_instance(name)? else { continue };
+            let kind = match instance.geometry.0 as usize {
+                geometry if geometry < self.geometry_names() => self.extent(geometry).kind,
+                _ => NONE,
+            };
+            if kind == NONE {
+                let geometry = instance.geometry.0;
+                return Err(SceneFileError::UnknownGeometry { instance: name, geometry });
+            }
+            check(name, &instance.transform).map_err(SceneFileError::Transform)?;
+            let space = ObjectSpace::new(&instance.transform)
+                .ok_or(SceneFileError::Instance { instance: name })?;
+            digest.instance(InstanceId(name), &instance, &space.inverse);
+        }
+        if digest.finish() == self.digest() { Ok(()) } else { Err(SceneFileError::Digest) }
+    }
+
+    /// The digest of the scene.
+    pub fn digest(&self) -> Digest {
+        Digest(self.long(24))
+    }
+
+    /// One more than the greatest name of a geometry.
+    pub fn geometry_names(&self) -> usize {
+        self.word(16) as usize
+    }
+
+    /// One more than the greatest name of an instance.
+    pub fn instance_names(&self) -> usize {
+        self.word(20) as usize
+    }
+
+    /// All geometries, by their names; `None` where there is none.
+    fn geometry_places(&self) -> impl ExactSizeIterator<Item = Option<GeometryInFile<'a>>> {
+        let (file, mut at) = (*self, self.instances_end());
+        // Checked when the file was parsed.
+        (0..self.geometry_names() as u32).map(move |name| file.read_geometry(name, &mut at).ok()?)
+    }
+
+    /// All geometries, in the order of their names. Each one's tree is checked again.
+    pub fn geometries(&self) -> impl Iterator<Item = (GeometryId, GeometryInFile<'a>)> {
+        let named = self.geometry_places().enumerate();
+        named.filter_map(|(name, at)| Some((GeometryId(name as u32), at?)))
+    }
+
+    /// All instances, in the order of their names.
+    pub fn instances(&self) -> impl Iterator<Item = (InstanceId, Instance)> {
+        let named = self.instance_places().enumerate();
+        named.filter_map(|(name, at)| Some((InstanceId(name as u32), at?)))
+    }
+
+    fn instance_places(&self) -> impl ExactSizeIterator<Item = Option<Instance>> {
+        let file = *self;
+        (0..self.instance_names() as u32).map(move |name| file.read_instance(name).ok()?)
+    }
+
+    /// The description of the scene, which can then be edited. It has copies of the meshes. Names are what they were; of
+    /// those that are free the least is given first.
+    ///
+    /// # Errors
+    /// No memory.
+    pub fn to_scene(&self) -> Result<Scene, SceneError> {
+        let meshes = self.mesh_places();
+        Scene::of_checked(meshes, self.instance_places())
+    }
+
+    /// All meshes, by the names of geometries.
+    fn mesh_places(&self) -> impl ExactSizeIterator<Item = Option<Mesh<'a>>> {
+        let (file, mut at) = (*self, self.instances_end());
+        (0..self.geometry_names()).map(move |name| {
+            let extent = file.extent(name);
+            let mesh = file.read_mesh(&extent, at).ok();
+            at += extent.bytes()? as usize;
+            mesh.filter(|_| extent.kind != NONE)
+        })
+    }
+
+    /// A geometry whose parts begin at `at`, which then is where the next one's begin. All parts are within the file.
+    fn read_geometry(
+        &self,
+        name: u32,
+        at: &mut usize,
+    ) -> Result<Option<GeometryInFile<'a>>, GeometryFault> {
+        let extent = self.extent(name as usize);
+        if extent.kind == NONE {
+            return match self.bytes[self.record(name as usize)..][..GEOMETRY] {
+                [0, 0, 0, 0, ref rest @ ..] if rest.iter().all(|&byte| byte == 0) => Ok(None),
+                _ => Err(GeometryFault::Record),
+            };
+        }
+        let begin = *at;
+        *at += extent.bytes().ok_or(GeometryFault::Record)? as usize;
+        let mesh = self.read_mesh(&extent, begin)?;
+        let tree = TreeFile::parse(&self.bytes[*at - extent.tree as usize..*at])?;
+        if tree.mesh != mesh_digest(&mesh) {
+            return Err(GeometryFault::OtherMesh);
+        }
+        Ok(Some(GeometryInFile { mesh, tree }))
+    }
+
+    fn read_mesh(&self, extent: &Extent, begin: usize) -> Result<Mesh<'a>, GeometryFault> {
+        let between = begin + 12 * extent.positions as usize;
+        let end = between + 12 * extent.triangles as usize;
+        let positions = &self.bytes[begin..between];
+        Ok(match (extent.kind, extent.triangles) {
+            (SOUP, 0) => Mesh::soup(cast(positions)?)?,
+            (INDEXED, _) => Mesh::indexed(cast(positions)?, cast(&self.bytes[between..end])?)?,
+            _ => return Err(GeometryFault::Record),
+        })
+    }
+
+    /// An instance; `None` where there is none of this name.
+    fn read_instance(&self, name: u32) -> Result<Option<Instance>, SceneFileError> {
+        let at = self.geometries_end() + INSTANCE * name as usize;
+        let word = |place: usize| self.word(at + 4 * place);
+        let wrong = SceneFileError::Instance { instance: name };
+        if word(0) == u32::MAX {
+            return if (1..16).all(|place| word(place) == 0) { Ok(None) } else { Err(wrong) };
+        }
+        let culling = match word(3) {
+            0 => Culling::None,
+            1 => Culling::Back,
+            2 => Culling::Front,
+            _ => return Err(wrong),
+        };
+        let number = |place: usize| f32::from_bits(word(4 + place));
+        let transform: Transform =
+            core::array::from_fn(|row| core::array::from_fn(|column| number(4 * row + column)));
+        let [geometry, mask, id] = [word(0), word(1), word(2)];
+        Ok(Some(Instance { geometry: GeometryId(geometry), transform, mask, id, culling }))
+    }
+
+    fn extent(&self, geometry: usize) -> Extent {
+        let at = self.record(geometry);
+        Extent {
+            // Two words of which the second is 0: any other is no kind.
+            kind: u32::try_from(self.long(at)).unwrap_or(u32::MAX),
+            positions: self.long(at + 8),
+            triangles: self.long(at + 16),
+            tree: self.long(at + 24),
+        }
+    }
+
+    const fn record(&self, geometry: usize) -> usize {
+        HEAD + GEOMETRY * geometry
+    }
+
+    fn geometries_end(&self) -> usize {
+        self.record(self.geometry_names())
+    }
+
+    fn instances_end(&self) -> usize {
+        self.geometries_end() + INSTANCE * self.instance_names()
+    }
+
+    fn word(&self, at: usize) -> u32 {
+        let mut word = [0; 4];
+        word.copy_from_slice(&self.bytes[at..at + 4]);
+        u32::from_le_bytes(word)
+    }
+
+    fn long(&self, at: usize) -> u64 {
+        u64::from(self.word(at)) | u64::from(self.word(at + 4)) << 32
+    }
+}
+
+/// Bytes as numbers.
+fn cast<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> Result<&[T], GeometryFault> {
+    try_cast_slice(bytes).map_err(|_| GeometryFault::Record)
+}
+
+/// XXH64 of all bytes except those that hold it.
+fn checksum(bytes: &[u8]) -> u64 {
+    let mut state = Xxh64::new(u64::from(VERSION));
+    state.write(&bytes[..CHECKSUM]);
+    state.write(&bytes[HEAD..]);
+    state.finish()
+}
