@@ -26,7 +26,7 @@ const SLOTS: u32 = 256u;
 // Then: right children to come, two each: cell, mask.
 var<workgroup> scratch: array<vec4<u32>, 192>;
 // The triangles of each lane's two references.
-var<workgroup> triangles: array<vec2<u32>, 32>;
+var<workgroup> own_triangles: array<vec2<u32>, 32>;
 // First: a hash table of the faces within the root's cell: one more than the name of a face, the greatest of those that
 // meet. A face is named by 128 axis + 32 (2 high + second half) + lane.
 // Then, of right children to come: depth, index of the parent and axis.
@@ -51,7 +51,7 @@ var<workgroup> best_cost: atomic<u32>;
 var<workgroup> best_place: atomic<u32>;
 var<workgroup> best_plane: atomic<u32>;
 
-const NONE: u32 = 0xffffffffu;
+const NOTHING: u32 = 0xffffffffu;
 // What `state` may be: no node is left; a leaf; a node that may be split.
 const DONE: u32 = 0u;
 const LEAF: u32 = 1u;
@@ -62,7 +62,7 @@ struct Pending {
     cell: Aabb,
     mask: vec2<u32>,
     depth: u32,
-    // The interior node whose right child this is, and its axis below; NONE for a left child.
+    // The interior node whose right child this is, and its axis below; NOTHING for a left child.
     parent: u32,
 }
 
@@ -262,7 +262,7 @@ fn put_faces(root: SmallRoot, half: u32, lane: u32) {
             on_axis(second.hi, axis),
         ));
     }
-    triangles[lane] = vec2<u32>(first.triangle, second.triangle);
+    own_triangles[lane] = vec2<u32>(first.triangle, second.triangle);
 }
 
 // The planes of a root and their masks. All invocations must call it.
@@ -316,8 +316,8 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
     let inverse = 65535u / parameters.block_width + 1u;
     let all = vec2<u32>(half, root.count - half);
     // Of 32 bits a shift would leave all.
-    let ones = select((vec2<u32>(1u) << all) - vec2<u32>(1u), vec2<u32>(NONE), all == vec2<u32>(32u));
-    var node = Pending(Aabb(root.lo, root.hi), ones, root.depth, NONE);
+    let ones = select((vec2<u32>(1u) << all) - vec2<u32>(1u), vec2<u32>(NOTHING), all == vec2<u32>(32u));
+    var node = Pending(Aabb(root.lo, root.hi), ones, root.depth, NOTHING);
     // Every invocation keeps the same account.
     var running = true;
     var stack_top = 0u;
@@ -345,28 +345,28 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         }
         if lane == 0u {
             state = select(DONE, select(LEAF, OPEN, leaf_cost > 0u), running);
-            atomicStore(&best_cost, NONE);
+            atomicStore(&best_cost, NOTHING);
         }
         let now = workgroupUniformLoad(&state);
         if now == DONE {
             break;
         }
-        var chosen = NONE;
+        var chosen = NOTHING;
         if now == OPEN {
             if lane == 0u {
                 // Nobody reads the last node's any more.
-                atomicStore(&best_place, NONE);
-                atomicStore(&best_plane, NONE);
+                atomicStore(&best_place, NOTHING);
+                atomicStore(&best_plane, NOTHING);
             }
             // Only what costs less than a leaf counts.
-            let none = Candidate(leaf_cost - 1u, NONE, NONE);
+            let none = Candidate(leaf_cost - 1u, NOTHING, NOTHING);
             var best = none;
             let planes_end = atomicLoad(&plane_count);
             for (var index = lane; index < planes_end; index += SMALL_LANES) {
                 best = consider(best, index, node.mask, scale, base, inverse);
             }
             // Part by part: minima of integers do not depend on order.
-            let found = best.plane != NONE;
+            let found = best.plane != NOTHING;
             if found {
                 atomicMin(&best_cost, best.cost);
             }
@@ -384,20 +384,20 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         }
         let index = emitted.x;
         if lane == 0u {
-            if node.parent != NONE {
+            if node.parent != NOTHING {
                 put_right((node.parent >> 2u) & 511u, node.parent & 3u, index);
             }
         }
         var left = vec2<u32>();
         var right = vec2<u32>();
-        if chosen != NONE {
+        if chosen != NOTHING {
             let sides = plane_sides[chosen & 511u];
             left = sides.xy & node.mask;
             right = sides.zw & node.mask;
         }
         let after = allocated.y + count_mask(left) + count_mask(right) - count;
         emitted.x += 1u;
-        if chosen != NONE && allocated.x + 2u <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES {
+        if chosen != NOTHING && allocated.x + 2u <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES {
             allocated = vec2<u32>(allocated.x + 2u, after);
             let axis = name_of(chosen & 511u) >> 7u;
             let position = bitcast<f32>(positions[chosen & 511u]);
@@ -408,17 +408,17 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
             let right_cell = Aabb(with_axis(node.cell.lo, axis, position), node.cell.hi);
             push(stack_top, right_cell, right, (depth << 11u) | (index << 2u) | axis, lane);
             stack_top += 1u;
-            node = Pending(Aabb(node.cell.lo, with_axis(node.cell.hi, axis, position)), left, depth, NONE);
+            node = Pending(Aabb(node.cell.lo, with_axis(node.cell.hi, axis, position)), left, depth, NOTHING);
         } else {
             let place = lane % 32u;
             let below = (1u << place) - 1u;
             let first = emitted.y + countOneBits(node.mask.x & below);
             let second = emitted.y + countOneBits(node.mask.x) + countOneBits(node.mask.y & below);
             if lane < 32u && ((node.mask.x >> place) & 1u) == 1u {
-                put_reference(first, triangles[place].x);
+                put_reference(first, own_triangles[place].x);
             }
             if lane >= SMALL_LANES - 32u && ((node.mask.y >> place) & 1u) == 1u {
-                put_reference(second, triangles[place].y);
+                put_reference(second, own_triangles[place].y);
             }
             if lane == 0u {
                 put_node(index, vec2<u32>(emitted.y, (count << 2u) | 3u));
@@ -434,7 +434,7 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
     // A driver may end the loop early (see split_median.wgsl). The zero keeps a compiler from concluding
     // that it does not.
     if (select(0u, 1u, running) ^ opaque_zero) != 0u {
-        return vec2<u32>(NONE);
+        return vec2<u32>(NOTHING);
     }
     return emitted;
 }
