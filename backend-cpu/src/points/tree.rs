@@ -117,7 +117,7 @@ impl<const N: usize> CpuPointTree<N> {
         options: &NearestOptions<'_>,
     ) -> Result<(), QueryError> {
         let k = options.k;
-        let places = queries.len().checked_mul(k).unwrap_or(usize::MAX);
+        let places = queries.len().saturating_mul(k);
         check_lengths(places, found.len())?;
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, queries.len() as u64);
