@@ -18,6 +18,7 @@ mod environment;
 mod error;
 mod frame;
 mod fresnel;
+pub mod instances;
 pub mod kernel;
 pub mod layout;
 mod light;
@@ -40,6 +41,7 @@ pub mod tracer;
 mod vector;
 #[cfg(feature = "wgpu")]
 pub mod wgpu;
+mod world;
 
 pub use camera::Pinhole;
 pub use error::RenderError;

@@ -2,15 +2,15 @@
 //! follow are samples of the triangles that shine. Twin of `lighting.wgsl`.
 
 use crate::layout::{Path, Surface};
-use crate::plane::{Plane, start};
+use crate::plane::start;
 use crate::random::{light_sample, unit};
 use crate::scene_data::DIRECTIONAL;
 use crate::scene_words::{SceneWords, weighted};
 use crate::vector::{
     Vector, add, dot, length, mul, negated, normalized, power_of_two, scaled, sub,
 };
+use crate::world::{Spot, World};
 use splitplane_core::ray::Ray;
-use splitplane_core::triangle::Triangle;
 
 const ONE_OVER_PI: f32 = core::f32::consts::FRAC_1_PI;
 
@@ -36,7 +36,7 @@ fn samples(scene: &SceneWords<'_>) -> u32 {
 
 fn area_sample(
     scene: &SceneWords<'_>,
-    triangles: impl Fn(u32) -> Triangle,
+    world: impl World,
     path: &Path,
     wave: u32,
     sample: u32,
@@ -45,14 +45,14 @@ fn area_sample(
     let index = path.sequence * frame.area_samples + (sample - frame.lights);
     let [x, y, z] = light_sample(path.pixel, wave, frame.seed, index);
     let emitter = scene.emitter(z);
-    let corners = triangles(emitter.triangle);
-    let plane = Plane::of(&corners);
+    let at = Spot { triangle: emitter.triangle, instance: emitter.instance };
+    let (corners, plane) = world.plane(at);
     // Evenly over the parallelogram, its far half folded back.
     let (mut u, mut v) = (unit(x), unit(y));
     if u + v > 1.0 {
         (u, v) = (1.0 - u, 1.0 - v);
     }
-    let material = scene.material(scene.material_of(emitter.triangle));
+    let material = scene.material(world.material(scene, at));
     AreaSample {
         point: weighted(corners, [(1.0 - u) - v, u, v]),
         normal: normalized(plane.scaled_normal),
@@ -66,7 +66,7 @@ fn area_sample(
 /// The light samples on the surface's side: those worth a shadow ray.
 pub(crate) fn may_be_lit(
     scene: &SceneWords<'_>,
-    triangles: impl Fn(u32) -> Triangle,
+    world: impl World,
     surface: &Surface,
     path: &Path,
     wave: u32,
@@ -77,7 +77,7 @@ pub(crate) fn may_be_lit(
             let light = scene.light(sample);
             if light.kind == DIRECTIONAL { light.place } else { sub(light.place, surface.point) }
         } else {
-            sub(area_sample(scene, &triangles, path, wave, sample).point, surface.point)
+            sub(area_sample(scene, world, path, wave, sample).point, surface.point)
         };
         let faces = dot(surface.normal, towards) > 0.0;
         if faces && dot(surface.geometric_normal, towards) > 0.0 {
@@ -90,7 +90,7 @@ pub(crate) fn may_be_lit(
 /// The ray towards a light sample, and the light that the path gets when nothing is in its way.
 pub(crate) fn shadow_ray(
     scene: &SceneWords<'_>,
-    triangles: impl Fn(u32) -> Triangle,
+    world: impl World,
     surface: &Surface,
     path: &Path,
     wave: u32,
@@ -99,7 +99,7 @@ pub(crate) fn shadow_ray(
     let start = start(surface, 1.0);
     let albedo = scaled(mul(path.weight, surface.scattering), ONE_OVER_PI);
     if sample >= scene.frame.lights {
-        let area = area_sample(scene, triangles, path, wave, sample);
+        let area = area_sample(scene, world, path, wave, sample);
         let towards = sub(area.point, surface.point);
         let direction = normalized(towards);
         let mut normal = area.normal;

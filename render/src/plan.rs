@@ -345,7 +345,7 @@ impl Plan {
             ignore: query.ignore.unwrap_or(NONE),
             ..Frame::default()
         };
-        scene.describe(&mut frame);
+        scene.describe_to(&mut frame);
         frame
     }
 }

@@ -6,7 +6,7 @@
 //! |---|---:|---|
 //! | materials | 16 | kind, texture or [`NONE`], refractive index, 1 when it scatters evenly; diffuse; mirror or tint; emission, each with a word to spare |
 //! | lights | 8 | kind; position or direction; irradiance; its distance |
-//! | emitters | 4 | triangle; probability of this one and all before, as a part of 2^32; its own probability; not used |
+//! | emitters | 4 | triangle; probability of this one and all before, as a part of 2^32; its own probability; its instance, 0 in one mesh |
 //! | textures | 4 | first texel from the start of the texels; width; height; not used |
 //! | sRGB | 512 | linear value of each byte; then the least linear value that is shown as each byte |
 //! | material of | 1 | a triangle's material |
@@ -21,6 +21,7 @@ mod srgb;
 pub use appearance::{Appearance, AppearanceError};
 pub use needs::Needs;
 
+use crate::instances::InstanceTable;
 use crate::layout::Frame;
 use crate::light::Light;
 use crate::material::Material;
@@ -50,6 +51,9 @@ pub const DIELECTRIC: u32 = 1;
 pub const POINT: u32 = 0;
 /// Kind of a light that is far away.
 pub const DIRECTIONAL: u32 = 1;
+
+/// Most triangles that shine of a scene of instances, which need not be many in its geometries.
+const MOST_EMITTERS: usize = 1 << 26;
 
 /// Where the sections start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -145,11 +149,34 @@ impl SceneData {
         mesh: &Mesh<'_>,
         appearance: &Appearance<'_>,
     ) -> Result<(), AppearanceError> {
+        self.describe(mesh, appearance, None)
+    }
+
+    /// Describes the appearance of instances: `mesh` has the triangles of all geometries, one after the other.
+    ///
+    /// # Errors
+    /// As for [`SceneData::new`]; the previous description is kept.
+    pub fn describe_instances(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        instances: &InstanceTable,
+    ) -> Result<(), AppearanceError> {
+        self.describe(mesh, appearance, Some(instances))
+    }
+
+    fn describe(
+        &mut self,
+        mesh: &Mesh<'_>,
+        appearance: &Appearance<'_>,
+        instances: Option<&InstanceTable>,
+    ) -> Result<(), AppearanceError> {
         SceneData::check(mesh, appearance)?;
         let Corners { textures, smooth } = Corners::of(appearance);
         let clay = [Material::clay()];
         let materials: &[Material] =
             if appearance.materials.is_empty() { &clay } else { appearance.materials };
+        let shining = shining(mesh, materials, appearance.material_of, instances)?;
         self.words.clear();
         self.revision = next_revision();
         self.triangles = mesh.len() as u32;
@@ -162,7 +189,7 @@ impl SceneData {
             self.light(light);
         }
         self.sections.emitters = self.here();
-        self.emitters(mesh, materials, appearance.material_of);
+        self.emitters(&shining);
         let emitters = (self.here() - self.sections.emitters) / EMITTER_WORDS;
         self.sections.textures = self.here();
         if textures {
@@ -266,7 +293,7 @@ impl SceneData {
     }
 
     /// Where the sections are, for kernels.
-    pub(crate) fn describe(&self, frame: &mut Frame) {
+    pub(crate) fn describe_to(&self, frame: &mut Frame) {
         let sections = &self.sections;
         frame.lights = self.needs.lights;
         frame.emitters = self.needs.emitters;
@@ -321,36 +348,64 @@ impl SceneData {
 
     /// The triangles that shine, each with a probability in proportion to its power. They are
     /// chosen by a word of 32 random bits, so a triangle too dim for one word of 2^32 is left out.
-    fn emitters(&mut self, mesh: &Mesh<'_>, materials: &[Material], material_of: &[u32]) {
-        let shines: Vec<Option<f64>> = materials
-            .iter()
-            .map(|m| m.shines().then(|| m.emission.iter().map(|part| f64::from(*part)).sum()))
-            .collect();
-        if shines.iter().all(Option::is_none) {
-            return;
-        }
-        let power = |triangle: usize| {
-            let material = material_of.get(triangle).copied().unwrap_or(0) as usize;
-            let radiance = shines[material.min(shines.len() - 1)]?;
-            let power = radiance * area(&mesh.triangle(triangle));
-            (power.is_finite() && power > 0.0).then_some(power)
-        };
-        let powers = (0..mesh.len()).filter_map(|t| Some((t as u32, power(t)?)));
-        let powers: Vec<(u32, f64)> = powers.collect();
+    fn emitters(&mut self, powers: &[([u32; 2], f64)]) {
         let total: f64 = powers.iter().map(|(_, power)| power).sum();
         let (mut sum, mut before) = (0.0, 0u64);
-        for (place, (triangle, power)) in powers.iter().enumerate() {
+        for (place, ([triangle, instance], power)) in powers.iter().enumerate() {
             sum += power;
             let last = place + 1 == powers.len();
             let until = if last { 1 << 32 } else { (sum / total * 4_294_967_296.0) as u64 };
             if until > before {
                 let probability = (until - before) as f64 / 4_294_967_296.0;
                 let greatest_word = (until - 1) as u32;
-                self.words.extend([*triangle, greatest_word, (probability as f32).to_bits(), 0]);
+                let probability = (probability as f32).to_bits();
+                self.words.extend([*triangle, greatest_word, probability, *instance]);
                 before = until;
             }
         }
     }
+}
+
+/// The triangles that shine, each with its instance, and their powers.
+fn shining(
+    mesh: &Mesh<'_>,
+    materials: &[Material],
+    material_of: &[u32],
+    instances: Option<&InstanceTable>,
+) -> Result<Vec<([u32; 2], f64)>, AppearanceError> {
+    let shines: Vec<Option<f64>> = materials
+        .iter()
+        .map(|m| m.shines().then(|| m.emission.iter().map(|part| f64::from(*part)).sum()))
+        .collect();
+    if shines.iter().all(Option::is_none) {
+        return Ok(Vec::new());
+    }
+    let radiance = |material: u32| shines[(material as usize).min(shines.len() - 1)];
+    let own = |triangle: usize| radiance(material_of.get(triangle).copied().unwrap_or(0));
+    let is_powerful = |power: f64| (power.is_finite() && power > 0.0).then_some(power);
+    let mut powers: Vec<([u32; 2], f64)> = Vec::new();
+    match instances {
+        None => powers.extend((0..mesh.len()).filter_map(|t| {
+            let power = own(t)? * area(&mesh.triangle(t));
+            Some(([t as u32, 0], is_powerful(power)?))
+        })),
+        Some(table) => {
+            for (instance, shown) in table.all() {
+                let all = (shown.material != NONE).then_some(shown.material);
+                powers.extend((0..shown.triangles).filter_map(|t| {
+                    let described = (shown.first_triangle + t) as usize;
+                    let radiance = all.map_or_else(|| own(described), radiance)?;
+                    let (corners, _) = shown.in_world(&mesh.triangle(described));
+                    Some(([t, instance], is_powerful(radiance * area(&corners))?))
+                }));
+                if powers.len() > MOST_EMITTERS {
+                    let words = EMITTER_WORDS as u64 * powers.len() as u64;
+                    return Err(AppearanceError::TooLarge { words });
+                }
+            }
+        }
+    }
+    Ok(powers)
 }
 
 /// The words of the normals at the corners of all triangles.

@@ -35,6 +35,8 @@ pub(crate) struct LightWords {
 pub(crate) struct EmitterWords {
     pub(crate) triangle: u32,
     pub(crate) probability: f32,
+    /// The instance that it is of; 0 in one mesh.
+    pub(crate) instance: u32,
 }
 
 impl SceneWords<'_> {
@@ -98,7 +100,11 @@ impl SceneWords<'_> {
             }
         }
         let at = self.frame.emitters_at + EMITTER_WORDS * low;
-        EmitterWords { triangle: self.word(at), probability: self.float(at + 2) }
+        EmitterWords {
+            triangle: self.word(at),
+            probability: self.float(at + 2),
+            instance: self.word(at + 3),
+        }
     }
 
     /// The normal at a corner; zero for none.

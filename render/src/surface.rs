@@ -6,12 +6,12 @@ use crate::environment;
 use crate::fresnel::{incidence, part, reflected, refracted};
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::may_be_lit;
-use crate::plane::{Plane, start};
+use crate::plane::start;
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::{MaterialWords, SceneWords, weighted};
 use crate::vector::{Vector, add, dot, greatest, mul, negated, normalized, scaled};
+use crate::world::{Spot, World};
 use splitplane_core::ray::{Hit, Ray};
-use splitplane_core::triangle::Triangle;
 
 /// Clear surfaces that a shadow ray passes; behind more of them it is dark.
 pub(crate) const MOST_CLEAR_LAYERS: u32 = 16;
@@ -25,10 +25,9 @@ pub(crate) fn after(t: f32) -> f32 {
 /// The point that a path's ray met, and what follows from it.
 pub(crate) fn shade(
     scene: &SceneWords<'_>,
-    triangles: impl Fn(u32) -> Triangle,
-    ray: &Ray,
-    path: &Path,
-    hit: &Hit,
+    world: impl World,
+    (ray, path): (&Ray, &Path),
+    (hit, instance): (&Hit, u32),
     wave: u32,
 ) -> Surface {
     let frame = scene.frame;
@@ -36,39 +35,49 @@ pub(crate) fn shade(
         let light = mul(path.weight, environment::radiance(frame, ray.direction));
         return Surface { light, ..Surface::default() };
     }
-    let corners = triangles(hit.triangle);
-    let plane = Plane::of(&corners);
+    let at = Spot { triangle: hit.triangle, instance };
+    let (corners, plane) = world.plane(at);
     let weights = [(1.0 - hit.u) - hit.v, hit.u, hit.v];
     let [along_u, along_v] = [scaled(plane.edges[0], hit.u), scaled(plane.edges[1], hit.v)];
     let point = add(corners[0], add(along_u, along_v));
     let mut geometric_normal = normalized(plane.scaled_normal);
     // From the front the corners run counter-clockwise.
-    let from_front = dot(geometric_normal, ray.direction) < 0.0;
+    let facing = dot(geometric_normal, ray.direction) < 0.0;
     if geometric_normal == [0.0; 3] {
         // Seen exactly from its edge, a triangle without area has no side of its own.
         geometric_normal = negated(ray.direction);
-    } else if !from_front {
+    } else if !facing {
         geometric_normal = negated(geometric_normal);
     }
-    let index = scene.material_of(hit.triangle);
+    // A reflected body keeps its inside.
+    let from_front = facing != world.mirrored(instance);
+    let described = world.described(at);
+    let index = world.material(scene, at);
     let material = scene.material(index);
     let mut surface = Surface {
         point,
         offset: plane.offset,
         geometric_normal,
         material: index,
-        normal: smooth_normal(scene, hit.triangle, weights, geometric_normal, ray.direction),
+        normal: smooth_normal(
+            scene,
+            described,
+            weights,
+            geometric_normal,
+            ray.direction,
+            |normal| world.normal(normal, instance),
+        ),
         ..Surface::default()
     };
     let last = wave >= frame.depth;
     if material.kind == DIELECTRIC {
         shade_dielectric(&mut surface, frame, &material, ray.direction, path, from_front, last);
     } else {
-        let texture = scene.texture_colour(material.texture, hit.triangle, weights);
+        let texture = scene.texture_colour(material.texture, described, weights);
         surface.scattering = mul(material.diffuse, texture);
         shade_opaque(&mut surface, frame, &material, ray.direction, path, last);
         if greatest(surface.scattering) > 0.0 {
-            surface.lights = may_be_lit(scene, &triangles, &surface, path, wave);
+            surface.lights = may_be_lit(scene, world, &surface, path, wave);
         }
     }
     surface
@@ -82,13 +91,14 @@ fn smooth_normal(
     weights: [f32; 3],
     geometric_normal: Vector,
     direction: Vector,
+    in_world: impl Fn(Vector) -> Vector,
 ) -> Vector {
     // Sections of scenes without normals are empty.
     if scene.frame.normals_at == scene.frame.texcoords_at {
         return geometric_normal;
     }
     let corners = [0, 1, 2].map(|corner| scene.normal(triangle, corner));
-    let mut normal = normalized(weighted(corners, weights));
+    let mut normal = normalized(in_world(weighted(corners, weights)));
     if dot(normal, geometric_normal) < 0.0 {
         normal = negated(normal);
     }

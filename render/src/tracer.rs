@@ -5,6 +5,8 @@ mod error;
 mod frame;
 mod moved;
 #[cfg(feature = "cpu")]
+mod of_instances;
+#[cfg(feature = "cpu")]
 mod on_cpu;
 #[cfg(feature = "wgpu")]
 mod on_gpu;
@@ -14,13 +16,15 @@ mod tree_size;
 pub use error::TracerError;
 pub use frame::{Frame, FrameRequest};
 pub use moved::Moved;
+#[cfg(feature = "cpu")]
+pub use of_instances::{InstanceTracer, InstancedLook};
 pub use output::Output;
 pub use tree_size::TreeSize;
 
 use crate::frame::FrameInput;
 use crate::plan::Plan;
 use crate::scene_data::{Appearance, SceneData};
-use splitplane_core::backend::{Accelerator, BuildOptions};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::tree::digest::Digest;
@@ -35,6 +39,18 @@ pub enum RenderBackend {
     /// A GPU.
     #[cfg(feature = "wgpu")]
     Wgpu(splitplane_wgpu::WgpuBackend),
+}
+
+impl RenderBackend {
+    /// The backend for builds and queries.
+    pub fn as_backend(&self) -> &dyn Backend {
+        match self {
+            #[cfg(feature = "cpu")]
+            RenderBackend::Cpu(backend) => backend,
+            #[cfg(feature = "wgpu")]
+            RenderBackend::Wgpu(backend) => backend,
+        }
+    }
 }
 
 #[cfg(feature = "cpu")]

@@ -5,6 +5,7 @@ use crate::layout::{Counters, FirstCost, FirstHit, Path, Spawned, Surface};
 use crate::plan::Plan;
 use bytemuck::Zeroable;
 use splitplane_core::ray::{Hit, Ray};
+use splitplane_core::scene::SceneHit;
 
 /// The buffers that kernels exchange.
 #[derive(Debug, Default)]
@@ -30,6 +31,11 @@ pub struct Buffers {
     pub(crate) through_rays: Vec<Ray>,
     pub(crate) through_indices: Vec<u32>,
     pub(crate) through_hits: Vec<Hit>,
+    /// The instances of all hits, and of those behind clear surfaces; empty where one mesh is shown.
+    pub(crate) hit_instances: Vec<u32>,
+    pub(crate) through_instances: Vec<u32>,
+    /// What a scene of instances answers, before it is told apart.
+    pub(crate) scene_hits: Vec<SceneHit>,
 }
 
 /// Makes a buffer as long as a plan asks. Its memory is kept.
@@ -83,5 +89,8 @@ impl Buffers {
             + held(&self.through_rays)
             + held(&self.through_indices)
             + held(&self.through_hits)
+            + held(&self.hit_instances)
+            + held(&self.through_instances)
+            + held(&self.scene_hits)
     }
 }

@@ -2,12 +2,14 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
+use super::traced::Traced;
 use crate::error::RenderError;
 use crate::frame::FrameInput;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
 use crate::layout::{Counters, Frame};
 use crate::plan::Plan;
 use crate::scene_words::SceneWords;
+use crate::world::{Instances, OneMesh};
 use rayon::prelude::*;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::build::lockstep::Inspect;
@@ -17,10 +19,26 @@ use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::triangle::prepare;
 use std::time::{Duration, Instant};
 
+/// Calls a kernel with what is shown: one mesh, for which nothing is looked up, or the instances of a scene.
+macro_rules! in_world {
+    ($traced:expr, $mesh:expr, $world:ident => $call:expr) => {
+        match $traced {
+            Traced::Mesh(_) => {
+                let $world = OneMesh($mesh);
+                $call
+            }
+            Traced::Scene(_, table) => {
+                let $world = Instances { mesh: $mesh, table };
+                $call
+            }
+        }
+    };
+}
+
 /// One frame on the CPU.
 pub struct CpuExecutor<'a> {
     input: FrameInput<'a>,
-    accelerator: &'a dyn Accelerator,
+    traced: Traced<'a>,
     plan: Plan,
     frame: Frame,
     buffers: &'a mut Buffers,
@@ -49,6 +67,16 @@ impl<'a> CpuExecutor<'a> {
         plan: Plan,
         buffers: &'a mut Buffers,
     ) -> Result<CpuExecutor<'a>, RenderError> {
+        CpuExecutor::of(input, Traced::Mesh(accelerator), plan, buffers)
+    }
+
+    /// A new executor of what is traced: its triangles must be those of `input`.
+    pub(super) fn of(
+        input: FrameInput<'a>,
+        traced: Traced<'a>,
+        plan: Plan,
+        buffers: &'a mut Buffers,
+    ) -> Result<CpuExecutor<'a>, RenderError> {
         let (described, triangles) = (input.scene.triangles(), input.mesh.len() as u32);
         if described != triangles {
             return Err(RenderError::WrongMesh { described, triangles });
@@ -56,7 +84,7 @@ impl<'a> CpuExecutor<'a> {
         buffers.prepare(&plan);
         let frame = plan.frame(input.scene, &input.camera, &input.query);
         let tracing = Duration::ZERO;
-        Ok(CpuExecutor { input, accelerator, plan, frame, buffers, scale: None, tracing })
+        Ok(CpuExecutor { input, traced, plan, frame, buffers, scale: None, tracing })
     }
 
     /// The current counters.
@@ -110,45 +138,53 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             Kernel::ClosestHits => {
                 let start = Instant::now();
                 let (rays, hits) = (&b.rays[..paths], &mut b.hits[..paths]);
-                self.accelerator.closest_hits(rays, hits, &query)?;
+                let met = (&mut b.scene_hits, &mut b.hit_instances);
+                self.traced.closest_hits(rays, hits, met, &query)?;
                 self.tracing += start.elapsed();
             }
             Kernel::Shade => {
-                let input = k::shade::Input {
-                    scene,
-                    mesh,
-                    wave,
-                    rays: &b.rays[..paths],
-                    paths: &b.paths[..paths],
-                    hits: &b.hits[..paths],
-                };
-                k::shade::run(&input, &mut b.surfaces[..paths], &mut b.spawned[..chunks]);
+                in_world!(self.traced, mesh, world => {
+                    let input = k::shade::Input {
+                        scene,
+                        world,
+                        wave,
+                        rays: &b.rays[..paths],
+                        paths: &b.paths[..paths],
+                        hits: &b.hits[..paths],
+                        instances: &b.hit_instances,
+                    };
+                    k::shade::run(&input, &mut b.surfaces[..paths], &mut b.spawned[..chunks]);
+                });
             }
             Kernel::ScanSpawned => {
                 k::scan_spawned::run(frame, &mut b.spawned[..chunks], &mut b.counters);
             }
             Kernel::ShadowRays => {
-                let input = k::shadow_rays::Input {
-                    scene,
-                    mesh,
-                    wave,
-                    paths: &b.paths[..paths],
-                    surfaces: &b.surfaces[..paths],
-                    spawned: &b.spawned[..chunks],
-                };
-                let (rays, lights) = (&mut b.shadow_rays, &mut b.shadow_light);
-                k::shadow_rays::run(&input, &mut rays[..shadows], &mut lights[..shadows]);
+                in_world!(self.traced, mesh, world => {
+                    let input = k::shadow_rays::Input {
+                        scene,
+                        world,
+                        wave,
+                        paths: &b.paths[..paths],
+                        surfaces: &b.surfaces[..paths],
+                        spawned: &b.spawned[..chunks],
+                    };
+                    let (rays, lights) = (&mut b.shadow_rays, &mut b.shadow_light);
+                    k::shadow_rays::run(&input, &mut rays[..shadows], &mut lights[..shadows]);
+                });
             }
             Kernel::ShadowHits => {
                 let start = Instant::now();
                 let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
-                k::shadow_hits::run(self.accelerator, &query, rays, lights, &mut b.occluded)?;
+                k::shadow_hits::run(self.traced, &query, rays, lights, &mut b.occluded)?;
                 self.tracing += start.elapsed();
             }
             Kernel::ShadowHitsThroughGlass => {
                 let start = Instant::now();
-                let (accelerator, glass) = (self.accelerator, &scene);
-                k::shadow_hits_through_glass::run(accelerator, &query, data, glass, shadows, b)?;
+                let traced = self.traced;
+                in_world!(traced, mesh, world => k::shadow_hits_through_glass::run(
+                    traced, &query, &scene, world, shadows, b
+                ))?;
                 self.tracing += start.elapsed();
             }
             Kernel::Accumulate => {
@@ -176,10 +212,15 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             }
             Kernel::FirstHits => {
                 let (rays, hits) = (&b.rays[..paths], &b.hits[..paths]);
-                k::first_hits::run(mesh, rays, &b.paths[..paths], hits, &mut b.first_hits);
+                let (paths, met) = (&b.paths[..paths], (hits, &b.hit_instances[..]));
+                in_world!(self.traced, mesh, world => {
+                    k::first_hits::run(world, rays, paths, met, &mut b.first_hits)
+                });
             }
             Kernel::FirstCosts => {
-                let accelerator = self.accelerator;
+                let Traced::Mesh(accelerator) = self.traced else {
+                    return Err(RenderError::NoCosts);
+                };
                 let scale = *self.scale.get_or_insert_with(|| scene_scale(mesh, accelerator));
                 let input = k::first_costs::Input {
                     tree: accelerator.tree().view(),

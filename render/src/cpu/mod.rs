@@ -6,6 +6,7 @@ mod executor;
 mod kernels;
 mod renderer;
 mod scatter;
+mod traced;
 
 pub use buffers::Buffers;
 pub use executor::CpuExecutor;

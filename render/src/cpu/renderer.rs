@@ -2,13 +2,16 @@
 
 use super::buffers::Buffers;
 use super::executor::CpuExecutor;
+use super::traced::Traced;
 use crate::error::RenderError;
 use crate::frame::{FrameInput, FrameStats};
+use crate::instances::InstanceTable;
 use crate::kernel::Counter;
 use crate::layout::{FirstCost, FirstHit};
 use crate::plan::{Plan, Room};
 use crate::schedule;
 use splitplane_core::backend::Accelerator;
+use splitplane_core::backend::scene::SceneAccelerator;
 
 /// Renders frames on the CPU. Work runs in the rayon pool of the calling thread; memory is kept
 /// between frames and grows only when a frame needs more than all earlier ones.
@@ -44,10 +47,36 @@ impl CpuRenderer {
         accelerator: &dyn Accelerator,
         input: &FrameInput<'_>,
     ) -> Result<FrameStats, RenderError> {
+        self.render_traced(Traced::Mesh(accelerator), input)
+    }
+
+    /// Renders a frame of a scene of instances. The mesh of `input` has the triangles of all its geometries, one after the other, its
+    /// appearance is that of [`SceneData::describe_instances`](crate::SceneData::describe_instances), and `table` is up to date with
+    /// the scene.
+    ///
+    /// # Errors
+    /// As for [`CpuRenderer::render`]; costs of rays, which a scene does not count.
+    pub fn render_scene(
+        &mut self,
+        scene: &dyn SceneAccelerator,
+        table: &InstanceTable,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
+        if input.outputs.first_costs {
+            return Err(RenderError::NoCosts);
+        }
+        self.render_traced(Traced::Scene(scene, table), input)
+    }
+
+    fn render_traced(
+        &mut self,
+        traced: Traced<'_>,
+        input: &FrameInput<'_>,
+    ) -> Result<FrameStats, RenderError> {
         let FrameInput { scene, size, settings, outputs, .. } = *input;
         let mut plan = Plan::new(scene, size, settings, outputs, self.room)?;
         loop {
-            let mut executor = CpuExecutor::new(*input, accelerator, plan, &mut self.buffers)?;
+            let mut executor = CpuExecutor::of(*input, traced, plan, &mut self.buffers)?;
             schedule::frame(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());
             if counters[Counter::Overflow] == 0 {

@@ -5,6 +5,7 @@ use crate::error::RenderError;
 use crate::plan::PlanError;
 use crate::scene_data::AppearanceError;
 use splitplane_core::error::{BuildError, QueryError};
+use splitplane_core::scene::SceneBuildError;
 use thiserror::Error;
 
 /// Why there is no frame, or no tree to render it from.
@@ -14,6 +15,9 @@ pub enum TracerError {
     /// The tree cannot be built.
     #[error(transparent)]
     Build(#[from] BuildError),
+    /// The scene of instances cannot be built.
+    #[error(transparent)]
+    Scene(#[from] SceneBuildError),
     /// The frame cannot be rendered.
     #[error(transparent)]
     Render(#[from] RenderError),

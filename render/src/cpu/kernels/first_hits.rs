@@ -1,31 +1,31 @@
 //! Records the hit of the first ray of every pixel.
 
 use crate::layout::{FirstHit, Path};
-use crate::plane::Plane;
 use crate::vector::{dot, negated, normalized};
-use splitplane_core::mesh::Mesh;
-use splitplane_core::query::traverse::Triangles;
+use crate::world::{Spot, World};
 use splitplane_core::ray::{Hit, Ray};
 
 pub(crate) fn run(
-    mesh: Mesh<'_>,
+    world: impl World,
     rays: &[Ray],
     paths: &[Path],
-    hits: &[Hit],
+    (hits, instances): (&[Hit], &[u32]),
     first_hits: &mut [FirstHit],
 ) {
-    for ((ray, path), hit) in rays.iter().zip(paths).zip(hits) {
+    for (i, ((ray, path), hit)) in rays.iter().zip(paths).zip(hits).enumerate() {
         if path.sequence == 0 {
-            first_hits[path.pixel as usize] = first_hit(mesh, ray, hit);
+            first_hits[path.pixel as usize] =
+                first_hit(world, ray, hit, instances.get(i).copied().unwrap_or(0));
         }
     }
 }
 
-fn first_hit(mesh: Mesh<'_>, ray: &Ray, hit: &Hit) -> FirstHit {
+fn first_hit(world: impl World, ray: &Ray, hit: &Hit, instance: u32) -> FirstHit {
     if !hit.is_hit() {
         return FirstHit::MISS;
     }
-    let mut normal = normalized(Plane::of(&mesh.corners(hit.triangle)).scaled_normal);
+    let mut normal =
+        normalized(world.plane(Spot { triangle: hit.triangle, instance }).1.scaled_normal);
     if dot(normal, ray.direction) > 0.0 {
         normal = negated(normal);
     }

@@ -1,12 +1,12 @@
 //! Removes the light of shadow rays that hit something.
 
+use crate::cpu::traced::Traced;
 use rayon::prelude::*;
-use splitplane_core::backend::Accelerator;
 use splitplane_core::error::QueryError;
 use splitplane_core::ray::{QueryOptions, Ray};
 
 pub(crate) fn run(
-    accelerator: &dyn Accelerator,
+    traced: Traced<'_>,
     options: &QueryOptions<'_>,
     rays: &[Ray],
     lights: &mut [[f32; 4]],
@@ -14,7 +14,7 @@ pub(crate) fn run(
 ) -> Result<(), QueryError> {
     occluded.clear();
     occluded.resize(rays.len(), false);
-    accelerator.any_hits(rays, occluded, options)?;
+    traced.any_hits(rays, occluded, options)?;
     let pairs = lights.par_iter_mut().zip(&*occluded).with_min_len(4096);
     pairs.filter(|(_, occluded)| **occluded).for_each(|(light, _)| *light = [0.0; 4]);
     Ok(())

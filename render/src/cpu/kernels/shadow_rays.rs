@@ -5,13 +5,12 @@ use crate::cpu::scatter::by_chunk;
 use crate::layout::{Path, Spawned, Surface};
 use crate::lighting::shadow_ray;
 use crate::scene_words::SceneWords;
-use splitplane_core::mesh::Mesh;
-use splitplane_core::query::traverse::Triangles;
+use crate::world::World;
 use splitplane_core::ray::Ray;
 
-pub(crate) struct Input<'a> {
+pub(crate) struct Input<'a, W> {
     pub(crate) scene: SceneWords<'a>,
-    pub(crate) mesh: Mesh<'a>,
+    pub(crate) world: W,
     /// The wave that the surfaces belong to.
     pub(crate) wave: u32,
     pub(crate) paths: &'a [Path],
@@ -19,8 +18,7 @@ pub(crate) struct Input<'a> {
     pub(crate) spawned: &'a [Spawned],
 }
 
-pub(crate) fn run(input: &Input<'_>, rays: &mut [Ray], lights: &mut [[f32; 4]]) {
-    let corners = |triangle| input.mesh.corners(triangle);
+pub(crate) fn run<W: World>(input: &Input<'_, W>, rays: &mut [Ray], lights: &mut [[f32; 4]]) {
     let start = |chunk: usize| input.spawned[chunk].shadow_rays as usize;
     by_chunk(0..input.spawned.len(), &start, rays, lights, &|chunk, rays, lights| {
         let mut out = rays.iter_mut().zip(lights);
@@ -33,7 +31,7 @@ pub(crate) fn run(input: &Input<'_>, rays: &mut [Ray], lights: &mut [[f32; 4]]) 
                 left &= left - 1;
                 let Some((ray, light)) = out.next() else { return };
                 let (cast, [r, g, b]) =
-                    shadow_ray(&input.scene, corners, surface, path, input.wave, sample);
+                    shadow_ray(&input.scene, input.world, surface, path, input.wave, sample);
                 (*ray, *light) = (cast, [r, g, b, 0.0]);
             }
         }

@@ -1,0 +1,72 @@
+//! What answers the rays of a frame: the tree of one mesh, or a scene of instances.
+
+use crate::instances::InstanceTable;
+use rayon::prelude::*;
+use splitplane_core::backend::Accelerator;
+use splitplane_core::backend::scene::SceneAccelerator;
+use splitplane_core::error::QueryError;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::scene::{SceneHit, SceneOptions};
+
+#[derive(Clone, Copy)]
+pub(crate) enum Traced<'a> {
+    Mesh(&'a dyn Accelerator),
+    Scene(&'a dyn SceneAccelerator, &'a InstanceTable),
+}
+
+/// The settings of a frame's rays for a scene.
+fn of_scene<'a>(options: &QueryOptions<'a>) -> SceneOptions<'a> {
+    SceneOptions {
+        accuracy: options.accuracy,
+        culling: options.culling,
+        watch: options.watch,
+        ..SceneOptions::default()
+    }
+}
+
+impl Traced<'_> {
+    /// The closest hits; of a scene also their instances, in as many words.
+    pub(crate) fn closest_hits(
+        self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        (scene_hits, instances): (&mut Vec<SceneHit>, &mut Vec<u32>),
+        options: &QueryOptions<'_>,
+    ) -> Result<(), QueryError> {
+        instances.clear();
+        match self {
+            Traced::Mesh(accelerator) => {
+                accelerator.closest_hits(rays, hits, options)?;
+            }
+            Traced::Scene(scene, _) => {
+                scene_hits.clear();
+                scene_hits.resize(rays.len(), SceneHit::MISS);
+                scene.closest_hits(rays, scene_hits, &of_scene(options))?;
+                instances.resize(rays.len(), 0);
+                let to = hits.par_iter_mut().zip(instances.par_iter_mut());
+                to.zip(&*scene_hits).with_min_len(4096).for_each(|((hit, instance), met)| {
+                    let SceneHit { t, u, v, triangle, .. } = *met;
+                    (*hit, *instance) = (Hit { t, triangle, u, v }, met.instance);
+                });
+            }
+        }
+        Ok(())
+    }
+
+    pub(crate) fn any_hits(
+        self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<(), QueryError> {
+        match self {
+            Traced::Mesh(accelerator) => {
+                accelerator.any_hits(rays, occluded, options)?;
+            }
+            Traced::Scene(scene, _) => {
+                scene.any_hits(rays, occluded, &of_scene(options))?;
+            }
+        }
+        Ok(())
+    }
+}

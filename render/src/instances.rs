@@ -1,0 +1,176 @@
+//! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
+
+use crate::scene_data::{AppearanceError, NONE};
+use crate::vector::{Vector, greatest};
+use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
+use splitplane_core::backend::scene::BuiltScene;
+use splitplane_core::scene::{Placement, Transform};
+use splitplane_core::triangle::Triangle;
+
+/// How a scene of instances looks, besides what its [`Appearance`](crate::Appearance) says of the triangles of all its
+/// geometries, one after the other.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Geometries<'a> {
+    /// For every geometry, by its name, the number of its first triangle among those of all.
+    pub first_triangles: &'a [u32],
+    /// For every instance, by its name, the material of all of it; [`NONE`] for those of its triangles. May be shorter than
+    /// the list of instances.
+    pub materials: &'a [u32],
+}
+
+/// An instance, as kernels see it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shown {
+    transform: Transform,
+    /// From the world to the object.
+    inverse: Transform,
+    /// The number of its geometry's first triangle among those of all.
+    pub(crate) first_triangle: u32,
+    pub(crate) triangles: u32,
+    /// The material of all of it, or [`NONE`].
+    pub(crate) material: u32,
+    /// Whether the transform is a reflection.
+    pub(crate) mirrored: bool,
+    /// The greatest row of |transform| |inverse| 1, without translations: how much larger roundings in the object's space are in the
+    /// world. 1 where axes go to axes.
+    stretch: f32,
+}
+
+/// The instances of a scene by their names, for kernels.
+#[derive(Clone, Debug, Default)]
+pub struct InstanceTable {
+    rows: Vec<Option<Shown>>,
+}
+
+impl Shown {
+    fn new(placement: &Placement, first_triangle: u32, triangles: u32, material: u32) -> Shown {
+        let (transform, space) = (placement.instance.transform, placement.space);
+        let row = |row: usize| {
+            let part = |column: usize| -> f64 {
+                let product = |k: usize| {
+                    (f64::from(transform[row][k]) * f64::from(space.inverse[k][column])).abs()
+                };
+                (product(0) + product(1)) + product(2)
+            };
+            (part(0) + part(1)) + part(2)
+        };
+        let stretch = row(0).max(row(1)).max(row(2)) as f32;
+        let (inverse, mirrored) = (space.inverse, space.mirrored);
+        Shown { transform, inverse, first_triangle, triangles, material, mirrored, stretch }
+    }
+
+    /// The corners in the world, and the greatest magnitude that went into a coordinate: sums of
+    /// magnitudes of their terms. Each product and sum is guarded and snapped, `((m0 x + m1 y) + m2 z) + m3`.
+    pub(crate) fn in_world(&self, corners: &Triangle) -> (Triangle, f32) {
+        let mut world = [[0.0; 3]; 3];
+        let mut reach = 0.0f32;
+        for (to, corner) in world.iter_mut().zip(corners) {
+            let [x, y, z] = corner.map(snap);
+            for (to, [m0, m1, m2, m3]) in to.iter_mut().zip(&self.transform) {
+                let [a, b, c] = [
+                    Strict::snapped_product(*m0, x),
+                    Strict::snapped_product(*m1, y),
+                    Strict::snapped_product(*m2, z),
+                ];
+                let sum = |a, b, c, d| {
+                    Strict::snapped_sum(Strict::snapped_sum(Strict::snapped_sum(a, b), c), d)
+                };
+                *to = sum(a, b, c, snap(*m3));
+                reach = reach.max(sum(a.abs(), b.abs(), c.abs(), m3.abs()));
+            }
+        }
+        (world, reach)
+    }
+
+    /// How many times as far off a triangle rays must start as in a mesh that stands in the world.
+    pub(crate) fn stretch(&self) -> f32 {
+        self.stretch.max(1.0)
+    }
+
+    /// The direction of a normal in the world: through the inverse's transpose. Not of length 1.
+    pub(crate) fn normal_in_world(&self, [x, y, z]: Vector) -> Vector {
+        let m = &self.inverse;
+        // A transform that grows much makes normals small: a power of two brings them back.
+        let size = greatest(m.map(|[a, b, c, _]| greatest([a.abs(), b.abs(), c.abs()])));
+        let factor = crate::vector::power_of_two(-crate::vector::exponent(size));
+        [0, 1, 2].map(|k| {
+            let [a, b, c] = [m[0][k] * factor, m[1][k] * factor, m[2][k] * factor];
+            (a * x + b * y) + c * z
+        })
+    }
+}
+
+impl InstanceTable {
+    /// The instances of a scene that is built. `triangles` is how many there are in all geometries together.
+    ///
+    /// # Errors
+    /// Geometries that do not lie among these triangles.
+    pub fn new(
+        scene: &BuiltScene,
+        geometries: &Geometries<'_>,
+        triangles: u32,
+    ) -> Result<InstanceTable, AppearanceError> {
+        let mut table = InstanceTable::default();
+        table.update(scene, geometries, triangles)?;
+        Ok(table)
+    }
+
+    /// As [`InstanceTable::new`], in the memory that is there.
+    ///
+    /// # Errors
+    /// As there; nothing has changed then.
+    pub fn update(
+        &mut self,
+        scene: &BuiltScene,
+        geometries: &Geometries<'_>,
+        triangles: u32,
+    ) -> Result<(), AppearanceError> {
+        for (name, geometry) in scene.geometries() {
+            let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
+            let first = geometries.first_triangles.get(name.0 as usize).ok_or_else(missing)?;
+            let end = first.checked_add(geometry.mesh().mesh().len() as u32).ok_or_else(missing)?;
+            if end > triangles {
+                return Err(missing());
+            }
+        }
+        self.rows.clear();
+        for (name, placement) in scene.placements() {
+            let own = placement.instance.geometry;
+            let Some(geometry) = scene.geometry(own) else { continue };
+            self.rows.resize(name.0 as usize, None);
+            let material = geometries.materials.get(name.0 as usize).copied().unwrap_or(NONE);
+            self.rows.push(Some(Shown::new(
+                placement,
+                geometries.first_triangles[own.0 as usize],
+                geometry.mesh().mesh().len() as u32,
+                material,
+            )));
+        }
+        Ok(())
+    }
+
+    /// Instances that are there.
+    pub fn len(&self) -> usize {
+        self.rows.iter().flatten().count()
+    }
+
+    /// Whether no instance is there.
+    pub fn is_empty(&self) -> bool {
+        self.rows.iter().all(Option::is_none)
+    }
+
+    /// Bytes that are held.
+    pub fn bytes(&self) -> u64 {
+        (self.rows.capacity() * size_of::<Option<Shown>>()) as u64
+    }
+
+    pub(crate) fn shown(&self, instance: u32) -> Option<&Shown> {
+        self.rows.get(instance as usize)?.as_ref()
+    }
+
+    /// All that are there, by name.
+    pub(crate) fn all(&self) -> impl Iterator<Item = (u32, &Shown)> {
+        let rows = self.rows.iter().enumerate();
+        rows.filter_map(|(name, row)| Some((name as u32, row.as_ref()?)))
+    }
+}

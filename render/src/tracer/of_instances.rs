@@ -1,0 +1,152 @@
+//! Frames of a scene of instances: rays through its geometries' trees on the backend, shading on the cores of this machine.
+
+use super::{FrameRequest, RenderBackend, TracerError};
+use crate::cpu::CpuRenderer;
+use crate::frame::{FrameInput, FrameStats};
+use crate::instances::{Geometries, InstanceTable};
+use crate::layout::FirstHit;
+use crate::plan::{Plan, Room};
+use crate::scene_data::{Appearance, SceneData};
+use splitplane_core::backend::BuildOptions;
+use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};
+use splitplane_core::mesh::Mesh;
+use splitplane_core::report::BackendInfo;
+use splitplane_core::scene::Scene;
+
+/// What a scene of instances looks like, borrowed.
+#[derive(Clone, Copy, Debug)]
+pub struct InstancedLook<'a> {
+    /// The triangles of all geometries, one geometry after the other.
+    pub mesh: Mesh<'a>,
+    /// Their appearance, and lights in the world.
+    pub appearance: Appearance<'a>,
+    /// Which of them are whose, and materials of instances.
+    pub geometries: Geometries<'a>,
+}
+
+/// Renders frames of a scene of instances. What answers its rays is kept and brought up to date: an update remakes only what changed.
+///
+/// On a GPU each geometry's rays are traced there; the instances that a ray enters are found by the CPU, which also shades. Frames
+/// are equal on all backends, bit for bit, in accuracies watertight and exact.
+pub struct InstanceTracer {
+    backend: RenderBackend,
+    built: Box<dyn SceneAccelerator>,
+    table: InstanceTable,
+    appearance: SceneData,
+    renderer: CpuRenderer,
+}
+
+impl core::fmt::Debug for InstanceTracer {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("InstanceTracer")
+            .field("instances", &self.table.len())
+            .finish_non_exhaustive()
+    }
+}
+
+impl InstanceTracer {
+    /// Builds a scene and takes over what it looks like.
+    ///
+    /// # Errors
+    /// A scene that cannot be built; an appearance that cannot be addressed, or that lacks a geometry.
+    pub fn load(
+        backend: impl Into<RenderBackend>,
+        scene: &Scene,
+        look: &InstancedLook<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<InstanceTracer, TracerError> {
+        let backend = backend.into();
+        let built = backend.as_backend().build_scene(scene, options)?;
+        let triangles = look.mesh.len() as u32;
+        let table = InstanceTable::new(built.scene(), &look.geometries, triangles)?;
+        let mut appearance = SceneData::default();
+        appearance.describe_instances(&look.mesh, &look.appearance, &table)?;
+        Ok(InstanceTracer { backend, built, table, appearance, renderer: CpuRenderer::new() })
+    }
+
+    /// Brings what answers rays up to date with the description. Only what changed is made anew: see
+    /// [`Backend::update_scene`](splitplane_core::backend::Backend::update_scene).
+    ///
+    /// # Errors
+    /// As for [`InstanceTracer::load`]. A scene that cannot be built leaves the old one; after another error, repeat the call
+    /// with what can be shown.
+    pub fn update(
+        &mut self,
+        scene: &Scene,
+        look: &InstancedLook<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<UpdateReport, TracerError> {
+        let report = self.backend.as_backend().update_scene(&mut *self.built, scene, options)?;
+        self.table.update(self.built.scene(), &look.geometries, look.mesh.len() as u32)?;
+        // Which triangles shine, and how much, depends on where they are.
+        if self.appearance.needs().emitters > 0 {
+            self.update_appearance(look)?;
+        }
+        Ok(report)
+    }
+
+    /// Takes over another appearance.
+    ///
+    /// # Errors
+    /// More than can be addressed; the previous appearance is kept.
+    pub fn update_appearance(&mut self, look: &InstancedLook<'_>) -> Result<(), TracerError> {
+        let InstancedLook { mesh, appearance, .. } = look;
+        Ok(self.appearance.describe_instances(mesh, appearance, &self.table)?)
+    }
+
+    /// What answers rays.
+    pub fn scene(&self) -> &dyn SceneAccelerator {
+        &*self.built
+    }
+
+    /// The appearance, as frames take it.
+    pub fn appearance(&self) -> &SceneData {
+        &self.appearance
+    }
+
+    /// A description of the backend.
+    pub fn backend(&self) -> BackendInfo {
+        self.backend.as_backend().describe()
+    }
+
+    /// How a frame would be rendered: steps, queues and bytes.
+    ///
+    /// # Errors
+    /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
+    pub fn plan(&self, request: &FrameRequest<'_>) -> Result<Plan, TracerError> {
+        let FrameRequest { size, settings, outputs, .. } = request;
+        Ok(Plan::new(&self.appearance, *size, settings, *outputs, Room::CPU)?)
+    }
+
+    /// Renders a frame. `mesh` has the triangles of all geometries, as for [`InstanceTracer::load`].
+    ///
+    /// # Errors
+    /// Settings out of range, costs of rays, which a scene does not count, or a backend that fails.
+    pub fn frame(
+        &mut self,
+        mesh: &Mesh<'_>,
+        request: &FrameRequest<'_>,
+    ) -> Result<FrameStats, TracerError> {
+        let FrameRequest { camera, size, settings, outputs, query } = request;
+        let (camera, size, outputs, query) = (*camera, *size, *outputs, *query);
+        let scene = &self.appearance;
+        let input = FrameInput { mesh: *mesh, scene, camera, size, settings, outputs, query };
+        Ok(self.renderer.render_scene(&*self.built, &self.table, &input)?)
+    }
+
+    /// The pixels of the last frame for a screen, row by row from the top left: red in the lowest byte, then green, blue and 255.
+    /// Empty when they were not requested.
+    pub fn pixels(&self) -> &[u32] {
+        self.renderer.pixels()
+    }
+
+    /// Linear radiance of the last frame by pixel: red, green, blue, 0.
+    pub fn radiance(&self) -> &[[f32; 4]] {
+        self.renderer.radiance()
+    }
+
+    /// The hit of the first ray of each pixel of the last frame; its triangle is that of a geometry. Empty when they were not requested.
+    pub fn first_hits(&self) -> &[FirstHit] {
+        self.renderer.first_hits()
+    }
+}
