@@ -60,6 +60,7 @@
 //! | get all hits of a ray, or count them | [`Accelerator::all_hits`] |
 //! | find out whether points are inside a mesh | [`Accelerator::locate`] |
 //! | find the closest point of a mesh, or its signed distance | [`Accelerator::closest_points`], [closest points] |
+//! | find the nearest of a cloud of points | [`points`] |
 //! | trace shadow rays and reflections | [shadows], [choose an accuracy] |
 //! | save and load a tree, pin it in a test | [`core::tree::file`], [`Backend::load`], [`Digest`], [keep a tree] |
 //! | filter triangles, write your own query | [`KdTree::visit_along`], [`KdTree::find_best`], [custom queries] |
@@ -90,6 +91,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
+pub mod points;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
 pub use splitplane_core as core;

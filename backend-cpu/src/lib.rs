@@ -8,6 +8,7 @@ mod cancel;
 mod layout;
 mod memory;
 mod near;
+mod points;
 mod scene;
 mod simd;
 #[doc(hidden)]
@@ -21,5 +22,6 @@ pub use build::twin::CpuExecutor;
 pub use build::twin::buffers;
 #[doc(hidden)]
 pub use memory::Memory;
+pub use points::CpuPointTree;
 pub use scene::CpuScene;
 pub use simd::InstructionSet;

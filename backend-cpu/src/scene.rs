@@ -19,10 +19,12 @@ use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
 use crate::simd::InstructionSet;
 
 mod parts;
+mod single;
 mod stream;
 mod top_walk;
 
 use parts::{Geometries, is_direct};
+use single::{Followed, SceneSingle};
 use stream::SceneStream;
 use top_walk::VectorWalker;
 
@@ -55,6 +57,18 @@ impl CpuScene {
         set: InstructionSet,
     ) -> Result<CpuScene, SceneBuildError> {
         Ok(CpuScene { built: BuiltScene::build(scene, options, build)?, set })
+    }
+
+    /// The answer to one ray.
+    fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
+        if options.filter.is_none() {
+            let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
+            // SAFETY: the set is one of this processor's.
+            if let Followed::Answer(answer) = unsafe { single.follow() } {
+                return answer;
+            }
+        }
+        self.built.answer_one(ray, options)
     }
 
     /// Follows rays from instance to instance.
@@ -168,6 +182,14 @@ impl SceneAccelerator for CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         self.answer(rays, occluded, options)
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> Option<SceneHit> {
+        self.answer_one::<SceneHit>(ray, options).some()
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &SceneOptions<'_>) -> bool {
+        self.answer_one(ray, options)
     }
 
     /// Without a watch and a limit on all threads.

@@ -5,7 +5,7 @@ use core::sync::atomic::AtomicUsize;
 use core::sync::atomic::Ordering::Relaxed;
 
 use splitplane_core::backend::scene::{HostScene, SceneAccelerator, TopUpdate};
-use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 use splitplane_core::error::{BuildError, DeviceError, QueryError};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
@@ -15,8 +15,9 @@ use splitplane_core::scene::{
 };
 use splitplane_core::tree::KdTree;
 use splitplane_core::watch::Progress;
-use splitplane_cpu::CpuBackend;
+use splitplane_cpu::{CpuBackend, InstructionSet};
 use splitplane_test_support::objects::{self, Kind};
+use splitplane_test_support::random::Random;
 use splitplane_test_support::scenes;
 
 fn traced(accelerator: &dyn SceneAccelerator, rays: &[Ray]) -> Vec<SceneHit> {
@@ -220,5 +221,79 @@ fn hosts_find_the_same_and_batches_can_be_cancelled() {
             cancelled += 1;
         }
         assert_eq!(cancelled, 4);
+    }
+}
+
+/// Geometries of several layouts and instruction sets in one scene, which no fast path takes together: the same answers.
+#[test]
+fn geometries_of_several_kinds_answer_alike() {
+    let (mut scene, _) = objects::scene(Kind::Ordinary, 40, 25);
+    let rays = objects::rays(&scene, 2000, 26);
+    let options = BuildOptions::default();
+    let compact = BuildOptions { layout: QueryLayout::Compact, ..options };
+    let first = scene.geometries().next().expect("one").0;
+    let same = scene.geometry(first).expect("one").mesh();
+    let corners: Vec<_> = (0..same.len()).map(|triangle| same.triangle(triangle)).collect();
+    for set in InstructionSet::available() {
+        let backend = CpuBackend::with_instruction_set(set);
+        let expected = backend.build_scene(&scene, &options).unwrap();
+        for (other, options) in [
+            (CpuBackend::with_instruction_set(set), &compact),
+            (CpuBackend::with_instruction_set(InstructionSet::Portable), &options),
+            (CpuBackend::new(), &compact),
+        ] {
+            let mut mixed = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
+            // The same triangles in new arrays, built by the other.
+            scene.replace_mesh(first, &Mesh::soup(&corners).unwrap()).unwrap();
+            let report = other.update_scene(&mut mixed, &scene, options).unwrap();
+            assert_eq!(report.geometries_built, 1);
+            assert!(traced(&*mixed, &rays) == traced(&*expected, &rays), "{set:?}");
+            let settings = SceneOptions::default();
+            let mut any = vec![false; rays.len()];
+            mixed.any_hits(&rays, &mut any, &settings).unwrap();
+            for (ray, any) in rays.iter().zip(any) {
+                let hit = expected.closest_hit(ray, &settings);
+                assert_eq!(mixed.closest_hit(ray, &settings), hit);
+                assert_eq!((mixed.any_hit(ray, &settings), any), (hit.is_some(), hit.is_some()));
+            }
+        }
+    }
+}
+
+/// A geometry becomes another shape within the same bounds: the boxes of its turned instances follow.
+#[test]
+fn boxes_follow_the_shape_within_the_same_bounds() {
+    let backend = CpuBackend::new();
+    // Small triangles in corners of one and the same box, so many that the tree cuts what is between them off.
+    let corner = |at: [f32; 3]| -> Vec<[[f32; 3]; 3]> {
+        let to = |axis: usize, by: f32| at[axis] - at[axis] * by;
+        (1..40u8)
+            .map(|place| f32::from(place) / 160.0)
+            .map(|by| [at, [to(0, by), at[1], at[2]], [at[0], to(1, by), to(2, by)]])
+            .collect()
+    };
+    let ends = |corners: [[f32; 3]; 2]| corners.map(corner).concat();
+    let [one, other] =
+        [ends([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]]), ends([[-1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])];
+    let mut scene = Scene::new();
+    let geometry = scene.add_mesh(&Mesh::soup(&one).unwrap()).unwrap();
+    let mut random = Random::new(9);
+    for _ in 0..30 {
+        let turned = objects::transform(Kind::Ordinary, &mut random);
+        scene.add_instance(Instance::new(geometry, turned)).unwrap();
+    }
+    let options = BuildOptions::default();
+    let mut built = backend.build_scene(&scene, &options).unwrap();
+    scene.replace_mesh(geometry, &Mesh::soup(&other).unwrap()).unwrap();
+    let report = backend.update_scene(&mut built, &scene, &options).unwrap();
+    assert_eq!((report.geometries_built, report.instances_changed), (1, 30));
+    let fresh = backend.build_scene(&scene, &options).unwrap();
+    let rays = objects::rays(&scene, 3000, 8);
+    let hits = traced(&*built, &rays);
+    assert!(hits.iter().filter(|hit| hit.is_hit()).count() > 500);
+    assert!(hits == traced(&*fresh, &rays));
+    for (ray, hit) in rays.iter().zip(&hits) {
+        let all: SceneHit = built.scene().answer_by_all(ray, &SceneOptions::default());
+        assert_eq!(*hit, all);
     }
 }

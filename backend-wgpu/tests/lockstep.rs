@@ -167,10 +167,10 @@ fn planted_faults_are_named() {
         (K::SplitMedian, "node.source + chunk, node.side", "node.source + chunk, 0u"),
         (K::AllocateChildren, "first_chunk += chunks_of(count)", "first_chunk += 1u"),
         (K::ClassifyReferences, "lo < position || hi <= position", "lo < position"),
-        (K::CountChildren, "counts = total;", "counts = total.yx;"),
+        (K::CountChildren, "counts = scan_sum();", "counts = scan_sum().yx;"),
         (K::AllocateChildren, "sum <= parameters.reference_cap", "sum < 8u"),
         (K::ScatterReferences, "ratio, along", "ratio, along * 1.0001"),
-        (K::BuildMiddle, "root.level + levels", "root.level"),
+        (K::BuildMiddle, "own.level + levels", "own.level"),
         (K::BuildMiddle, "ordered_bits(bounds.lo.x)", "ordered_bits(bounds.lo.y)"),
         (K::ScanMiddle, "first_reference = place.y", "first_reference = place.x"),
         (K::PlaceMiddle, "small.padding = 0u", "small.padding = 1u"),
@@ -182,8 +182,8 @@ fn planted_faults_are_named() {
         (K::EmitTop, "<< 2u) | node.kind", "<< 2u) | 0u"),
         (
             K::EmitSmall,
-            "put_reference(first + rank_in(mask, lane)",
-            "put_reference(first + count - 1u - rank_in(mask, lane)",
+            "put_reference(first, own_triangles",
+            "put_reference(2u * emitted.y + count - 1u - first, own_triangles",
         ),
     ]
     .map(|(kernel, text, fault)| (kernel, text, fault, fast));

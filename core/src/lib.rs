@@ -20,6 +20,8 @@ pub mod exact;
 pub mod kernel;
 pub mod layout;
 pub mod mesh;
+#[cfg(feature = "alloc")]
+pub mod points;
 pub mod query;
 #[doc(hidden)]
 pub mod random;

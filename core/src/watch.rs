@@ -30,6 +30,8 @@ pub enum Stage {
     /// The geometries of a scene are built, one after the other; `done` counts those that are finished. The stages of
     /// each come in between.
     Geometries,
+    /// A tree of points is built; `done` counts points in finished subtrees.
+    Points,
 }
 
 impl Stage {
@@ -45,6 +47,7 @@ impl Stage {
             Stage::Device => "device",
             Stage::Rays => "rays",
             Stage::Geometries => "geometries",
+            Stage::Points => "point tree",
         }
     }
 }

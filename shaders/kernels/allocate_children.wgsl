@@ -189,9 +189,11 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         worst = 2u * decision.cut_count + 2u;
     }
     // Growth of 256 nodes may pass 2^32: low and high halves are summed apart.
-    let before = exclusive_scan(lane, vec4<u32>(worst, growth & 0xffffu, growth >> 16u, 0u));
+    let none = vec4<u32>(0u);
+    let before = exclusive_scan(lane, count, Sums(vec4<u32>(worst, growth & 0xffffu, growth >> 16u, 0u), none)).a;
+    let most = scan_totals(count).a;
     if lane == 0u {
-        one_by_one = select(0u, 1u, top_count + scan_total().x > parameters.node_cap);
+        one_by_one = select(0u, 1u, top_count + most.x > parameters.node_cap);
     }
     if workgroupUniformLoad(&one_by_one) == 1u {
         if lane == 0u {
@@ -206,7 +208,7 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         }
         workgroupBarrier();
         if lane == 0u {
-            alive = alive_after(scan_total());
+            alive = alive_after(most);
         }
     }
     var places = vec4<u32>(0u);
@@ -224,7 +226,7 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
         }
         emitted = 2u * decision.cut_count + select(2u, 0u, decision.axis == TRANSFER);
         for (var side = 0u; side < 2u; side++) {
-            let references = decision.counts[side];
+            let references = select(decision.counts.x, decision.counts.y, side == 1u);
             if is_large(decision, references) {
                 places += vec4<u32>(1u, references, 0u, 0u);
                 chunks += chunks_of(references);
@@ -233,24 +235,22 @@ fn place_nodes(start: u32, count: u32, lane: u32) {
             }
         }
     }
-    let first_place = exclusive_scan(lane, places);
-    let place_total = scan_total();
-    let firsts = exclusive_scan(lane, vec4<u32>(emitted, chunks, 0u, 0u));
-    let totals = scan_total();
+    let firsts = exclusive_scan(lane, count, Sums(places, vec4<u32>(emitted, chunks, 0u, 0u)));
+    let totals = scan_totals(count);
     if present {
-        decision.first_node = top_count + firsts.x;
-        emit_nodes(&decision, node, first_place + vec4<u32>(
-            next_count, next_reference_count, small_count, small_reference_count), next_chunk_count + firsts.y);
+        decision.first_node = top_count + firsts.b.x;
+        emit_nodes(index, &decision, node, firsts.a + vec4<u32>(
+            next_count, next_reference_count, small_count, small_reference_count), next_chunk_count + firsts.b.y);
         decisions[index] = decision;
     }
     workgroupBarrier();
     if lane == 0u {
-        next_count += place_total.x;
-        next_reference_count += place_total.y;
-        small_count += place_total.z;
-        small_reference_count += place_total.w;
-        top_count += totals.x;
-        next_chunk_count += totals.y;
+        next_count += totals.a.x;
+        next_reference_count += totals.a.y;
+        small_count += totals.a.z;
+        small_reference_count += totals.a.w;
+        top_count += totals.b.x;
+        next_chunk_count += totals.b.y;
     }
     workgroupBarrier();
 }
@@ -264,7 +264,7 @@ fn alive_after(sums: vec4<u32>) -> u32 {
 
 // Writes one node's part of the top tree and its children. `place` is where its children's places
 // begin: next list, next references, small list, small references; `chunk` where their chunks do.
-fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>, chunk: u32) {
+fn emit_nodes(index: u32, decision: ptr<function, Decision>, node: LargeNode, place: vec4<u32>, chunk: u32) {
     // A tree that outgrows its room is not written: the build will be repeated.
     let emitted = 2u * (*decision).cut_count + select(2u, 0u, (*decision).axis == TRANSFER);
     if (*decision).first_node + emitted > parameters.top_node_room {
@@ -277,7 +277,8 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
     for (var i = 0u; i < (*decision).cut_count; i++) {
         let side = ((*decision).cut_sides >> (4u * i)) & 0xfu;
         let axis = side / 2u;
-        let position = (*decision).cuts[i];
+        // From the list: of a variable the index would need memory.
+        let position = decisions[index].cuts[i];
         let low = side % 2u == 0u;
         top_nodes[top] = TopNode(EMPTY, 0u, 0u, 0u);
         top_nodes[top + 1u] = TopNode(EMPTY, 0u, 0u, 0u);
@@ -306,7 +307,7 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
     var here = place;
     var first_chunk = chunk;
     for (var side = 0u; side < 2u; side++) {
-        let count = (*decision).counts[side];
+        let count = select((*decision).counts.x, (*decision).counts.y, side == 1u);
         let large = is_large(*decision, count);
         var part = cell;
         if side == 0u {
@@ -315,9 +316,13 @@ fn emit_nodes(decision: ptr<function, Decision>, node: LargeNode, place: vec4<u3
             part.lo = with_axis(cell.lo, axis, position);
         }
         let first = select(here.w, here.y, large);
-        (*decision).first[side] = first;
-        let index = select(here.z, here.x, large);
-        place_child(*decision, node, part, depth + 1u, top + side, side, index, first, first_chunk);
+        if side == 0u {
+            (*decision).first.x = first;
+        } else {
+            (*decision).first.y = first;
+        }
+        let child = select(here.z, here.x, large);
+        place_child(*decision, node, part, depth + 1u, top + side, side, child, first, first_chunk);
         if large {
             here += vec4<u32>(1u, count, 0u, 0u);
             first_chunk += chunks_of(count);

@@ -27,6 +27,19 @@ const OUTGROWN_RULES: u32 = 1u;
 const OUTGROWN_ROOM: u32 = 2u;
 const OUTGROWN_UNFINISHED: u32 = 4u;
 
+// What a root's invocations share of it: in registers it would stand in the way of clipping.
+struct Root {
+    first: u32,
+    count: u32,
+    node: u32,
+    level: u32,
+    // Where its regions begin, and end.
+    first_node: u32,
+    first_leaf: u32,
+    end_node: u32,
+    end_leaf: u32,
+}
+var<workgroup> own: Root;
 // The level: its nodes, its references, and where these begin.
 var<workgroup> node_count: u32;
 var<workgroup> reference_count: u32;
@@ -73,11 +86,16 @@ var<workgroup> best_order: atomic<u32>;
 var<private> cut_short: bool;
 
 // The references of the level, those handed over or those in the pool.
-fn level_reference(own: bool, i: u32) -> Reference {
-    if own {
+fn level_reference(handed: bool, i: u32) -> Reference {
+    if handed {
         return small_references[source + i];
     }
     return middle_references[source + i];
+}
+
+// The first reference of an invocation's share of the level: as many in a row each, whichever nodes they belong to.
+fn share_start(lane: u32) -> u32 {
+    return min(lane * ((reference_count + LANES - 1u) / LANES), reference_count);
 }
 
 // The node of the level that a reference belongs to.
@@ -106,8 +124,8 @@ fn from_order(order: u32) -> f32 {
 }
 
 // The place of a node of a level among the leaves. `turn` is 0 and 1 by turns.
-fn slot(end: u32, node: u32, turn: u32) -> u32 {
-    return end - 1u - 2u * node - turn;
+fn slot(node: u32, turn: u32) -> u32 {
+    return own.end_leaf - 1u - 2u * node - turn;
 }
 
 fn put_node(place: u32, node: TopNode) {
@@ -202,9 +220,8 @@ fn main(
     opaque_zero = parameters.zero;
     let end = slice_end(middle_root_count());
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
-        let root = small_roots[index];
         workgroupBarrier();
-        let levels = build(root, index, lane);
+        let levels = build(index, lane);
         workgroupBarrier();
         if lane == 0u {
             // A driver may end a loop early (see split_median.wgsl). The zero keeps a compiler from concluding that it
@@ -214,10 +231,10 @@ fn main(
             }
             let state = atomicLoad(&outgrown);
             var middle = MiddleRoot(
-                root.node, root.first, root.count, root.level + levels, emitted, leaves, leaf_references,
+                own.node, own.first, own.count, own.level + levels, emitted, leaves, leaf_references,
                 atomicLoad(&growth), 0u, 0u, state, 0u);
             if state != 0u {
-                middle = MiddleRoot(root.node, root.first, root.count, 0u, 0u, 0u, 0u, 0u, 0u, 0u, state, 0u);
+                middle = MiddleRoot(own.node, own.first, own.count, 0u, 0u, 0u, 0u, 0u, 0u, 0u, state, 0u);
             }
             middle_roots[index] = middle;
         }
@@ -225,12 +242,14 @@ fn main(
 }
 
 // Builds the tree of a root. Returns how many levels it has. All invocations must call it.
-fn build(root: SmallRoot, index: u32, lane: u32) -> u32 {
-    let first_node = first_middle_node(root.first, index);
-    let first_leaf = first_middle_leaf(root.first, index);
-    let end_node = first_middle_node(root.first + root.count, index + 1u);
-    let end_leaf = first_leaf + root.count / 4u + 64u;
+fn build(index: u32, lane: u32) -> u32 {
     if lane == 0u {
+        let root = small_roots[index];
+        own = Root(
+            root.first, root.count, root.node, root.level,
+            first_middle_node(root.first, index), first_middle_leaf(root.first, index),
+            first_middle_node(root.first + root.count, index + 1u),
+            first_middle_leaf(root.first, index) + root.count / 4u + 64u);
         atomicStore(&growth, 0u);
         atomicStore(&outgrown, 0u);
         outgrown_now = 0u;
@@ -245,46 +264,46 @@ fn build(root: SmallRoot, index: u32, lane: u32) -> u32 {
         leaf_source = 0u;
         if root.count > parameters.hand_over_limit {
             atomicStore(&outgrown, OUTGROWN_RULES);
-        } else if end_node > parameters.middle_node_room || end_leaf > parameters.middle_leaf_room {
+        } else if own.end_node > parameters.middle_node_room || own.end_leaf > parameters.middle_leaf_room {
             atomicStore(&outgrown, OUTGROWN_ROOM);
         } else {
-            put_node(first_node, TopNode(EMPTY, 0u, 0u, NO_NODE));
+            put_node(own.first_node, TopNode(EMPTY, 0u, 0u, NO_NODE));
             if root.count <= parameters.small_node_limit {
                 leaf_source = take(root.count);
-                put_node(first_node, TopNode(SMALL_ROOT, 0u, 0u, NO_NODE));
-                middle_leaves[first_leaf] = SmallRoot(
+                put_node(own.first_node, TopNode(SMALL_ROOT, 0u, 0u, NO_NODE));
+                middle_leaves[own.first_leaf] = SmallRoot(
                     root.lo, 0u, root.hi, root.count, root.node, root.depth, root.level, leaf_source);
                 leaf_references = root.count;
                 leaves = 1u;
             } else {
                 node_count = 1u;
-                middle_leaves[slot(end_leaf, 0u, 0u)] =
+                middle_leaves[slot(0u, 0u)] =
                     SmallRoot(root.lo, 0u, root.hi, root.count, 0u, root.depth, 0u, 0u);
             }
         }
     }
     storageBarrier();
     workgroupBarrier();
-    if lane < root.count && root.count <= parameters.small_node_limit && atomicLoad(&outgrown) == 0u {
-        middle_references[leaf_source + lane] = small_references[root.first + lane];
+    if lane < own.count && own.count <= parameters.small_node_limit && atomicLoad(&outgrown) == 0u {
+        middle_references[leaf_source + lane] = small_references[own.first + lane];
     }
     var levels = 0u;
     while workgroupUniformLoad(&node_count) > 0u {
-        let own = levels == 0u;
+        let handed = levels == 0u;
         let turn = levels % 2u;
-        begin_level(own, turn, end_leaf, lane);
-        decide(own, turn, end_leaf, lane);
+        begin_level(handed, turn, lane);
+        decide(turn, lane);
         while workgroupUniformLoad(&swept_now) != NO_NODE {
-            sweep(own, turn, end_leaf, lane);
+            sweep(handed, turn, lane);
         }
-        classify(own, lane);
-        let found = emit(root, first_node, first_leaf, end_node, end_leaf, turn, lane);
+        classify(handed, lane);
+        let found = emit(turn, lane);
         levels += 1u;
         if workgroupUniformLoad(&outgrown_now) == 1u {
             break;
         }
-        place_children(root, found, first_node, first_leaf, end_leaf, turn, lane);
-        scatter(own, lane);
+        place_children(found, turn, lane);
+        scatter(handed, lane);
         if lane == 0u {
             source = list_first[turn];
             node_count = found_nodes;
@@ -301,7 +320,7 @@ var<workgroup> found_nodes: u32;
 var<workgroup> found_references: u32;
 
 // Which references begin a node of the level, and the tight bounds of each node.
-fn begin_level(own: bool, turn: u32, end_leaf: u32, lane: u32) {
+fn begin_level(handed: bool, turn: u32, lane: u32) {
     let nodes = node_count;
     atomicStore(&starts[lane], 0u);
     atomicStore(&lefts[lane], 0u);
@@ -314,7 +333,7 @@ fn begin_level(own: bool, turn: u32, end_leaf: u32, lane: u32) {
     }
     workgroupBarrier();
     if lane < nodes {
-        let place = slot(end_leaf, lane, turn);
+        let place = slot(lane, turn);
         let begin = middle_leaves[place].first;
         first[lane] = begin;
         count[lane] = middle_leaves[place].count;
@@ -323,33 +342,39 @@ fn begin_level(own: bool, turn: u32, end_leaf: u32, lane: u32) {
     workgroupBarrier();
     let here = countOneBits(atomicLoad(&starts[lane]));
     starts_before[lane] = inclusive_scan(lane, vec2<u32>(here, 0u)).x - here;
-    // As many invocations a node as there are.
-    let share = LANES / nodes;
-    let node = lane / share;
-    if node < nodes {
+    workgroupBarrier();
+    var i = share_start(lane);
+    let end = share_start(lane + 1u);
+    var node = 0u;
+    if i < end {
+        node = node_of(i);
+    }
+    while i < end {
+        let last = min(end, first[node] + count[node]);
         var bounds = empty_aabb();
-        for (var i = lane % share; i < count[node]; i += share) {
-            let reference = level_reference(own, first[node] + i);
+        for (; i < last; i++) {
+            let reference = level_reference(handed, i);
             bounds = Aabb(least3(bounds.lo, reference.lo), most3(bounds.hi, reference.hi));
         }
-        if !is_empty(bounds) {
-            let at = 6u * node;
-            atomicMin(&tight[at], ordered_bits(bounds.lo.x));
-            atomicMin(&tight[at + 1u], ordered_bits(bounds.lo.y));
-            atomicMin(&tight[at + 2u], ordered_bits(bounds.lo.z));
-            atomicMax(&tight[at + 3u], ordered_bits(bounds.hi.x));
-            atomicMax(&tight[at + 4u], ordered_bits(bounds.hi.y));
-            atomicMax(&tight[at + 5u], ordered_bits(bounds.hi.z));
-        }
+        let at = 6u * node;
+        atomicMin(&tight[at], ordered_bits(bounds.lo.x));
+        atomicMin(&tight[at + 1u], ordered_bits(bounds.lo.y));
+        atomicMin(&tight[at + 2u], ordered_bits(bounds.lo.z));
+        atomicMax(&tight[at + 3u], ordered_bits(bounds.hi.x));
+        atomicMax(&tight[at + 4u], ordered_bits(bounds.hi.y));
+        atomicMax(&tight[at + 5u], ordered_bits(bounds.hi.z));
+        node += 1u;
     }
     workgroupBarrier();
 }
 
 // The plane of each node of the level, an invocation a node.
-fn decide(own: bool, turn: u32, end_leaf: u32, lane: u32) {
+fn decide(turn: u32, lane: u32) {
     if lane < node_count {
-        let node = middle_leaves[slot(end_leaf, lane, turn)];
+        let node = middle_leaves[slot(lane, turn)];
         let rest = rest_of(node, lane);
+        // Its cuts, until its children have places.
+        places[lane] = vec2<u32>(rest.cuts, 0u);
         var plane = no_plane();
         if rest.splits && node.padding == 0u {
             plane = spatial_median(rest.cell);
@@ -369,9 +394,9 @@ fn decide(own: bool, turn: u32, end_leaf: u32, lane: u32) {
 
 // That the median does not separate does not mean that no plane does: the best plane by SAH among the faces of up to 64
 // references, evenly spread over the node's. One node at a time.
-fn sweep(own: bool, turn: u32, end_leaf: u32, lane: u32) {
+fn sweep(handed: bool, turn: u32, lane: u32) {
     let place = swept_now;
-    let rest = rest_of(middle_leaves[slot(end_leaf, place, turn)], place);
+    let rest = rest_of(middle_leaves[slot(place, turn)], place);
     let extents = extents_of(rest.cell);
     let begin = first[place];
     let size = count[place];
@@ -390,11 +415,11 @@ fn sweep(own: bool, turn: u32, end_leaf: u32, lane: u32) {
     // Four invocations a sample, a quarter of the references each.
     let sample = lane / 4u;
     if sample < samples {
-        let faces = level_reference(own, begin + sample * size / samples);
+        let faces = level_reference(handed, begin + sample * size / samples);
         var low = vec3<u32>(0u);
         var high = vec3<u32>(0u);
         for (var i = lane % 4u; i < size; i += 4u) {
-            let other = level_reference(own, begin + i);
+            let other = level_reference(handed, begin + i);
             low += sides_of_planes(other, faces.lo);
             high += sides_of_planes(other, faces.hi);
         }
@@ -410,7 +435,7 @@ fn sweep(own: bool, turn: u32, end_leaf: u32, lane: u32) {
     var axis = TRANSFER;
     var order = 0xffffffffu;
     for (var face = lane; face < 6u * samples; face += LANES) {
-        let here = level_reference(own, begin + (face / 6u) * size / samples);
+        let here = level_reference(handed, begin + (face / 6u) * size / samples);
         let on = face % 3u;
         let position = on_axis(select(here.lo, here.hi, face % 6u >= 3u), on);
         if strictly_inside(rest.cell, on, position) && extents.large_enough {
@@ -469,14 +494,15 @@ fn sides_of_planes(reference: Reference, planes: vec3<f32>) -> vec3<u32> {
 }
 
 // The sides that each reference goes to, and how many there are before each 32.
-fn classify(own: bool, lane: u32) {
+fn classify(handed: bool, lane: u32) {
     workgroupBarrier();
+    // Neighbours go to different invocations: where one is cut, others often are.
     for (var i = lane; i < reference_count; i += LANES) {
         let node = node_of(i);
         let axis = plane_axis[node];
         var sides = vec2<bool>(true, false);
         if axis != TRANSFER {
-            sides = sides_of(level_reference(own, i), axis, plane_position[node]);
+            sides = sides_of(level_reference(handed, i), axis, plane_position[node]);
         }
         if sides.x {
             atomicOr(&lefts[i / 32u], 1u << (i % 32u));
@@ -498,25 +524,20 @@ fn classify(own: bool, lane: u32) {
 // What a node gives to the lists of its level, and before it all other nodes: references of next nodes and of leaves, next
 // nodes, leaves, nodes of the tree.
 struct Found {
-    next_references: u32,
-    leaf_references: u32,
-    next_nodes: u32,
-    leaves: u32,
-    nodes: u32,
+    // Two numbers in the first word, 16 bits each; three in the second, 8, 8 and 16.
+    packed: vec2<u32>,
     counts: vec2<u32>,
 }
 
 // Counts the children of the level, and takes parts of the pool for their references.
-fn emit(
-    root: SmallRoot, first_node: u32, first_leaf: u32, end_node: u32, end_leaf: u32, turn: u32, lane: u32,
-) -> Found {
+fn emit(turn: u32, lane: u32) -> Found {
     var packed = vec2<u32>(0u);
     var counts = vec2<u32>(0u);
     if lane < node_count {
         let size = count[lane];
         let splits = plane_axis[lane] != TRANSFER;
         counts = before(first[lane] + size) - before(first[lane]);
-        let cuts = rest_of(middle_leaves[slot(end_leaf, lane, turn)], lane).cuts;
+        let cuts = places[lane].x;
         packed.y = (2u * cuts + select(0u, 2u, splits)) << 16u;
         for (var side = 0u; side < 2u; side++) {
             if splits && counts[side] > parameters.small_node_limit {
@@ -535,11 +556,11 @@ fn emit(
         found_references = total.x & 0xffffu;
         found_nodes = total.y & 0xffu;
         let more_leaves = (total.y >> 8u) & 0xffu;
-        let kept = first_leaf + leaves + more_leaves + 2u * max(node_count, found_nodes);
+        let kept = own.first_leaf + leaves + more_leaves + 2u * max(node_count, found_nodes);
         let references = leaf_references + (total.x >> 16u);
-        if found_references > LEVEL_REFERENCES || found_nodes > ACTIVE_NODES || kept > end_leaf
-            || references > 8u * root.count + 256u
-            || emitted + (total.y >> 16u) > root.count / 2u + 128u {
+        if found_references > LEVEL_REFERENCES || found_nodes > ACTIVE_NODES || kept > own.end_leaf
+            || references > 8u * own.count + 256u
+            || emitted + (total.y >> 16u) > own.count / 2u + 128u {
             atomicOr(&outgrown, OUTGROWN_RULES);
         } else {
             leaf_source = take(total.x >> 16u);
@@ -550,23 +571,20 @@ fn emit(
         }
         outgrown_now = select(0u, 1u, atomicLoad(&outgrown) != 0u);
     }
-    let earlier = upto - packed;
-    return Found(
-        earlier.x & 0xffffu, earlier.x >> 16u, earlier.y & 0xffu, (earlier.y >> 8u) & 0xffu, earlier.y >> 16u, counts);
+    return Found(upto - packed, counts);
 }
 
 // Writes the nodes that each node of the level emits, its leaves and the next nodes, and says where references go.
-fn place_children(
-    root: SmallRoot, found: Found, first_node: u32, first_leaf: u32, end_leaf: u32, turn: u32, lane: u32,
-) {
+fn place_children(found: Found, turn: u32, lane: u32) {
+    let first_node = own.first_node;
     if lane < node_count {
-        let node = middle_leaves[slot(end_leaf, lane, turn)];
+        let node = middle_leaves[slot(lane, turn)];
         let bounds = tight_bounds(lane);
-        let cuts = rest_of(node, lane).cuts;
+        let cuts = places[lane].x;
         var cell = Aabb(node.lo, node.hi);
         var current = node.node;
         var depth = node.depth;
-        var top = emitted + found.nodes;
+        var top = emitted + (found.packed.y >> 16u);
         var successor = atomicLoad(&middle_nodes[4u * (first_node + current) + 3u]);
         var side = 0u;
         for (var i = 0u; i < cuts; i++) {
@@ -585,17 +603,19 @@ fn place_children(
             side = cut.side + 1u;
         }
         let axis = plane_axis[lane];
-        var place = vec4<u32>(found.next_references, found.leaf_references, found.next_nodes, found.leaves);
+        var place = vec4<u32>(
+            found.packed.x & 0xffffu, found.packed.x >> 16u, found.packed.y & 0xffu, (found.packed.y >> 8u) & 0xffu);
         if axis == TRANSFER {
             let children = Aabb(cell.lo, cell.hi);
-            put_leaf(root, first_node, first_leaf, current, successor, children, depth, node.count, place);
+            put_leaf(current, successor, children, depth, node.count, place);
             places[lane] = vec2<u32>(leaf_source + place.y - before(first[lane]).x, 0u);
         } else {
             let position = plane_position[lane];
             put_node(first_node + current, TopNode(axis, bitcast<u32>(position), top, top + 1u));
             let rank = before(first[lane]);
             let inseparable = all(found.counts == vec2<u32>(node.count));
-            for (var child = 0u; child < 2u; child++) {
+            // The zero keeps compilers from writing both out, which takes registers.
+            for (var child = 0u; child < 2u + opaque_zero; child++) {
                 var part = cell;
                 if child == 0u {
                     part.hi = with_axis(cell.hi, axis, position);
@@ -606,14 +626,13 @@ fn place_children(
                 let references = found.counts[child];
                 if references > parameters.small_node_limit {
                     put_node(first_node + top + child, TopNode(EMPTY, 0u, 0u, own_successor));
-                    middle_leaves[slot(end_leaf, place.z, 1u - turn)] = SmallRoot(
+                    middle_leaves[slot(place.z, 1u - turn)] = SmallRoot(
                         part.lo, place.x, part.hi, references, top + child, depth + 1u, 0u,
                         select(0u, 1u, inseparable));
                     places[lane][child] = list_first[turn] + place.x - rank[child];
                     place += vec4<u32>(references, 0u, 1u, 0u);
                 } else {
-                    put_leaf(
-                        root, first_node, first_leaf, top + child, own_successor, part, depth + 1u, references, place);
+                    put_leaf(top + child, own_successor, part, depth + 1u, references, place);
                     places[lane][child] = leaf_source + place.y - rank[child];
                     place += vec4<u32>(0u, references, 0u, select(0u, 1u, references > 0u));
                 }
@@ -626,24 +645,23 @@ fn place_children(
 
 // A leaf of `references` references. Its places are those that the nodes before it leave: see `place_children`.
 fn put_leaf(
-    root: SmallRoot, first_node: u32, first_leaf: u32, node: u32, successor: u32, cell: Aabb, depth: u32,
-    references: u32, place: vec4<u32>,
+    node: u32, successor: u32, cell: Aabb, depth: u32, references: u32, place: vec4<u32>,
 ) {
     if references == 0u {
-        put_node(first_node + node, TopNode(EMPTY, 0u, 0u, successor));
+        put_node(own.first_node + node, TopNode(EMPTY, 0u, 0u, successor));
         return;
     }
-    let own = leaves + place.w;
-    put_node(first_node + node, TopNode(SMALL_ROOT, 0u, own, successor));
-    middle_leaves[first_leaf + own] = SmallRoot(
-        cell.lo, leaf_references + place.y, cell.hi, references, root.node, depth, root.level, leaf_source + place.y);
+    let leaf = leaves + place.w;
+    put_node(own.first_node + node, TopNode(SMALL_ROOT, 0u, leaf, successor));
+    middle_leaves[own.first_leaf + leaf] = SmallRoot(
+        cell.lo, leaf_references + place.y, cell.hi, references, own.node, depth, own.level, leaf_source + place.y);
 }
 
 // Moves references to the children, cut at the plane.
-fn scatter(own: bool, lane: u32) {
+fn scatter(handed: bool, lane: u32) {
     for (var i = lane; i < reference_count; i += LANES) {
         let node = node_of(i);
-        let reference = level_reference(own, i);
+        let reference = level_reference(handed, i);
         let axis = plane_axis[node];
         let rank = before(i);
         if axis == TRANSFER {

@@ -1,5 +1,5 @@
 // Builds the subtree of every small root and measures it.
-// One workgroup a small root, one invocation a triangle.
+// One workgroup a small root.
 // Reads: small roots and their references.
 // Writes: how many nodes and references each root's subtree has; the subtree, where it is small enough
 // to be kept.
@@ -11,6 +11,9 @@
 @group(0) @binding(3) var<storage, read> small_references: array<Reference>;
 @group(0) @binding(4) var<storage, read_write> small_sizes: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read_write> subtrees: array<u32>;
+
+// Fewest instructions, since each invocation does some things for all of them.
+const SMALL_LANES: u32 = 32u;
 
 // Where the current subtree is kept, and whether there is space for it.
 var<private> slot: u32;
@@ -36,7 +39,7 @@ fn put_reference(index: u32, triangle: u32) {
     }
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(32)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,

@@ -9,9 +9,9 @@
 @group(0) @binding(3) var<storage, read_write> chunk_state: array<u32>;
 @group(0) @binding(4) var<storage, read_write> decisions: array<Decision>;
 
-const LANES: u32 = 64u;
+const LANES: u32 = 256u;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -21,21 +21,22 @@ fn main(
     for (var index = parameters.first + group.x; index < end; index += groups.x) {
         let first = active_nodes[index].first_chunk;
         let count = chunks_of(active_nodes[index].count);
-        var total = vec2<u32>(0u);
-        for (var start = 0u; start < count; start += LANES) {
-            let chunk = start + lane;
-            var counts = vec2<u32>(0u);
-            if chunk < count {
-                counts = load_counts(first + chunk);
-            }
-            let before = exclusive_scan(lane, vec4<u32>(counts, 0u, 0u));
-            if chunk < count {
-                store_counts(first + chunk, total + before.xy);
-            }
-            total += scan_total().xy;
+        // As many chunks in a row an invocation.
+        let share = (count + LANES - 1u) / LANES;
+        let begin = first + min(lane * share, count);
+        let last = first + min(lane * share + share, count);
+        var own = vec2<u32>(0u);
+        for (var chunk = begin; chunk < last; chunk++) {
+            own += load_counts(chunk);
+        }
+        var before = inclusive_scan(lane, own) - own;
+        for (var chunk = begin; chunk < last; chunk++) {
+            let counts = load_counts(chunk);
+            store_counts(chunk, before);
+            before += counts;
         }
         if lane == 0u {
-            decisions[index].counts = total;
+            decisions[index].counts = scan_sum();
         }
     }
 }

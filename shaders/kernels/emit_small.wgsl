@@ -1,6 +1,6 @@
 // Writes the subtrees of the small roots: copies those that were kept, builds the others again, now that
 // their places are known.
-// One workgroup a small root, one invocation a triangle.
+// One workgroup a small root.
 // Reads: small roots, their references, sizes, kept subtrees and addresses.
 // Writes: nodes and references of their subtrees.
 // Ties: least cost, then axis, then position.
@@ -14,6 +14,9 @@
 @group(0) @binding(6) var<storage, read> small_addresses: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> nodes: array<vec2<u32>>;
 @group(0) @binding(8) var<storage, read_write> leaf_references: array<u32>;
+
+// The few roots that are built again are among the greatest: more invocations each finish them earlier.
+const SMALL_LANES: u32 = 64u;
 
 // Where the current root begins in the output.
 var<private> address: vec2<u32>;
@@ -35,13 +38,13 @@ fn put_reference(index: u32, triangle: u32) {
 
 // Copies a subtree that was kept: indices become addresses.
 fn copy_subtree(slot: u32, size: vec2<u32>, lane: u32) {
-    for (var i = lane; i < size.x; i += 64u) {
+    for (var i = lane; i < size.x; i += SMALL_LANES) {
         let words = vec2<u32>(subtrees[slot + 2u * i], subtrees[slot + 2u * i + 1u]);
         let is_leaf = (words.y & 3u) == 3u;
         nodes[address.x + i] = words
             + select(vec2<u32>(0u, address.x << 2u), vec2<u32>(address.y, 0u), is_leaf);
     }
-    for (var i = lane; i < size.y; i += 64u) {
+    for (var i = lane; i < size.y; i += SMALL_LANES) {
         leaf_references[address.y + i] = subtrees[slot + 2u * SUBTREE_NODES + i];
     }
 }

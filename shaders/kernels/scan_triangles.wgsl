@@ -22,24 +22,25 @@ fn main(@builtin(local_invocation_index) lane: u32) {
         chunk_count = live(COUNTER_INPUT_CHUNKS);
     }
     let chunks = workgroupUniformLoad(&chunk_count);
-    var kept = 0u;
-    var snapped = 0u;
+    // As many chunks in a row an invocation.
+    let share = (chunks + LANES - 1u) / LANES;
+    let begin = min(lane * share, chunks);
+    let end = min(begin + share, chunks);
+    var own = vec2<u32>(0u);
     var bounds = empty_aabb();
-    for (var start = 0u; start < chunks; start += LANES) {
-        let chunk = start + lane;
-        var counts = vec2<u32>(0u);
-        if chunk < chunks {
-            counts = load_counts(chunk);
-            let here = load_bounds(chunk, 0u);
-            bounds = Aabb(least3(bounds.lo, here.lo), most3(bounds.hi, here.hi));
-        }
-        let before = exclusive_scan(lane, vec4<u32>(counts, 0u, 0u));
-        if chunk < chunks {
-            store_counts(chunk, vec2<u32>(kept + before.x, counts.y));
-        }
-        kept += scan_total().x;
-        snapped += scan_total().y;
+    for (var chunk = begin; chunk < end; chunk++) {
+        own += load_counts(chunk);
+        let here = load_bounds(chunk, 0u);
+        bounds = Aabb(least3(bounds.lo, here.lo), most3(bounds.hi, here.hi));
     }
+    var before = inclusive_scan(lane, own).x - own.x;
+    for (var chunk = begin; chunk < end; chunk++) {
+        let counts = load_counts(chunk);
+        store_counts(chunk, vec2<u32>(before, counts.y));
+        before += counts.x;
+    }
+    let kept = scan_sum().x;
+    let snapped = scan_sum().y;
     reduce_bounds(lane, bounds);
     if lane == 0u {
         let all = reduced_bounds();

@@ -14,7 +14,7 @@
 @group(0) @binding(5) var<storage, read_write> chunks: array<Chunk>;
 @group(0) @binding(6) var<storage, read_write> decisions: array<Decision>;
 
-const LANES: u32 = 64u;
+const LANES: u32 = 256u;
 const BOXES: u32 = 1u;
 const SWEEP_SAMPLES: u32 = 64u;
 
@@ -26,7 +26,7 @@ struct Ranked {
     position: f32,
 }
 
-var<workgroup> ranked: array<Ranked, LANES>;
+var<workgroup> ranked: array<Ranked, SWEEP_SAMPLES>;
 
 fn precedes(a: Ranked, b: Ranked) -> bool {
     if a.cost.y != b.cost.y {
@@ -118,7 +118,7 @@ fn tight_bound(index: u32, coordinate: u32) -> f32 {
     return reduced[coordinate];
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn main(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
@@ -154,7 +154,7 @@ fn sweep(node: LargeNode, lane: u32) {
     let extents = extents_of(cell);
     let open = decided.axis != TRANSFER;
     workgroupBarrier();
-    if open && extents.large_enough {
+    if open && extents.large_enough && lane < SWEEP_SAMPLES {
         ranked[lane] = sweep_share(node, cell, extents, lane);
         if cut_short {
             atomicStore(&unfinished, 1u);
@@ -171,7 +171,7 @@ fn sweep(node: LargeNode, lane: u32) {
             let leaf = wide_product(half_area(extents.cells), node.count);
             var best = Ranked(leaf, 0u, 0u, 0.0);
             var found = false;
-            for (var i = 0u; i < min(node.count, LANES); i++) {
+            for (var i = 0u; i < min(node.count, SWEEP_SAMPLES); i++) {
                 if precedes(ranked[i], best) {
                     best = ranked[i];
                     found = true;

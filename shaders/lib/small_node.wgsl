@@ -1,9 +1,13 @@
-// The small-node stage of Zhou et al. 2008: the subtree of one small root, built by a workgroup of 64
-// invocations in workgroup memory, one invocation a triangle. Twin of backend-cpu's build_small.rs.
+// The small-node stage of Zhou et al. 2008: the subtree of one small root, built by a workgroup in workgroup
+// memory. The kernel says how many invocations it has: SMALL_LANES, 32 or 64. Twin of backend-cpu's small_root.rs.
 //
 // Candidates are the faces of the references' bounds as they stand in the root. A candidate counts
-// only where its own triangle is in the node and the plane lies strictly inside. The masks of all candidates
-// lie in workgroup memory. Depth first, left before right.
+// only where its own triangle is in the node and the plane lies strictly inside. So faces outside the root's cell
+// are no planes, and faces at one place are one plane, which belongs to several triangles. One of the first 32
+// invocations has two references until the planes are known. Then an invocation has every plane SMALL_LANES apart: it makes
+// the plane's masks once, and evaluates the plane for every node. Depth first, left before right.
+//
+// References are in two halves of equal length, one bit in one of two words each: the first half in the first word.
 //
 // The kernel says what becomes of nodes and references: `put_node`, `put_right`, `put_reference`.
 // Needs the bindings `parameters` and `small_references`.
@@ -12,141 +16,212 @@ const MAX_DEPTH: u32 = 96u;
 const SMALL_ROOT_NODES: u32 = 511u;
 const SMALL_ROOT_REFERENCES: u32 = 1023u;
 
-// A node not yet decided. 40 bytes of payload.
-struct Pending {
-    lo: vec3<f32>,
-    mask_low: u32,
-    hi: vec3<f32>,
-    mask_high: u32,
-    depth: u32,
-    // The interior node whose right child this is, and its axis below; NO_PARENT for a left child.
-    parent: u32,
-}
+// Six faces of 64 references.
+const MOST_PLANES: u32 = 384u;
+// From an axis to the next in `scratch`: one more than the lanes, so that lanes at different axes read different banks.
+const FACES_STRIDE: u32 = 33u;
+const SLOTS: u32 = 256u;
 
-const NO_PARENT: u32 = 0xffffffffu;
-
-var<workgroup> bounds_lo: array<vec3<f32>, 64>;
-var<workgroup> bounds_hi: array<vec3<f32>, 64>;
-var<workgroup> stack: array<Pending, MAX_DEPTH>;
-// The current node.
-var<workgroup> pending: Pending;
-var<workgroup> stack_top: u32;
-// Emitted so far.
-var<workgroup> emitted: vec2<u32>;
-// Allocated so far, those pending included: what the caps of a root count.
-var<workgroup> allocated: vec2<u32>;
-// 1 while nodes are pending.
-var<workgroup> running: u32;
-// The least rank among candidates, word by word.
+// First, per axis and lane: the low faces of its two references, then the high ones, as bits.
+// Then: right children to come, two each: cell, mask.
+var<workgroup> scratch: array<vec4<u32>, 192>;
+// The triangles of each lane's two references.
+var<workgroup> own_triangles: array<vec2<u32>, 32>;
+// First: a hash table of the faces within the root's cell: one more than the name of a face, the greatest of those that
+// meet. A face is named by 128 axis + 32 (2 high + second half) + lane.
+// Then, of right children to come: depth, index of the parent and axis.
+var<workgroup> links: array<atomic<u32>, SLOTS>;
+var<workgroup> plane_count: atomic<u32>;
+// Of each plane the bits of its position, and the name of a face at its place, 16 bits. The order of planes may differ from
+// run to run; nothing depends on it, since the least rank is sought.
+var<workgroup> positions: array<u32, MOST_PLANES>;
+var<workgroup> names: array<atomic<u32>, 192>;
+// By the name of a plane, the triangles that have a face there: a set of two words.
+var<workgroup> owners: array<atomic<u32>, 768>;
+// The triangles left and right of each plane, two words each.
+var<workgroup> plane_sides: array<vec4<u32>, MOST_PLANES>;
+// Of the current node, by axis: lower and upper side, half of the lower, half extent in whole numbers; then what makes a
+// half area of another extent e: e * x + y.
+var<workgroup> measures: array<vec4<u32>, 6>;
+// What the current node is.
+var<workgroup> state: u32;
+// The least rank among candidates, one part after the other: cost; axis and position but for its last two bits; these and
+// the plane.
 var<workgroup> best_cost: atomic<u32>;
-var<workgroup> best_axis: atomic<u32>;
-var<workgroup> best_order: atomic<u32>;
-// The masks of the six candidate planes of every invocation, those of the low face of an axis before those of the high
-// one: left low, left high, right low, right high. In registers they would leave room for half as many workgroups.
-var<workgroup> plane_sides: array<vec4<u32>, 384>;
-// The masks of the chosen plane: left low, left high, right low, right high.
-var<workgroup> chosen: array<atomic<u32>, 4>;
+var<workgroup> best_place: atomic<u32>;
+var<workgroup> best_plane: atomic<u32>;
 
-// The masks of an invocation's six planes, one word of each: of the planes at the low faces of its bounds and of those
-// at the high faces, by axis.
-struct PlaneMasks {
-    low_left: vec3<u32>,
-    low_right: vec3<u32>,
-    high_left: vec3<u32>,
-    high_right: vec3<u32>,
-}
+const NOTHING: u32 = 0xffffffffu;
+// What `state` may be: no node is left; a leaf; a node that may be split.
+const DONE: u32 = 0u;
+const LEAF: u32 = 1u;
+const OPEN: u32 = 2u;
 
-// Which of the references from `first` to below `end`, at most 32, go to which side of the planes at `lo` and `hi`
-// (Zhou et al. 2008, small-node stage). One loop for all twelve masks, since the bounds are what it waits for.
-fn masks_of_planes(lo: vec3<f32>, hi: vec3<f32>, first: u32, end: u32) -> PlaneMasks {
-    var masks: PlaneMasks;
-    for (var i = first; i < end; i++) {
-        let other_lo = bounds_lo[i];
-        let other_hi = bounds_hi[i];
-        let bit = vec3<u32>(1u << (i - first));
-        let none = vec3<u32>();
-        // `goes_left` and `goes_right` on three axes at once.
-        masks.low_left |= select(none, bit, (other_lo < lo) | (other_hi <= lo));
-        masks.low_right |= select(none, bit, other_hi > lo);
-        masks.high_left |= select(none, bit, (other_lo < hi) | (other_hi <= hi));
-        masks.high_right |= select(none, bit, other_hi > hi);
-    }
-    return masks;
+// A node not yet decided.
+struct Pending {
+    cell: Aabb,
+    mask: vec2<u32>,
+    depth: u32,
+    // The interior node whose right child this is, and its axis below; NOTHING for a left child.
+    parent: u32,
 }
 
 fn count_mask(mask: vec2<u32>) -> u32 {
     return countOneBits(mask.x) + countOneBits(mask.y);
 }
 
-// Whether triangle `index` is in the set.
-fn contains(mask: vec2<u32>, index: u32) -> bool {
-    return ((select(mask.x, mask.y, index >= 32u) >> (index % 32u)) & 1u) == 1u;
+// `on_axis` of whole numbers.
+fn whole_on_axis(v: vec3<u32>, axis: u32) -> u32 {
+    return select(select(v.x, v.y, axis == 1u), v.z, axis == 2u);
 }
 
-// How many triangles of the set stand before `index`.
-fn rank_in(mask: vec2<u32>, index: u32) -> u32 {
-    let below = (1u << (index % 32u)) - 1u;
-    if index < 32u {
-        return countOneBits(mask.x & below);
+// ceil(count / W) of at most 64, by a product: `inverse` is floor(65535 / W) + 1, which is 2^16 / W and less than one more.
+fn blocks_of(count: u32, inverse: u32) -> u32 {
+    return ((count + parameters.block_width - 1u) * inverse) >> 16u;
+}
+
+fn slot_of(bits: u32, axis: u32) -> u32 {
+    return ((bits + axis) * 0x9e3779b1u) >> 24u;
+}
+
+// The bits of the face of this name.
+fn position_of(name: u32) -> u32 {
+    return scratch[(name >> 7u) * FACES_STRIDE + (name & 31u)][(name >> 5u) & 3u];
+}
+
+fn name_of(plane: u32) -> u32 {
+    return (atomicLoad(&names[plane / 2u]) >> (16u * (plane % 2u))) & 511u;
+}
+
+// Whether the face of this name lies within the root's cell.
+fn is_within(root: SmallRoot, name: u32, position: f32) -> bool {
+    let axis = name >> 7u;
+    return on_axis(root.lo, axis) < position && position < on_axis(root.hi, axis);
+}
+
+// A face within the cell asks for its slot, and is its own plane's only triangle so far.
+fn claim(root: SmallRoot, name: u32) {
+    let bits = position_of(name);
+    if is_within(root, name, bitcast<f32>(bits)) {
+        atomicMax(&links[slot_of(bits, name >> 7u)], name + 1u);
+        let bit = 1u << (name & 31u);
+        let second = (name & 32u) != 0u;
+        atomicStore(&owners[2u * name], select(bit, 0u, second));
+        atomicStore(&owners[2u * name + 1u], select(0u, bit, second));
     }
-    return countOneBits(mask.x) + countOneBits(mask.y & below);
 }
 
-// The first `count` triangles.
-fn first_mask(count: u32) -> vec2<u32> {
-    let low = select((1u << count) - 1u, 0xffffffffu, count >= 32u);
-    let high = select((1u << (max(count, 32u) - 32u)) - 1u, 0xffffffffu, count >= 64u);
-    return vec2<u32>(low, high);
+// A face is a plane, or its triangle joins those of the plane that has its slot. A face whose slot another plane has
+// is a plane too, even if several are at its place.
+fn settle(root: SmallRoot, name: u32) {
+    let bits = position_of(name);
+    if is_within(root, name, bitcast<f32>(bits)) {
+        let axis = name >> 7u;
+        let other = atomicLoad(&links[slot_of(bits, axis)]) - 1u;
+        if other != name && other >> 7u == axis && position_of(other) == bits {
+            atomicOr(&owners[2u * other + ((name >> 5u) & 1u)], 1u << (name & 31u));
+        } else {
+            let plane = atomicAdd(&plane_count, 1u);
+            positions[plane] = bits;
+            atomicOr(&names[plane / 2u], name << (16u * (plane % 2u)));
+        }
+    }
 }
 
-// A candidate's rank: cost, axis, position in order.
+// Completes a plane: which references, of two halves of `half`, go to which side.
+fn complete(index: u32, half: u32) {
+    let position = vec2<f32>(bitcast<f32>(positions[index]));
+    let first = (name_of(index) >> 7u) * FACES_STRIDE;
+    var below = vec2<u32>();
+    var above = vec2<u32>();
+    var bit = vec2<u32>(1u);
+    // Two lanes' a round. Of an odd number the last is none's: no mask has its bit.
+    for (var i = first; i < first + half; i += 2u) {
+        let pair = scratch[i];
+        let next = scratch[i + 1u];
+        let next_bit = bit << vec2<u32>(1u);
+        let none = vec2<u32>();
+        below |= select(none, bit, bitcast<vec2<f32>>(pair.xy) < position);
+        above |= select(none, bit, bitcast<vec2<f32>>(pair.zw) > position);
+        below |= select(none, next_bit, bitcast<vec2<f32>>(next.xy) < position);
+        above |= select(none, next_bit, bitcast<vec2<f32>>(next.zw) > position);
+        bit <<= vec2<u32>(2u);
+    }
+    // `goes_left` and `goes_right`: what does not reach above goes left, planar in the plane or not.
+    plane_sides[index] = vec4<u32>(below | ~above, above);
+}
+
+// A candidate's rank, in the parts that are sought one after the other.
 struct Candidate {
     cost: u32,
-    axis: u32,
-    order: u32,
-}
-
-fn precedes(a: Candidate, b: Candidate) -> bool {
-    if a.cost != b.cost {
-        return a.cost < b.cost;
-    }
-    if a.axis != b.axis {
-        return a.axis < b.axis;
-    }
-    return a.order < b.order;
-}
-
-// The candidate of one face, whose masks are at `place`, if it counts and is better than `best`.
-fn consider(
-    best: Candidate,
     place: u32,
-    axis: u32,
-    position: f32,
-    mask: vec2<u32>,
-    cell: Aabb,
-    extents: Extents,
-    area: u32,
-) -> Candidate {
-    if !strictly_inside(cell, axis, position) {
+    plane: u32,
+}
+
+// The plane at `index`, if it counts in a node and is better than `best`. `base` is K_T times the cell's half area.
+fn consider(best: Candidate, index: u32, mask: vec2<u32>, scale: f32, base: u32, inverse: u32) -> Candidate {
+    let position = bitcast<f32>(positions[index]);
+    let name = name_of(index);
+    let axis = name >> 7u;
+    let extent = measures[axis];
+    let owned = (atomicLoad(&owners[2u * name]) & mask.x) | (atomicLoad(&owners[2u * name + 1u]) & mask.y);
+    if !(bitcast<f32>(extent.x) < position && position < bitcast<f32>(extent.y) && owned != 0u) {
         return best;
     }
-    let sides = plane_sides[place];
-    let left = blocks(count_mask(sides.xy & mask));
-    let right = blocks(count_mask(sides.zw & mask));
-    let offset = quantised_offset(extents, on_axis(cell.lo, axis), position);
-    let areas = split_areas(extents, axis, offset);
-    let cost = parameters.traversal_cost * area
-        + parameters.intersection_cost * (left * areas.x + right * areas.y);
-    let here = Candidate(cost, axis, ordered_bits(position));
-    if precedes(here, best) {
-        return here;
+    let sides = plane_sides[index];
+    let left = blocks_of(count_mask(sides.xy & mask), inverse);
+    let right = blocks_of(count_mask(sides.zw & mask), inverse);
+    // `quantised_offset`, with the lower side's half at hand.
+    let distance = snapped_difference(snapped_product(position, 0.5), bitcast<f32>(extent.z));
+    let offset = quantise(distance, scale);
+    let rest = max(extent.w, offset) - offset;
+    let area = measures[3u + axis];
+    let areas = left * (max(offset, 1u) * area.x + area.y) + right * (max(rest, 1u) * area.x + area.y);
+    let cost = base + parameters.intersection_cost * areas;
+    if cost > best.cost {
+        return best;
     }
-    return best;
+    let order = ordered_bits(position);
+    let here = Candidate(cost, (axis << 30u) | (order >> 2u), ((order & 3u) << 9u) | index);
+    if cost == best.cost && (best.place < here.place || (best.place == here.place && best.plane < here.plane)) {
+        return best;
+    }
+    return here;
 }
 
-// The float of these ordered bits.
-fn from_ordered_bits(order: u32) -> f32 {
-    return bitcast<f32>(select(~order, order & 0x7fffffffu, (order >> 31u) == 1u));
+// Leaves in `measures` what all candidates of a node need, one axis each of the first three lanes.
+fn put_measures(cell: Aabb, cells: vec3<u32>, rims: vec3<u32>, caps: vec3<u32>, lane: u32) {
+    if lane < 3u {
+        let lower = on_axis(cell.lo, lane);
+        measures[lane] = vec4<u32>(
+            bitcast<u32>(lower),
+            bitcast<u32>(on_axis(cell.hi, lane)),
+            bitcast<u32>(snapped_product(lower, 0.5)),
+            whole_on_axis(cells, lane),
+        );
+        measures[3u + lane] = vec4<u32>(whole_on_axis(rims, lane), whole_on_axis(caps, lane), 0u, 0u);
+    }
+}
+
+// One word by each of the first nine lanes.
+fn push(place: u32, cell: Aabb, mask: vec2<u32>, link: u32, lane: u32) {
+    if lane < 8u {
+        let corner = select(cell.lo, cell.hi, lane >= 4u);
+        let of_cell = bitcast<u32>(on_axis(corner, lane % 4u));
+        let of_mask = select(mask.x, mask.y, lane >= 4u);
+        scratch[2u * place + lane / 4u][lane % 4u] = select(of_cell, of_mask, lane % 4u == 3u);
+    }
+    if lane == 8u {
+        atomicStore(&links[place], link);
+    }
+}
+
+fn pop(place: u32) -> Pending {
+    let lower = scratch[2u * place];
+    let upper = scratch[2u * place + 1u];
+    let link = atomicLoad(&links[place]);
+    let cell = Aabb(bitcast<vec3<f32>>(lower.xyz), bitcast<vec3<f32>>(upper.xyz));
+    return Pending(cell, vec2<u32>(lower.w, upper.w), link >> 11u, link & 2047u);
 }
 
 // The references that a dispatch sees, where one binding does not hold all: those of the first half or of the second.
@@ -170,13 +245,52 @@ fn is_seen(root: SmallRoot) -> bool {
     return begins_here(root) || root.count > parameters.small_node_limit;
 }
 
-// Builds the subtree of a root and returns how many nodes and references it has. All 64 invocations
+// The references of a root's lane into workgroup memory: the lane's of the first half and of the second.
+fn put_faces(root: SmallRoot, half: u32, lane: u32) {
+    let at = root.first + lane - first_seen();
+    let first = small_references[at];
+    var second = Reference(vec3<f32>(GREATEST), 0u, vec3<f32>(-GREATEST), 0u);
+    // Of an odd number one is missing.
+    if half + lane < root.count {
+        second = small_references[at + half];
+    }
+    for (var axis = 0u; axis < 3u; axis++) {
+        scratch[axis * FACES_STRIDE + lane] = bitcast<vec4<u32>>(vec4<f32>(
+            on_axis(first.lo, axis),
+            on_axis(second.lo, axis),
+            on_axis(first.hi, axis),
+            on_axis(second.hi, axis),
+        ));
+    }
+    own_triangles[lane] = vec2<u32>(first.triangle, second.triangle);
+}
+
+// The planes of a root and their masks. All invocations must call it.
+fn find_planes(root: SmallRoot, half: u32, lane: u32) {
+    workgroupBarrier();
+    // The zero keeps compilers from writing these loops out.
+    let end = select(0u, MOST_PLANES + opaque_zero, lane % 32u < half);
+    for (var name = lane; name < end; name += SMALL_LANES) {
+        claim(root, name);
+    }
+    workgroupBarrier();
+    for (var name = lane; name < end; name += SMALL_LANES) {
+        settle(root, name);
+    }
+    workgroupBarrier();
+    let count = atomicLoad(&plane_count);
+    for (var index = lane; index < count; index += SMALL_LANES) {
+        complete(index, half);
+    }
+}
+
+// Builds the subtree of a root and returns how many nodes and references it has. All invocations
 // must call it.
 fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
     if root.count > parameters.small_node_limit {
         // A leaf too large to split.
         let end = min(root.first + root.count, end_seen());
-        for (var place = max(root.first, first_seen()) + lane; place < end; place += 64u) {
+        for (var place = max(root.first, first_seen()) + lane; place < end; place += SMALL_LANES) {
             put_reference(place - root.first, small_references[place - first_seen()].triangle);
         }
         if lane == 0u && begins_here(root) {
@@ -184,139 +298,143 @@ fn build_subtree(root: SmallRoot, lane: u32) -> vec2<u32> {
         }
         return vec2<u32>(1u, root.count);
     }
+    let half = (root.count + 1u) / 2u;
     workgroupBarrier();
-    var triangle = 0u;
-    if lane < root.count {
-        let reference = small_references[root.first + lane - first_seen()];
-        triangle = reference.triangle;
-        bounds_lo[lane] = reference.lo;
-        bounds_hi[lane] = reference.hi;
+    if lane < half {
+        put_faces(root, half, lane);
+    }
+    for (var slot = lane; slot < SLOTS; slot += SMALL_LANES) {
+        atomicStore(&links[slot], 0u);
+    }
+    for (var pair = lane; pair < MOST_PLANES / 2u; pair += SMALL_LANES) {
+        atomicStore(&names[pair], 0u);
     }
     if lane == 0u {
-        let mask = first_mask(root.count);
-        pending = Pending(root.lo, mask.x, root.hi, mask.y, root.depth, NO_PARENT);
-        stack_top = 0u;
-        emitted = vec2<u32>(0u);
-        allocated = vec2<u32>(1u, root.count);
+        atomicStore(&plane_count, 0u);
     }
-    workgroupBarrier();
-    var lo = vec3<f32>(0.0);
-    var hi = vec3<f32>(0.0);
-    if lane < root.count {
-        lo = bounds_lo[lane];
-        hi = bounds_hi[lane];
-        // The first 32 references, and the others.
-        let near = masks_of_planes(lo, hi, 0u, min(root.count, 32u));
-        let rest = masks_of_planes(lo, hi, 32u, root.count);
-        for (var axis = 0u; axis < 3u; axis++) {
-            let place = 2u * axis * 64u + lane;
-            plane_sides[place] = vec4<u32>(
-                near.low_left[axis], rest.low_left[axis], near.low_right[axis], rest.low_right[axis]);
-            plane_sides[place + 64u] = vec4<u32>(
-                near.high_left[axis], rest.high_left[axis], near.high_right[axis], rest.high_right[axis]);
-        }
-    }
+    find_planes(root, half, lane);
+    let inverse = 65535u / parameters.block_width + 1u;
+    let all = vec2<u32>(half, root.count - half);
+    // Of 32 bits a shift would leave all.
+    let ones = select((vec2<u32>(1u) << all) - vec2<u32>(1u), vec2<u32>(NOTHING), all == vec2<u32>(32u));
+    var node = Pending(Aabb(root.lo, root.hi), ones, root.depth, NOTHING);
+    // Every invocation keeps the same account.
+    var running = true;
+    var stack_top = 0u;
+    // Emitted so far.
+    var emitted = vec2<u32>(0u);
+    // Allocated so far, those pending included: what the caps of a root count.
+    var allocated = vec2<u32>(1u, root.count);
     loop {
-        let node = pending;
-        let mask = vec2<u32>(node.mask_low, node.mask_high);
-        let cell = Aabb(node.lo, node.hi);
-        let count = count_mask(mask);
-        let extents = extents_of(cell);
-        let area = half_area(extents.cells);
-        let leaf_cost = parameters.intersection_cost * blocks(count) * area;
-        let open = count > 0u && node.depth < parameters.max_depth && extents.large_enough
-            && leaf_cost > parameters.traversal_cost * area;
-        // Only what costs less than a leaf counts: no candidate has this cost, axis and position.
-        let none = Candidate(leaf_cost, 0u, 0u);
-        var best = none;
-        if open && contains(mask, lane) {
-            for (var plane = 0u; plane < 6u; plane++) {
-                let axis = plane / 2u;
-                let position = on_axis(select(lo, hi, plane % 2u == 1u), axis);
-                best = consider(best, plane * 64u + lane, axis, position, mask, cell, extents, area);
-            }
+        let count = count_mask(node.mask);
+        var scale = 0.0;
+        var base = 0u;
+        var leaf_cost = 0u;
+        if running && count > 0u {
+            let extents = extents_of(node.cell);
+            let c = max(extents.cells, vec3<u32>(1u));
+            let rims = c.yzx + c.zxy;
+            let caps = c.yzx * c.zxy;
+            let area = c.x * rims.x + caps.x;
+            scale = extents.scale;
+            base = parameters.traversal_cost * area;
+            leaf_cost = parameters.intersection_cost * blocks_of(count, inverse) * area;
+            let open = node.depth < parameters.max_depth && extents.large_enough && leaf_cost > base;
+            leaf_cost = select(0u, leaf_cost, open);
+            put_measures(node.cell, extents.cells, rims, caps, lane);
         }
         if lane == 0u {
-            atomicStore(&best_cost, leaf_cost);
-            atomicStore(&best_axis, 3u);
-            atomicStore(&best_order, 0xffffffffu);
+            state = select(DONE, select(LEAF, OPEN, leaf_cost > 0u), running);
+            atomicStore(&best_cost, NOTHING);
         }
-        if lane < 4u {
-            atomicStore(&chosen[lane], 0u);
-        }
-        workgroupBarrier();
-        // Word by word: minima of integers do not depend on order.
-        if best.cost < leaf_cost {
-            atomicMin(&best_cost, best.cost);
-        }
-        workgroupBarrier();
-        let least_cost = atomicLoad(&best_cost);
-        if best.cost < leaf_cost && best.cost == least_cost {
-            atomicMin(&best_axis, best.axis);
-        }
-        workgroupBarrier();
-        let axis = atomicLoad(&best_axis);
-        if best.cost < leaf_cost && best.cost == least_cost && best.axis == axis {
-            atomicMin(&best_order, best.order);
-        }
-        workgroupBarrier();
-        let position = from_ordered_bits(atomicLoad(&best_order));
-        let found = axis < 3u;
-        if found && contains(mask, lane) {
-            let bit = 1u << (lane % 32u);
-            let word = lane / 32u;
-            if goes_left(on_axis(lo, axis), on_axis(hi, axis), position) {
-                atomicOr(&chosen[word], bit);
-            }
-            if goes_right(on_axis(hi, axis), position) {
-                atomicOr(&chosen[2u + word], bit);
-            }
-        }
-        workgroupBarrier();
-        let left = vec2<u32>(atomicLoad(&chosen[0]), atomicLoad(&chosen[1]));
-        let right = vec2<u32>(atomicLoad(&chosen[2]), atomicLoad(&chosen[3]));
-        let after = allocated.y + count_mask(left) + count_mask(right) - count;
-        let splits = found && allocated.x + 2u <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES;
-        let index = emitted.x;
-        let first = emitted.y;
-        if !splits && contains(mask, lane) {
-            put_reference(first + rank_in(mask, lane), triangle);
-        }
-        workgroupBarrier();
-        if lane == 0u {
-            if node.parent != NO_PARENT {
-                put_right(node.parent >> 2u, node.parent & 3u, index);
-            }
-            running = 1u;
-            if splits {
-                allocated = vec2<u32>(allocated.x + 2u, after);
-                put_node(index, vec2<u32>(bitcast<u32>(position), axis));
-                var right_lo = with_axis(cell.lo, axis, position);
-                stack[stack_top] = Pending(
-                    right_lo, right.x, cell.hi, right.y, node.depth + 1u, (index << 2u) | axis);
-                stack_top += 1u;
-                pending = Pending(
-                    cell.lo, left.x, with_axis(cell.hi, axis, position), left.y, node.depth + 1u, NO_PARENT);
-            } else {
-                put_node(index, vec2<u32>(first, (count << 2u) | 3u));
-                emitted.y += count;
-                if stack_top == 0u {
-                    running = 0u;
-                } else {
-                    stack_top -= 1u;
-                    pending = stack[stack_top];
-                }
-            }
-            emitted.x += 1u;
-        }
-        if workgroupUniformLoad(&running) == 0u {
+        let now = workgroupUniformLoad(&state);
+        if now == DONE {
             break;
+        }
+        var chosen = NOTHING;
+        if now == OPEN {
+            if lane == 0u {
+                // Nobody reads the last node's any more.
+                atomicStore(&best_place, NOTHING);
+                atomicStore(&best_plane, NOTHING);
+            }
+            // Only what costs less than a leaf counts.
+            let none = Candidate(leaf_cost - 1u, NOTHING, NOTHING);
+            var best = none;
+            let planes_end = atomicLoad(&plane_count);
+            for (var index = lane; index < planes_end; index += SMALL_LANES) {
+                best = consider(best, index, node.mask, scale, base, inverse);
+            }
+            // Part by part: minima of integers do not depend on order.
+            let found = best.plane != NOTHING;
+            if found {
+                atomicMin(&best_cost, best.cost);
+            }
+            workgroupBarrier();
+            let cheap = found && best.cost == atomicLoad(&best_cost);
+            if cheap {
+                atomicMin(&best_place, best.place);
+            }
+            workgroupBarrier();
+            if cheap && best.place == atomicLoad(&best_place) {
+                atomicMin(&best_plane, best.plane);
+            }
+            workgroupBarrier();
+            chosen = atomicLoad(&best_plane);
+        }
+        let index = emitted.x;
+        if lane == 0u {
+            if node.parent != NOTHING {
+                put_right((node.parent >> 2u) & 511u, node.parent & 3u, index);
+            }
+        }
+        var left = vec2<u32>();
+        var right = vec2<u32>();
+        if chosen != NOTHING {
+            let sides = plane_sides[chosen & 511u];
+            left = sides.xy & node.mask;
+            right = sides.zw & node.mask;
+        }
+        let after = allocated.y + count_mask(left) + count_mask(right) - count;
+        emitted.x += 1u;
+        if chosen != NOTHING && allocated.x + 2u <= SMALL_ROOT_NODES && after <= SMALL_ROOT_REFERENCES {
+            allocated = vec2<u32>(allocated.x + 2u, after);
+            let axis = name_of(chosen & 511u) >> 7u;
+            let position = bitcast<f32>(positions[chosen & 511u]);
+            let depth = node.depth + 1u;
+            if lane == 0u {
+                put_node(index, vec2<u32>(bitcast<u32>(position), axis));
+            }
+            let right_cell = Aabb(with_axis(node.cell.lo, axis, position), node.cell.hi);
+            push(stack_top, right_cell, right, (depth << 11u) | (index << 2u) | axis, lane);
+            stack_top += 1u;
+            node = Pending(Aabb(node.cell.lo, with_axis(node.cell.hi, axis, position)), left, depth, NOTHING);
+        } else {
+            let place = lane % 32u;
+            let below = (1u << place) - 1u;
+            let first = emitted.y + countOneBits(node.mask.x & below);
+            let second = emitted.y + countOneBits(node.mask.x) + countOneBits(node.mask.y & below);
+            if lane < 32u && ((node.mask.x >> place) & 1u) == 1u {
+                put_reference(first, own_triangles[place].x);
+            }
+            if lane >= SMALL_LANES - 32u && ((node.mask.y >> place) & 1u) == 1u {
+                put_reference(second, own_triangles[place].y);
+            }
+            if lane == 0u {
+                put_node(index, vec2<u32>(emitted.y, (count << 2u) | 3u));
+            }
+            emitted.y += count;
+            running = stack_top > 0u;
+            if running {
+                stack_top -= 1u;
+                node = pop(stack_top);
+            }
         }
     }
     // A driver may end the loop early (see split_median.wgsl). The zero keeps a compiler from concluding
     // that it does not.
-    if (running ^ opaque_zero) != 0u {
-        return vec2<u32>(0xffffffffu);
+    if (select(0u, 1u, running) ^ opaque_zero) != 0u {
+        return vec2<u32>(NOTHING);
     }
     return emitted;
 }

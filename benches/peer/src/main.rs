@@ -14,11 +14,12 @@
 //!
 //! On both backends a batch is handed over whole, since chunks of some thousand rays fill no GPU. The
 //! GPU's times are from host memory to host memory; its builds end with a copy of the tree on the host.
-//! A sixth argument, `instances`, asks for the harness's task of that name: see `instances.rs`.
+//! A sixth argument, `instances` or `knn`, asks for the harness's task of that name: see `instances.rs`, `knn.rs`.
 //! `PEERS_CLOCK=cpu` in the environment asks for CPU time in place of the time that passes.
 
 mod clock;
 mod instances;
+mod knn;
 
 use clock::Clock;
 use std::path::Path;
@@ -181,11 +182,12 @@ fn main() {
         [five @ .., task] if five.len() == 5 => (five, Some(task.as_str())),
         all => (all, None),
     };
-    let ([name, dir, threads, reps, prefix], None | Some("instances")) = (arguments, task) else {
-        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX [instances]");
+    let ([name, dir, threads, reps, prefix], None | Some("instances" | "knn")) = (arguments, task)
+    else {
+        eprintln!("usage: splitplane-peer NAME DIR THREADS REPS PREFIX [instances|knn]");
         std::process::exit(2);
     };
-    match measure(name, Path::new(dir), threads, reps, (prefix, task.is_some())) {
+    match measure(name, Path::new(dir), threads, reps, (prefix, task)) {
         Ok(report) => println!("{report}"),
         Err(error) => {
             eprintln!("splitplane-peer: {error}");
@@ -199,10 +201,13 @@ fn measure(
     dir: &Path,
     threads: &str,
     reps: &str,
-    (prefix, instances): (&str, bool),
+    (prefix, task): (&str, Option<&str>),
 ) -> Result<Value, String> {
     let number = |text: &str| text.parse::<usize>().map_err(|_| format!("{text}: not a number"));
     let (threads, reps) = (number(threads)?, number(reps)?);
+    if task == Some("knn") {
+        return knn::measure(name, dir, (threads, reps), prefix);
+    }
     let (plan, clock) = (Plan::parse(name)?, Clock::asked()?);
     let vertices: Vec<[f32; 3]> = read(&dir.join("verts.f32"))?;
     let indices: Vec<[u32; 3]> = read(&dir.join("index.u32"))?;
@@ -213,7 +218,7 @@ fn measure(
         .map_err(|error| error.to_string())?;
     let backend = Side::open(&plan)?;
     let options = BuildOptions { layout: plan.layout, ..BuildOptions::from(plan.config) };
-    if instances {
+    if task.is_some() {
         let (plan, pool) = (&plan, &pool);
         let backend: &dyn Backend = match &backend {
             Side::Cpu(backend) => backend,

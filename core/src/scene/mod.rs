@@ -16,6 +16,7 @@ mod error;
 pub mod file;
 mod hit;
 mod options;
+mod outline;
 mod placement;
 mod top_build;
 mod top_near;
@@ -30,6 +31,7 @@ pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
 pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
+pub use outline::Outline;
 pub use placement::Placement;
 pub use top_build::top_tree_bytes;
 pub use top_tree::{

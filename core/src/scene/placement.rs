@@ -1,6 +1,7 @@
 //! An instance where it is: its space, its box, and how its geometry is asked.
 
 use super::description::Instance;
+use super::outline::Outline;
 use super::transform::ObjectSpace;
 use super::world_box::WorldBox;
 use crate::aabb::Aabb;
@@ -20,9 +21,14 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// An instance with its space, of a geometry with these bounds.
-    pub fn new(instance: &Instance, space: ObjectSpace, bounds: &Aabb) -> Placement {
-        let world_box = WorldBox::new(&instance.transform, &space, bounds);
+    /// An instance with its space, of a geometry with these bounds and this outline.
+    pub fn new(
+        instance: &Instance,
+        space: ObjectSpace,
+        bounds: &Aabb,
+        outline: Option<&Outline>,
+    ) -> Placement {
+        let world_box = WorldBox::new(&instance.transform, &space, bounds, outline);
         Placement { instance: *instance, space, bounds: *bounds, world_box }
     }
 

@@ -3,7 +3,7 @@
 use alloc::vec::Vec;
 
 use super::world_box::WorldBox;
-use crate::aabb::{Aabb, max, min};
+use crate::aabb::{Aabb, max};
 
 /// Children of a node of the tree over instances.
 pub const WIDTH: usize = 8;
@@ -135,10 +135,4 @@ impl TopTree {
             + (self.parents.capacity() + self.places.capacity()) * size_of::<Place>())
             as u64
     }
-}
-
-/// Ends of boxes in the middle, which cannot overflow.
-pub(super) fn centre(bounds: &Aabb, axis: usize) -> f32 {
-    let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);
-    min(max(0.5 * lo + 0.5 * hi, lo), hi)
 }

@@ -2,14 +2,14 @@
 
 use alloc::vec::Vec;
 
-use super::top_build::SAH_LEVELS;
+use super::top_build::LEVELS;
 use super::top_tree::{INSTANCE, NONE, TopNode, TopTree, WIDTH};
 use crate::arithmetic::snap;
 use crate::query::intersect::STOP_SLACK;
 use crate::ray::Ray;
 
-/// Entries of a stack that serves every tree: after the levels of the SAH, those that halve 2^28 instances.
-pub const WIDEST_STACK: usize = (WIDTH - 1) * (SAH_LEVELS + 28) + 1;
+/// Entries of a stack that serves every tree.
+pub const WIDEST_STACK: usize = (WIDTH - 1) * LEVELS + 1;
 
 /// Components of a direction are taken to be at least this part of the greatest.
 const DIRECTION_LEAST: f32 = 8.271_806e-25; // 2^-80

@@ -1,5 +1,6 @@
 //! How wide an instance's box in the world must be, for all that roundings move: see `docs/design/scenes.md`.
 
+use super::outline::Outline;
 use super::transform::{ObjectSpace, SUM_ERROR, Transform, transformed};
 use crate::aabb::Aabb;
 
@@ -44,15 +45,26 @@ impl WorldBox {
     pub const EVERYWHERE: WorldBox =
         WorldBox { bounds: Aabb { lo: [-f32::MAX; 3], hi: [f32::MAX; 3] }, reach: 0.0 };
 
-    /// The box of a geometry with these bounds under a transform; `None` for a geometry without triangles.
-    pub fn new(transform: &Transform, space: &ObjectSpace, bounds: &Aabb) -> Option<WorldBox> {
+    /// The box of a geometry with these bounds under a transform; `None` for a geometry without triangles. Where the transform turns, it is
+    /// the box of the outline's boxes, if there is one.
+    pub fn new(
+        transform: &Transform,
+        space: &ObjectSpace,
+        bounds: &Aabb,
+        outline: Option<&Outline>,
+    ) -> Option<WorldBox> {
         if bounds.is_empty() {
             return None;
         }
-        Some(WorldBox::of(transform, space, bounds).unwrap_or(WorldBox::EVERYWHERE))
+        Some(WorldBox::of(transform, space, bounds, outline).unwrap_or(WorldBox::EVERYWHERE))
     }
 
-    fn of(transform: &Transform, space: &ObjectSpace, bounds: &Aabb) -> Option<WorldBox> {
+    fn of(
+        transform: &Transform,
+        space: &ObjectSpace,
+        bounds: &Aabb,
+        outline: Option<&Outline>,
+    ) -> Option<WorldBox> {
         let a = transform.map(|row| row.map(|x| f64::from(x).abs()));
         let m = space.inverse.map(|row| row.map(|x| f64::from(x).abs()));
         let ends = transformed(transform, bounds);
@@ -74,6 +86,11 @@ impl WorldBox {
             return None;
         }
         let defect = space.defect(transform);
+        let turns = transform.iter().any(|row| row[..3].iter().filter(|x| **x != 0.0).count() > 1);
+        let tight = match outline {
+            Some(outline) if turns => outline.transformed(transform),
+            _ => ends,
+        };
         let (mut reach, mut out) = (0.0f64, Aabb::EMPTY);
         for row in 0..3 {
             let mut condition = 0.0;
@@ -92,8 +109,8 @@ impl WorldBox {
             }
             reach = reach.max(ORIGIN_ROUNDINGS * condition + TEST_ROUNDINGS);
             let slack = slack * ROOM + SUM_ERROR * world[row];
-            out.lo[row] = below(ends[0][row] - slack);
-            out.hi[row] = above(ends[1][row] + slack);
+            out.lo[row] = below(ends[0][row].max(tight[0][row]) - slack);
+            out.hi[row] = above(ends[1][row].min(tight[1][row]) + slack);
         }
         Some(WorldBox { bounds: out, reach: above(reach * ROOM) })
     }

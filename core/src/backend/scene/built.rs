@@ -10,7 +10,9 @@ use crate::error::BuildError;
 use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
 use crate::query::traverse::Triangles;
-use crate::scene::{Edits, GeometryId, GeometryMesh, InstanceId, Placement, SceneDigest, TopTree};
+use crate::scene::{
+    Edits, GeometryId, GeometryMesh, InstanceId, Outline, Placement, SceneDigest, TopTree,
+};
 use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
 
@@ -24,6 +26,8 @@ pub struct BuiltGeometry {
     pub(super) accelerator: Box<dyn Accelerator>,
     pub(super) scale: SceneScale,
     pub(super) digest: Digest,
+    /// Where its triangles are, for the boxes of its instances.
+    pub(super) outline: Option<Outline>,
 }
 
 impl BuiltGeometry {
@@ -38,7 +42,8 @@ impl BuiltGeometry {
         }
         let tree = accelerator.tree();
         let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
-        BuiltGeometry { mesh, accelerator, scale, digest }
+        let outline = Outline::of(&tree.view());
+        BuiltGeometry { mesh, accelerator, scale, digest, outline }
     }
 
     /// What answers its rays, in its own space.
@@ -54,6 +59,11 @@ impl BuiltGeometry {
     /// The box of its triangles, in its own space.
     pub fn bounds(&self) -> Aabb {
         self.accelerator.tree().bounds
+    }
+
+    /// Where its triangles are within that box; `None` for a geometry without triangles.
+    pub fn outline(&self) -> Option<&Outline> {
+        self.outline.as_ref()
     }
 
     /// Bytes of the tree and of what queries read.

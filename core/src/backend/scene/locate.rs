@@ -4,6 +4,7 @@ use alloc::vec::Vec;
 
 use super::built::BuiltScene;
 use super::within::Within;
+use crate::aabb::Aabb;
 use crate::cancel::go_on_tracing;
 use crate::error::QueryError;
 use crate::query::inside::{LocateOptions, Located, check_points, no_windings};
@@ -14,7 +15,8 @@ use crate::watch::Watch;
 
 impl BuiltScene {
     /// How often the surfaces of all instances wind around each point: the sum over the instances, each exact for the point
-    /// as the object sees it. An instance counts where that point is within the box of its geometry; a reflection counts as its
+    /// as the object sees it. An instance counts where that point is within the box of its geometry, and the point within that of the
+    /// instance ([`Placement::world_box`](crate::scene::Placement)); a reflection counts as its
     /// mesh would in the world, with the opposite sign; a sum beyond `i32` stays at its end. A point on a surface of any instance has none.
     ///
     /// # Errors
@@ -65,8 +67,12 @@ impl BuiltScene {
             let Some(placement) = self.placement(InstanceId(name)) else { continue };
             let Some(built) = self.geometry(placement.instance.geometry) else { continue };
             let seen = placement.space.point(point);
-            let bounds = &placement.bounds;
-            if !(0..3).all(|axis| bounds.lo[axis] <= seen[axis] && seen[axis] <= bounds.hi[axis]) {
+            // Of both boxes, since which instances are found at all must not matter.
+            let is_within = |bounds: &Aabb, point: [f32; 3]| {
+                (0..3).all(|axis| bounds.lo[axis] <= point[axis] && point[axis] <= bounds.hi[axis])
+            };
+            let in_world = placement.world_box.is_some_and(|own| is_within(&own.bounds, point));
+            if !in_world || !is_within(&placement.bounds, seen) {
                 continue;
             }
             let own = built.accelerator().locate(&[seen], options)?;

@@ -203,8 +203,8 @@ impl BuiltScene {
         options: &BuildOptions<'_>,
     ) -> Result<(), SceneBuildError> {
         let moved = plan.geometries.iter().any(|(name, geometry)| {
-            let was = self.geometry(*name).map(BuiltGeometry::bounds);
-            geometry.as_ref().map(BuiltGeometry::bounds) != was
+            let extents = |geometry: &BuiltGeometry| (geometry.bounds(), geometry.outline);
+            geometry.as_ref().map(extents) != self.geometry(*name).map(extents)
         });
         let changes = match &self.edits {
             Some(edits) if !moved => scene.changes_since(edits),
@@ -258,10 +258,14 @@ impl BuiltScene {
         let Ok(instance) = scene.instance(name) else {
             return if was.is_some() { push(&mut plan.placements, (name, None)) } else { Ok(()) };
         };
-        let bounds = self.bounds_of(instance, plan);
+        let geometry = self.geometry_of(instance, plan);
+        let bounds = geometry.map_or(Aabb::EMPTY, BuiltGeometry::bounds);
+        let outline = geometry.and_then(BuiltGeometry::outline);
+        let outline_was = self.geometry(instance.geometry).and_then(BuiltGeometry::outline);
         if let Some(was) = was
             && was.instance == *instance
             && was.bounds == bounds
+            && outline == outline_was
             // Zeros of either sign are equal, but the digest knows them apart.
             && bits(&was.instance.transform) == bits(&instance.transform)
         {
@@ -269,17 +273,17 @@ impl BuiltScene {
         }
         // Checked when it was edited.
         let Some(space) = ObjectSpace::new(&instance.transform) else { return Ok(()) };
-        push(&mut plan.placements, (name, Some(Placement::new(instance, space, &bounds))))
+        let placement = Placement::new(instance, space, &bounds, outline);
+        push(&mut plan.placements, (name, Some(placement)))
     }
 
-    /// The bounds that an instance's geometry is going to have.
-    fn bounds_of(&self, instance: &Instance, plan: &Plan) -> Aabb {
+    /// The geometry that an instance is going to have.
+    fn geometry_of<'a>(&'a self, instance: &Instance, plan: &'a Plan) -> Option<&'a BuiltGeometry> {
         let at = plan.geometries.binary_search_by_key(&instance.geometry, |&(name, _)| name);
-        let geometry = match at {
+        match at {
             Ok(at) => plan.geometries[at].1.as_ref(),
             Err(_) => self.geometry(instance.geometry),
-        };
-        geometry.map_or(Aabb::EMPTY, BuiltGeometry::bounds)
+        }
     }
 
     /// The tree over the instances that are going to be, where some come or go.

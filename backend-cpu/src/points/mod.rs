@@ -1,0 +1,8 @@
+//! Point trees on CPU cores: built in parallel, searched by vectors.
+
+mod layout;
+mod order;
+mod search;
+mod tree;
+
+pub use tree::CpuPointTree;

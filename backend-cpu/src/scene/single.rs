@@ -1,0 +1,85 @@
+//! One ray per call through a scene: from instance to instance, by the geometries' own traversals of one ray.
+
+use core::mem::MaybeUninit;
+
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
+use splitplane_core::ray::Ray;
+use splitplane_core::scene::{InstanceId, SceneHit, SceneOptions, TopRay, TopStack, WIDEST_STACK};
+
+use super::parts::accelerator;
+use super::top_walk::{VectorRay, next};
+use crate::simd::{Compiled, InstructionSet, Simd};
+use crate::trace::single::Single;
+
+/// A ray through a scene. `set` must be the one that it is compiled for.
+pub(super) struct SceneSingle<'a> {
+    pub(super) scene: &'a BuiltScene,
+    pub(super) ray: &'a Ray,
+    pub(super) options: &'a SceneOptions<'a>,
+    pub(super) set: InstructionSet,
+}
+
+/// What comes of a ray.
+pub(super) enum Followed<T> {
+    /// Its answer.
+    Answer(T),
+    /// Nothing: it enters an instance of a geometry of another backend or set.
+    Elsewhere,
+}
+
+impl SceneSingle<'_> {
+    /// Follows the ray.
+    ///
+    /// # Safety
+    /// The processor must have the set.
+    pub(super) unsafe fn follow<T: SceneAnswer>(self) -> Followed<T> {
+        let set = self.set;
+        // SAFETY: the caller's contract.
+        unsafe { set.run(Following(self, core::marker::PhantomData)) }
+    }
+}
+
+struct Following<'a, T>(SceneSingle<'a>, core::marker::PhantomData<T>);
+
+impl<T: SceneAnswer> Compiled for Following<'_, T> {
+    type Output = Followed<T>;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    unsafe fn run<S: Simd>(self) -> Followed<T> {
+        let SceneSingle { scene, ray, options, set } = self.0;
+        let mut answer = T::NONE;
+        let Some(top_ray) = TopRay::new(ray) else { return Followed::Answer(answer) };
+        let top_ray = VectorRay::new(&top_ray);
+        let nodes = scene.top_tree().nodes();
+        // Not cleared: that takes as long as a few nodes.
+        let mut stack = [MaybeUninit::<TopStack>::uninit(); WIDEST_STACK];
+        let stack: *mut TopStack = stack.as_mut_ptr().cast();
+        let mut top = usize::from(!nodes.is_empty());
+        // SAFETY: the stack has space for the root.
+        unsafe { stack.write((-f32::MAX, 0)) };
+        loop {
+            let best = answer.best();
+            let stop = TopRay::stop_after(ray.t_max.min(best.t));
+            // SAFETY: the caller's contract; the tree's nodes, and a stack for every tree.
+            let found = unsafe { next::<S::Eight>(nodes, &top_ray, stop, stack, &mut top) };
+            let Some(name) = found else { return Followed::Answer(answer) };
+            let instance = InstanceId(name);
+            let Some(placement) = scene.placement(instance) else { continue };
+            let Some(asked) = Asked::of(instance, placement, options) else { continue };
+            let geometry = placement.instance.geometry;
+            let Some(built) = scene.geometry(geometry) else { continue };
+            let Some(accelerator) = accelerator(built, set) else { return Followed::Elsewhere };
+            let (layout, scale) = accelerator.parts();
+            let seen = seen_by(placement, ray, &best);
+            let query = options.of_geometry(asked.culling, asked.ignore, None);
+            let single =
+                Single { layout, scene: scale, ray: &seen, options: &query, query: T::QUERY };
+            // SAFETY: the caller's contract; the geometry was made for the set.
+            let hit = unsafe { S::call(single) };
+            let found = SceneHit::of(&hit, geometry, instance);
+            if found.is_hit() && found.precedes(&answer.best()) && answer.take(found) {
+                return Followed::Answer(answer);
+            }
+        }
+    }
+}

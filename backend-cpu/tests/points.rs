@@ -1,0 +1,368 @@
+//! Point trees against brute force: by the stated operations, bit for bit, and in `f64`, within the stated bound.
+
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use splitplane_core::error::QueryError;
+use splitplane_core::points::build::{self, PointBuildError, PointOptions};
+use splitplane_core::points::distance::ERROR;
+use splitplane_core::points::nearest::{self, NearestOptions, Neighbour};
+use splitplane_core::points::tree::{Axes, BLOCK, PointTree};
+use splitplane_core::watch::Progress;
+use splitplane_cpu::{CpuPointTree, InstructionSet};
+use splitplane_test_support::random::Random;
+
+const KS: [usize; 5] = [1, 2, 8, 50, 400];
+
+/// Clouds that trees trip over.
+fn clouds<const N: usize>() -> Vec<(&'static str, Vec<[f32; N]>)> {
+    let mut random = Random::new(N as u64);
+    let mut cloud = |count: usize, f: &mut dyn FnMut(&mut Random, usize) -> f32| {
+        (0..count).map(|i| [(); N].map(|()| f(&mut random, i))).collect::<Vec<[f32; N]>>()
+    };
+    let mut all = vec![
+        ("none", cloud(0, &mut |_, _| 0.0)),
+        ("one", cloud(1, &mut |r, _| r.signed())),
+        ("a block", cloud(BLOCK, &mut |r, _| r.signed())),
+        ("a block and one", cloud(BLOCK + 1, &mut |r, _| r.signed())),
+        ("17 blocks", cloud(17 * BLOCK - 3, &mut |r, _| r.signed())),
+        ("uniform", cloud(4500, &mut |r, _| r.signed())),
+        ("coincident", cloud(700, &mut |_, _| 0.3)),
+        ("few places", cloud(900, &mut |r, _| (r.below(3) as f32) * 0.1)),
+        ("grid", cloud(1500, &mut |r, _| r.below(9) as f32)),
+        ("diagonal", cloud(600, &mut |_, i| i as f32 * 0.01)),
+        ("1e-30", cloud(600, &mut |r, _| r.signed() * 1e-30)),
+        ("1e30", cloud(600, &mut |r, _| r.signed() * 1e30)),
+        ("greatest", cloud(300, &mut |r, _| r.signed() * f32::MAX)),
+        ("subnormal", cloud(300, &mut |r, _| r.signed() * 1e-39)),
+        ("all sizes", cloud(900, &mut |r, _| r.signed() * 10f32.powi(r.below(61) as i32 - 30))),
+    ];
+    let mut holes = cloud(800, &mut |r, _| r.signed());
+    for (i, point) in holes.iter_mut().enumerate().filter(|(i, _)| i % 3 == 0) {
+        point[i % N] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY][i / 3 % 3];
+    }
+    all.push(("not finite", holes));
+    all
+}
+
+fn queries<const N: usize>(points: &[[f32; N]], random: &mut Random) -> Vec<[f32; N]> {
+    let mut all = vec![[0.0; N], [f32::MAX; N], [-1e-30; N], [1e-39; N], [1.0; N]];
+    for _ in 0..24 {
+        let Some(&near) = points.get(random.below(points.len().max(1))) else { break };
+        all.push(near);
+        all.push(near.map(|x| x * (1.0 + 0.01 * random.signed())));
+        all.push(near.map(|x| x + random.signed()));
+    }
+    all
+}
+
+fn size(x: f32) -> f32 {
+    if x.abs() < f32::MIN_POSITIVE { 0.0 } else { x }
+}
+
+/// The exponent of the cloud's unit, from its greatest coordinate.
+fn unit<const N: usize>(points: &[[f32; N]]) -> f64 {
+    let finite = points.iter().filter(|point| point.iter().all(|x| x.is_finite()));
+    let most = finite.flatten().fold(0.0f64, |most, &x| most.max(f64::from(x.abs())));
+    most.log2().floor().clamp(-126.0, 126.0).exp2()
+}
+
+/// All points by the stated operations, in order of (distance, index).
+fn brute<const N: usize>(points: &[[f32; N]], query: [f32; N]) -> Vec<Neighbour> {
+    if !query.iter().all(|x| x.is_finite()) {
+        return Vec::new();
+    }
+    let unit = unit(points);
+    let scaled = |x: f32| size((f64::from(size(x)) / unit) as f32);
+    let mut all: Vec<(f32, u32)> = Vec::new();
+    for (index, point) in points.iter().enumerate() {
+        if point.iter().all(|x| x.is_finite()) {
+            let squares: Vec<f32> = (0..N)
+                .map(|axis| scaled(query[axis]) - scaled(point[axis]))
+                .map(|d| size(d * d))
+                .collect();
+            all.push((squares[1..].iter().fold(squares[0], |sum, s| sum + s), index as u32));
+        }
+    }
+    all.sort_by(|a, b| a.partial_cmp(b).expect("no NaN"));
+    let record =
+        |(squared, point)| Neighbour { distance_squared: f64::from(squared) * unit * unit, point };
+    all.into_iter().map(record).collect()
+}
+
+/// The squared distances in `f64`, in order; beyond its range infinite.
+fn true_distances<const N: usize>(points: &[[f32; N]], query: [f32; N]) -> Vec<f64> {
+    let finite = points.iter().filter(|point| point.iter().all(|x| x.is_finite()));
+    let mut all: Vec<f64> = finite
+        .map(|point| {
+            (0..N).map(|axis| (f64::from(query[axis]) - f64::from(point[axis])).powi(2)).sum()
+        })
+        .collect();
+    all.sort_by(f64::total_cmp);
+    all
+}
+
+type Answer<'a, const N: usize> = &'a dyn Fn([f32; N], usize) -> Vec<Neighbour>;
+
+/// What is wrong with answers, if anything.
+fn judge<const N: usize>(
+    points: &[[f32; N]],
+    queries: &[[f32; N]],
+    answer: Answer<'_, N>,
+) -> Result<(), String> {
+    for &query in queries {
+        let (all, truth) = (brute(points, query), true_distances(points, query));
+        let unit = unit(points);
+        for k in KS {
+            let found = answer(query, k);
+            let expected = &all[..k.min(all.len())];
+            if found != expected {
+                return Err(format!("{query:?} k {k}: {found:?}, not {expected:?}"));
+            }
+            for (found, truth) in found.iter().zip(&truth) {
+                let squared = found.distance_squared;
+                // Coordinates below 2^-126, in units too, count as 0: this much is lost besides.
+                let lost = (unit.max(f64::from(f32::MIN_POSITIVE)) * 1e-18).powi(2) * 8.0;
+                let near = (squared - truth).abs()
+                    <= ERROR * truth + lost + truth.sqrt() * 1e-37 * unit.max(1.0);
+                let overflows = squared.is_infinite() && *truth > unit * unit * 1e37;
+                if !(near || overflows) {
+                    return Err(format!("{query:?}: {squared:e} is not {truth:e}"));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+fn options(k: usize) -> NearestOptions<'static> {
+    NearestOptions { k, ..NearestOptions::default() }
+}
+
+fn by_backend<const N: usize>(
+    tree: &CpuPointTree<N>,
+    queries: &[[f32; N]],
+    k: usize,
+) -> Vec<Neighbour> {
+    let mut found = vec![Neighbour { distance_squared: -1.0, point: 7 }; queries.len() * k];
+    tree.nearest(queries, &mut found, &options(k)).unwrap();
+    found
+}
+
+fn hold<const N: usize>() {
+    for (name, points) in clouds::<N>() {
+        let queries = queries(&points, &mut Random::new(5));
+        for axes in [Axes::Widest, Axes::Cycle] {
+            let build_options = PointOptions { axes, ..PointOptions::default() };
+            let reference = build::build(&points, &build_options).unwrap();
+            let by_reference = |query, k| nearest::nearest(&reference, query, &options(k)).unwrap();
+            judge(&points, &queries, &by_reference).unwrap_or_else(|e| panic!("{name}: {e}"));
+            validate(&reference);
+            let dropped = points.iter().filter(|p| !p.iter().all(|x| x.is_finite())).count();
+            assert_eq!(reference.report().dropped as usize, dropped, "{name}");
+            for set in InstructionSet::available() {
+                let tree = CpuPointTree::build(&points, &build_options).unwrap();
+                assert_eq!(tree.tree(), &reference, "{name}");
+                assert_eq!(tree.tree().digest(), reference.digest(), "{name}");
+                let tree = tree.with_instruction_set(set);
+                for k in KS {
+                    let found = by_backend(&tree, &queries, k);
+                    for (&query, found) in queries.iter().zip(found.chunks(k)) {
+                        let mut expected = by_reference(query, k);
+                        expected.resize(k, Neighbour::NONE);
+                        assert_eq!(found, expected, "{name} {set:?} {query:?}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What the layout promises: sides of planes, order in blocks.
+fn validate<const N: usize>(tree: &PointTree<N>) {
+    for block in tree.indices().chunks(BLOCK) {
+        assert!(block.is_sorted_by(|a, b| a < b));
+    }
+    let mut waiting = vec![(tree.height(), 0)];
+    while let Some((height, first)) = waiting.pop() {
+        if height == 0 {
+            continue;
+        }
+        let middle = first + (1 << (height - 1));
+        waiting.push((height - 1, first));
+        let Some(node) = tree.nodes().get(middle - 1) else { continue };
+        waiting.push((height - 1, middle));
+        let last = tree.len().min((first + (1 << height)) * BLOCK);
+        let along = |place: usize| tree.points()[place][node.axis as usize];
+        assert!((first * BLOCK..middle * BLOCK).all(|place| along(place) <= node.plane));
+        assert!((middle * BLOCK..last).all(|place| along(place) >= node.plane));
+    }
+}
+
+#[test]
+fn one_dimension() {
+    hold::<1>();
+}
+
+#[test]
+fn two_dimensions() {
+    hold::<2>();
+}
+
+#[test]
+fn three_dimensions() {
+    hold::<3>();
+}
+
+#[test]
+fn four_dimensions() {
+    hold::<4>();
+}
+
+/// Faults that `judge` must notice: a tie the other way, a lost point, a distance that is one float off, a cell
+/// that is passed over though it may hold ties.
+#[test]
+fn faults_are_noticed() {
+    let mut random = Random::new(3);
+    let points: Vec<[f32; 3]> =
+        (0..400).map(|_| [(); 3].map(|()| random.below(6) as f32)).collect();
+    let queries = queries(&points, &mut random);
+    let tree = build::build(&points, &PointOptions::default()).unwrap();
+    let right = |query, k| nearest::nearest(&tree, query, &options(k)).unwrap();
+    assert_eq!(judge(&points, &queries, &right), Ok(()));
+    let faults: [(&str, Answer<'_, 3>); 4] = [
+        ("a tie the other way", &|query, k| {
+            let mut found = right(query, k + 1);
+            let last = found.len() - 1;
+            if found[last].distance_squared == found[last - 1].distance_squared {
+                found.swap(last, last - 1);
+            }
+            found.truncate(k);
+            found
+        }),
+        ("a lost point", &|query, k| {
+            let lost = |point| point != 77;
+            let options = NearestOptions { filter: Some(&lost), ..options(k) };
+            nearest::nearest(&tree, query, &options).unwrap()
+        }),
+        ("one float off", &|query, k| {
+            let mut found = right(query, k);
+            for record in &mut found {
+                record.distance_squared = f64::from((record.distance_squared as f32).next_up());
+            }
+            found
+        }),
+        ("ties beyond a plane", &|query, k| {
+            let mut found: Vec<Neighbour> = Vec::new();
+            let unit = tree.unit();
+            nearest::walk(&tree, query, u64::MAX >> 1, |key| {
+                // Strictly nearer ones only, in the order of the walk.
+                let record = Neighbour::of(unit, key);
+                let nearer = |other: &Neighbour| record.distance_squared < other.distance_squared;
+                let place = found.iter().position(nearer).unwrap_or(found.len());
+                found.insert(place, record);
+                found.truncate(k);
+                u64::MAX >> 1
+            });
+            found
+        }),
+    ];
+    for (name, answer) in faults {
+        assert!(judge(&points, &queries, answer).is_err(), "{name}");
+    }
+}
+
+#[test]
+fn radius_and_filter() {
+    let mut random = Random::new(8);
+    let points: Vec<[f32; 3]> = (0..3000).map(|_| random.point(1.0)).collect();
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let odd = |point: u32| point % 2 == 1;
+    for radius in [0.0, 0.05, 0.3, 10.0, f32::INFINITY, f32::NAN, -1.0] {
+        let by_parity: &(dyn Fn(u32) -> bool + Sync) = &odd;
+        for filter in [None, Some(by_parity)] {
+            for query in queries(&points, &mut random).into_iter().take(40) {
+                let all = brute(&points, query);
+                let reach = (f64::from(radius) * f64::from(radius)) as f32;
+                let expected: Vec<Neighbour> = all
+                    .into_iter()
+                    .filter(|n| radius >= 0.0 && n.distance_squared <= f64::from(reach))
+                    .filter(|n| filter.is_none_or(|filter| filter(n.point)))
+                    .collect();
+                let options = NearestOptions { k: 3, max_distance: radius, filter, ..options(3) };
+                assert_eq!(tree.within(query, &options).unwrap(), expected, "{radius} {query:?}");
+                assert_eq!(nearest::within(tree.tree(), query, &options).unwrap(), expected);
+                let mut three = [Neighbour::NONE; 3];
+                tree.nearest(&[query], &mut three, &options).unwrap();
+                let mut first = expected;
+                first.resize(first.len().max(3), Neighbour::NONE);
+                assert_eq!(three, first[..3], "{radius} {query:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn threads_make_no_difference() {
+    let mut random = Random::new(21);
+    let points: Vec<[f32; 3]> = (0..60_000).map(|_| random.point(3.0)).collect();
+    let queries: Vec<[f32; 3]> = (0..5000).map(|_| random.point(4.0)).collect();
+    let results: Vec<_> = [1, 2, 5]
+        .into_iter()
+        .map(|threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+                (tree.tree().digest(), by_backend(&tree, &queries, 9))
+            })
+        })
+        .collect();
+    assert!(results.windows(2).all(|two| two[0] == two[1]));
+    let reference = build::build(&points, &PointOptions::default()).unwrap();
+    assert_eq!(results[0].0, reference.digest());
+}
+
+#[test]
+fn limits_and_cancellation() {
+    let mut random = Random::new(4);
+    let points: Vec<[f32; 2]> = (0..50_000).map(|_| [random.signed(), random.signed()]).collect();
+    let little = PointOptions { max_memory: Some(1000), ..PointOptions::default() };
+    for error in [
+        CpuPointTree::build(&points, &little).map(|_| ()),
+        build::build(&points, &little).map(|_| ()),
+    ] {
+        assert!(
+            matches!(error, Err(PointBuildError::OutOfMemory { limit: 1000, .. })),
+            "{error:?}"
+        );
+    }
+    assert_eq!(
+        build::build::<5>(&[], &PointOptions::default()),
+        Err(PointBuildError::Dimensions { dimensions: 5 })
+    );
+    let calls = AtomicU64::new(0);
+    let third = |_: &Progress| match calls.fetch_add(1, Ordering::Relaxed) {
+        2 => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let watched = PointOptions { watch: Some(&third), ..PointOptions::default() };
+    for run in [CpuPointTree::build(&points, &watched).map(|_| ()), {
+        calls.store(0, Ordering::Relaxed);
+        build::build(&points, &watched).map(|_| ())
+    }] {
+        assert!(matches!(run, Err(PointBuildError::Cancelled { total: 50_000, .. })), "{run:?}");
+    }
+    let tree = CpuPointTree::build(&points, &PointOptions::default()).unwrap();
+    let mut found = vec![Neighbour::NONE; 2 * points.len()];
+    calls.store(0, Ordering::Relaxed);
+    let watched = NearestOptions { watch: Some(&third), ..options(2) };
+    let error = tree.nearest(&points, &mut found, &watched);
+    assert!(matches!(error, Err(QueryError::Cancelled { total: 50_000, .. })), "{error:?}");
+    let error = tree.nearest(&points, &mut found, &options(3));
+    assert!(matches!(error, Err(QueryError::LengthMismatch { .. })), "{error:?}");
+    let little = NearestOptions { max_memory: Some(10), ..options(2) };
+    let error = tree.nearest(&points, &mut found, &little);
+    assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 10, .. })), "{error:?}");
+    let error = tree.within([0.0; 2], &NearestOptions { max_memory: Some(1000), ..options(1) });
+    assert!(matches!(error, Err(QueryError::OutOfMemory { limit: 1000, .. })), "{error:?}");
+}

@@ -1,0 +1,109 @@
+//! Where a geometry's triangles are within its bounds, roughly: for boxes of turned instances that are tighter than the box of a turned
+//! box.
+
+use super::transform::{SUM_ERROR, Transform};
+use crate::aabb::Aabb;
+use crate::tree::KdTreeView;
+use crate::tree::node::NodeKind;
+
+/// Cells of an outline.
+const CELLS: usize = 8;
+
+/// A few boxes that hold all triangles of a geometry: cells of its tree that are not empty, the greatest divided first. By axis, their
+/// middles and half their extents; where there are fewer, some stand there again.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outline {
+    middle: [[f64; CELLS]; 3],
+    half: [[f64; CELLS]; 3],
+}
+
+/// A node with its cell.
+#[derive(Clone, Copy)]
+struct Cell {
+    node: u32,
+    bounds: Aabb,
+    is_leaf: bool,
+}
+
+impl Outline {
+    /// The outline of what a tree is over; `None` where that is empty.
+    pub fn of(tree: &KdTreeView<'_>) -> Option<Outline> {
+        if tree.bounds.is_empty() {
+            return None;
+        }
+        let cell = |node: u32, bounds: Aabb| match tree.nodes.get(node as usize)?.kind() {
+            NodeKind::Leaf { count: 0, .. } => None,
+            NodeKind::Leaf { .. } => Some(Cell { node, bounds, is_leaf: true }),
+            NodeKind::Interior { .. } => Some(Cell { node, bounds, is_leaf: false }),
+        };
+        let mut cells = [cell(0, tree.bounds); CELLS];
+        let mut count = 1;
+        // Each step divides a cell, or finds that one half is empty: then it is smaller, and there may be as many steps as the tree has levels.
+        while count < CELLS {
+            let greatest = cells[..count]
+                .iter()
+                .enumerate()
+                .filter_map(|(place, cell)| {
+                    cell.filter(|cell| !cell.is_leaf).map(|cell| (place, area(&cell.bounds), cell))
+                })
+                .reduce(|most, other| if other.1 > most.1 { other } else { most });
+            let Some((place, _, Cell { node, bounds, .. })) = greatest else { break };
+            let NodeKind::Interior { axis, split, right } = tree.nodes[node as usize].kind() else {
+                break;
+            };
+            let (mut below, mut above) = (bounds, bounds);
+            below.hi[axis.index()] = split;
+            above.lo[axis.index()] = split;
+            match (cell(node + 1, below), cell(right, above)) {
+                (Some(one), Some(other)) => {
+                    (cells[place], cells[count]) = (Some(one), Some(other));
+                    count += 1;
+                }
+                (None, None) => break,
+                (one, other) => cells[place] = one.or(other),
+            }
+        }
+        let first = cells[0].map_or(tree.bounds, |cell| cell.bounds);
+        let mut outline = Outline { middle: [[0.0; CELLS]; 3], half: [[0.0; CELLS]; 3] };
+        for place in 0..CELLS {
+            let own = cells[..count].get(place).copied().flatten();
+            let own = own.map_or(first, |cell| cell.bounds);
+            for axis in 0..3 {
+                let (lo, hi) = (f64::from(own.lo[axis]), f64::from(own.hi[axis]));
+                outline.middle[axis][place] = 0.5 * (lo + hi);
+                outline.half[axis][place] = 0.5 * (hi - lo);
+            }
+        }
+        Some(outline)
+    }
+
+    /// A box around all boxes under a transform, rounded outwards.
+    pub(super) fn transformed(&self, transform: &Transform) -> [[f64; 3]; 2] {
+        let mut ends = [[0.0; 3]; 2];
+        for (row, numbers) in transform.iter().enumerate() {
+            let [a, b, c, d] = numbers.map(f64::from);
+            let (mut lo, mut hi) = ([0.0; CELLS], [0.0; CELLS]);
+            let [x, y, z] = &self.middle;
+            let [p, q, r] = &self.half;
+            for place in 0..CELLS {
+                let middle = ((a * x[place] + b * y[place]) + c * z[place]) + d;
+                let half = (a.abs() * p[place] + b.abs() * q[place]) + c.abs() * r[place];
+                let sizes = (a.abs() * x[place].abs() + b.abs() * y[place].abs())
+                    + (c.abs() * z[place].abs() + d.abs());
+                // Roundings of middles, halves and sums, each of a part of these.
+                let slack = (sizes + half) * (2.0 * SUM_ERROR);
+                lo[place] = middle - half - slack;
+                hi[place] = middle + half + slack;
+            }
+            ends[0][row] = lo.into_iter().fold(f64::INFINITY, f64::min);
+            ends[1][row] = hi.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        }
+        ends
+    }
+}
+
+/// Half the area.
+fn area(bounds: &Aabb) -> f64 {
+    let [x, y, z] = [0, 1, 2].map(|axis| f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis]));
+    x * y + y * z + z * x
+}
