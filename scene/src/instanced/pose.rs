@@ -32,7 +32,8 @@ impl Pose {
     /// From `+ - * /` and square roots only, so it is the same everywhere.
     pub fn rotation([x, y, z]: [f64; 3], degrees: f64) -> Option<[f64; 4]> {
         let greatest = x.abs().max(y.abs()).max(z.abs());
-        if !(greatest > 0.0 && greatest.is_finite() && degrees.is_finite()) {
+        // The greatest of some numbers and a NaN is one of the numbers.
+        if ![x, y, z, degrees].iter().all(|x| x.is_finite()) || greatest == 0.0 {
             return None;
         }
         let [x, y, z] = [x / greatest, y / greatest, z / greatest];

@@ -122,7 +122,7 @@ mod tests {
         assert_eq!(found(&[Step::Field("a"), Step::Element(0)]), (1, 9));
         let inner = [Step::Field("a"), Step::Element(1), Step::Field("c"), Step::Element(1)];
         assert_eq!(found(&inner), (3, 2));
-        assert_eq!(found(&[Step::Field("d")]), (3, 10));
+        assert_eq!(found(&[Step::Field("d")]), (3, 12));
         // What is not there is placed where it would be looked for.
         assert_eq!(found(&[Step::Field("a"), Step::Element(7)]), (1, 8));
         assert_eq!(shown(&inner), "a[1].c[1]");

@@ -73,16 +73,16 @@ fn a_file_says_what_is_where() {
 fn what_is_wrong_is_named_with_its_place() {
     let folder = folder();
     let cases = [
-        ("\"version\": 1", "\"version\": 2", "line 2, column 46, version: ", "version 2"),
+        ("\"version\": 1", "\"version\": 2", "line 2, column 44, version: ", "version 2"),
         ("\"frames\": 5", "\"frames\": 0", "frames", "from 1 to"),
-        ("\"mask\": 3", "\"mask\": -3", "line 17, column", "instances[0].mask: "),
+        ("\"mask\": 3", "\"mask\": -3", "line 16, column", "instances[0].mask: "),
         ("\"mask\": 3", "\"colour\": 3", "instances[0].colour: unknown field `colour`", "expected"),
         ("[0.7, 0.1, 0.1]", "[0.7, 1.1, 0.1]", "materials[0].diffuse: ", "from 0 to 1"),
         ("[1,0,0,4,", "[1,0,0,1e300,", "instances[0].transform: ", "finite"),
         (
             "{\"geometry\": \"one\"",
             "{\"geometry\": \"none\"",
-            "line 17, column 18, instances[0].geometry: ",
+            "line 16, column 18, instances[0].geometry: ",
             "there is no geometry `none`",
         ),
         (
@@ -94,7 +94,7 @@ fn what_is_wrong_is_named_with_its_place() {
         (
             "\"scale\": [2, 2, -2]",
             "\"scale\": [2, 0, 2]",
-            "line 18, column 5, instances[1]: ",
+            "line 17, column 5, instances[1]: ",
             "no inverse",
         ),
         ("\"scale\": 2}", "\"scale\": \"2\"}", "instances[2].scale: ", "a number or three"),
@@ -110,7 +110,7 @@ fn what_is_wrong_is_named_with_its_place() {
         ),
         ("[[0,1,2]]", "[[0,1,3]]", "geometries[0].triangles: ", ""),
         ("\"obj\": \"two.obj\"}", "\"obj\": \"no.obj\"}", "geometries[3].obj: ", "no such file"),
-        ("\"at\": [0, 0, 0]", "\"at\": [0, 0, 9]", "line 22, column 15, cameras[0]: ", "the same"),
+        ("\"at\": [0, 0, 0]", "\"at\": [0, 0, 9]", "line 21, column 15, cameras[0]: ", "the same"),
         ("\"towards\": [0, 1, 0]", "\"towards\": [0, 0, 0]", "lights[1].sun.towards: ", "zero"),
         ("\"distance\": 4", "\"distance\": 0", "lights[0].point.distance: ", "more than 0"),
         (
