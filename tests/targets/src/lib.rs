@@ -14,6 +14,7 @@ mod folder;
 pub mod obj;
 pub mod ray_file;
 pub mod scene_file;
+pub mod scene_json;
 pub mod scene_operations;
 pub mod source;
 pub mod tree_file;
@@ -23,13 +24,14 @@ pub type Target = fn(&[u8]);
 
 /// All targets by their names, which are those of the programs in `fuzz/fuzz_targets` and of the
 /// folders in `tests/corpus`.
-pub const ALL: [(&str, Target); 8] = [
+pub const ALL: [(&str, Target); 9] = [
     ("animation", animation::run),
     ("arguments", arguments::run),
     ("build_tree", build_tree::run),
     ("obj", obj::run),
     ("ray_file", ray_file::run),
     ("scene_file", scene_file::run),
+    ("scene_json", scene_json::run),
     ("scene_operations", scene_operations::run),
     ("tree_file", tree_file::run),
 ];
