@@ -83,7 +83,7 @@ impl From<SceneError> for Failure {
             }
             SceneError::Obj(obj) => from_obj(obj, error.to_string()),
             SceneError::ManyObjects(_) => Failure::usage(error.to_string()),
-            SceneError::File(file) => match &file.problem {
+            SceneError::File(file) => match &*file.problem {
                 SceneFileProblem::Obj(obj) => from_obj(obj, error.to_string()),
                 problem if problem.is_limit() => Failure::limit(error.to_string()),
                 _ => Failure::file(error.to_string()),

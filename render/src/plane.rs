@@ -33,11 +33,11 @@ impl Plane {
         let factor = power_of_two(power);
         let scaled_normal = cross(scaled(edges[0], factor), scaled(edges[1], factor));
         let [x, y, z] = [reach(a), reach(b), reach(c)];
-        Plane { edges, scaled_normal, power, offset: 0.0 }.from_reach(greatest([x, y, z]))
+        Plane { edges, scaled_normal, power, offset: 0.0 }.within_reach(greatest([x, y, z]))
     }
 
     /// The same plane, where what went into the corners was of this magnitude.
-    pub(crate) fn from_reach(self, reach: f32) -> Plane {
+    pub(crate) fn within_reach(self, reach: f32) -> Plane {
         Plane { offset: reach * (OFFSET_UNITS * UNIT), ..self }
     }
 }

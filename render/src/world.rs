@@ -83,7 +83,7 @@ impl World for Instances<'_> {
         let (corners, reach) = shown.in_world(&corners);
         let plane = Plane::of(&corners);
         // The ray is rounded on its way into the object's space too: by units of what went into the corners.
-        (corners, plane.from_reach(reach * shown.stretch()))
+        (corners, plane.within_reach(reach * shown.stretch()))
     }
 
     fn material(&self, scene: &SceneWords<'_>, at: Spot) -> u32 {

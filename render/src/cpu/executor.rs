@@ -214,7 +214,7 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 let (rays, hits) = (&b.rays[..paths], &b.hits[..paths]);
                 let (paths, met) = (&b.paths[..paths], (hits, &b.hit_instances[..]));
                 in_world!(self.traced, mesh, world => {
-                    k::first_hits::run(world, rays, paths, met, &mut b.first_hits)
+                    k::first_hits::run(world, rays, paths, met, &mut b.first_hits);
                 });
             }
             Kernel::FirstCosts => {

@@ -37,7 +37,7 @@ pub fn read(path: &Path, options: &SceneOptions) -> Result<InstancedScene, Scene
         file: path.to_owned(),
         place: None,
         field: String::new(),
-        problem,
+        problem: Box::new(problem),
     };
     let limit = options.file_limit.unwrap_or_else(from_file::usual_limit);
     let bytes = from_file::read(path, limit).map_err(|error| {
@@ -67,7 +67,7 @@ pub fn parse(
         file: path.to_owned(),
         place: Some(locate::place(text, &field)),
         field: locate::shown(&field),
-        problem,
+        problem: Box::new(problem),
     })
 }
 
@@ -80,7 +80,7 @@ fn from_json(text: &str, path: &Path) -> Result<format::File, SceneFileError> {
             file: path.to_owned(),
             place: (error.line() > 0).then_some((error.line(), error.column().max(1))),
             field,
-            problem: SceneFileProblem::Json(quoted_reason(&message[..end])),
+            problem: Box::new(SceneFileProblem::Json(quoted_reason(&message[..end]))),
         }
     };
     let mut reader = serde_json::Deserializer::from_str(text);

@@ -18,7 +18,7 @@ pub struct SceneFileError {
     /// The field, such as `instances[3].geometry`; empty when the file as a whole is meant.
     pub field: String,
     /// What is wrong.
-    pub problem: SceneFileProblem,
+    pub problem: Box<SceneFileProblem>,
 }
 
 impl fmt::Display for SceneFileError {
