@@ -120,7 +120,8 @@ impl Cli {
 
 const EXIT_CODES: &str = "\
 Built-in scenes: builtin:cornell, builtin:spheres, builtin:stadium, builtin:gallery,
-builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]
+builtin:carousel[:TRIANGLES], builtin:city[:TRIANGLES]; and of many objects, for render and
+animate, builtin:forest[:OBJECTS], builtin:flock[:BIRDS]
 
 Exit codes: 0 done; 1 a check failed; 2 wrong usage; 3 a file cannot be read or written; 4 a limit \
 of memory or size binds; 5 a GPU was asked for and there is none that can be used; 6 the device \

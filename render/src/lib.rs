@@ -18,7 +18,6 @@ mod environment;
 mod error;
 mod frame;
 mod fresnel;
-pub mod instances;
 pub mod kernel;
 pub mod layout;
 mod light;
@@ -50,6 +49,7 @@ pub use kernel::RayTracer;
 pub use light::{Environment, Light};
 pub use material::{Dielectric, Material};
 pub use plan::{Outputs, Plan, PlanError, Room};
+pub use scene_data::instances;
 pub use scene_data::{Appearance, AppearanceError, Needs, SceneData};
 pub use settings::{
     MAX_DEPTH, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS, MAX_SIDE, RenderSettings, SettingsError,

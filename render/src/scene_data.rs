@@ -15,19 +15,20 @@
 //! | texels | 1 | red in the low byte, green, blue, alpha |
 
 mod appearance;
+pub mod instances;
 mod needs;
 mod srgb;
 
 pub use appearance::{Appearance, AppearanceError};
 pub use needs::Needs;
 
-use crate::instances::InstanceTable;
 use crate::layout::Frame;
 use crate::light::Light;
 use crate::material::Material;
 use crate::vector::normalized;
 use core::ops::Range;
 use core::sync::atomic::{AtomicU64, Ordering};
+use instances::InstanceTable;
 use splitplane_core::mesh::Mesh;
 use srgb::{least_shown, linear};
 

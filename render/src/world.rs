@@ -1,8 +1,8 @@
 //! Where kernels find the triangle that a ray met: in one mesh, or in the instances of a scene.
 
-use crate::instances::InstanceTable;
 use crate::plane::Plane;
 use crate::scene_data::NONE;
+use crate::scene_data::instances::InstanceTable;
 use crate::scene_words::SceneWords;
 use crate::vector::Vector;
 use splitplane_core::mesh::Mesh;

@@ -3,6 +3,7 @@
 mod boxes;
 #[cfg(feature = "json")]
 mod file;
+#[cfg(feature = "json")]
 mod part;
 mod pose;
 
@@ -10,15 +11,13 @@ mod pose;
 pub use file::{MAX_FRAMES, MAX_INSTANCES, SceneFileError, SceneFileProblem, VERSION, parse, read};
 pub use pose::{Key, Pose};
 
-use super::{Placement, Scene, SceneError, SceneOptions, builtin, placement};
+use super::{Placement, Scene, placement};
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::Culling;
 use splitplane_core::scene::{self as objects, GeometryId, InstanceId, Transform};
 use splitplane_render::instances::Geometries;
 use splitplane_render::scene_data::NONE;
-use std::ffi::OsStr;
 use std::ops::Range;
-use std::path::Path;
 use thiserror::Error;
 
 /// A geometry: some of the triangles of [`InstancedScene::parts`], by which it is seen in its own space.
@@ -96,35 +95,6 @@ impl Placed {
 }
 
 impl InstancedScene {
-    /// Whether what a user writes names a scene of many objects: the path of a .json file, or one of the built-in ones.
-    pub fn is_named_by(spec: impl AsRef<OsStr>) -> bool {
-        let spec = spec.as_ref();
-        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
-            return builtin::is_instanced(name);
-        }
-        Path::new(spec).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"))
-    }
-
-    /// Opens a scene by what a user writes: the path of a .json file, or `builtin:NAME[:SIZE]`. It is in its first frame.
-    ///
-    /// # Errors
-    /// There is no such scene, or one of its files is broken.
-    pub fn open_with(
-        spec: impl AsRef<OsStr>,
-        options: &SceneOptions,
-    ) -> Result<InstancedScene, SceneError> {
-        let spec = spec.as_ref();
-        if let Some(name) = spec.to_str().and_then(|spec| spec.strip_prefix("builtin:")) {
-            return Ok(builtin::open_instanced(name)?);
-        }
-        #[cfg(feature = "json")]
-        if InstancedScene::is_named_by(spec) {
-            return Ok(read(Path::new(spec), options)?);
-        }
-        let _ = options;
-        Err(SceneError::UnknownFormat(super::quoted_spec(spec)))
-    }
-
     /// The triangles of a geometry, by the numbers of its own vertices.
     fn indices_of(&self, geometry: &Geometry) -> Vec<[u32; 3]> {
         let Range { start, end } = geometry.triangles;

@@ -3,6 +3,7 @@
 #![forbid(unsafe_code)]
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
+mod angle;
 #[cfg(feature = "animation")]
 pub mod animation;
 pub mod builtin;
@@ -14,6 +15,7 @@ pub mod instanced;
 mod normals;
 #[cfg(feature = "obj")]
 pub mod obj;
+mod open;
 mod options;
 mod placement;
 #[doc(hidden)]

@@ -1,6 +1,6 @@
 //! What answers the rays of a frame: the tree of one mesh, or a scene of instances.
 
-use crate::instances::InstanceTable;
+use crate::scene_data::instances::InstanceTable;
 use rayon::prelude::*;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;

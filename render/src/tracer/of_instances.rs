@@ -3,9 +3,9 @@
 use super::{FrameRequest, RenderBackend, TracerError};
 use crate::cpu::CpuRenderer;
 use crate::frame::{FrameInput, FrameStats};
-use crate::instances::{Geometries, InstanceTable};
 use crate::layout::FirstHit;
 use crate::plan::{Plan, Room};
+use crate::scene_data::instances::{Geometries, InstanceTable};
 use crate::scene_data::{Appearance, SceneData};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::backend::scene::{SceneAccelerator, UpdateReport};

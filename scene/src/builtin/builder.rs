@@ -1,6 +1,6 @@
 //! Puts triangles together. Sides are counter-clockwise seen from outside.
 
-use super::angle::sin_cos;
+use crate::angle::sin_cos;
 use crate::{Camera, Light, Material, Scene, Texture, normals};
 
 /// A point; rounded to f32 once, when it becomes a vertex.

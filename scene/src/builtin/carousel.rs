@@ -2,8 +2,8 @@
 //! curtain in the wind. The same triangles in every frame; sizes in metres.
 
 use super::BuiltinError;
-use super::angle::sin_cos;
 use super::builder::{Block, Builder, Mark, Point};
+use crate::angle::sin_cos;
 use crate::{Material, Scene, normals};
 use glam::DVec3;
 use std::ops::Range;

@@ -4,6 +4,7 @@ use super::BuiltinError;
 use super::builder::{Builder, Point};
 use super::forest::look;
 use super::hills::{Hills, Kinds, Objects, ground};
+use crate::angle::sin_cos;
 use crate::instanced::{InstancedScene, Key, Placed, Pose};
 use splitplane_core::random::unit;
 
@@ -49,8 +50,8 @@ fn keys(draw: impl Fn(u64) -> f64, count: u64) -> Vec<Key> {
     let size = 0.45 + 0.3 * draw(9);
     let pose = |frame: u32| {
         let part = f64::from(frame) / f64::from(FRAMES);
-        let (sin, cos) = super::sin_cos(rounds * part + phase);
-        let (wave, _) = super::sin_cos(3.0 * part + draw(10));
+        let (sin, cos) = sin_cos(rounds * part + phase);
+        let (wave, _) = sin_cos(3.0 * part + draw(10));
         // It flies along its own x axis, which is the direction of a growing angle, and leans inwards.
         let heading = Pose::rotation([0.0, 1.0, 0.0], -360.0 * (rounds * part + phase) - 90.0);
         let lean = Pose::rotation([1.0, 0.0, 0.0], 16.0 + 14.0 * wave);

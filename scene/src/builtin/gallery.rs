@@ -1,9 +1,9 @@
 //! A gallery, open to the front: everything that a ray tracer shows. Sizes in metres.
 
-use super::angle::sin_cos;
 use super::builder::{Block, Builder, Point};
 use super::paint;
 use super::shape::Tube;
+use crate::angle::sin_cos;
 use crate::{Material, Scene};
 
 /// Half the room's width, its height, and where it ends at the back and at the open front.

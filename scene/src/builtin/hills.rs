@@ -2,6 +2,7 @@
 
 use super::builder::{Builder, Point};
 use super::paint::noise;
+use crate::angle::sin_cos;
 use crate::instanced::{Geometry, InstancedScene, Placed, Pose};
 use splitplane_core::random::unit;
 
@@ -197,8 +198,7 @@ fn pine(b: &mut Builder, number: u64, bark: u32, needles: u32) {
             .map(|i| {
                 let ragged = unit(SEED, &[50 + number, skirt, u64::from(i)]);
                 let out = radius * if i % 2 == 0 { 1.0 + 0.25 * ragged } else { 0.62 };
-                let (sin, cos) =
-                    super::sin_cos((f64::from(i) + part * 7.0) / f64::from(2 * around));
+                let (sin, cos) = sin_cos((f64::from(i) + part * 7.0) / f64::from(2 * around));
                 b.vertex([out * cos, low - 0.35 * (out - 0.5) + 0.2 * ragged, out * sin])
             })
             .collect();
@@ -214,7 +214,7 @@ fn tree(b: &mut Builder, number: u64, bark: u32, leaves: u32) {
     for cloud in 0..7 {
         let draw = |k: u64| unit(SEED, &[80 + number, cloud, k]);
         let part = cloud as f64 / 6.0;
-        let (sin, cos) = super::sin_cos(draw(0) + cloud as f64 * 0.39);
+        let (sin, cos) = sin_cos(draw(0) + cloud as f64 * 0.39);
         let out = 1.15 * (1.0 - part) * (0.6 + 0.5 * draw(1));
         let centre = [out * cos, 2.5 + 2.3 * part + 0.5 * draw(2), out * sin];
         lump(b, leaves, centre, 1.3 - 0.45 * part + 0.25 * draw(3), 9, [0.30, 700.0 + draw(4)]);

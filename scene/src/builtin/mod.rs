@@ -1,6 +1,5 @@
 //! Scenes made here: the same triangles on every machine, from whole numbers and `+ - * /` only.
 
-mod angle;
 mod builder;
 pub(super) mod carousel;
 mod city;
@@ -13,8 +12,6 @@ mod paint;
 mod shape;
 mod spheres;
 mod stadium;
-
-pub(crate) use angle::sin_cos;
 
 use super::{InstancedScene, Scene};
 use thiserror::Error;

@@ -1,7 +1,7 @@
 //! Shapes that several scenes are made of.
 
-use super::angle::sin_cos;
 use super::builder::{Builder, Point, unit};
+use crate::angle::sin_cos;
 
 /// A tube along a closed curve.
 #[derive(Clone, Copy)]

@@ -1,10 +1,10 @@
 //! The hard case for a spatial median: a knot of 58 thousand triangles, 30 cm across, in the middle
 //! of an arena of a few hundred triangles and five kilometres of ground. Sizes in metres.
 
-use super::angle::sin_cos;
 use super::builder::{Block, Builder, Point, unit};
 use super::shape::{cross, dot, sub};
 use crate::Scene;
+use crate::angle::sin_cos;
 
 /// Steps along the knot and around its tube.
 const ALONG: u32 = 600;

@@ -54,6 +54,12 @@ impl InstancedScene {
         self.geometries.len() as u32 - 1
     }
 
+    /// Gives all triangles of a geometry a material.
+    pub(crate) fn paint_geometry(&mut self, geometry: u32, material: u32) {
+        let triangles = self.geometries[geometry as usize].triangles.clone();
+        self.parts.material_of[triangles.start as usize..triangles.end as usize].fill(material);
+    }
+
     /// Brings lists by triangle to one entry for each.
     pub(crate) fn finish_parts(&mut self) {
         let triangles = self.parts.indices.len();

@@ -1,6 +1,6 @@
 //! Where an object stands: moved, turned and scaled; and between two such poses.
 
-use crate::builtin::sin_cos;
+use crate::angle::sin_cos;
 use splitplane_core::scene::Transform;
 
 /// Scaled, then turned, then moved. In `f64`; a transform is rounded to `f32` once.

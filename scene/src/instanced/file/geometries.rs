@@ -10,7 +10,7 @@ use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
 use std::collections::HashMap;
 use std::path::Path;
 
-/// Their numbers by name. Those that are the same part of the same file are one.
+/// Their numbers by name. Those that are the same part of the same file in the same material are one.
 pub(super) struct Geometries<'a> {
     by_name: HashMap<&'a str, u32>,
 }
@@ -43,14 +43,15 @@ impl<'a> Geometries<'a> {
             return Err((vec![Step::Field("geometries")], problem));
         }
         let mut by_name = HashMap::new();
-        let mut known: HashMap<Source<'a>, u32> = HashMap::new();
+        let mut known: HashMap<(Source<'a>, Option<u32>), u32> = HashMap::new();
         let mut loaded: HashMap<&str, Loaded> = HashMap::new();
         let mut texture_bytes = 0;
         for (index, own) in file.geometries.iter().enumerate() {
+            let named = material(materials, own.material.as_deref(), || at(index, "material"))?;
             let number = match Kind::of(own)
                 .map_err(|(field, wrong)| (at(index, field), SceneFileProblem::Wrong(wrong)))?
             {
-                Kind::Obj(source) => match known.get(&source) {
+                Kind::Obj(source) => match known.get(&(source, named)) {
                     Some(number) => *number,
                     None => {
                         let (path, group, object) = source;
@@ -79,7 +80,10 @@ impl<'a> Geometries<'a> {
                         let more: usize = runs.iter().map(|run| run.len()).sum();
                         room(scene, more).map_err(|problem| (at(index, "obj"), problem))?;
                         let number = scene.add_geometry(&own.name, from, &runs, *first_material);
-                        known.insert(source, number);
+                        if let Some(material) = named {
+                            scene.paint_geometry(number, material);
+                        }
+                        known.insert((source, named), number);
                         number
                     }
                 },
@@ -88,8 +92,6 @@ impl<'a> Geometries<'a> {
                         .map_err(|error| (at(index, "triangles"), error.into()))?;
                     room(scene, triangles.len())
                         .map_err(|problem| (at(index, "triangles"), problem))?;
-                    let name = own.material.as_deref();
-                    let named = material(materials, name, || at(index, "material"))?;
                     let number = named.unwrap_or_else(|| clay(scene));
                     let from = Scene {
                         positions: positions.to_vec(),
@@ -122,13 +124,9 @@ impl<'a> Kind<'a> {
     /// A field and what is wrong with it, where it is neither.
     fn of(own: &'a format::Geometry) -> Result<Kind<'a>, (&'static str, &'static str)> {
         match (&own.obj, &own.positions, &own.triangles) {
-            (Some(path), None, None) => match (&own.group, &own.object, &own.material) {
-                (Some(_), Some(_), _) => Err(("group", "give a group or an object, not both")),
-                (_, _, Some(_)) => Err((
-                    "material",
-                    "materials of an .obj file are its own; instances may have others",
-                )),
-                (group, object, None) => Ok(Kind::Obj((path, group.as_deref(), object.as_deref()))),
+            (Some(path), None, None) => match (&own.group, &own.object) {
+                (Some(_), Some(_)) => Err(("group", "give a group or an object, not both")),
+                (group, object) => Ok(Kind::Obj((path, group.as_deref(), object.as_deref()))),
             },
             (None, Some(positions), Some(triangles)) => {
                 if own.group.is_some() || own.object.is_some() {

@@ -15,7 +15,7 @@ const GOOD: &str = r#"{
     {"name": "one", "positions": [[0,0,0],[1,0,0],[0,1,0]], "triangles": [[0,1,2]], "material": "red"},
     {"name": "left", "obj": "two.obj", "group": "left"},
     {"name": "again", "obj": "two.obj", "group": "left"},
-    {"name": "all", "obj": "two.obj"},
+    {"name": "all", "obj": "two.obj", "material": "lamp"},
     {"name": "cube", "obj": "two.obj", "object": "cube"}
   ],
   "instances": [
@@ -59,6 +59,9 @@ fn a_file_says_what_is_where() {
     assert_eq!((cube.geometry, cube.keys.len(), cube.transform[1][3]), (3, 2, 1.0));
     assert_eq!(scene.parts.corners(1), Some([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]));
     assert_eq!(scene.parts.corners(6), Some([[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]));
+    // The material of a geometry takes the place of what its file says.
+    assert_eq!(scene.parts.material_of[2..5], [2; 3]);
+    assert!([1, 5].iter().all(|triangle: &usize| scene.parts.material_of[*triangle] > 2));
     assert_eq!(scene.parts.lights.len(), 2);
     assert!(scene.parts.materials[1].dielectric.is_some() && scene.parts.materials[2].shines());
     let mut described = scene.describe().unwrap();
@@ -109,7 +112,12 @@ fn what_is_wrong_is_named_with_its_place() {
             "no object `left`",
         ),
         ("[[0,1,2]]", "[[0,1,3]]", "geometries[0].triangles: ", ""),
-        ("\"obj\": \"two.obj\"}", "\"obj\": \"no.obj\"}", "geometries[3].obj: ", "no such file"),
+        (
+            "\"obj\": \"two.obj\", \"mat",
+            "\"obj\": \"no.obj\", \"mat",
+            "geometries[3].obj: ",
+            "no such file",
+        ),
         ("\"at\": [0, 0, 0]", "\"at\": [0, 0, 9]", "line 21, column 15, cameras[0]: ", "the same"),
         ("\"towards\": [0, 1, 0]", "\"towards\": [0, 0, 0]", "lights[1].sun.towards: ", "zero"),
         ("\"distance\": 4", "\"distance\": 0", "lights[0].point.distance: ", "more than 0"),

@@ -1,6 +1,6 @@
 //! What frames read of the instances of a scene: where each is, which triangles it shows, and in which material.
 
-use crate::scene_data::{AppearanceError, NONE};
+use super::{AppearanceError, NONE};
 use crate::vector::{Vector, greatest};
 use splitplane_core::arithmetic::{Arithmetic, Strict, snap};
 use splitplane_core::backend::scene::BuiltScene;
