@@ -2,7 +2,7 @@
 
 use core::ops::ControlFlow;
 
-use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate};
+use splitplane_core::backend::scene::{SceneAccelerator, TopUpdate, write_file};
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions, QueryLayout};
 use splitplane_core::config::Preset;
 use splitplane_core::error::{BuildError, QueryError};
@@ -10,7 +10,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray};
 use splitplane_core::report::{BackendInfo, BuildSummary};
-use splitplane_core::scene::file::{GeometryFault, MAGIC, SceneFile, SceneFileError, write};
+use splitplane_core::scene::file::{GeometryFault, MAGIC, SceneFile, SceneFileError};
 use splitplane_core::scene::{
     GeometryId, Instance, InstanceId, Scene, SceneBuildError, SceneHit, SceneOptions, translation,
 };
@@ -92,7 +92,7 @@ fn what_is_written_comes_back() {
     all.extend([Scene::new(), scene_with_gaps().0]);
     for (preset, scene) in Preset::ALL.into_iter().cycle().zip(&all) {
         let built = backend.build_scene(scene, &preset.into()).unwrap();
-        let words = Words::of(&write(built.scene()).unwrap());
+        let words = Words::of(&write_file(built.scene()).unwrap());
         let file = SceneFile::parse(words.bytes()).unwrap();
         assert_eq!(file.digest(), built.scene().digest());
         let instances: Vec<_> = scene.instances().map(|(name, one)| (name, *one)).collect();
@@ -110,7 +110,7 @@ fn what_is_written_comes_back() {
                 let rays = objects::rays(scene, 500, 4);
                 assert!(traced(&*loaded, &rays) == traced(&*built, &rays));
             }
-            assert_eq!(write(loaded.scene()).unwrap(), words.bytes());
+            assert_eq!(write_file(loaded.scene()).unwrap(), words.bytes());
         }
     }
 }
@@ -121,7 +121,7 @@ fn a_loaded_scene_can_be_edited() {
     let backend = CpuBackend::new();
     let (scene, gone) = scene_with_gaps();
     let built = backend.build_scene(&scene, &Preset::Best.into()).unwrap();
-    let words = Words::of(&write(built.scene()).unwrap());
+    let words = Words::of(&write_file(built.scene()).unwrap());
     let file = SceneFile::parse(words.bytes()).unwrap();
     let (mut scene, mut loaded) = backend.load_scene(&file, &LoadOptions::default()).unwrap();
     let options = BuildOptions::default();
@@ -149,7 +149,7 @@ fn a_loaded_scene_can_be_edited() {
 fn what_was_altered_is_refused() {
     let backend = CpuBackend::new();
     let built = backend.build_scene(&scene_with_gaps().0, &Preset::Fast.into()).unwrap();
-    let words = Words::of(&write(built.scene()).unwrap());
+    let words = Words::of(&write_file(built.scene()).unwrap());
     let mut random = Random::new(11);
     let mut errors = std::collections::BTreeMap::<String, usize>::new();
     for at in 0..words.0.len() {
@@ -231,7 +231,7 @@ fn forged_trees_are_refused() {
         }
         let liar = Liar(CpuBackend::new(), tree);
         let built = liar.build_scene(&honest, &options).unwrap();
-        let words = Words::of(&write(built.scene()).unwrap());
+        let words = Words::of(&write_file(built.scene()).unwrap());
         match SceneFile::parse(words.bytes()) {
             Ok(file) => match backend.load_scene(&file, &LoadOptions::default()) {
                 Ok((_, loaded)) => {
@@ -257,7 +257,7 @@ fn forged_trees_are_refused() {
     }
     // A mesh of as many triangles, in the place of the other.
     let built = backend.build_scene(&honest, &options).unwrap();
-    let words = Words::of(&write(built.scene()).unwrap());
+    let words = Words::of(&write_file(built.scene()).unwrap());
     let first = (HEAD + 32 + 64) / 4;
     for at in [first, first + 7] {
         let mut moved = words.clone();
@@ -330,7 +330,7 @@ fn loading_is_limited_and_can_be_cancelled() {
     let backend = CpuBackend::new();
     let (scene, _) = objects::scene(Kind::Ordinary, 40, 5);
     let built = backend.build_scene(&scene, &BuildOptions::default()).unwrap();
-    let words = Words::of(&write(built.scene()).unwrap());
+    let words = Words::of(&write_file(built.scene()).unwrap());
     let file = SceneFile::parse(words.bytes()).unwrap();
     for max_memory in [0, 1000, built.scene().bytes() / 2] {
         let options = LoadOptions { max_memory: Some(max_memory), ..Default::default() };

@@ -23,12 +23,10 @@
 //! The tree over the instances is not kept: hits do not depend on it, and it is soon made.
 
 mod error;
-mod write;
 
 use bytemuck::try_cast_slice;
 
 pub use error::{GeometryFault, SceneFileError};
-pub use write::write;
 
 use super::description::{Instance, Scene, check};
 use super::digest::SceneDigest;
@@ -44,16 +42,16 @@ use crate::tree::file::{TreeFile, mesh_digest};
 pub const MAGIC: [u8; 8] = *b"splitsc\n";
 /// Version of the format that this library writes and reads.
 pub const VERSION: u32 = 1;
-const HEAD: usize = 64;
-const CHECKSUM: usize = 56;
+pub(crate) const HEAD: usize = 64;
+pub(crate) const CHECKSUM: usize = 56;
 /// Bytes of the record of a geometry.
-const GEOMETRY: usize = 32;
+pub(crate) const GEOMETRY: usize = 32;
 /// Bytes of the record of an instance.
-const INSTANCE: usize = 64;
+pub(crate) const INSTANCE: usize = 64;
 /// Kinds of geometries.
 const NONE: u32 = 0;
-const SOUP: u32 = 1;
-const INDEXED: u32 = 2;
+pub(crate) const SOUP: u32 = 1;
+pub(crate) const INDEXED: u32 = 2;
 
 /// A scene file, read in place. Everything in it has been checked, except whether each tree names what of its mesh it has to:
 /// [`Backend::load_scene`](crate::backend::Backend::load_scene) does that.
@@ -325,7 +323,7 @@ fn cast<T: bytemuck::AnyBitPattern>(bytes: &[u8]) -> Result<&[T], GeometryFault>
 }
 
 /// XXH64 of all bytes except those that hold it.
-fn checksum(bytes: &[u8]) -> u64 {
+pub(crate) fn checksum(bytes: &[u8]) -> u64 {
     let mut state = Xxh64::new(u64::from(VERSION));
     state.write(&bytes[..CHECKSUM]);
     state.write(&bytes[HEAD..]);

@@ -2,11 +2,12 @@
 
 use crate::source::Source;
 use bytemuck::cast_slice;
+use splitplane_core::backend::scene::write_file;
 use splitplane_core::backend::{Backend, BuildOptions, LoadOptions};
 use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
-use splitplane_core::scene::file::{MAGIC, SceneFile, SceneFileError, VERSION, write};
+use splitplane_core::scene::file::{MAGIC, SceneFile, SceneFileError, VERSION};
 use splitplane_core::scene::{Instance, Scene, SceneHit, SceneOptions, translation};
 use splitplane_core::tree::digest::Xxh64;
 use splitplane_cpu::CpuBackend;
@@ -53,7 +54,7 @@ fn samples() -> Vec<Sample> {
         .zip([Preset::Fast, Preset::Best])
         .map(|(scene, preset)| {
             let built = backend.build_scene(scene, &BuildOptions::from(preset)).expect("a scene");
-            let bytes = write(built.scene()).expect("memory");
+            let bytes = write_file(built.scene()).expect("memory");
             let rays = objects::rays(scene, 20, 3);
             let mut hits = vec![SceneHit::MISS; rays.len()];
             let traced = built.closest_hits(&rays, &mut hits, &SceneOptions::default());
@@ -125,7 +126,7 @@ fn altered(source: &mut Source<'_>, sample: &Sample) {
     traced.expect("lengths are equal");
     // Only the counts of names are not named by the digest.
     assert!(hits == sample.hits, "another scene of the same digest");
-    let again = write(loaded.scene()).expect("memory");
+    let again = write_file(loaded.scene()).expect("memory");
     assert!(parse(cast_slice(&words_of(&again))).is_ok());
 }
 

@@ -16,6 +16,7 @@ mod locate;
 mod single;
 mod update;
 mod within;
+mod write_file;
 
 pub use accelerator::SceneAccelerator;
 pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
@@ -24,3 +25,4 @@ pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
 pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_world};
 pub use host::HostScene;
 pub use update::{TopUpdate, UpdateReport};
+pub use write_file::write_file;

@@ -2,9 +2,11 @@
 
 use alloc::vec::Vec;
 
-use super::{CHECKSUM, GEOMETRY, HEAD, INDEXED, INSTANCE, MAGIC, SOUP, VERSION, checksum};
-use crate::backend::scene::BuiltScene;
+use super::built::BuiltScene;
 use crate::error::BuildError;
+use crate::scene::file::{
+    CHECKSUM, GEOMETRY, HEAD, INDEXED, INSTANCE, MAGIC, SOUP, VERSION, checksum,
+};
 use crate::scene::{GeometryId, Instance, InstanceId};
 use crate::tree::file;
 
@@ -13,7 +15,7 @@ use crate::tree::file;
 /// # Errors
 /// [`BuildError::OutOfMemory`] where the system has no memory for them. The trees of geometries are written one after another, each
 /// into memory of its own.
-pub fn write(built: &BuiltScene) -> Result<Vec<u8>, BuildError> {
+pub fn write_file(built: &BuiltScene) -> Result<Vec<u8>, BuildError> {
     let geometry_names = built.geometries().last().map_or(0, |(name, _)| name.0 as usize + 1);
     let instance_names = built.placements().last().map_or(0, |(name, _)| name.0 as usize + 1);
     let records = HEAD + GEOMETRY * geometry_names + INSTANCE * instance_names;
