@@ -9,6 +9,7 @@ use splitplane_core::backend::scene::{
     SceneAllHitsOptions, SceneAnswer, SceneClosestPoint, SceneClosestPointOptions, UpdateReport,
 };
 use splitplane_core::error::{QueryError, refused};
+use splitplane_core::query::closest_point::check_lengths;
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::ray::Ray;
 use splitplane_core::report::QueryReport;
@@ -108,9 +109,7 @@ impl CpuScene {
         answers: &mut [T],
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
-        if rays.len() != answers.len() {
-            return Err(QueryError::LengthMismatch { rays: rays.len(), results: answers.len() });
-        }
+        check_lengths(rays.len(), answers.len())?;
         if is_direct(options)
             && let Some(geometries) = &Geometries::of(&self.built, self.set)?
         {
@@ -237,21 +236,7 @@ impl SceneAccelerator for CpuScene {
         closest: &mut [SceneClosestPoint],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
-        self.closest_points_by_tasks(points, closest, options)
-    }
-}
-
-impl CpuScene {
-    /// Closest points on all threads.
-    fn closest_points_by_tasks(
-        &self,
-        points: &[[f32; 3]],
-        closest: &mut [SceneClosestPoint],
-        options: &SceneClosestPointOptions<'_>,
-    ) -> Result<QueryReport, QueryError> {
-        if points.len() != closest.len() {
-            return Err(QueryError::LengthMismatch { rays: points.len(), results: closest.len() });
-        }
+        check_lengths(points.len(), closest.len())?;
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, points.len() as u64);
         let own = SceneClosestPointOptions { watch: None, ..*options };

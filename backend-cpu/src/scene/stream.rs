@@ -15,18 +15,16 @@ use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, Top
 use super::parts::Geometries;
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
-use crate::layout::wide_node::{CacheLine, DONE, leaf_bit};
+use crate::layout::wide_node::{CacheLine, DONE};
 use crate::memory::lengthen;
 use crate::simd::{Compiled, Simd};
 use crate::trace::block_test::BestHit;
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use crate::trace::prepare_one::Readiness;
+use crate::trace::queues::{FLIGHT, Queues, Turn};
 use crate::trace::ray_state::RayState;
 use crate::trace::single::Single;
 use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
-
-/// Rays under way.
-const FLIGHT: usize = 16;
 
 /// Rays through a scene on one thread. Geometries must be made for the set.
 pub(super) struct SceneStream<'a, T> {
@@ -112,33 +110,6 @@ impl<'a, T, L> Flying<'a, T, L> {
     }
 }
 
-/// The lanes by what their rays wait for: see [`trace::stream`](crate::trace::stream).
-struct Queues(u64);
-
-#[derive(Clone, Copy)]
-enum Turn {
-    Node,
-    Block,
-    /// Another instance, or another ray.
-    Enter,
-}
-
-impl Queues {
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn put(&mut self, lane: usize, child: u32) {
-        let queue = leaf_bit(child) + usize::from(child == DONE);
-        self.0 |= 1 << (16 * queue + lane);
-    }
-
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn take(&mut self, turn: Turn) -> u64 {
-        let shift = 16 * turn as u32;
-        let lanes = self.0 >> shift & 0xffff;
-        self.0 ^= lanes << shift;
-        lanes
-    }
-}
-
 impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
     type Output = Result<u64, TryReserveError>;
 
@@ -180,12 +151,9 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
         let nodes = scene.top_tree().nodes();
         let (mut following, mut entered) = (0usize, 0u64);
         let mut leaf_room = L::room();
-        let mut queues = Queues(0xffff << (16 * Turn::Enter as u32));
+        let mut queues = Queues::IDLE;
         loop {
-            let mut waiting = queues.take(Turn::Enter);
-            while waiting != 0 {
-                let number = waiting.trailing_zeros() as usize;
-                waiting &= waiting - 1;
+            for number in queues.take(Turn::Refill) {
                 // SAFETY: lanes are below FLIGHT.
                 let lane = unsafe { lanes.get_unchecked_mut(number) };
                 let top_stack = &mut top_stacks[number * top_room..][..top_room];
@@ -261,13 +229,10 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     }
                 }
             }
-            if queues.0 == 0 {
+            if queues.is_empty() {
                 return Ok(entered);
             }
-            let mut waiting = queues.take(Turn::Node);
-            while waiting != 0 {
-                let number = waiting.trailing_zeros() as usize;
-                waiting &= waiting - 1;
+            for number in queues.take(Turn::Node) {
                 // SAFETY: lanes are below FLIGHT.
                 let lane = unsafe { lanes.get_unchecked_mut(number) };
                 let Some(within) = &lane.within else { continue };
@@ -280,10 +245,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                 ask_for::<S, L>(lane.lines, within.leaves, child);
                 queues.put(number, child);
             }
-            let mut waiting = queues.take(Turn::Block);
-            while waiting != 0 {
-                let number = waiting.trailing_zeros() as usize;
-                waiting &= waiting - 1;
+            for number in queues.take(Turn::Block) {
                 // SAFETY: lanes are below FLIGHT.
                 let lane = unsafe { lanes.get_unchecked_mut(number) };
                 let mut stack = stack!(number);

@@ -18,6 +18,7 @@ pub(crate) mod leaves;
 pub(crate) mod packet;
 pub(crate) mod prepare;
 pub(crate) mod prepare_one;
+pub(crate) mod queues;
 pub(crate) mod ray_state;
 pub(crate) mod reference;
 pub(crate) mod refined;

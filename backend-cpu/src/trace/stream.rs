@@ -17,16 +17,14 @@ use super::block_test::BestHit;
 use super::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use super::packet::Packet;
 use super::prepare::{CHUNK, PreparedRays};
+use super::queues::{FLIGHT, Queues, Turn};
 use super::ray_state::RayState;
 use super::sieve::ExactLane;
 use super::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
 use super::supply::Supply;
-use crate::layout::wide_node::{DONE, leaf_bit};
+use crate::layout::wide_node::DONE;
 use crate::memory::{boxed, lengthen};
 use crate::simd::{Compiled, Simd};
-
-/// Rays under way, at most 16.
-const FLIGHT: usize = 16;
 
 /// A ray under way.
 struct Lane {
@@ -112,51 +110,6 @@ impl Compiled for Stream<'_> {
     }
 }
 
-/// The lanes by what their rays wait for: one bit per lane, 16 bits for each [`Turn`]. In a
-/// register: memory would have to be written and read back in every step.
-struct Queues(u64);
-
-/// What a ray waits for.
-#[derive(Clone, Copy)]
-enum Turn {
-    Node,
-    Block,
-    /// Another ray.
-    Refill,
-}
-
-impl Queues {
-    /// Puts a lane into the queue that its child calls for, without a branch, since no predictor could get it right.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn put(&mut self, lane: usize, child: u32) {
-        let queue = leaf_bit(child) + usize::from(child == DONE);
-        self.0 |= 1 << (16 * queue + lane);
-    }
-
-    /// Empties a queue.
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn take(&mut self, turn: Turn) -> Members {
-        let shift = 16 * turn as u32;
-        let lanes = self.0 >> shift & 0xffff;
-        self.0 ^= lanes << shift;
-        Members(lanes)
-    }
-}
-
-/// Lanes as bits.
-struct Members(u64);
-
-impl Iterator for Members {
-    type Item = usize;
-
-    #[cfg_attr(not(unoptimised), inline(always))]
-    fn next(&mut self) -> Option<usize> {
-        let lane = self.0.trailing_zeros() as usize;
-        self.0 &= self.0.wrapping_sub(1);
-        (lane < FLIGHT).then_some(lane)
-    }
-}
-
 /// # Safety
 /// The processor must have the set, for whose width the layout was made; the flight must have space
 /// for its stacks.
@@ -176,10 +129,9 @@ unsafe fn fly<S: Simd, L: Leaves>(
     let exactly = options.accuracy == Accuracy::Exact;
     let bounds = [scene.bounds, layout.large.others];
     let mut supply = Supply { batch, next: 0, left: 0, ready, ray_states, packet };
-    let mut queues = Queues(0);
-    for (lane, state) in lanes.iter_mut().enumerate() {
+    let mut queues = Queues::IDLE;
+    for state in lanes.iter_mut() {
         state.ray_state.index = RayState::NO_RAY;
-        queues.put(lane, DONE);
     }
     let lanes = &mut lanes[..FLIGHT];
     let (children, t) = (children.as_mut_ptr(), t.as_mut_ptr());
@@ -217,7 +169,7 @@ unsafe fn fly<S: Simd, L: Leaves>(
             unsafe { stack.begin() };
             queues.put(lane, 0);
         }
-        if queues.0 == 0 {
+        if queues.is_empty() {
             return;
         }
         for lane in queues.take(Turn::Node) {

@@ -9,7 +9,7 @@ use splitplane_core::points::nearest::{NearestOptions, Neighbour};
 use splitplane_core::points::tree::Axes;
 use splitplane_cpu::CpuPointTree;
 
-use super::{Clock, read, repeat, write};
+use super::{Clock, builds, read, repeat, write};
 
 /// The numbers of points asked for.
 const KS: [usize; 3] = [1, 8, 50];
@@ -36,16 +36,7 @@ pub(super) fn measure(
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = pool.map_err(|error| error.to_string())?;
     let build = || pool.install(|| CpuPointTree::build(&points, &options));
-    // The first build warms up and is not counted.
-    let mut built = build().map_err(|error| error.to_string())?;
-    let mut build_ms = Vec::new();
-    for _ in 0..reps {
-        drop(built);
-        let mut next = None;
-        let seconds = clock.seconds(|| next = Some(build()));
-        built = next.expect("it was built").map_err(|error| error.to_string())?;
-        build_ms.push(seconds * 1e3);
-    }
+    let (built, build_ms) = builds(clock, reps, build)?;
     let mut sets = Map::new();
     for k in KS {
         let options = NearestOptions { k, ..NearestOptions::default() };

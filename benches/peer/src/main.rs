@@ -229,17 +229,8 @@ fn measure(
     }
     let build = || pool.install(|| backend.build(&mesh, &options));
 
-    // The first build warms up and is not counted.
-    let mut built = build().map_err(|error| error.to_string())?;
+    let (built, build_ms) = builds(clock, reps, build)?;
     let peak = built.accelerator().summary().peak_bytes + built.accelerator().query_bytes();
-    let mut build_ms = Vec::new();
-    for _ in 0..reps {
-        drop(built);
-        let mut next = None;
-        let seconds = clock.seconds(|| next = Some(build()));
-        built = next.expect("it was built").map_err(|error| error.to_string())?;
-        build_ms.push(seconds * 1e3);
-    }
     let mut sets = Map::new();
     for set in SETS {
         let rays = rays_of(dir, set)?;
@@ -311,6 +302,24 @@ fn read<T: bytemuck::Pod>(path: &Path) -> Result<Vec<T>, String> {
 
 fn write(path: &str, bytes: &[u8]) -> Result<(), String> {
     std::fs::write(path, bytes).map_err(|error| format!("{path}: {error}"))
+}
+
+/// Builds as often as asked, each time without the one before: the last one, and milliseconds. The first warms up and is not counted.
+fn builds<T, E: std::fmt::Display>(
+    clock: Clock,
+    reps: usize,
+    build: impl Fn() -> Result<T, E>,
+) -> Result<(T, Vec<f64>), String> {
+    let mut built = build().map_err(|error| error.to_string())?;
+    let mut build_ms = Vec::new();
+    for _ in 0..reps {
+        drop(built);
+        let mut next = None;
+        let seconds = clock.seconds(|| next = Some(build()));
+        built = next.expect("it was built").map_err(|error| error.to_string())?;
+        build_ms.push(seconds * 1e3);
+    }
+    Ok((built, build_ms))
 }
 
 #[cfg(test)]

@@ -1,0 +1,60 @@
+//! The rays under way by what they wait for.
+
+use crate::layout::wide_node::{DONE, leaf_bit};
+
+/// Rays under way, at most 16.
+pub(crate) const FLIGHT: usize = 16;
+
+/// The lanes by what their rays wait for: one bit per lane, 16 bits for each [`Turn`]. In a
+/// register: memory would have to be written and read back in every step.
+pub(crate) struct Queues(u64);
+
+/// What a ray waits for.
+#[derive(Clone, Copy)]
+pub(crate) enum Turn {
+    Node,
+    Block,
+    /// Another ray, or for this one another instance.
+    Refill,
+}
+
+impl Queues {
+    /// All lanes wait for a ray.
+    pub(crate) const IDLE: Queues = Queues(0xffff << (16 * Turn::Refill as u32));
+
+    /// Whether no lane waits for anything.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0 == 0
+    }
+
+    /// Puts a lane into the queue that its child calls for, without a branch, since no predictor could get it right.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn put(&mut self, lane: usize, child: u32) {
+        let queue = leaf_bit(child) + usize::from(child == DONE);
+        self.0 |= 1 << (16 * queue + lane);
+    }
+
+    /// Empties a queue.
+    #[cfg_attr(not(unoptimised), inline(always))]
+    pub(crate) fn take(&mut self, turn: Turn) -> Members {
+        let shift = 16 * turn as u32;
+        let lanes = self.0 >> shift & 0xffff;
+        self.0 ^= lanes << shift;
+        Members(lanes)
+    }
+}
+
+/// Lanes as bits.
+pub(crate) struct Members(u64);
+
+impl Iterator for Members {
+    type Item = usize;
+
+    #[cfg_attr(not(unoptimised), inline(always))]
+    fn next(&mut self) -> Option<usize> {
+        let lane = self.0.trailing_zeros() as usize;
+        self.0 &= self.0.wrapping_sub(1);
+        (lane < FLIGHT).then_some(lane)
+    }
+}
