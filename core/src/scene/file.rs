@@ -144,7 +144,7 @@ impl<'a> SceneFile<'a> {
         let mut digest = SceneDigest::new();
         let mut at = self.instances_end();
         for name in 0..self.geometry_names() as u32 {
-            let geometry = self.read_geometry(name, &mut at);
+            let geometry = self.read_geometry(name, &mut at, false);
             let wrong = |fault| SceneFileError::Geometry { geometry: name, fault };
             if let Some(geometry) = geometry.map_err(wrong)? {
                 digest.geometry(GeometryId(name), geometry.tree.tree.digest());
@@ -187,10 +187,11 @@ impl<'a> SceneFile<'a> {
     fn geometry_places(&self) -> impl ExactSizeIterator<Item = Option<GeometryInFile<'a>>> {
         let (file, mut at) = (*self, self.instances_end());
         // Checked when the file was parsed.
-        (0..self.geometry_names() as u32).map(move |name| file.read_geometry(name, &mut at).ok()?)
+        (0..self.geometry_names() as u32)
+            .map(move |name| file.read_geometry(name, &mut at, true).ok()?)
     }
 
-    /// All geometries, in the order of their names. Each one's tree is checked again.
+    /// All geometries, in the order of their names.
     pub fn geometries(&self) -> impl Iterator<Item = (GeometryId, GeometryInFile<'a>)> {
         let named = self.geometry_places().enumerate();
         named.filter_map(|(name, at)| Some((GeometryId(name as u32), at?)))
@@ -228,11 +229,13 @@ impl<'a> SceneFile<'a> {
         })
     }
 
-    /// A geometry whose parts begin at `at`, which then is where the next one's begin. All parts are within the file.
+    /// A geometry whose parts begin at `at`, which then is where the next one's begin. All parts are within the file. What looks at
+    /// every byte of the tree or the mesh is done once, when the file is parsed.
     fn read_geometry(
         &self,
         name: u32,
         at: &mut usize,
+        was_checked: bool,
     ) -> Result<Option<GeometryInFile<'a>>, GeometryFault> {
         let extent = self.extent(name as usize);
         if extent.kind == NONE {
@@ -244,8 +247,8 @@ impl<'a> SceneFile<'a> {
         let begin = *at;
         *at += extent.bytes().ok_or(GeometryFault::Record)? as usize;
         let mesh = self.read_mesh(&extent, begin)?;
-        let tree = TreeFile::parse(&self.bytes[*at - extent.tree as usize..*at])?;
-        if tree.mesh != mesh_digest(&mesh) {
+        let tree = TreeFile::read(&self.bytes[*at - extent.tree as usize..*at], was_checked)?;
+        if !was_checked && tree.mesh != mesh_digest(&mesh) {
             return Err(GeometryFault::OtherMesh);
         }
         Ok(Some(GeometryInFile { mesh, tree }))

@@ -15,8 +15,9 @@ pub(super) const LEVELS: usize = 42;
 
 /// Bytes that a build over this many instances holds at once, of which the greatest name is below `names`.
 pub fn top_tree_bytes(instances: usize, names: usize) -> u64 {
+    // A node has at least two children, or is the root; of binary nodes, each that is divided has at least one item of its own.
     let nodes = instances.max(1);
-    (nodes * (size_of::<TopNode>() + size_of::<Place>() + size_of::<Binary>())
+    (nodes * (size_of::<TopNode>() + size_of::<Place>() + 2 * size_of::<Binary>())
         + names * size_of::<Place>()
         + instances * size_of::<Item>()) as u64
 }

@@ -75,7 +75,7 @@ pub(super) struct Binary {
     pub(super) bounds: Bounds,
     first: u32,
     count: u32,
-    /// Both children; the first of them comes right after its parent's own children were made.
+    /// Both children.
     below: [u32; 2],
     /// The least cost of what is below as at most so many children of a wide node, less one: the sum of half the areas of the nodes
     /// that this takes.
@@ -271,7 +271,6 @@ fn best_border(bins: &[(Bounds, usize); BINS]) -> Option<(f64, usize, [Bounds; 2
         if bins[border - 1].1 == 0 || *rest == 0 {
             continue;
         }
-        // Nodes are visited by eights: a node's last one need not be full.
         let cost = bounds.half_area() * count as f64 + others.half_area() * *rest as f64;
         if best.is_none_or(|(least, ..)| cost < least) {
             best = Some((cost, border, [bounds, *others]));
