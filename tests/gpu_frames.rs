@@ -6,8 +6,11 @@ mod device;
 use splitplane::CpuBackend;
 use splitplane::gpu::{Gpu, Traffic, WgpuBackend};
 use splitplane::render::{Appearance, Light, Material, Outputs, RenderError, RenderSettings, Size};
-use splitplane::scene::{Animation, Camera, Change, Scene, SceneOptions};
-use splitplane::tracer::{FrameRequest, Moved, Tracer, TracerError};
+use splitplane::scene::instanced::geometries;
+use splitplane::scene::{Animation, Camera, Change, InstancedScene, Scene, SceneOptions};
+use splitplane::tracer::{
+    FrameRequest, InstanceTracer, InstancedLook, Moved, RenderBackend, Tracer, TracerError,
+};
 use splitplane_core::backend::BuildOptions;
 use splitplane_core::error::BuildError;
 use splitplane_core::mesh::Mesh;
@@ -311,4 +314,47 @@ fn errors_on_the_way() {
     same.submit_frame(&mesh, &small).expect("a frame");
     assert!(same.is_frame_done());
     assert_eq!(same.finish_frame().expect("a frame").pixels().expect("pixels"), cpu[1].1);
+}
+
+/// Scenes of instances: the device answers rays within geometries, and the pictures are the CPU's. What the CPU does for it is counted.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn instances_look_alike_on_both_backends() {
+    let _one = one();
+    for (name, frames) in [("builtin:forest:30", 1), ("builtin:flock:20", 2)] {
+        let mut scene = InstancedScene::open_with(name, &SceneOptions::default()).expect("a scene");
+        let camera = scene.placement(1.5, 1).camera;
+        let request = request(&camera, [36, 24]);
+        let numbers = scene.numbers();
+        let mut described = scene.describe().expect("a description");
+        let options = BuildOptions::default();
+        let look = |scene: &InstancedScene| -> (Vec<u32>, u64) {
+            let mesh = scene.parts.mesh().expect("a mesh");
+            let shown = InstancedLook {
+                mesh,
+                appearance: scene.parts.appearance(),
+                geometries: geometries(&numbers),
+            };
+            let now = scene.describe().expect("a description");
+            let both = [CpuBackend::new().into(), RenderBackend::from(backend())];
+            let [of_cpu, of_gpu] = both.map(|backend: RenderBackend| {
+                let mut tracer =
+                    InstanceTracer::load(backend, &now, &shown, &options).expect("a scene");
+                let stats = tracer.frame(&mesh, &request).expect("a frame");
+                (tracer.pixels().to_vec(), stats)
+            });
+            assert!(of_cpu.0 == of_gpu.0, "{name}");
+            assert_eq!(of_cpu.1.placed_by_cpu, 0);
+            assert_eq!(of_gpu.1.placed_by_cpu, of_gpu.1.rays());
+            (of_cpu.0, of_gpu.1.rays())
+        };
+        let mut pictures = Vec::new();
+        for frame in 0..frames {
+            scene.set(frame * 5, &mut described).expect("a frame");
+            pictures.push(look(&scene));
+        }
+        let colours: std::collections::BTreeSet<u32> = pictures[0].0.iter().copied().collect();
+        assert!(colours.len() > 50 && pictures[0].1 > 36 * 24, "{name} shows nothing");
+        assert!(frames == 1 || pictures[0].0 != pictures[1].0, "{name} does not move");
+    }
 }

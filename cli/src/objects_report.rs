@@ -109,6 +109,7 @@ impl ObjectStage {
                 emitters: self.tracer.appearance().needs().emitters,
                 paths: stats.paths,
                 shadow_rays: stats.shadow_rays,
+                placed_by_cpu: stats.placed_by_cpu,
                 trace_ms,
                 render_ms,
                 output,
@@ -119,13 +120,17 @@ impl ObjectStage {
         }
         let tracing = trace_ms.map_or(String::new(), |ms| format!(", {ms:.1} ms of it tracing"));
         output::data(&format!(
-            "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow\n\
+            "{}traced   {} rays: {} camera, mirrored and refracted, {} shadow{}\n\
              rendered in {render_ms:.1} ms{tracing} ({:.1} million rays a second)\n\
              written  {} ({width}x{height})\n",
             self.describe(),
             stats.rays(),
             stats.paths,
             stats.shadow_rays,
+            match stats.placed_by_cpu {
+                0 => String::new(),
+                rays => format!("; for {rays} the CPU found the instances"),
+            },
             stats.rays() as f64 / render_ms.max(1e-6) / 1e3,
             output.join(", ")
         ))
@@ -143,6 +148,8 @@ struct PictureReport {
     emitters: u32,
     paths: u64,
     shadow_rays: u64,
+    /// Rays whose instances the CPU found for a device.
+    placed_by_cpu: u64,
     /// Time in queries; null where it is not measured.
     trace_ms: Option<f64>,
     render_ms: f64,

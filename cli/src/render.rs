@@ -2,7 +2,7 @@
 
 use super::failure::Failure;
 use super::files::{self, ends_in};
-use super::look::Look;
+use super::look::{Look, Placed};
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
@@ -108,13 +108,7 @@ impl Arguments {
         let mut stage = Stage::set(scene, opened, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
         let shines = stage.tracer.appearance().needs().emitters > 0;
-        let request = FrameRequest {
-            camera: stage.placed.camera.pinhole(look.size),
-            size: look.size,
-            settings: look.settings(SAMPLES[usize::from(shines)], &stage.placed)?,
-            outputs: self.outputs(&path),
-            query: common.query_options(),
-        };
+        let request = self.request(&stage.placed, shines, &path)?;
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
             return output::data(&plan.explain());
@@ -129,6 +123,23 @@ impl Arguments {
         self.report(&stage, &stats, render_ms, &written)
     }
 
+    /// What is asked of the tracer.
+    fn request(
+        &self,
+        placed: &Placed,
+        shines: bool,
+        path: &Path,
+    ) -> Result<FrameRequest<'static>, Failure> {
+        let Arguments { look, common, .. } = self;
+        Ok(FrameRequest {
+            camera: placed.camera.pinhole(look.size),
+            size: look.size,
+            settings: look.settings(SAMPLES[usize::from(shines)], placed)?,
+            outputs: self.outputs(path),
+            query: common.query_options(),
+        })
+    }
+
     /// Renders a scene of many objects.
     fn render_objects(&self) -> Result<(), Failure> {
         let Arguments { look, common, .. } = self;
@@ -140,13 +151,7 @@ impl Arguments {
         let mut stage = ObjectStage::set(&self.scene, look, common)?;
         let path = self.output.clone().unwrap_or_else(|| default_name(&stage.scene.name));
         let shines = stage.tracer.appearance().needs().emitters > 0;
-        let request = FrameRequest {
-            camera: stage.placed.camera.pinhole(look.size),
-            size: look.size,
-            settings: look.settings(SAMPLES[usize::from(shines)], &stage.placed)?,
-            outputs: self.outputs(&path),
-            query: common.query_options(),
-        };
+        let request = self.request(&stage.placed, shines, &path)?;
         if self.explain {
             let plan = stage.tracer.plan(&request)?;
             return output::data(&plan.explain());

@@ -41,6 +41,9 @@ pub struct FrameStats {
     pub shadow_rays: u64,
     /// Rays of an exact frame that its device left undecided, and the CPU traced; 0 on the CPU.
     pub redone: u64,
+    /// Rays of a scene whose geometries are on a device, for which the CPU found the instances that they enter; those of slices that
+    /// had to be repeated count again. 0 where all is on the CPU.
+    pub placed_by_cpu: u64,
     /// Time spent in queries; `None` where it is not measured.
     pub tracing: Option<Duration>,
 }
@@ -53,6 +56,7 @@ impl FrameStats {
             paths: sum(Counter::TotalPathsLow, Counter::TotalPathsHigh),
             shadow_rays: sum(Counter::TotalShadowRaysLow, Counter::TotalShadowRaysHigh),
             redone: 0,
+            placed_by_cpu: 0,
             tracing,
         }
     }

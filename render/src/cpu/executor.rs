@@ -27,7 +27,7 @@ macro_rules! in_world {
                 let $world = OneMesh($mesh);
                 $call
             }
-            Traced::Scene(_, table) => {
+            Traced::Scene(_, table, _) => {
                 let $world = Instances { mesh: $mesh, table };
                 $call
             }

@@ -10,6 +10,7 @@ use crate::layout::{FirstCost, FirstHit};
 use crate::plan::{Plan, Room};
 use crate::scene_data::instances::InstanceTable;
 use crate::schedule;
+use core::sync::atomic::AtomicU64;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;
 
@@ -65,7 +66,9 @@ impl CpuRenderer {
         if input.outputs.first_costs {
             return Err(RenderError::NoCosts);
         }
-        self.render_traced(Traced::Scene(scene, table), input)
+        let placed = AtomicU64::new(0);
+        let stats = self.render_traced(Traced::Scene(scene, table, &placed), input)?;
+        Ok(FrameStats { placed_by_cpu: placed.into_inner(), ..stats })
     }
 
     fn render_traced(

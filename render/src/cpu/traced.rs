@@ -1,6 +1,8 @@
 //! What answers the rays of a frame: the tree of one mesh, or a scene of instances.
 
 use crate::scene_data::instances::InstanceTable;
+use core::sync::atomic::AtomicU64;
+use core::sync::atomic::Ordering::Relaxed;
 use rayon::prelude::*;
 use splitplane_core::backend::Accelerator;
 use splitplane_core::backend::scene::SceneAccelerator;
@@ -11,7 +13,8 @@ use splitplane_core::scene::{SceneHit, SceneOptions};
 #[derive(Clone, Copy)]
 pub(crate) enum Traced<'a> {
     Mesh(&'a dyn Accelerator),
-    Scene(&'a dyn SceneAccelerator, &'a InstanceTable),
+    /// And how many rays the CPU placed for a device.
+    Scene(&'a dyn SceneAccelerator, &'a InstanceTable, &'a AtomicU64),
 }
 
 /// The settings of a frame's rays for a scene.
@@ -38,10 +41,11 @@ impl Traced<'_> {
             Traced::Mesh(accelerator) => {
                 accelerator.closest_hits(rays, hits, options)?;
             }
-            Traced::Scene(scene, _) => {
+            Traced::Scene(scene, _, placed) => {
                 scene_hits.clear();
                 scene_hits.resize(rays.len(), SceneHit::MISS);
-                scene.closest_hits(rays, scene_hits, &of_scene(options))?;
+                let report = scene.closest_hits(rays, scene_hits, &of_scene(options))?;
+                placed.fetch_add(report.placed_by_cpu, Relaxed);
                 instances.resize(rays.len(), 0);
                 let to = hits.par_iter_mut().zip(instances.par_iter_mut());
                 to.zip(&*scene_hits).with_min_len(4096).for_each(|((hit, instance), met)| {
@@ -63,8 +67,9 @@ impl Traced<'_> {
             Traced::Mesh(accelerator) => {
                 accelerator.any_hits(rays, occluded, options)?;
             }
-            Traced::Scene(scene, _) => {
-                scene.any_hits(rays, occluded, &of_scene(options))?;
+            Traced::Scene(scene, _, placed) => {
+                let report = scene.any_hits(rays, occluded, &of_scene(options))?;
+                placed.fetch_add(report.placed_by_cpu, Relaxed);
             }
         }
         Ok(())
