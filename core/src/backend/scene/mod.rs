@@ -13,6 +13,7 @@ mod closest_point;
 mod filtered;
 mod host;
 mod locate;
+pub mod packed;
 mod single;
 mod update;
 mod within;
