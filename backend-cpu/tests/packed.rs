@@ -97,7 +97,7 @@ fn planted_faults_are_found() {
     let mut never: Vec<&str> = Vec::new();
     let faults: [(&str, fn(&mut PackedScene)); 9] = [
         ("boxes without their slack", |scene| {
-            for node in &mut scene.top_nodes {
+            for node in &mut scene.box_nodes {
                 for slot in 0..TOP_WIDTH {
                     for axis in 0..3 {
                         let middle = 0.5 * (node.lo[axis][slot] + node.hi[axis][slot]);
@@ -109,21 +109,23 @@ fn planted_faults_are_found() {
             }
         }),
         ("a child that is lost", |scene| {
-            for node in &mut scene.top_nodes {
+            for node in &mut scene.box_nodes {
                 node.children[1] = u32::MAX;
             }
         }),
         ("boxes that count everywhere, or nowhere", |scene| {
-            for child in scene.top_nodes.iter_mut().flat_map(|node| &mut node.children) {
+            for child in scene.box_nodes.iter_mut().flat_map(|node| &mut node.children) {
                 *child = if *child == u32::MAX { *child } else { *child & !ALWAYS };
             }
         }),
         ("masks", |scene| each(scene, |own| own.mask ^= 0x00ff_0001)),
         ("reflections", |scene| each(scene, |own| own.sides ^= MIRRORED)),
         ("sides", |scene| each(scene, |own| own.sides ^= 1)),
-        ("first triangles", |scene| each(scene, |own| {
+        ("first triangles", |scene| {
+            each(scene, |own| {
                 own.first_triangle = own.first_triangle.saturating_sub(1);
-            })),
+            })
+        }),
         ("the last bit of inverses", |scene| {
             each(scene, |own| own.inverse[1][2] = own.inverse[1][2].next_up());
         }),

@@ -3,6 +3,7 @@
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
+use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
@@ -10,6 +11,7 @@ use splitplane_core::error::BuildError;
 use splitplane_core::kernel::{Buffer, Kernel, TreeBuilder};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
+use splitplane_core::scene::{Scene, SceneBuildError};
 use splitplane_core::tree::KdTree;
 use splitplane_core::tree::validate::validate_mesh_while;
 use splitplane_core::triangle::{Prepared, Triangle, prepare};
@@ -26,7 +28,7 @@ use crate::device::host;
 use crate::device::{Instrument, Pipelines};
 use crate::error::GpuError;
 use crate::parity::Parity;
-use crate::query::{DeviceTree, Queries, WgpuAccelerator};
+use crate::query::{DeviceTree, Queries, WgpuAccelerator, WgpuScene};
 use crate::selftest;
 
 /// The GPU backend: builds trees on one device and answers rays there. Buffers are kept between
@@ -360,6 +362,17 @@ impl Backend for WgpuBackend {
                 Ok(())
             }
         }
+    }
+
+    /// A scene that answers rays on the device: see [`WgpuScene`].
+    fn build_scene(
+        &self,
+        scene: &Scene,
+        options: &BuildOptions<'_>,
+    ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        let queries = Arc::clone(&self.shared.queries);
+        let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
+        Ok(Box::new(WgpuScene::build(queries, scene, options, &mut build)?))
     }
 
     fn load(

@@ -25,5 +25,5 @@ pub use block::{Asked, Block, BlockScratch, SceneAnswer, seen_by};
 pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
 pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_world};
 pub use host::HostScene;
-pub use update::{TopUpdate, UpdateReport};
+pub use update::{Becoming, TopUpdate, UpdateReport};
 pub use write_file::write_file;

@@ -13,8 +13,8 @@ use naga::ir::{AddressSpace, ArraySize, ScalarKind, Type, TypeInner};
 use splitplane_core::aabb::Aabb;
 use splitplane_core::layout::{
     BatchUniform, CheckParameters, Chunk, ChunkBins, ChunkBounds, ChunkSides, Counters, Decision,
-    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneBatch, SceneUniform, Sides, SmallRoot, TopNode,
-    TriangleCount,
+    Extent, LargeNode, MiddleRoot, Parameters, Reference, SceneBatch, SceneUniform, Sides,
+    SmallRoot, TopNode, TriangleCount,
 };
 use splitplane_core::ray::{Hit, Ray};
 use splitplane_core::tree::node::KdNode;

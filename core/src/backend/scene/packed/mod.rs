@@ -83,7 +83,7 @@ pub const MIRRORED: u32 = 4;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PackedScene {
     /// The tree over instances, the root first.
-    pub top_nodes: Vec<PackedTopNode>,
+    pub box_nodes: Vec<PackedTopNode>,
     /// By the names of instances.
     pub instances: Vec<PackedInstance>,
     /// The nodes of all geometries.

@@ -3,7 +3,8 @@
 use alloc::vec::Vec;
 
 use super::{
-    ALWAYS, BOX_COORDINATE_MOST, MIRRORED, MOST_TOP_NODES, PackedInstance, PackedScene, PackedTopNode,
+    ALWAYS, BOX_COORDINATE_MOST, MIRRORED, MOST_TOP_NODES, PackedInstance, PackedScene,
+    PackedTopNode,
 };
 use crate::backend::scene::built::{BuiltGeometry, BuiltScene};
 use crate::layout::{SceneUniform, culling_bits};
@@ -59,7 +60,8 @@ impl PackedSizes {
     }
 
     /// With a geometry more.
-    fn and(mut self, geometry: &BuiltGeometry) -> PackedSizes {
+    #[must_use]
+    pub(in crate::backend::scene) fn and(mut self, geometry: &BuiltGeometry) -> PackedSizes {
         let tree = geometry.accelerator.tree();
         self.nodes += tree.nodes.len();
         self.references += tree.references.len();
@@ -128,9 +130,9 @@ impl BuiltScene {
         let needed = sizes.bytes()[..2].iter().sum();
         let lacking = |_| Unpackable::Memory { needed };
         let places = self.places().ok_or(Unpackable::Memory { needed })?;
-        packed.top_nodes.clear();
-        packed.top_nodes.try_reserve_exact(sizes.top_nodes).map_err(lacking)?;
-        packed.top_nodes.extend(self.top.nodes().iter().map(PackedTopNode::from));
+        packed.box_nodes.clear();
+        packed.box_nodes.try_reserve_exact(sizes.top_nodes).map_err(lacking)?;
+        packed.box_nodes.extend(self.top.nodes().iter().map(PackedTopNode::from));
         packed.instances.clear();
         packed.instances.try_reserve_exact(sizes.instances).map_err(lacking)?;
         packed.instances.extend((0..sizes.instances as u32).map(|name| {

@@ -186,10 +186,10 @@ impl PackedScene {
         let query = if batch.any == 0 { Query::Closest } else { Query::Any };
         let mut best = SceneHit::MISS;
         let Some(boxes) = BoxRay::new::<A>(ray) else { return best };
-        let mut stack = BoxStack::new(self.top_nodes.len());
+        let mut stack = BoxStack::new(self.box_nodes.len());
         loop {
             let stop = BoxRay::stop_after::<A>(ray.t_max.min(best.t));
-            let Some(name) = stack.next::<A>(&self.top_nodes, &boxes, stop) else { return best };
+            let Some(name) = stack.next::<A>(&self.box_nodes, &boxes, stop) else { return best };
             let found = self.trace_in::<A>(name, ray, &best, batch, query);
             if found.is_hit() && found.precedes(&best) {
                 best = found;
