@@ -7,12 +7,13 @@
 use std::collections::TryReserveError;
 
 use splitplane_core::backend::QueryLayout;
-use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer, seen_by};
+use splitplane_core::backend::scene::{Asked, BuiltScene, SceneAnswer};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::scene::{GeometryId, InstanceId, SceneHit, SceneOptions, TopRay, TopStack};
 
 use super::parts::Geometries;
+use super::seen::seen_by;
 use super::top_walk::{VectorRay, next};
 use crate::layout::tree_layout::TreeLayout;
 use crate::layout::wide_node::{CacheLine, DONE};
@@ -199,16 +200,16 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                         continue;
                     }
                     entered += 1;
-                    let seen = seen_by(placement, ray, &best);
+                    let seen = seen_by(&placement.space, ray, &best);
                     let query = options.of_geometry(asked.culling, asked.ignore, None);
                     (lane.instance, lane.geometry) = (instance, geometry);
-                    match lane.ray_state.prepare(&seen, scale, T::QUERY) {
+                    match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
                         Readiness::Misses => {}
                         Readiness::Special => {
                             let single = Single {
                                 layout,
                                 scene: scale,
-                                ray: &seen,
+                                ray: &seen.ray(),
                                 options: &query,
                                 query: T::QUERY,
                             };
