@@ -25,7 +25,7 @@ use crate::trace::block_test::BestHit;
 use crate::trace::leaves::{IndexedLeaves, Leaves, PackedLeaves};
 use crate::trace::prepare_one::Readiness;
 use crate::trace::queues::{FLIGHT, Queues, Turn};
-use crate::trace::ray_state::RayState;
+use crate::trace::ray_state::{RayState, ScalarOutcome};
 use crate::trace::single::Single;
 use crate::trace::step::{RayTest, TestContext, TestLeaf, TraversalStack, ask_for, step};
 
@@ -185,7 +185,7 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     let top_stack = top_stack.as_mut_ptr();
                     // SAFETY: the caller's contract; the tree's nodes, and a stack for it.
                     let found = unsafe {
-                        next::<S::Eight>(nodes, &lane.top_ray, stop, top_stack, &mut lane.tops)
+                        next::<S::Eight, T>(nodes, &lane.top_ray, stop, top_stack, &mut lane.tops)
                     };
                     let Some(name) = found else {
                         is_done = true;
@@ -224,24 +224,34 @@ impl<'a, T: SceneAnswer, L: Found<'a>> Compiled for Flying<'a, T, L> {
                     let seen = seen_by(&placement.space, ray, &lane.answer.best());
                     let query = options.of_geometry(asked.culling, asked.ignore, None);
                     match lane.ray_state.prepare_loaded(&seen, scale, T::QUERY) {
-                        Readiness::Misses => Turn::Refill,
+                        Readiness::Misses => break 'enter Turn::Refill,
+                        Readiness::Ready => {}
                         Readiness::Special => {
-                            let (ray, options, query) = (&seen.ray(), &query, T::QUERY);
-                            let single = Single { layout, scene: scale, ray, options, query };
-                            // SAFETY: the caller's contract.
-                            lane.best.hit = unsafe { S::call(single) };
-                            Turn::Refill
-                        }
-                        Readiness::Ready => {
-                            lane.lines = layout.wide.lines().as_ptr();
-                            lane.within = Some(Within { leaves, options: query });
-                            (lane.child, lane.top) = (0, 0);
-                            let mut stack = stack!(number);
-                            // SAFETY: stacks have the space.
-                            unsafe { stack.begin() };
-                            Turn::Node
+                            let ray = &seen.ray();
+                            match RayState::prepare_by_core(ray, scale, query.accuracy, T::QUERY) {
+                                Some(ScalarOutcome::Traced(moved)) => lane.ray_state = moved,
+                                Some(ScalarOutcome::Answer(hit)) => {
+                                    lane.best.hit = hit;
+                                    break 'enter Turn::Refill;
+                                }
+                                None => {
+                                    let (options, query) = (&query, T::QUERY);
+                                    let single =
+                                        Single { layout, scene: scale, ray, options, query };
+                                    // SAFETY: the caller's contract.
+                                    lane.best.hit = unsafe { S::call(single) };
+                                    break 'enter Turn::Refill;
+                                }
+                            }
                         }
                     }
+                    lane.lines = layout.wide.lines().as_ptr();
+                    lane.within = Some(Within { leaves, options: query });
+                    (lane.child, lane.top) = (0, 0);
+                    let mut stack = stack!(number);
+                    // SAFETY: stacks have the space.
+                    unsafe { stack.begin() };
+                    Turn::Node
                 };
                 queues.wait(number, turn);
             }
