@@ -8,7 +8,7 @@ use splitplane_core::backend::{Accelerator, Backend, BuildOptions, LoadOptions};
 use splitplane_core::cancel::go_on;
 use splitplane_core::config::BuildConfig;
 use splitplane_core::error::BuildError;
-use splitplane_core::kernel::{Buffer, Kernel, TreeBuilder};
+use splitplane_core::kernel::{Buffer, Kernel, QueryKernel, RayQueries, TreeBuilder};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::report::{BackendInfo, BuildSummary};
 use splitplane_core::scene::{Scene, SceneBuildError};
@@ -72,6 +72,14 @@ impl WgpuBackend {
     pub fn with_replaced_kernel(gpu: Gpu, kernel: Kernel, source: String) -> WgpuBackend {
         let backend = WgpuBackend::without_selftest(gpu);
         backend.shared.pipelines.replace::<TreeBuilder>(kernel, Some(source));
+        backend
+    }
+
+    /// The same for a kernel of queries.
+    #[doc(hidden)]
+    pub fn with_replaced_query(gpu: Gpu, kernel: QueryKernel, source: String) -> WgpuBackend {
+        let backend = WgpuBackend::without_selftest(gpu);
+        backend.shared.pipelines.replace::<RayQueries>(kernel, Some(source));
         backend
     }
 

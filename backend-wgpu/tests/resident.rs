@@ -1,14 +1,18 @@
 //! Scenes that are wholly on a device: the answers of all instances asked one after the other, bit for bit; what updates send; what
 //! happens where the device has no room.
 
-mod common;
-
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::error::{BuildError, DeviceError};
+use splitplane_core::kernel::QueryKernel;
+use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::{
-    IgnoredTriangle, InstanceId, Scene, SceneHit, SceneOptions, SceneReport, translation,
+    IgnoredTriangle, InstanceId, Scene, SceneBuildError, SceneHit, SceneOptions, SceneReport,
+    translation,
 };
+use splitplane_cpu::CpuBackend;
+use splitplane_shaders::TriangleTest;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
 
@@ -36,11 +40,7 @@ fn answers(
     (hits.iter().map(|hit| bytemuck::cast(*hit)).zip(any).collect(), report)
 }
 
-fn expected(
-    scene: &dyn SceneAccelerator,
-    rays: &[Ray],
-    options: &SceneOptions<'_>,
-) -> Answers {
+fn expected(scene: &dyn SceneAccelerator, rays: &[Ray], options: &SceneOptions<'_>) -> Answers {
     let scene = scene.scene();
     let closest = |ray| bytemuck::cast(scene.answer_by_all::<SceneHit>(ray, options));
     rays.iter().map(|ray| (closest(ray), scene.answer_by_all(ray, options))).collect()
@@ -129,7 +129,8 @@ fn scenes_with_nothing_in_them() {
     let rays = objects::rays(&full, 200, 32);
     let options = SceneOptions::default();
     let mut built = device.build_scene(&Scene::new(), &BuildOptions::default()).expect("a scene");
-    let none = |hit: &([u32; 6], bool)| !hit.1 && hit.0 == bytemuck::cast::<_, [u32; 6]>(SceneHit::MISS);
+    let none =
+        |hit: &([u32; 6], bool)| !hit.1 && hit.0 == bytemuck::cast::<_, [u32; 6]>(SceneHit::MISS);
     assert!(answers(&*built, &rays, &options).0.iter().all(none));
     let build = &BuildOptions::default();
     device.update_scene(&mut *built, &full, build).expect("an update");
@@ -187,6 +188,116 @@ fn updates_send_what_changed() {
     scene.move_instance(names[9], translation([0.5; 3])).expect("an edit");
     device.update_scene(&mut *built, &scene, &build).expect("an update");
     assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+}
+
+/// A driver that refuses memory ends an update in an error, and the old scene answers; so does a geometry that is not built.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn a_failed_update_leaves_the_old_scene() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 40, 61);
+    let rays = objects::rays(&scene, 300, 62);
+    let (build, options) = (BuildOptions::default(), SceneOptions::default());
+    let mut built = device.build_scene(&scene, &build).expect("a scene");
+    let before = expected(&*built, &rays, &options);
+    let digest = built.scene().digest();
+    for i in 0..200u16 {
+        let instance = *scene.instance(names[usize::from(i) % 40]).expect("an instance");
+        scene.add_instance(instance).expect("an instance");
+    }
+    let most = built.scene().packed_sizes().bytes()[1];
+    device.gpu().plant_memory(most);
+    let error = device.update_scene(&mut *built, &scene, &build).unwrap_err();
+    let SceneBuildError::Device(DeviceError::OutOfMemory { what, needed }) = &error else {
+        panic!("{error:?}")
+    };
+    assert!(what == "the tree over instances" && *needed > most, "{error}");
+    let mut cancelled = 0;
+    let none = &mut |_: &Mesh<'_>, _: &BuildOptions<'_>| {
+        cancelled += 1;
+        Err(BuildError::WrongMesh { reason: "planted".into() })
+    };
+    device.gpu().plant_memory(u64::MAX);
+    scene.add_mesh(&splitplane_test_support::scenes::one().mesh()).expect("a geometry");
+    assert!(built.update_by(&scene, &build, none).is_err());
+    assert_eq!(cancelled, 1);
+    assert_eq!((built.scene().digest(), built.placed_by_cpu()), (digest, None));
+    assert_eq!(answers(&*built, &rays, &options).0, before);
+    device.update_scene(&mut *built, &scene, &build).expect("an update");
+    assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
+}
+
+/// Each fault in a kernel changes the answer to some ray.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn planted_faults_are_found() {
+    use QueryKernel::{EnterInstances, TraceInstances, TraceInstancesRetry};
+    let faults = [
+        (TraceInstances, "ties", "instance < best.instance ||", "instance > best.instance ||"),
+        (TraceInstances, "order", "hit.t < best.t ||", "hit.t > best.t ||"),
+        (TraceInstances, "limits", "0x00800000u) + 1u", "0x00800000u) - 1u"),
+        (TraceInstances, "reflections", "3u - sides, mirrored", "sides, mirrored"),
+        (TraceInstances, "inverses", "bitcast<f32>(row.w));", "bitcast<f32>(row.w ^ 1u));"),
+        (TraceInstances, "directions", "snapped_product(m.z, d.z)", "snapped_product(m.z, p_z(d))"),
+        (TraceInstances, "ignored triangles", "+ scene_batch.ignored_triangle", "+ 0u"),
+        (TraceInstances, "slack", "bitcast<f32>(lo.w)", "-1.0"),
+        (TraceInstances, "deferred rays", "        defer_ray(index);\n", ""),
+        (
+            TraceInstancesRetry,
+            "retries",
+            "place >= deferred_count()",
+            "place >= (deferred_count() & 0u)",
+        ),
+        (EnterInstances, "masks", "(asked.x & scene_batch.mask) != 0u", "true"),
+        (EnterInstances, "both sides", "& 3u) != 3u", "& 3u) != 4u"),
+        (
+            EnterInstances,
+            "widening",
+            "free_mul(reach, ray.distance)",
+            "free_mul(reach, -ray.distance)",
+        ),
+        (EnterInstances, "stops", "out.stop = sum(t_max, ", "out.stop = difference(t_max, "),
+        (EnterInstances, "rests", "if rest != 0u", "if rest > 15u"),
+        (EnterInstances, "boxes that do not count", "(child & TOP_ALWAYS) == 0u", "true"),
+    ];
+    let cpu = CpuBackend::new();
+    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident, Kind::Wide].map(|kind| {
+        let (scene, names) = objects::scene(kind, 60, 71);
+        let mut rays = objects::rays(&scene, 900, 72);
+        rays.extend(odd(&rays[..90]));
+        let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+        let mut options = asked(&names);
+        // One that is hit.
+        let hits = expected(&*built, &rays, &options[0]);
+        let hit = hits.iter().map(|(hit, _)| bytemuck::cast::<_, SceneHit>(*hit));
+        let hit = hit.filter(SceneHit::is_hit).find(|hit| hit.triangle > 0).expect("a hit");
+        let instance = InstanceId(hit.instance);
+        let ignore = Some(IgnoredTriangle { instance, triangle: hit.triangle });
+        options[1] = options[3];
+        options[3] = SceneOptions { ignore, ..options[0] };
+        let all = options.map(|options| expected(&*built, &rays, &options));
+        (scene, rays, options, all)
+    });
+    let mut never = Vec::new();
+    for (kernel, what, from, to) in faults {
+        let shader = splitplane_shaders::query(kernel.name(), TriangleTest::Watertight);
+        let source = shader.expect("a shader").source();
+        let faulty = source.replace(from, to) + "\nfn p_z(d: vec3<f32>) -> f32 { return d.y; }\n";
+        assert!(source.contains(from), "{what}: {from}");
+        let backend = WgpuBackend::with_replaced_query(open(), kernel, faulty);
+        let is_found = cases.iter().any(|(scene, rays, options, all)| {
+            let mut built =
+                backend.build_scene(&Scene::new(), &BuildOptions::default()).expect("a scene");
+            let own = &mut |mesh: &Mesh<'_>, options: &BuildOptions<'_>| cpu.build(mesh, options);
+            built.update_by(scene, &BuildOptions::default(), own).expect("an update");
+            assert_eq!(built.placed_by_cpu(), None);
+            (0..all.len()).any(|i| answers(&*built, rays, &options[i]).0 != all[i])
+        });
+        if !is_found {
+            never.push(what);
+        }
+    }
+    assert_eq!(never, [""; 0], "faults that no ray finds");
 }
 
 /// A scene that does not fit what is allowed is answered in waves, and says why; with room again it is on the device again.
