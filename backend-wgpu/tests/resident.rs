@@ -1,6 +1,9 @@
 //! Scenes that are wholly on a device: the answers of all instances asked one after the other, bit for bit; what updates send; what
 //! happens where the device has no room.
 
+#[path = "common/hostile.rs"]
+mod hostile;
+
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::error::{BuildError, DeviceError};
@@ -227,6 +230,50 @@ fn a_failed_update_leaves_the_old_scene() {
     assert_eq!(answers(&*built, &rays, &options).0, expected(&*built, &rays, &options));
 }
 
+/// A scene on a device with a changed kernel. The CPU builds the geometries, so that no kernel of the builder is compiled.
+fn built_on(kernel: QueryKernel, source: String) -> impl Fn(&Scene) -> Box<dyn SceneAccelerator> {
+    let backend = WgpuBackend::with_replaced_query(open(), kernel, source);
+    move |scene| {
+        let (cpu, build) = (CpuBackend::new(), BuildOptions::default());
+        let mut built = backend.build_scene(&Scene::new(), &build).expect("a scene");
+        let own = &mut |mesh: &Mesh<'_>, options: &BuildOptions<'_>| cpu.build(mesh, options);
+        built.update_by(scene, &build, own).expect("an update");
+        assert_eq!(built.placed_by_cpu(), None);
+        built
+    }
+}
+
+fn source_of(kernel: QueryKernel) -> String {
+    let shader = splitplane_shaders::query(kernel.name(), TriangleTest::Watertight);
+    shader.expect("a shader").source()
+}
+
+/// Drivers that do what WGSL lets them do give the same hits: each kernel, rewritten as such a driver has it.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn hits_on_drivers_that_round_badly() {
+    let cpu = CpuBackend::new();
+    let cases = [Kind::Ordinary, Kind::IllConditioned, Kind::Coincident].map(|kind| {
+        let (scene, _) = objects::scene(kind, 40, 81);
+        let rays = objects::rays(&scene, 400, 82);
+        let built = cpu.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+        let all = expected(&*built, &rays, &SceneOptions::default());
+        (kind, scene, rays, all)
+    });
+    for driver in hostile::ALLOWED {
+        for kernel in QueryKernel::WAVE {
+            let on = built_on(kernel, driver.compiled(&source_of(kernel)));
+            for (kind, scene, rays, all) in &cases {
+                let (own, report) = answers(&*on(scene), rays, &SceneOptions::default());
+                let place = format!("{}, {kernel:?}, {kind:?}", driver.name);
+                assert!(own == *all, "{place}");
+                let unfinished = report.geometries.unfinished;
+                assert!(unfinished < rays.len() as u64 / 5, "{place}: {unfinished}");
+            }
+        }
+    }
+}
+
 /// Each fault in a kernel changes the answer to some ray.
 #[test]
 #[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
@@ -280,17 +327,12 @@ fn planted_faults_are_found() {
     });
     let mut never = Vec::new();
     for (kernel, what, from, to) in faults {
-        let shader = splitplane_shaders::query(kernel.name(), TriangleTest::Watertight);
-        let source = shader.expect("a shader").source();
+        let source = source_of(kernel);
         let faulty = source.replace(from, to) + "\nfn p_z(d: vec3<f32>) -> f32 { return d.y; }\n";
         assert!(source.contains(from), "{what}: {from}");
-        let backend = WgpuBackend::with_replaced_query(open(), kernel, faulty);
+        let on = built_on(kernel, faulty);
         let is_found = cases.iter().any(|(scene, rays, options, all)| {
-            let mut built =
-                backend.build_scene(&Scene::new(), &BuildOptions::default()).expect("a scene");
-            let own = &mut |mesh: &Mesh<'_>, options: &BuildOptions<'_>| cpu.build(mesh, options);
-            built.update_by(scene, &BuildOptions::default(), own).expect("an update");
-            assert_eq!(built.placed_by_cpu(), None);
+            let built = on(scene);
             (0..all.len()).any(|i| answers(&*built, rays, &options[i]).0 != all[i])
         });
         if !is_found {
