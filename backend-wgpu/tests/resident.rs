@@ -3,6 +3,8 @@
 
 #[path = "common/hostile.rs"]
 mod hostile;
+#[path = "common/poison.rs"]
+mod poison;
 
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
@@ -17,6 +19,7 @@ use splitplane_core::scene::{
 use splitplane_cpu::CpuBackend;
 use splitplane_shaders::TriangleTest;
 use splitplane_test_support::objects::{self, Kind};
+use splitplane_test_support::random::Random;
 use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
 
 fn open() -> Gpu {
@@ -102,6 +105,51 @@ fn hits_are_those_of_all_instances() {
         }
     }
     assert!(found > 6_000 && all_entered > 50_000, "{found} {all_entered}");
+}
+
+/// Masks of all bits on all instances, and rays of any mask.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn masks_are_those_of_instances_and_rays() {
+    let device = device();
+    let (mut scene, names) = objects::scene(Kind::Coincident, 80, 91);
+    let mut random = Random::new(92);
+    for name in &names {
+        // Few bits, so that most instances are out of most masks.
+        scene.set_mask(*name, random.bits() & random.bits() & random.bits()).expect("an edit");
+    }
+    let rays = objects::rays(&scene, 400, 93);
+    let built = device.build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let mut seen = std::collections::BTreeSet::new();
+    for round in 0..12u32 {
+        let mask = match round {
+            0 => 0,
+            1 => u32::MAX,
+            2 => 1 << 31,
+            _ => random.bits() & random.bits(),
+        };
+        let options = SceneOptions { mask, ..SceneOptions::default() };
+        let all = expected(&*built, &rays, &options);
+        assert!(answers(&*built, &rays, &options).0 == all, "{mask:#x}");
+        seen.insert(all.iter().filter(|(_, any)| *any).count());
+    }
+    assert!(seen.len() > 8 && seen.first() == Some(&0), "{seen:?}");
+}
+
+/// No kernel reads memory of its workgroup that it has not written: that memory is not cleared.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn memory_of_workgroups_may_hold_anything() {
+    let (scene, _) = objects::scene(Kind::Ordinary, 40, 95);
+    let rays = objects::rays(&scene, 400, 96);
+    let cpu = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).expect("a scene");
+    let all = expected(&*cpu, &rays, &SceneOptions::default());
+    for word in poison::WORDS {
+        let kernel = QueryKernel::TraceInstances;
+        let source = poison::poisoned(&source_of(kernel), word).expect("memory of a workgroup");
+        let built = built_on(kernel, source)(&scene);
+        assert!(answers(&*built, &rays, &SceneOptions::default()).0 == all, "{word}");
+    }
 }
 
 /// What the device does not answer alone is answered in waves, and counted.
