@@ -91,11 +91,14 @@ fn packed_scenes_give_the_hits_of_all_instances() {
     assert!(found > 8_000, "{found}");
 }
 
+/// What is wrong, and what makes it so.
+type Fault = (&'static str, fn(&mut PackedScene));
+
 /// Nothing of a packed scene is without effect.
 #[test]
 fn planted_faults_are_found() {
     let mut never: Vec<&str> = Vec::new();
-    let faults: [(&str, fn(&mut PackedScene)); 9] = [
+    let faults: [Fault; 9] = [
         ("boxes without their slack", |scene| {
             for node in &mut scene.box_nodes {
                 for slot in 0..TOP_WIDTH {
@@ -124,7 +127,7 @@ fn planted_faults_are_found() {
         ("first triangles", |scene| {
             each(scene, |own| {
                 own.first_triangle = own.first_triangle.saturating_sub(1);
-            })
+            });
         }),
         ("the last bit of inverses", |scene| {
             each(scene, |own| own.inverse[1][2] = own.inverse[1][2].next_up());
