@@ -165,7 +165,7 @@ def limit(value: Any, name: str, leading: tuple[int, ...]) -> float | F32:
 
 def number(value: Any, name: str) -> float:
     """A distance as a float32 can hold it; infinity is one."""
-    if isinstance(value, (bool, str, bytes)):
+    if value is None or isinstance(value, (bool, str, bytes)):
         raise DtypeError(f"{name} must be a number, not {value!r}")
     try:
         wide = np.float64(value)

@@ -125,9 +125,10 @@ class Scene(Handle[_native.Scene]):
         self, *, max_memory: int | None = None, threads: int | None = None, progress: Progress | None = None
     ) -> dict[str, int]:
         """Brings what answers up to date, and says what was done. After an error it is what it was."""
+        native = self._native
         preset, knobs, layout, _ = self._arguments
         arguments = (preset, knobs, layout, arrays.memory(max_memory))
-        return self._native.update(arguments, arrays.call(threads, progress))
+        return native.update(arguments, arrays.call(threads, progress))
 
     # What it is.
 

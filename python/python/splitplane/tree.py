@@ -172,7 +172,8 @@ class Tree(Handle[_native.Tree]):
     @property
     def summary(self) -> Summary:
         """What the build did."""
-        return Summary(rounded=self._rounded, **self._native.summary())
+        numbers = self._native.summary()
+        return Summary(rounded=self._rounded, **numbers)
 
     @property
     def bounds(self) -> F64:
