@@ -5,6 +5,7 @@ mod answers;
 mod arrays;
 mod call;
 mod failure;
+mod named;
 mod open;
 mod options;
 mod points;
@@ -21,6 +22,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<tree::Tree>()?;
     module.add_class::<scene::Scene>()?;
     module.add_class::<points::PointTree>()?;
+    module.add_function(wrap_pyfunction!(named::named, module)?)?;
     module.add_function(wrap_pyfunction!(open::describe, module)?)?;
     module.add_function(wrap_pyfunction!(open::mesh_digest, module)?)?;
     module.add("VERSION", env!("CARGO_PKG_VERSION"))?;

@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _arrays as arrays
-from ._arrays import F32, I64, MISS, U32, Bool
-from .errors import ConfigError, DtypeError, ShapeError
+from . import _native
+from ._arrays import F32, MISS, U32, Bool
+from .errors import ConfigError, DtypeError, MeshError, RangeError, ShapeError
 from .tree import Tree, normals_of
 
 
@@ -53,7 +54,7 @@ class RaycastingScene:
         self._vertices: list[F32] = []
         self._faces: list[U32] = []
         self._tree: Tree | None = None
-        self._starts: I64 = np.zeros(1, np.int64)
+        self._starts: U32 = np.zeros(1, np.uint32)
         self._normals: F32 | None = None
 
     def add_triangles(self, vertex_positions: Any, triangle_indices: Any = None, **named: Any) -> int:
@@ -75,7 +76,7 @@ class RaycastingScene:
         vertices = _float32(vertices, "vertex_positions", 3)
         own, faces, _ = arrays.mesh_of(vertices, triangles, None)
         if len(faces) and int(faces.max()) >= len(own):
-            raise arrays.MeshError(f"triangle_indices names vertex {int(faces.max())}, but there are {len(own)} vertices")
+            raise MeshError(f"triangle_indices names vertex {int(faces.max())}, but there are {len(own)} vertices")
         self._vertices.append(own)
         self._faces.append(faces)
         self._tree = self._normals = None
@@ -86,50 +87,39 @@ class RaycastingScene:
             counts = [len(vertices) for vertices in self._vertices]
             firsts = np.concatenate([[0], np.cumsum(counts)]).astype(np.uint64)
             if firsts[-1] > MISS:
-                raise arrays.RangeError(f"{firsts[-1]} vertices are more than a scene can name")
+                raise RangeError(f"{firsts[-1]} vertices are more than a scene can name")
             parts = [faces + np.uint32(first) for faces, first in zip(self._faces, firsts)]
             vertices = np.concatenate(self._vertices) if counts else np.zeros((0, 3), np.float32)
             faces = np.concatenate(parts) if parts else np.zeros((0, 3), np.uint32)
             self._tree = Tree.build(vertices, faces, threads=self._nthreads)
-            self._starts = np.concatenate([[0], np.cumsum([len(part) for part in self._faces])]).astype(np.int64)
+            self._starts = np.concatenate([[0], np.cumsum([len(part) for part in self._faces])]).astype(np.uint32)
         return self._tree
 
-    def _names(self, triangle: U32) -> tuple[U32, U32]:
-        """Geometries and faces of faces of the tree."""
-        if len(self._starts) == 2:
-            return np.where(triangle == MISS, np.uint32(MISS), np.uint32(0)), triangle
-        geometry = np.searchsorted(self._starts, triangle, side="right") - 1
-        missed = triangle == MISS
-        inner = triangle - self._starts[np.where(missed, 0, geometry)]
-        none = np.uint32(MISS)
-        return np.where(missed, none, geometry).astype(np.uint32), np.where(missed, none, inner).astype(np.uint32)
-
-    def _face_normals(self, triangle: U32) -> F32:
-        """Unit normals; 0 for a miss."""
+    def _named(self, triangle: U32, u: F32, v: F32, nthreads: Any) -> tuple[U32, U32, F32, F32]:
+        """Geometries, faces, weights and unit normals of faces of the tree; normals are 0 for a miss."""
         tree = self._built()
         if self._normals is None:
             own = normals_of(tree.vertices, tree.faces, np.arange(len(tree), dtype=np.int64))
-            table = np.zeros((len(tree) + 1, 3), np.float32)
-            table[:-1] = np.nan_to_num(own)
-            self._normals = table
-        return self._normals[np.minimum(triangle, np.uint32(len(tree)))]
-
-    @staticmethod
-    def _pairs(u: F32, v: F32) -> F32:
-        pairs = np.empty((*u.shape, 2), np.float32)
-        pairs[..., 0], pairs[..., 1] = u, v
-        return pairs
+            self._normals = np.nan_to_num(own).astype(np.float32)
+        count = (triangle.size,)
+        geometry, face = arrays.room(count, np.uint32), arrays.room(count, np.uint32)
+        weights, normals = arrays.room((*count, 2), np.float32), arrays.room((*count, 3), np.float32)
+        flat = triangle.reshape(-1), u.reshape(-1), v.reshape(-1)
+        call = (_threads(nthreads), None)
+        _native.named(*flat, self._starts, self._normals, geometry, face, weights, normals, call)
+        shape = triangle.shape
+        return geometry.reshape(shape), face.reshape(shape), weights.reshape(*shape, 2), normals.reshape(*shape, 3)
 
     def cast_rays(self, rays: Any, nthreads: int = 0) -> dict[str, Any]:
         """The first hit of rays (..., 6) float32: ``t_hit``, ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``, ``primitive_normals``."""
         hits = self._built().closest_hits(_float32(rays, "rays", 6), threads=_threads(nthreads))
-        geometry, face = self._names(hits.triangle)
+        geometry, face, weights, normals = self._named(hits.triangle, hits.u, hits.v, nthreads)
         return {
             "t_hit": hits.t,
             "geometry_ids": geometry,
             "primitive_ids": face,
-            "primitive_uvs": self._pairs(hits.u, hits.v),
-            "primitive_normals": self._face_normals(hits.triangle),
+            "primitive_uvs": weights,
+            "primitive_normals": normals,
         }
 
     def test_occlusions(self, rays: Any, tnear: float = 0.0, tfar: float = np.inf, nthreads: int = 0) -> Bool:
@@ -146,27 +136,29 @@ class RaycastingScene:
         """All crossings of rays, ray by ray: ``ray_splits`` (rays + 1), ``ray_ids``, and as :meth:`cast_rays` ``t_hit``,
         ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``."""
         found = self._built().all_hits(_float32(rays, "rays", 6), threads=_threads(nthreads))
-        geometry, face = self._names(found.triangle)
+        geometry, face, weights, _ = self._named(found.triangle, found.u, found.v, nthreads)
+        if len(found.t) > MISS or len(found.starts) > MISS:
+            raise RangeError("more rays or intersections than uint32 can count; ask for fewer rays at a time")
         return {
-            "ray_splits": found.starts,
-            "ray_ids": found.ray,
+            "ray_splits": found.starts.astype(np.uint32),
+            "ray_ids": found.ray.astype(np.uint32),
             "t_hit": found.t,
             "geometry_ids": geometry,
             "primitive_ids": face,
-            "primitive_uvs": self._pairs(found.u, found.v),
+            "primitive_uvs": weights,
         }
 
     def compute_closest_points(self, query_points: Any, nthreads: int = 0) -> dict[str, Any]:
         """The closest points of points (..., 3) float32: ``points``, ``geometry_ids``, ``primitive_ids``, ``primitive_uvs``,
         ``primitive_normals``."""
         found = self._built().closest_points(_float32(query_points, "query_points", 3), threads=_threads(nthreads))
-        geometry, face = self._names(found.triangle)
+        geometry, face, weights, normals = self._named(found.triangle, found.u, found.v, nthreads)
         return {
             "points": found.point,
             "geometry_ids": geometry,
             "primitive_ids": face,
-            "primitive_uvs": self._pairs(found.u, found.v),
-            "primitive_normals": self._face_normals(found.triangle),
+            "primitive_uvs": weights,
+            "primitive_normals": normals,
         }
 
     def compute_distance(self, query_points: Any, nthreads: int = 0) -> F32:

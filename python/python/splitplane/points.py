@@ -10,7 +10,7 @@ from . import _arrays as arrays
 from . import _native
 from ._arrays import F32, F64, Progress
 from ._handle import Handle
-from .errors import ShapeError
+from .errors import DtypeError, ShapeError
 from .results import NeighbourLists, Neighbours
 
 
@@ -96,7 +96,7 @@ class PointTree(Handle[_native.PointTree]):
             return None
         mask = arrays.as_array(keep, "keep")
         if mask.dtype != np.bool_:
-            raise arrays.DtypeError(f"keep has dtype {mask.dtype}, but must be bool")
+            raise DtypeError(f"keep has dtype {mask.dtype}, but must be bool")
         if mask.shape != (len(self._points),):
             raise ShapeError(f"keep has shape {mask.shape}, but must have ({len(self._points)},)")
         return np.require(mask, np.bool_, ["C", "A"])

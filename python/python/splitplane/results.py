@@ -77,7 +77,7 @@ class Hits:
     @property
     def hit(self) -> Bool:
         """Which rays hit something."""
-        return self.triangle != np.uint32(MISS)
+        return np.asarray(self.triangle != np.uint32(MISS))
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ class ClosestPoints:
     @property
     def found(self) -> Bool:
         """Which points have one."""
-        return self.triangle != np.uint32(MISS)
+        return np.asarray(self.triangle != np.uint32(MISS))
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from . import _native
 from ._arrays import F32, F64, I64, MISS, U32, Bool, Progress
 from ._handle import Handle
 from ._options import backend_arguments, build_arguments, ignored_instance
+from .errors import DtypeError, ShapeError
 from .results import Located, Report, SceneClosestPoints, SceneCrossings, SceneHits
 from .tree import distances_and_points, file_of, normals_of, points_of, rays_of
 
@@ -22,13 +23,13 @@ def matrix_of(transform: Any) -> F32:
         return np.eye(3, 4, dtype=np.float32)
     array = arrays.as_array(transform, "transform")
     if array.dtype.kind not in "fiu":
-        raise arrays.DtypeError(f"transform has dtype {array.dtype}; numbers are needed")
+        raise DtypeError(f"transform has dtype {array.dtype}; numbers are needed")
     if array.shape == (4, 4):
         if not np.array_equal(array[3], [0, 0, 0, 1]):
-            raise arrays.ShapeError("the last row of a transform (4, 4) must be 0, 0, 0, 1")
+            raise ShapeError("the last row of a transform (4, 4) must be 0, 0, 0, 1")
         array = array[:3]
     if array.shape != (3, 4):
-        raise arrays.ShapeError(f"transform has shape {array.shape}, but must have (3, 4) or (4, 4)")
+        raise ShapeError(f"transform has shape {array.shape}, but must have (3, 4) or (4, 4)")
     if array.dtype != np.float32:
         return arrays.narrowed(np.asarray(array, np.float64), "transform")[0]
     return np.require(array, np.float32, ["C", "A"])

@@ -12,7 +12,7 @@ from . import _native
 from ._arrays import F32, F64, U32, Bool, I64, Progress
 from ._handle import Handle
 from ._options import Backend, BuildArguments, backend_arguments, build_arguments, query_arguments
-from .errors import ConfigError, FileError, WrongMeshError
+from .errors import ConfigError, DtypeError, FileError, RangeError, ShapeError
 from .results import ClosestPoints, Crossings, Hits, Located, Report, Summary
 
 
@@ -432,7 +432,7 @@ def _restored(
 def checked_origin(origin: F64 | None) -> F64 | None:
     """An origin of three coordinates."""
     if origin is not None and origin.shape != (3,):
-        raise arrays.ShapeError(f"origin has shape {origin.shape}, but must have (3,)")
+        raise ShapeError(f"origin has shape {origin.shape}, but must have (3,)")
     return origin
 
 
@@ -452,7 +452,7 @@ def file_of(source: Any) -> Any:
     try:
         data = np.frombuffer(source, dtype=np.uint8)
     except (TypeError, ValueError, BufferError) as error:
-        raise arrays.DtypeError(f"a path or bytes are needed: {error}") from error
+        raise DtypeError(f"a path or bytes are needed: {error}") from error
     return np.array(data) if data.ctypes.data % 4 else data
 
 
@@ -460,10 +460,10 @@ def corners_of(vertices: F32, faces: U32, triangle: Any) -> tuple[Any, Any, Any,
     """The corners of faces in float64, and which of them are there."""
     index = arrays.as_array(triangle, "triangle")
     if index.dtype.kind not in "iu":
-        raise arrays.DtypeError(f"triangle has dtype {index.dtype}, but indices must be whole numbers")
+        raise DtypeError(f"triangle has dtype {index.dtype}, but indices must be whole numbers")
     there = (index >= 0) & (index < len(faces))
     if not np.all(there | (index == arrays.MISS)):
-        raise arrays.RangeError(f"a triangle is not below {len(faces)}, nor a miss")
+        raise RangeError(f"a triangle is not below {len(faces)}, nor a miss")
     if len(faces) == 0:
         nothing = np.full((*index.shape, 3), np.nan)
         return nothing, nothing, nothing, there
@@ -488,6 +488,3 @@ def normals_of(vertices: F32, faces: U32, triangle: Any) -> F64:
     with np.errstate(invalid="ignore", divide="ignore"):
         normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
     return np.asarray(np.where(there[..., None], normal, np.nan))
-
-
-__all__ = ["Tree", "WrongMeshError"]

@@ -230,10 +230,10 @@ class ProximityQuery:
 
 def checked_points(points: Any) -> F64:
     """Points (n, 3) in float64."""
-    points = np.asanyarray(points, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
+    own: F64 = np.asarray(points, dtype=np.float64)
+    if own.ndim != 2 or own.shape[1] != 3:
         raise ValueError("points must be (n,3)!")
-    return points
+    return own
 
 
 __all__ = ["ProximityQuery", "RayMeshIntersector", "tree_of", "use"]
