@@ -8,6 +8,7 @@ mod failure;
 mod named;
 mod open;
 mod options;
+mod order;
 mod points;
 mod pool;
 mod rays;

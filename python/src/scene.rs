@@ -23,6 +23,7 @@ use crate::call::{Call, Part};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, culling};
+use crate::order::ordered;
 use crate::rays::{CHUNK, LimitArgument, Rays};
 use crate::tree::{BuildArguments, build_options, busy};
 
@@ -443,8 +444,13 @@ impl Scene {
                 let part = Part { watcher, first, total };
                 let watch: Option<&dyn Watch> = Some(&part);
                 let options = SceneClosestPointOptions { max_distance, mask, ignore, watch };
-                add(&mut sum, &built.closest_points(&points[here.clone()], found, &options)?);
-                for (place, found) in here.zip(&*found) {
+                let given = &points[here.clone()];
+                let ordered = ordered(given)?;
+                let asked = ordered.as_ref().map_or(given, |ordered| &ordered.points[..]);
+                add(&mut sum, &built.closest_points(asked, found, &options)?);
+                for (number, found) in found.iter().enumerate() {
+                    let own = ordered.as_ref().map_or(number, |own| own.places[number] as usize);
+                    let place = first + own;
                     (squared[place], closest[place]) = (found.distance_squared, found.point);
                     (triangle[place], u[place], v[place]) = (found.triangle, found.u, found.v);
                     (geometry[place], instance[place]) = (found.geometry, found.instance);

@@ -19,6 +19,7 @@ use crate::call::{Call, Part};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, config, culling, layout};
+use crate::order::ordered;
 use crate::rays::{CHUNK, LimitArgument, Rays};
 
 /// Up to this many rays are answered by the calling thread, one after the other.
@@ -399,8 +400,13 @@ impl Tree {
                 let found = &mut found[..here.len()];
                 let part = Part { watcher, first, total };
                 let options = ClosestPointOptions { max_distance, ignore, watch: Some(&part) };
-                add(&mut sum, &accelerator.closest_points(&points[here.clone()], found, &options)?);
-                for (place, found) in here.zip(found) {
+                let given = &points[here.clone()];
+                let ordered = ordered(given)?;
+                let asked = ordered.as_ref().map_or(given, |ordered| &ordered.points[..]);
+                add(&mut sum, &accelerator.closest_points(asked, found, &options)?);
+                for (number, found) in found.iter().enumerate() {
+                    let own = ordered.as_ref().map_or(number, |own| own.places[number] as usize);
+                    let place = first + own;
                     (squared[place], closest[place]) = (found.distance_squared, found.point);
                     (triangle[place], u[place], v[place]) = (found.triangle, found.u, found.v);
                 }

@@ -91,8 +91,8 @@ def test_pinhole_rays() -> None:
     rays = RaycastingScene.create_rays_pinhole(90, [0, 0, 0], [0, 0, 5], [0, 1, 0], 4, 2)
     assert rays.shape == (2, 4, 6) and rays.dtype == np.float32
     np.testing.assert_allclose(rays[..., :3], np.broadcast_to([0, 0, 5], (2, 4, 3)), atol=1e-6)
-    # Left to right, top to bottom.
-    assert (np.diff(rays[..., 3], axis=1) > 0).all() and (np.diff(rays[..., 4], axis=0) < 0).all()
+    # Open3D's choice: right to left, bottom to top.
+    assert (np.diff(rays[..., 3], axis=1) < 0).all() and (np.diff(rays[..., 4], axis=0) > 0).all()
     assert (rays[..., 5] < 0).all()
 
 

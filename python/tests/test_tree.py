@@ -275,3 +275,18 @@ def test_what_it_says(tree: Tree) -> None:
     assert tree.summary.triangles == len(tree) == len(tree.faces)
     assert len(tree.digest) == 16 and not tree.vertices.flags.writeable
     assert Tree.build(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.uint32)).summary.triangles == 0
+
+
+def test_the_order_of_points_does_not_matter(tree: Tree) -> None:
+    """Many points are asked for in another order than few."""
+    points = np.random.default_rng(8).normal(size=(5000, 3)).astype(np.float32)
+    points[17] = np.nan
+    points[18, 1] = np.inf
+    many = tree.closest_points(points.reshape(50, 100, 3))
+    for place in (0, 17, 18, 19, 2500, 4999):
+        one = tree.closest_points(points[place])
+        np.testing.assert_array_equal(one.distance, many.distance.reshape(-1)[place])
+        np.testing.assert_array_equal(one.triangle, many.triangle.reshape(-1)[place])
+        np.testing.assert_array_equal(one.point, many.point.reshape(-1, 3)[place])
+    assert (~many.found).sum() == 2
+    assert tree.closest_points(np.ones((3000, 3))).found.all()

@@ -37,9 +37,8 @@ def test_rays_are_answered_alike(mesh: "trimesh.Trimesh", rays: tuple[np.ndarray
     np.testing.assert_array_equal(mine.intersects_any(*rays), theirs.intersects_any(*rays))
     first, other = mine.intersects_first(*rays), theirs.intersects_first(*rays)
     assert first.dtype == np.int64 and first.shape == other.shape
-    # Theirs leaves out rays that it says hit something.
-    np.testing.assert_array_equal(first >= 0, mine.intersects_any(*rays))
-    assert (first == other)[other >= 0].mean() > 0.99 and (other >= 0).sum() > 20
+    np.testing.assert_array_equal(first == -1, other == -1)
+    assert (first == other).mean() > 0.99 and 20 < (other >= 0).sum() < 280
     for several in (True, False):
         places, ray, face = mine.intersects_location(*rays, multiple_hits=several)
         expected, of_ray, of_face = theirs.intersects_location(*rays, multiple_hits=several)

@@ -225,10 +225,11 @@ def _by_view(fov_deg: float, center: Any, eye: Any, up: Any, width_px: int, heig
     focal = 0.5 * width / np.tan(0.5 * np.deg2rad(arrays.number(fov_deg, "fov_deg")))
     inner = np.array([[focal, 0, 0.5 * width], [0, focal, 0.5 * height], [0, 0, 1]])
     forward = middle - place
-    right = np.cross(forward, above)
-    down = np.cross(forward, right)
+    # Open3D's choice: the first row of pixels is the lowest, the first column the rightmost.
+    left = np.cross(above, forward)
+    upwards = np.cross(forward, left)
     with np.errstate(invalid="ignore", divide="ignore"):
-        axes = np.array([axis / np.linalg.norm(axis) for axis in (right, down, forward)])
+        axes = np.array([axis / np.linalg.norm(axis) for axis in (left, upwards, forward)])
     if not np.isfinite(axes).all():
         raise ConfigError("center, eye and up do not make a view")
     outer = np.eye(4)

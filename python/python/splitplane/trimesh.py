@@ -97,7 +97,7 @@ class RayMeshIntersector:
         """The face that each ray hits first, (n,) int64; -1 for a miss."""
         _, _, rows = self._rays(ray_origins, ray_directions)
         hits = tree_of(self.mesh).closest_hits(rows, **kwargs)
-        return np.where(hits.hit, hits.triangle, -1).astype(np.int64)
+        return np.where(hits.hit, hits.triangle.astype(np.int64), -1)
 
     def intersects_any(self, ray_origins: Any, ray_directions: Any, **kwargs: Any) -> Bool:
         """Whether each ray hits the surface, (n,) bool."""
