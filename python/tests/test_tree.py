@@ -290,3 +290,23 @@ def test_the_order_of_points_does_not_matter(tree: Tree) -> None:
         np.testing.assert_array_equal(one.point, many.point.reshape(-1, 3)[place])
     assert (~many.found).sum() == 2
     assert tree.closest_points(np.ones((3000, 3))).found.all()
+
+
+def test_a_gpu_gives_the_same_bits(ball: tuple[np.ndarray, np.ndarray], tree: Tree) -> None:
+    if not splitplane.GPU:
+        with pytest.raises(splitplane.OpenError, match="no GPU backend"):
+            Tree.build(*ball, backend="wgpu")
+        pytest.skip("this wheel was built without the GPU backend")
+    try:
+        info = splitplane.backend_info("wgpu")
+    except splitplane.OpenError as error:
+        pytest.skip(str(error))
+    assert info.name == "wgpu" and info.adapter
+    device = Tree.build(*ball, backend="wgpu")
+    assert (device.backend, device.digest) == ("wgpu", tree.digest)
+    rays = rays_at(2000)
+    mine, own = tree.closest_hits(rays), device.closest_hits(rays)
+    for column in ("t", "triangle", "u", "v"):
+        np.testing.assert_array_equal(getattr(mine, column), getattr(own, column))
+    np.testing.assert_array_equal(device.any_hits(rays), mine.hit)
+    assert device.closest_points([0, 0, 3]).report.answered_by_cpu == 1
