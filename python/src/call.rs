@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::Duration;
 
 use pyo3::prelude::*;
-use splitplane::{Progress, Watch};
+use splitplane::{Progress, Stage, Watch};
 
 use crate::failure::Failure;
 use crate::pool;
@@ -34,7 +34,10 @@ pub(crate) struct Watcher {
 impl Watch for Watcher {
     fn progress(&self, progress: &Progress) -> ControlFlow<()> {
         if let Ok(mut last) = self.last.try_lock() {
-            *last = Some(*progress);
+            // Of blocks that are under way at the same time, one may be late to say how far all are.
+            if last.is_none_or(|last| last.stage != progress.stage || last.done <= progress.done) {
+                *last = Some(*progress);
+            }
         }
         match self.stop.load(Ordering::Relaxed) {
             true => ControlFlow::Break(()),
@@ -55,6 +58,36 @@ pub(crate) struct Part<'a> {
 impl Watch for Part<'_> {
     fn progress(&self, progress: &Progress) -> ControlFlow<()> {
         let (done, total) = (progress.done + self.first as u64, self.total as u64);
+        self.watcher.progress(&Progress { done, total, ..*progress })
+    }
+}
+
+/// The watch of blocks that are under way at the same time.
+pub(crate) struct Blocks<'a> {
+    watcher: &'a Watcher,
+    done: AtomicU64,
+    total: usize,
+}
+
+impl<'a> Blocks<'a> {
+    pub(crate) fn new(watcher: &'a Watcher, total: usize) -> Blocks<'a> {
+        Blocks { watcher, done: AtomicU64::new(0), total }
+    }
+
+    /// So many more are done.
+    pub(crate) fn add(&self, more: usize) {
+        let done = self.done.fetch_add(more as u64, Ordering::Relaxed) + more as u64;
+        if done == self.total as u64
+            && let Ok(mut last) = self.watcher.last.lock()
+        {
+            *last = Some(Progress { stage: Stage::Rays, done, total: done });
+        }
+    }
+}
+
+impl Watch for Blocks<'_> {
+    fn progress(&self, progress: &Progress) -> ControlFlow<()> {
+        let (done, total) = (self.done.load(Ordering::Relaxed), self.total as u64);
         self.watcher.progress(&Progress { done, total, ..*progress })
     }
 }

@@ -1,5 +1,7 @@
 //! Rays: rows of numbers as the library's records.
 
+use std::cell::Cell;
+
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -10,8 +12,14 @@ use crate::failure::Failure;
 
 /// Rays that are answered at once: few enough for the caches, many enough for the batch.
 pub(crate) const CHUNK: usize = 1 << 18;
+/// Rays of a task, as many as the CPU backend has in one: its records and answers stay in the caches.
+pub(crate) const BLOCK: usize = 4096;
 /// Rows that a task turns into records.
 const TASK: usize = 1 << 13;
+
+thread_local! {
+    static RECORDS: Cell<Vec<Ray>> = const { Cell::new(Vec::new()) };
+}
 
 /// A limit of `t`: one for all rays, or one for each.
 #[derive(FromPyObject)]
@@ -116,6 +124,37 @@ impl<'a> Rays<'a> {
     /// Few rays, one after the other.
     pub(crate) fn each(&self) -> impl Iterator<Item = Ray> {
         (0..self.len()).map(|place| self.at(place))
+    }
+
+    /// Shows the rays of one block.
+    pub(crate) fn with_block<T>(
+        &self,
+        number: usize,
+        show: impl FnOnce(&[Ray]) -> Result<T, Failure>,
+    ) -> Result<T, Failure> {
+        let here = number * BLOCK..self.len().min((number + 1) * BLOCK);
+        let (rows, limits) = match self {
+            Rays::Whole(rays) => return show(&rays[here]),
+            Rays::Split { rows, t_min, t_max } => (&rows[here.clone()], (t_min.0, t_max.0)),
+        };
+        // Taken out, so that a task that this thread does in between has its own.
+        let mut records = RECORDS.take();
+        records.clear();
+        records.try_reserve(BLOCK).map_err(|_| Failure::memory(BLOCK * size_of::<Ray>()))?;
+        match limits {
+            (Limit::All(t_min), Limit::All(t_max)) => {
+                records.extend(rows.iter().map(|&[a, b, c, x, y, z]| Ray {
+                    origin: [a, b, c],
+                    t_min,
+                    direction: [x, y, z],
+                    t_max,
+                }));
+            }
+            _ => records.extend(here.map(|place| self.at(place))),
+        }
+        let shown = show(&records);
+        RECORDS.set(records);
+        shown
     }
 
     /// Shows the rays chunk by chunk, each with the place of its first.

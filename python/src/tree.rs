@@ -1,5 +1,6 @@
 //! A tree over one mesh.
 
+use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::sync::{Arc, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
@@ -15,12 +16,12 @@ use splitplane::{
 
 use crate::answers::{Columns, Crossings, located};
 use crate::arrays::{flat, reserved, room, rows};
-use crate::call::{Call, Part};
+use crate::call::{Blocks, Call, Part};
 use crate::failure::Failure;
 use crate::open::{Opened, open};
 use crate::options::{Counts, accuracy, add, config, culling, layout};
 use crate::order::ordered;
-use crate::rays::{CHUNK, LimitArgument, Rays};
+use crate::rays::{BLOCK, CHUNK, LimitArgument, Rays};
 
 /// Up to this many rays are answered by the calling thread, one after the other.
 const FEW: usize = 16;
@@ -28,6 +29,18 @@ const FEW: usize = 16;
 const TASK: usize = 1 << 13;
 /// Rays for a device at once.
 const DEVICE_CHUNK: usize = 1 << 22;
+
+thread_local! {
+    static HITS: Cell<Vec<Hit>> = const { Cell::new(Vec::new()) };
+}
+
+/// Spreads records over arrays.
+fn spread(hits: &[Hit], t: &mut [f32], triangle: &mut [u32], u: &mut [f32], v: &mut [f32]) {
+    let outs = t.iter_mut().zip(triangle).zip(u.iter_mut().zip(v));
+    for (hit, ((t, triangle), (u, v))) in hits.iter().zip(outs) {
+        (*t, *triangle, *u, *v) = (hit.t, hit.triangle, hit.u, hit.v);
+    }
+}
 
 struct State {
     accelerator: Box<dyn Accelerator>,
@@ -218,7 +231,30 @@ impl Tree {
             }
             return Ok(Counts::default());
         }
-        let chunk = if opened.is_cpu() { CHUNK } else { DEVICE_CHUNK };
+        if opened.is_cpu() {
+            return call.run(py, |watcher| {
+                let watch = Blocks::new(watcher, total);
+                let options = QueryOptions { watch: Some(&watch), ..options };
+                let outs = t.par_chunks_mut(BLOCK).zip(triangle.par_chunks_mut(BLOCK));
+                let outs = outs.zip(u.par_chunks_mut(BLOCK).zip(v.par_chunks_mut(BLOCK)));
+                outs.enumerate().try_for_each(|(number, ((t, triangle), (u, v)))| {
+                    rays.with_block(number, |rays| {
+                        let mut hits = HITS.take();
+                        hits.clear();
+                        hits.try_reserve(BLOCK)
+                            .map_err(|_| Failure::memory(BLOCK * size_of::<Hit>()))?;
+                        hits.resize(rays.len(), Hit::MISS);
+                        accelerator.closest_hits(rays, &mut hits, &options)?;
+                        spread(&hits, t, triangle, u, v);
+                        HITS.set(hits);
+                        watch.add(rays.len());
+                        Ok(())
+                    })
+                })?;
+                Ok(Counts::default())
+            });
+        }
+        let chunk = DEVICE_CHUNK;
         call.run(py, |watcher| {
             let mut sum = Counts::default();
             let mut hits = reserved(total.min(chunk), Hit::MISS)?;
@@ -236,12 +272,9 @@ impl Tree {
                     (u[here.clone()].par_chunks_mut(TASK), v[here].par_chunks_mut(TASK)),
                 );
                 let outs = outs.0.0.zip(outs.0.1).zip(outs.1.0.zip(outs.1.1));
-                hits.par_chunks(TASK).zip(outs).for_each(|(hits, ((t, triangle), (u, v)))| {
-                    for (place, hit) in hits.iter().enumerate() {
-                        (t[place], triangle[place]) = (hit.t, hit.triangle);
-                        (u[place], v[place]) = (hit.u, hit.v);
-                    }
-                });
+                hits.par_chunks(TASK)
+                    .zip(outs)
+                    .for_each(|(hits, ((t, triangle), (u, v)))| spread(hits, t, triangle, u, v));
                 Ok(())
             })?;
             Ok(sum)
@@ -270,7 +303,21 @@ impl Tree {
             }
             return Ok(Counts::default());
         }
-        let chunk = if opened.is_cpu() { CHUNK } else { DEVICE_CHUNK };
+        if opened.is_cpu() {
+            return call.run(py, |watcher| {
+                let watch = Blocks::new(watcher, total);
+                let options = QueryOptions { watch: Some(&watch), ..options };
+                occluded.par_chunks_mut(BLOCK).enumerate().try_for_each(|(number, occluded)| {
+                    rays.with_block(number, |rays| {
+                        accelerator.any_hits(rays, occluded, &options)?;
+                        watch.add(rays.len());
+                        Ok(())
+                    })
+                })?;
+                Ok(Counts::default())
+            });
+        }
+        let chunk = DEVICE_CHUNK;
         call.run(py, |watcher| {
             let mut sum = Counts::default();
             rays.in_chunks(chunk, |rays, first| {
