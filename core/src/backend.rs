@@ -125,12 +125,15 @@ pub trait Backend: Send + Sync {
         let options = BuildOptions { config: BuildConfig::default(), max_memory, layout, watch };
         let scene = file.to_scene()?;
         let mut built = self.build_scene(&Scene::new(), &options)?;
-        let mut geometries = file.geometries();
+        let mut trees = file.geometries().filter_map(|(_, geometry)| {
+            let tree = geometry.tree()?.tree.to_tree();
+            Some(tree)
+        });
         built.update_by(&scene, &options, &mut |mesh, options| {
             // Geometries are asked for in the order of their names.
             let missing = || BuildError::WrongMesh { reason: "the file has no tree of it".into() };
-            let (_, geometry) = geometries.next().ok_or_else(missing)?;
-            self.load(mesh, geometry.tree.tree.to_tree()?, &options.for_loading())
+            let tree = trees.next().ok_or_else(missing)?;
+            self.load(mesh, tree?, &options.for_loading())
         })?;
         Ok((scene, built))
     }
