@@ -22,7 +22,7 @@ mod write_file;
 
 pub use accelerator::SceneAccelerator;
 pub use all_hits::{SceneAllHits, SceneAllHitsOptions, SceneCrossing};
-pub use block::{Asked, Block, BlockScratch, SceneAnswer, seen_by};
+pub use block::{Asked, Block, BlockScratch, SceneAnswer, limit_within, seen_by};
 pub use built::{BuildGeometry, BuiltGeometry, BuiltScene};
 pub use closest_point::{SceneClosestPoint, SceneClosestPointOptions, closest_in_world};
 pub use filtered::Kept;
