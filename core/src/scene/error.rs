@@ -131,7 +131,7 @@ pub enum SceneBuildError {
         /// The geometry.
         geometry: u32,
         /// The backend's name.
-        backend: &'static str,
+        backend: alloc::string::String,
     },
     /// The scene would hold more memory than allowed, or than the system has.
     #[error("the scene needs {needed} bytes, and {limit} are allowed or there; raise the limit")]

@@ -140,6 +140,8 @@ pub struct BuiltScene {
     pub(super) top: TopTree,
     /// The description as it was.
     pub(super) edits: Option<Edits>,
+    /// Whether a geometry has an opacity mask.
+    pub(super) masked: bool,
     /// Whether closest points are defined for all its shapes, once somebody asked.
     pub(super) nearness: Nearness,
 }
@@ -148,6 +150,11 @@ impl BuiltScene {
     /// The tree over the instances.
     pub fn top_tree(&self) -> &TopTree {
         &self.top
+    }
+
+    /// Whether a geometry has an opacity mask, so that not all hits count.
+    pub const fn has_opacity(&self) -> bool {
+        self.masked
     }
 
     /// A geometry; `None` where there is none of this name.

@@ -109,9 +109,11 @@ impl BuiltScene {
         for (name, geometry) in geometries {
             self.geometries[name.0 as usize] = geometry;
         }
+        self.masked = false;
         for (name, _) in scene.geometries() {
             if let Some(Some(own)) = self.geometries.get_mut(name.0 as usize) {
                 own.opacity = scene.opacity(name).ok().flatten().cloned();
+                self.masked |= own.opacity.is_some();
             }
         }
         self.forget_nearness();

@@ -38,7 +38,8 @@ impl ShapeRay {
         if !finite || greatest == 0.0 || !(ray.t_min <= ray.t_max) {
             return None;
         }
-        let exponent = exponent(greatest);
+        // The reciprocal of a greater power of two is no normal float.
+        let exponent = exponent(greatest).min(126);
         let factor = power_of_two(-exponent);
         let direction = direction.map(|x| A::snapped_product(x, factor));
         let origin = ray.origin.map(quarter::<A>);
