@@ -16,8 +16,8 @@ use splitplane_core::ray::{Culling, Ray};
 use splitplane_core::scene::file::SceneFile;
 use splitplane_core::scene::shape::{Capsule, OwnShape, ShapeHit, ShapeRay, Shapes, Sphere};
 use splitplane_core::scene::{
-    IDENTITY, Instance, InstanceId, OpacityMask, Scene, SceneError, SceneHit, SceneOptions,
-    translation,
+    IDENTITY, Instance, InstanceId, OpacityMask, Scene, SceneError, SceneHit, SceneOptions, TopRay,
+    TopTree, WIDEST_STACK, WorldBox, translation,
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
@@ -292,7 +292,13 @@ fn the_tree_over_shapes_loses_no_hit() {
     let geometry = scene.add_shapes(Shapes::Spheres(balls.clone())).unwrap();
     scene.add_instance(Instance::in_place(geometry)).unwrap();
     let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
-    let mut found = 0;
+    // The planted fault: boxes without slack.
+    let set = Shapes::Spheres(balls.clone());
+    let tight: Vec<(u32, WorldBox)> = (0..500)
+        .map(|name| (name, WorldBox { bounds: set.bounds(name).unwrap(), reach: 0.0 }))
+        .collect();
+    let tight = TopTree::build(500, tight.into_iter()).unwrap();
+    let (mut found, mut lost) = (0, 0);
     for _ in 0..4_000 {
         let away = random.pick(&[0.5, 5.0, 5e4]);
         let (to, d) = (random.point(1.0), random.direction().map(|x| x as f32));
@@ -310,8 +316,13 @@ fn the_tree_over_shapes_loses_no_hit() {
         assert_eq!(hit.map_or(best, |hit| (hit.t, hit.triangle)), best, "{ray:?}");
         assert_eq!(hit.is_some(), best.1 != u32::MAX);
         found += usize::from(hit.is_some());
+        let mut stack = [(0.0, 0); WIDEST_STACK];
+        let (top_ray, mut top) = (TopRay::new(&ray).unwrap(), tight.begin(&mut stack));
+        let entered = core::iter::from_fn(|| tight.next(&top_ray, best.0, &mut stack, &mut top));
+        lost += usize::from(hit.is_some() && !entered.into_iter().any(|name| name == best.1));
     }
     assert!(found > 2_000, "{found}");
+    assert!(lost > 0, "the fault is not noticed");
 }
 
 /// Points are where closed forms say, and their closest points too.
