@@ -292,16 +292,30 @@ fn the_tree_over_shapes_loses_no_hit() {
     let geometry = scene.add_shapes(Shapes::Spheres(balls.clone())).unwrap();
     scene.add_instance(Instance::in_place(geometry)).unwrap();
     let built = CpuBackend::new().build_scene(&scene, &BuildOptions::default()).unwrap();
-    // The planted fault: boxes without slack.
+    // The planted fault: boxes a hundredth too small.
     let set = Shapes::Spheres(balls.clone());
     let tight: Vec<(u32, WorldBox)> = (0..500)
-        .map(|name| (name, WorldBox { bounds: set.bounds(name).unwrap(), reach: 0.0 }))
+        .map(|name| {
+            let Aabb { mut lo, mut hi } = set.bounds(name).unwrap();
+            for axis in 0..3 {
+                let less = 0.01 * (hi[axis] - lo[axis]);
+                (lo[axis], hi[axis]) = (lo[axis] + less, hi[axis] - less);
+            }
+            (name, WorldBox { bounds: Aabb { lo, hi }, reach: 0.0 })
+        })
         .collect();
     let tight = TopTree::build(500, tight.into_iter()).unwrap();
     let (mut found, mut lost) = (0, 0);
     for _ in 0..4_000 {
         let away = random.pick(&[0.5, 5.0, 5e4]);
-        let (to, d) = (random.point(1.0), random.direction().map(|x| x as f32));
+        let (mut to, mut d) = (random.point(1.0), random.direction().map(|x| x as f32));
+        if random.below(2) == 0 {
+            // Along a face of a sphere's box where it touches the sphere, next to it on either side.
+            let (ball, axis) = (random.pick(&balls), random.below(3));
+            to = ball.centre;
+            to[axis] += ball.radius * (1.0 + random.signed() * 1e-3);
+            d[axis] = 0.0;
+        }
         let ray = Ray::new([0, 1, 2].map(|k| to[k] - away * d[k]), d);
         let ready = ShapeRay::new::<Strict>(&ray).unwrap();
         let mut best = (f32::INFINITY, u32::MAX);
