@@ -35,7 +35,8 @@ impl ShapeRay {
         let direction = ray.direction.map(snap);
         let greatest = greatest(direction);
         let finite = ray.origin.iter().chain(&direction).all(|x| x.abs() <= f32::MAX);
-        if !finite || greatest == 0.0 || !(ray.t_min <= ray.t_max) {
+        let some_t = ray.t_min <= ray.t_max;
+        if !(finite && some_t) || greatest == 0.0 {
             return None;
         }
         // The reciprocal of a greater power of two is no normal float.
