@@ -63,7 +63,7 @@ impl CpuScene {
 
     /// The answer to one ray.
     fn answer_one<T: SceneAnswer>(&self, ray: &Ray, options: &SceneOptions<'_>) -> T {
-        if options.filter.is_none() {
+        if options.filter.is_none() && !self.built.has_opacity() {
             let single = SceneSingle { scene: &self.built, ray, options, set: self.set };
             // SAFETY: the set is one of this processor's.
             if let Followed::Answer(answer) = unsafe { single.follow() } {
@@ -111,7 +111,7 @@ impl CpuScene {
         options: &SceneOptions<'_>,
     ) -> Result<SceneReport, QueryError> {
         check_lengths(rays.len(), answers.len())?;
-        if is_direct(options)
+        if is_direct(&self.built, options)
             && let Some(geometries) = &Geometries::of(&self.built, self.set)?
         {
             return self.follow(geometries, rays, answers, options);

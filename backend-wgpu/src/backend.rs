@@ -345,6 +345,11 @@ impl Backend for WgpuBackend {
         described
     }
 
+    /// A device calls no functions of the host's.
+    fn answers_own_shapes(&self) -> bool {
+        false
+    }
+
     /// Rays in batches are traced on the device, single ones on the CPU from a copy of the tree.
     /// Calls the watch while the mesh is prepared, then every half millisecond while the device
     /// builds.

@@ -1,12 +1,33 @@
 //! Scenes of many objects on a device: the CPU's hits, bit for bit.
 
+use std::sync::Arc;
+
+use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Accuracy, Culling, Ray};
-use splitplane_core::scene::{InstanceId, SceneHit, SceneOptions, translation};
+use splitplane_core::scene::shape::{OwnShape, ShapeHit, Shapes, Sphere};
+use splitplane_core::scene::{
+    Instance, InstanceId, SceneBuildError, SceneHit, SceneOptions, translation,
+};
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
 use splitplane_wgpu::{Gpu, OpenOptions, WgpuBackend};
+
+/// A set without shapes, by functions.
+struct Nothing;
+
+impl OwnShape for Nothing {
+    fn primitives(&self) -> u32 {
+        0
+    }
+
+    fn bounds(&self, _: u32) -> Aabb {
+        Aabb::EMPTY
+    }
+
+    fn intersect(&self, _: u32, _: &Ray, _: &mut dyn FnMut(ShapeHit)) {}
+}
 
 fn answers(
     scene: &dyn SceneAccelerator,
@@ -61,6 +82,24 @@ fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
         }
     }
     assert!(found > 3000, "{found}");
+
+    // Spheres are answered for it by the CPU; it calls no functions of the host's.
+    let (mut scene, _) = objects::scene(Kind::Ordinary, 10, 74);
+    let ball = Sphere { centre: [0.0; 3], radius: 1.5 };
+    let balls = scene.add_shapes(Shapes::Spheres(vec![ball])).expect("a geometry");
+    scene.add_instance(Instance::new(balls, translation([0.5, 0.0, 0.0]))).expect("an instance");
+    let rays = objects::rays(&scene, 500, 75);
+    let own = cpu.build_scene(&scene, &build).expect("a scene");
+    let mut there = device.build_scene(&scene, &build).expect("a scene");
+    let options = SceneOptions::default();
+    let expected = answers(&*own, &rays, &options);
+    assert_eq!(expected, answers(&*there, &rays, &options));
+    assert!(expected.0.iter().filter(|hit| hit[4] == balls.0).count() > 20);
+    scene.replace_shapes(balls, Shapes::Own(Arc::new(Nothing))).expect("shapes");
+    let refused = device.update_scene(&mut there, &scene, &build);
+    let error = SceneBuildError::OwnShapes { geometry: balls.0, backend: "wgpu".to_owned() };
+    assert_eq!(refused, Err(error.clone()));
+    assert_eq!(device.build_scene(&scene, &build).err(), Some(error));
 
     // The last bit of one number of one instance is seen in the digest.
     let (scene, names) = objects::scene(Kind::Ordinary, 40, 73);

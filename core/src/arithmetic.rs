@@ -50,6 +50,13 @@ pub trait Arithmetic: Copy + Send + Sync + 'static {
         snap(Self::difference(a, b))
     }
 
+    /// The square root, rounded to nearest; 0 for what is not positive. On devices this is a routine of our own, as
+    /// quotients are.
+    #[inline]
+    fn root(a: f32) -> f32 {
+        root(a)
+    }
+
     /// `a + b` without error, as a rounded part and the remainder (Knuth's two-sum).
     fn two_sum(a: f32, b: f32) -> (f32, f32) {
         let sum = Self::sum(a, b);
@@ -143,6 +150,9 @@ impl Arithmetic for Hostile {
     fn quotient(a: f32, b: f32) -> f32 {
         flush(flush(a) / flush(b))
     }
+    fn root(a: f32) -> f32 {
+        flush(root(flush(a)))
+    }
     fn two_product(a: f32, b: f32) -> (f32, f32) {
         let (rounded, rest) = Strict::two_product(flush(a), flush(b));
         (flush(rounded), flush(rest))
@@ -159,6 +169,25 @@ impl Arithmetic for Hostile {
     }
     fn free_reciprocal(a: f32) -> f32 {
         disturb(1.0 / flush(a), 2, a, a)
+    }
+}
+
+/// The square root of a finite float, rounded to nearest; 0 for what is not positive. `core` has none without `std`.
+pub(crate) fn root(x: f32) -> f32 {
+    if x.is_nan() || x <= 0.0 {
+        return 0.0;
+    }
+    let exact = f64::from(x);
+    let near = crate::aabb::sqrt(exact) as f32;
+    // Squares of what lies halfway between two floats have at most 50 bits, so they are exact, and none is a float.
+    let above = 0.5 * (f64::from(near) + f64::from(near.next_up()));
+    let below = 0.5 * (f64::from(near) + f64::from(near.next_down()));
+    if above * above < exact {
+        near.next_up()
+    } else if below * below > exact {
+        near.next_down()
+    } else {
+        near
     }
 }
 
@@ -296,6 +325,22 @@ mod tests {
         let y = Double::difference_of::<Strict>(1e8, 0.1);
         let gap = y.minus::<Strict>(x).high;
         assert!((gap - 0.2).abs() < 1e-6, "{gap}");
+    }
+
+    /// Mantissas under both parities of the exponent: the machine's roots are rounded to nearest.
+    #[test]
+    fn roots_are_rounded_to_nearest() {
+        extern crate std;
+        for bits in (1.0f32.to_bits()..4.0f32.to_bits()).step_by(7) {
+            let x = f32::from_bits(bits);
+            assert_eq!(root(x).to_bits(), x.sqrt().to_bits(), "{x}");
+        }
+        for x in [f32::MIN_POSITIVE, f32::MAX, 1e-30, 3e37, 2.0f32.powi(-126) * 1.5] {
+            assert_eq!(root(x), x.sqrt(), "{x}");
+        }
+        for none in [0.0, -0.0, -1.0, f32::NAN] {
+            assert_eq!(root(none), 0.0, "{none}");
+        }
     }
 
     #[test]

@@ -17,6 +17,8 @@ use crate::report::{BackendInfo, BuildSummary, QueryReport};
 #[cfg(target_has_atomic = "ptr")]
 use crate::scene::file::SceneFile;
 #[cfg(target_has_atomic = "ptr")]
+use crate::scene::shape::Shapes;
+#[cfg(target_has_atomic = "ptr")]
 use crate::scene::{Scene, SceneBuildError};
 use crate::tree::KdTree;
 use crate::watch::Watch;
@@ -89,6 +91,7 @@ pub trait Backend: Send + Sync {
         scene: &Scene,
         options: &BuildOptions<'_>,
     ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        self.check_shapes(scene)?;
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
         Ok(Box::new(HostScene::build(scene, options, &mut build)?))
     }
@@ -105,7 +108,29 @@ pub trait Backend: Send + Sync {
         scene: &Scene,
         options: &BuildOptions<'_>,
     ) -> Result<UpdateReport, SceneBuildError> {
+        self.check_shapes(scene)?;
         built.update_by(scene, options, &mut |mesh, options| self.build(mesh, options))
+    }
+
+    /// Whether the backend answers rays through shapes of the user's own, whose functions the CPU calls. Spheres and capsules it always answers.
+    fn answers_own_shapes(&self) -> bool {
+        true
+    }
+
+    /// Refuses a scene with shapes that the backend does not answer.
+    ///
+    /// # Errors
+    /// [`SceneBuildError::OwnShapes`], of the first such geometry.
+    #[cfg(target_has_atomic = "ptr")]
+    fn check_shapes(&self, scene: &Scene) -> Result<(), SceneBuildError> {
+        if self.answers_own_shapes() {
+            return Ok(());
+        }
+        let mut geometries = scene.geometries();
+        let own = geometries.find(|(_, own)| matches!(own.shapes(), Some(Shapes::Own(_))));
+        own.map_or(Ok(()), |(name, _)| {
+            Err(SceneBuildError::OwnShapes { geometry: name.0, backend: self.describe().name })
+        })
     }
 
     /// Makes a scene of a scene file: its description, which can be edited and handed to
@@ -125,12 +150,15 @@ pub trait Backend: Send + Sync {
         let options = BuildOptions { config: BuildConfig::default(), max_memory, layout, watch };
         let scene = file.to_scene()?;
         let mut built = self.build_scene(&Scene::new(), &options)?;
-        let mut geometries = file.geometries();
+        let mut trees = file.geometries().filter_map(|(_, geometry)| {
+            let tree = geometry.tree()?.tree.to_tree();
+            Some(tree)
+        });
         built.update_by(&scene, &options, &mut |mesh, options| {
             // Geometries are asked for in the order of their names.
             let missing = || BuildError::WrongMesh { reason: "the file has no tree of it".into() };
-            let (_, geometry) = geometries.next().ok_or_else(missing)?;
-            self.load(mesh, geometry.tree.tree.to_tree()?, &options.for_loading())
+            let tree = trees.next().ok_or_else(missing)?;
+            self.load(mesh, tree?, &options.for_loading())
         })?;
         Ok((scene, built))
     }

@@ -207,6 +207,15 @@ pub enum QueryError {
         /// What was asked for, in the plural.
         query: &'static str,
     },
+    /// The closest points of spheres or capsules are asked for, which the transform of one of their instances stretches unevenly: they are then
+    /// neither.
+    #[error(
+        "instance {instance} stretches its shapes unevenly; closest points of shapes need a transform that turns, moves and scales evenly"
+    )]
+    UnevenShapes {
+        /// The instance.
+        instance: u32,
+    },
     /// A device failed, or cannot do what was asked.
     #[error(transparent)]
     Device(#[from] DeviceError),

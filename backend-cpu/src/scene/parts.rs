@@ -28,9 +28,9 @@ pub(super) fn accelerator(
     (accelerator.instruction_set() == set).then_some(accelerator)
 }
 
-/// Whether rays can be followed from instance to instance, which filters and exact answers do not allow.
-pub(super) fn is_direct(options: &SceneOptions<'_>) -> bool {
-    options.filter.is_none() && options.accuracy != Accuracy::Exact
+/// Whether rays can be followed from instance to instance, which filters, opacity masks and exact answers do not allow.
+pub(super) fn is_direct(scene: &BuiltScene, options: &SceneOptions<'_>) -> bool {
+    options.filter.is_none() && !scene.has_opacity() && options.accuracy != Accuracy::Exact
 }
 
 impl<'a> Geometries<'a> {

@@ -68,6 +68,25 @@ pub fn any_hit(
     trace::<Strict>(tree, triangles, scene, ray, options, Query::Any).is_hit()
 }
 
+/// The hit of least `(t, triangle)` of those that `keep` keeps, or any of them. A hit that is not kept costs its triangle's test and a call, which
+/// may come again, since several leaves may name a triangle.
+///
+/// `tree` must be valid (see [`tree::validate`](crate::tree::validate)).
+pub fn trace_kept(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    scene: &SceneScale,
+    ray: &Ray,
+    options: &QueryOptions<'_>,
+    query: Query,
+    keep: impl FnMut(&Hit) -> bool,
+) -> Hit {
+    if options.accuracy == Accuracy::Exact {
+        return exact::trace_kept(tree, triangles, ray, options, query, keep);
+    }
+    inner_trace::<Strict, _, _>(tree, triangles, scene, ray, options, query, (&mut (), keep))
+}
+
 /// Observes a traversal.
 pub trait Observer {
     /// A node was visited, interior or leaf.
@@ -135,11 +154,24 @@ pub fn trace_observed<A: Arithmetic, O: Observer>(
     if options.accuracy == Accuracy::Exact {
         return exact::trace(tree, triangles, ray, options, query, observer);
     }
+    inner_trace::<A, _, _>(tree, triangles, scene, ray, options, query, (observer, |_: &Hit| true))
+}
+
+#[inline(always)]
+fn inner_trace<A: Arithmetic, O: Observer, K: FnMut(&Hit) -> bool>(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    scene: &SceneScale,
+    ray: &Ray,
+    options: &QueryOptions<'_>,
+    query: Query,
+    (observer, keep): (&mut O, K),
+) -> Hit {
     let Some(ray) = PreparedRay::new::<A>(ray, scene) else { return Hit::MISS };
     let Some(interval) = ray.enter::<A>(&scene.bounds) else { return Hit::MISS };
     let ray = InnerRay::<A>::new(&ray);
     let best = Best { hit: Hit::MISS, stop: f32::INFINITY };
-    let mut search = Search { tree, triangles, ray, options, query, observer, best };
+    let mut search = Search { tree, triangles, ray, options, query, observer, best, keep };
     walk(tree.nodes, &ray, interval, &mut search);
     search.best.hit
 }
@@ -182,7 +214,7 @@ impl<A: Arithmetic> WalkRay for InnerRay<'_, A> {
 }
 
 /// The search for the hit of least `(t, triangle)`, or for any.
-struct Search<'a, A, S: ?Sized, O> {
+struct Search<'a, A, S: ?Sized, O, K> {
     tree: &'a KdTreeView<'a>,
     triangles: &'a S,
     ray: InnerRay<'a, A>,
@@ -190,9 +222,16 @@ struct Search<'a, A, S: ?Sized, O> {
     query: Query,
     observer: &'a mut O,
     best: Best,
+    keep: K,
 }
 
-impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<'_, A, S, O> {
+impl<A, S, O, K> Visitor<f32> for Search<'_, A, S, O, K>
+where
+    A: Arithmetic,
+    S: Triangles + ?Sized,
+    O: Observer,
+    K: FnMut(&Hit) -> bool,
+{
     #[inline(always)]
     fn node(&mut self) {
         self.observer.node();
@@ -200,9 +239,9 @@ impl<A: Arithmetic, S: Triangles + ?Sized, O: Observer> Visitor<f32> for Search<
 
     #[inline(always)]
     fn leaf(&mut self, Leaf { first, count, .. }: Leaf<f32>) -> ControlFlow<(), f32> {
-        let Search { tree, triangles, ray, options, query, observer, best } = self;
+        let Search { tree, triangles, ray, options, query, observer, best, keep } = self;
         let tested = if observer.leaf(count) { tree.leaf(first, count) } else { &[] };
-        best.test::<A, O>(ray.ray, *triangles, tested, options, *query, observer)
+        best.test_kept::<A, O>(ray.ray, *triangles, tested, options, *query, observer, keep)
     }
 }
 
@@ -225,6 +264,25 @@ impl Best {
         query: Query,
         observer: &mut O,
     ) -> ControlFlow<(), f32> {
+        self.test_kept::<A, O>(ray, triangles, tested, options, query, observer, &mut |_| true)
+    }
+
+    /// The same for the hits that `keep` keeps. It is asked only for those that would be better than the best.
+    #[inline(always)]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "what a leaf's test needs of a traversal, each part on its own"
+    )]
+    fn test_kept<A: Arithmetic, O: Observer>(
+        &mut self,
+        ray: &PreparedRay,
+        triangles: &(impl Triangles + ?Sized),
+        tested: &[u32],
+        options: &QueryOptions<'_>,
+        query: Query,
+        observer: &mut O,
+        keep: &mut impl FnMut(&Hit) -> bool,
+    ) -> ControlFlow<(), f32> {
         for &triangle in tested {
             if options.ignore == Some(triangle) {
                 continue;
@@ -239,10 +297,13 @@ impl Best {
             let Some(t) = ray.outer_t::<A>(candidate.t) else { continue };
             let hit = Hit { t, triangle, u: candidate.u, v: candidate.v };
             if query == Query::Any {
+                if !keep(&hit) {
+                    continue;
+                }
                 self.hit = hit;
                 return ControlFlow::Break(());
             }
-            if hit.precedes(&self.hit) {
+            if hit.precedes(&self.hit) && keep(&hit) {
                 self.hit = hit;
                 self.stop = ray.stop_after(candidate.t, t);
             }

@@ -5,6 +5,8 @@ use alloc::vec::Vec;
 
 use super::error::SceneError;
 use super::hit::{GeometryId, InstanceId, MAX_INSTANCES};
+use super::opacity::OpacityMask;
+use super::shape::Shapes;
 use super::transform::{IDENTITY, ObjectSpace, Transform};
 use crate::mesh::Mesh;
 use crate::ray::Culling;
@@ -36,11 +38,12 @@ impl Instance {
     }
 }
 
-/// The arrays of a geometry's mesh.
+/// What a geometry consists of: the arrays of a mesh, or shapes.
 #[derive(Debug)]
 pub struct GeometryMesh {
     positions: Vec<[f32; 3]>,
     indices: Option<Vec<[u32; 3]>>,
+    shapes: Option<Shapes>,
 }
 
 impl GeometryMesh {
@@ -49,10 +52,29 @@ impl GeometryMesh {
         Ok(GeometryMesh {
             positions: copied(positions)?,
             indices: indices.map(copied).transpose()?,
+            shapes: None,
         })
     }
 
-    /// The mesh.
+    fn of_shapes(shapes: Shapes) -> Result<GeometryMesh, SceneError> {
+        let primitives = shapes.len() as u64;
+        if primitives >= MAX_INSTANCES as u64 {
+            return Err(SceneError::TooManyPrimitives { primitives });
+        }
+        Ok(GeometryMesh { positions: Vec::new(), indices: None, shapes: Some(shapes) })
+    }
+
+    /// The shapes; `None` for a mesh.
+    pub fn shapes(&self) -> Option<&Shapes> {
+        self.shapes.as_ref()
+    }
+
+    /// What it consists of, in the plural.
+    pub fn kind_name(&self) -> &'static str {
+        self.shapes.as_ref().map_or("triangles", Shapes::name)
+    }
+
+    /// The mesh; one without triangles for shapes.
     pub fn mesh(&self) -> Mesh<'_> {
         Mesh::of_checked(&self.positions, self.indices.as_deref())
     }
@@ -98,7 +120,31 @@ pub struct Edits {
 #[derive(Debug)]
 struct Geometry {
     mesh: Arc<GeometryMesh>,
+    opacity: Option<Arc<OpacityMask>>,
     instances: u32,
+}
+
+impl Geometry {
+    fn check_kind(
+        &self,
+        geometry: GeometryId,
+        given: &'static str,
+        fits: bool,
+    ) -> Result<(), SceneError> {
+        let (geometry, has) = (geometry.0, self.mesh.kind_name());
+        if fits { Ok(()) } else { Err(SceneError::OtherKind { geometry, has, given }) }
+    }
+
+    fn new(mesh: GeometryMesh) -> Geometry {
+        Geometry { mesh: Arc::new(mesh), opacity: None, instances: 0 }
+    }
+}
+
+/// A geometry for [`Scene::of_checked`].
+pub(super) struct Checked<'a> {
+    pub(super) mesh: Mesh<'a>,
+    pub(super) shapes: Option<Shapes>,
+    pub(super) opacity: Option<OpacityMask>,
 }
 
 /// What is at the place of a name.
@@ -120,7 +166,7 @@ impl<T> State<T> {
     }
 }
 
-/// A description of many objects. It has its own copies of the meshes.
+/// A description of many objects. It has its own copies of the meshes, and the shapes that it was given.
 ///
 /// ```
 /// use splitplane_core::mesh::Mesh;
@@ -153,16 +199,20 @@ impl Scene {
     /// A scene of these geometries and instances, by their names; what is `None` is free. Transforms and geometries of
     /// instances have been checked. Of free names the least will be given first.
     pub(super) fn of_checked<'a>(
-        geometries: impl ExactSizeIterator<Item = Option<Mesh<'a>>>,
+        geometries: impl ExactSizeIterator<Item = Result<Option<Checked<'a>>, SceneError>>,
         instances: impl ExactSizeIterator<Item = Option<Instance>>,
     ) -> Result<Scene, SceneError> {
         let mut scene = Scene::new();
         reserve(&mut scene.geometries, geometries.len())?;
-        for mesh in geometries {
-            scene.geometries.push(match mesh {
-                Some(mesh) => {
-                    let mesh = Arc::new(GeometryMesh::copied(&mesh)?);
-                    State::There(Geometry { mesh, instances: 0 })
+        for geometry in geometries {
+            scene.geometries.push(match geometry? {
+                Some(Checked { mesh, shapes, opacity }) => {
+                    let mut own = Geometry::new(match shapes {
+                        Some(shapes) => GeometryMesh::of_shapes(shapes)?,
+                        None => GeometryMesh::copied(&mesh)?,
+                    });
+                    own.opacity = opacity.map(Arc::new);
+                    State::There(own)
                 }
                 None => State::Free,
             });
@@ -185,25 +235,89 @@ impl Scene {
     /// # Errors
     /// Too many geometries, or no memory for it.
     pub fn add_mesh(&mut self, mesh: &Mesh<'_>) -> Result<GeometryId, SceneError> {
+        self.add(|| GeometryMesh::copied(mesh))
+    }
+
+    /// Adds a geometry of shapes.
+    ///
+    /// # Errors
+    /// Too many geometries, or too many shapes.
+    pub fn add_shapes(&mut self, shapes: Shapes) -> Result<GeometryId, SceneError> {
+        self.add(|| GeometryMesh::of_shapes(shapes))
+    }
+
+    fn add(
+        &mut self,
+        own: impl FnOnce() -> Result<GeometryMesh, SceneError>,
+    ) -> Result<GeometryId, SceneError> {
         let place = next_place(&mut self.geometries, &self.free_geometries)
             .ok_or(SceneError::TooManyGeometries)??;
-        let mesh = Arc::new(GeometryMesh::copied(mesh)?);
-        fill(&mut self.geometries, &mut self.free_geometries, Geometry { mesh, instances: 0 });
+        fill(&mut self.geometries, &mut self.free_geometries, Geometry::new(own()?));
         Ok(GeometryId(place))
     }
 
-    /// Gives a geometry another mesh; its instances stay.
+    /// Gives a geometry another mesh; its instances stay, and its opacity mask does where it has as many triangles.
     ///
     /// # Errors
-    /// No such geometry, or no memory for the mesh.
+    /// No such geometry, one of shapes, or no memory for the mesh.
     pub fn replace_mesh(
         &mut self,
         geometry: GeometryId,
         mesh: &Mesh<'_>,
     ) -> Result<(), SceneError> {
         let own = self.geometry_mut(geometry)?;
+        own.check_kind(geometry, "triangles", own.mesh.shapes.is_none())?;
         own.mesh = Arc::new(GeometryMesh::copied(mesh)?);
+        let triangles = mesh.len();
+        own.opacity = own.opacity.take().filter(|mask| mask.triangles() as usize == triangles);
         Ok(())
+    }
+
+    /// Gives a geometry of shapes another set of any kind; its instances stay.
+    ///
+    /// # Errors
+    /// No such geometry, one of triangles, or too many shapes.
+    pub fn replace_shapes(
+        &mut self,
+        geometry: GeometryId,
+        shapes: Shapes,
+    ) -> Result<(), SceneError> {
+        let own = self.geometry_mut(geometry)?;
+        own.check_kind(geometry, shapes.name(), own.mesh.shapes.is_some())?;
+        own.mesh = Arc::new(GeometryMesh::of_shapes(shapes)?);
+        Ok(())
+    }
+
+    /// Says which parts of a geometry's triangles count for rays; `None`: all do. Nothing is built for it.
+    ///
+    /// # Errors
+    /// No such geometry, or a mask of another number of triangles, as for shapes, which have none.
+    pub fn set_opacity(
+        &mut self,
+        geometry: GeometryId,
+        mask: Option<OpacityMask>,
+    ) -> Result<(), SceneError> {
+        let own = self.geometry_mut(geometry)?;
+        let triangles = own.mesh.mesh().len() as u32;
+        if let Some(mask) = &mask
+            && (mask.triangles() != triangles || own.mesh.shapes.is_some())
+        {
+            let (geometry, mask) = (geometry.0, mask.triangles());
+            return Err(SceneError::OpacityTriangles { geometry, triangles, mask });
+        }
+        own.opacity = mask.map(Arc::new);
+        Ok(())
+    }
+
+    /// The opacity mask of a geometry; `None` where all of it counts.
+    ///
+    /// # Errors
+    /// No such geometry.
+    pub fn opacity(&self, geometry: GeometryId) -> Result<Option<&Arc<OpacityMask>>, SceneError> {
+        match self.geometries.get(geometry.0 as usize).and_then(State::there) {
+            Some(own) => Ok(own.opacity.as_ref()),
+            None => Err(SceneError::UnknownGeometry { geometry: geometry.0 }),
+        }
     }
 
     /// Removes a geometry.

@@ -59,6 +59,50 @@ pub enum SceneError {
     /// More geometries than a scene can name.
     #[error("a scene has {MAX_INSTANCES} geometries at most")]
     TooManyGeometries,
+    /// A mesh was given to a geometry of shapes, or shapes to one of triangles.
+    #[error("geometry {geometry} consists of {has}; add another geometry for {given}")]
+    OtherKind {
+        /// The geometry.
+        geometry: u32,
+        /// What it consists of.
+        has: &'static str,
+        /// What was given.
+        given: &'static str,
+    },
+    /// More primitives than a set of shapes can name.
+    #[error("a geometry has fewer than {MAX_INSTANCES} shapes, not {primitives}")]
+    TooManyPrimitives {
+        /// How many there are.
+        primitives: u64,
+    },
+    /// An opacity mask with a level that is too great.
+    #[error("an opacity mask has level {} at most, not {level}", super::opacity::MAX_OPACITY_LEVEL)]
+    OpacityLevel {
+        /// The level.
+        level: u32,
+    },
+    /// An opacity mask with other words than it needs.
+    #[error(
+        "the opacity mask has {words} words, where {expected} are needed, or bits after its last cell"
+    )]
+    OpacityWords {
+        /// How many words there are.
+        words: u64,
+        /// How many are needed.
+        expected: u64,
+    },
+    /// An opacity mask of another number of triangles than the geometry has.
+    #[error(
+        "the opacity mask is for {mask} triangles, and geometry {geometry} has {triangles} of them"
+    )]
+    OpacityTriangles {
+        /// The geometry.
+        geometry: u32,
+        /// Its triangles; 0 for shapes, which have no masks.
+        triangles: u32,
+        /// Those of the mask.
+        mask: u32,
+    },
     /// The system has no memory for it.
     #[error("the system has no memory for {bytes} bytes more of the scene")]
     OutOfMemory {
@@ -78,6 +122,16 @@ pub enum SceneBuildError {
         geometry: u32,
         /// Why.
         error: BuildError,
+    },
+    /// A geometry of the user's own shapes, which the backend cannot answer: the CPU backend can.
+    #[error(
+        "geometry {geometry} consists of own shapes, whose functions backend {backend} cannot call; take backend cpu"
+    )]
+    OwnShapes {
+        /// The geometry.
+        geometry: u32,
+        /// The backend's name.
+        backend: alloc::string::String,
     },
     /// The scene would hold more memory than allowed, or than the system has.
     #[error("the scene needs {needed} bytes, and {limit} are allowed or there; raise the limit")]

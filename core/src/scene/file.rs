@@ -15,23 +15,28 @@
 //! | 56..64 | XXH64 of all other bytes of the file, with seed [`VERSION`] |
 //!
 //! Then a record of 32 bytes for each name of a geometry: its kind (0 none, 1 a mesh without indices, 2 one with
-//! indices), zero, and as 64-bit numbers the positions, the triangles with indices, and the bytes of its tree. Then one
+//! indices, 3 spheres, 4 capsules), the level of its opacity mask and one more (0 without), and as 64-bit numbers the positions or shapes, the triangles
+//! with indices, and the bytes of its tree, which shapes do not have. Then one
 //! of 64 bytes for each name of an instance: geometry, mask, number, culling (0 none, 1 back, 2 front) and
-//! transform; where there is none, the geometry is `u32::MAX` and all else is zero. Then for each geometry its positions (12 bytes each),
-//! indices (12 bytes for a triangle), and its tree as a [tree file](crate::tree::file).
+//! transform; where there is none, the geometry is `u32::MAX` and all else is zero. Then for each geometry its positions (12 bytes each), or
+//! spheres (16) or capsules (28), indices (12 bytes for a triangle), the words of its mask, and its tree as a [tree file](crate::tree::file).
 //!
-//! The tree over the instances is not kept: hits do not depend on it, and it is soon made.
+//! Shapes of the user's own have no place in files. The trees over instances and over shapes are not kept: hits do not depend on it, and it is soon made.
 
 mod error;
+
+use alloc::vec::Vec;
 
 use bytemuck::try_cast_slice;
 
 pub use error::{GeometryFault, SceneFileError};
 
-use super::description::{Instance, Scene, check};
+use super::description::{Checked, Instance, Scene, check};
 use super::digest::SceneDigest;
 use super::error::SceneError;
 use super::hit::{GeometryId, InstanceId, MAX_INSTANCES};
+use super::opacity::OpacityMask;
+use super::shape::{Capsule, Shapes, Sphere};
 use super::transform::{ObjectSpace, Transform};
 use crate::mesh::Mesh;
 use crate::ray::Culling;
@@ -52,6 +57,8 @@ pub(crate) const INSTANCE: usize = 64;
 const NONE: u32 = 0;
 pub(crate) const SOUP: u32 = 1;
 pub(crate) const INDEXED: u32 = 2;
+const SPHERES: u32 = 3;
+const CAPSULES: u32 = 4;
 
 /// A scene file, read in place. Everything in it has been checked, except whether each tree names what of its mesh it has to:
 /// [`Backend::load_scene`](crate::backend::Backend::load_scene) does that.
@@ -63,27 +70,93 @@ pub struct SceneFile<'a> {
 /// A geometry in a scene file.
 #[derive(Clone, Copy, Debug)]
 pub struct GeometryInFile<'a> {
-    /// Its mesh.
-    pub mesh: Mesh<'a>,
-    /// The tree over it.
-    pub tree: TreeFile<'a>,
+    /// What it consists of.
+    pub content: ContentInFile<'a>,
+    /// The level and the words of its opacity mask.
+    opacity: Option<(u32, &'a [u32])>,
+}
+
+/// What a geometry in a scene file consists of.
+#[derive(Clone, Copy, Debug)]
+pub enum ContentInFile<'a> {
+    /// A mesh, and the tree over it.
+    Mesh(Mesh<'a>, TreeFile<'a>),
+    /// Spheres.
+    Spheres(&'a [Sphere]),
+    /// Capsules.
+    Capsules(&'a [Capsule]),
+}
+
+impl GeometryInFile<'_> {
+    /// The tree over its mesh; `None` for shapes.
+    pub fn tree(&self) -> Option<&TreeFile<'_>> {
+        match &self.content {
+            ContentInFile::Mesh(_, tree) => Some(tree),
+            _ => None,
+        }
+    }
+
+    /// Its opacity mask, a copy.
+    ///
+    /// # Errors
+    /// No memory, or words that are none of such a mask.
+    pub fn opacity(&self) -> Result<Option<OpacityMask>, SceneError> {
+        let triangles = match &self.content {
+            ContentInFile::Mesh(mesh, _) => mesh.len(),
+            _ => 0,
+        };
+        self.opacity
+            .map(|(level, words)| OpacityMask::of_words(triangles, level, words))
+            .transpose()
+    }
+
+    fn shapes(&self) -> Result<Option<Shapes>, SceneError> {
+        Ok(match self.content {
+            ContentInFile::Mesh(..) => None,
+            ContentInFile::Spheres(all) => Some(Shapes::Spheres(copied(all)?)),
+            ContentInFile::Capsules(all) => Some(Shapes::Capsules(copied(all)?)),
+        })
+    }
 }
 
 /// Where the parts of a geometry are.
 #[derive(Clone, Copy)]
 struct Extent {
     kind: u32,
+    /// One more than the level of the opacity mask; 0 without.
+    opacity: u32,
     positions: u64,
     triangles: u64,
     tree: u64,
 }
 
 impl Extent {
+    /// Bytes of a position, or of a shape.
+    const fn each(&self) -> u64 {
+        match self.kind {
+            SPHERES => size_of::<Sphere>() as u64,
+            CAPSULES => size_of::<Capsule>() as u64,
+            _ => 12,
+        }
+    }
+
+    /// Words of the opacity mask; `None` where it can have none.
+    fn opacity_words(&self) -> Option<u64> {
+        let triangles = match (self.opacity, self.kind) {
+            (0, _) => return Some(0),
+            (_, SOUP) => self.positions / 3,
+            (_, INDEXED) => self.triangles,
+            _ => return None,
+        };
+        OpacityMask::words_of(triangles, self.opacity - 1)
+    }
+
     /// Bytes of all parts; `None` where no file could have so many.
     fn bytes(&self) -> Option<u64> {
-        let positions = self.positions.checked_mul(12)?;
+        let positions = self.positions.checked_mul(self.each())?;
         let indices = self.triangles.checked_mul(12)?;
-        positions.checked_add(indices)?.checked_add(self.tree)
+        let opacity = self.opacity_words()?.checked_mul(4)?;
+        positions.checked_add(indices)?.checked_add(opacity)?.checked_add(self.tree)
     }
 }
 
@@ -147,7 +220,15 @@ impl<'a> SceneFile<'a> {
             let geometry = self.read_geometry(name, &mut at, false);
             let wrong = |fault| SceneFileError::Geometry { geometry: name, fault };
             if let Some(geometry) = geometry.map_err(wrong)? {
-                digest.geometry(GeometryId(name), geometry.tree.tree.digest());
+                // One geometry's shapes and mask at a time, for their names.
+                let refused = SceneFileError::Content;
+                let opacity = geometry.opacity().map_err(refused)?;
+                let own = match (geometry.tree(), geometry.shapes().map_err(refused)?) {
+                    (_, Some(shapes)) => shapes.digest(),
+                    (Some(tree), None) => tree.tree.digest(),
+                    (None, None) => continue,
+                };
+                digest.geometry(GeometryId(name), own, opacity.as_ref());
             }
         }
         for name in 0..self.instance_names() as u32 {
@@ -214,19 +295,16 @@ impl<'a> SceneFile<'a> {
     /// # Errors
     /// No memory.
     pub fn to_scene(&self) -> Result<Scene, SceneError> {
-        let meshes = self.mesh_places();
-        Scene::of_checked(meshes, self.instance_places())
-    }
-
-    /// All meshes, by the names of geometries.
-    fn mesh_places(&self) -> impl ExactSizeIterator<Item = Option<Mesh<'a>>> {
-        let (file, mut at) = (*self, self.instances_end());
-        (0..self.geometry_names()).map(move |name| {
-            let extent = file.extent(name);
-            let mesh = file.read_mesh(&extent, at).ok();
-            at += extent.bytes()? as usize;
-            mesh.filter(|_| extent.kind != NONE)
-        })
+        let geometries = self.geometry_places().map(|geometry| {
+            let Some(geometry) = geometry else { return Ok(None) };
+            let mesh = match geometry.content {
+                ContentInFile::Mesh(mesh, _) => mesh,
+                _ => Mesh::of_checked(&[], None),
+            };
+            let (shapes, opacity) = (geometry.shapes()?, geometry.opacity()?);
+            Ok(Some(Checked { mesh, shapes, opacity }))
+        });
+        Scene::of_checked(geometries, self.instance_places())
     }
 
     /// A geometry whose parts begin at `at`, which then is where the next one's begin. All parts are within the file. What looks at
@@ -246,12 +324,29 @@ impl<'a> SceneFile<'a> {
         }
         let begin = *at;
         *at += extent.bytes().ok_or(GeometryFault::Record)? as usize;
-        let mesh = self.read_mesh(&extent, begin)?;
-        let tree = TreeFile::read(&self.bytes[*at - extent.tree as usize..*at], was_checked)?;
-        if !was_checked && tree.mesh != mesh_digest(&mesh) {
-            return Err(GeometryFault::OtherMesh);
-        }
-        Ok(Some(GeometryInFile { mesh, tree }))
+        let shapes_end = begin + (extent.each() * extent.positions) as usize;
+        let words = extent.opacity_words().ok_or(GeometryFault::Record)? as usize;
+        let masked = shapes_end + 12 * extent.triangles as usize;
+        let opacity = match extent.opacity {
+            0 => None,
+            level => Some((level - 1, cast(&self.bytes[masked..masked + 4 * words])?)),
+        };
+        let own = &self.bytes[begin..shapes_end];
+        let content = match (extent.kind, extent.triangles, extent.tree) {
+            (SPHERES, 0, 0) => ContentInFile::Spheres(cast(own)?),
+            (CAPSULES, 0, 0) => ContentInFile::Capsules(cast(own)?),
+            (SOUP | INDEXED, ..) => {
+                let mesh = self.read_mesh(&extent, begin)?;
+                let tree =
+                    TreeFile::read(&self.bytes[*at - extent.tree as usize..*at], was_checked)?;
+                if !was_checked && tree.mesh != mesh_digest(&mesh) {
+                    return Err(GeometryFault::OtherMesh);
+                }
+                ContentInFile::Mesh(mesh, tree)
+            }
+            _ => return Err(GeometryFault::Record),
+        };
+        Ok(Some(GeometryInFile { content, opacity }))
     }
 
     fn read_mesh(&self, extent: &Extent, begin: usize) -> Result<Mesh<'a>, GeometryFault> {
@@ -289,8 +384,8 @@ impl<'a> SceneFile<'a> {
     fn extent(&self, geometry: usize) -> Extent {
         let at = self.record(geometry);
         Extent {
-            // Two words of which the second is 0: any other is no kind.
-            kind: u32::try_from(self.long(at)).unwrap_or(u32::MAX),
+            kind: self.word(at),
+            opacity: self.word(at + 4),
             positions: self.long(at + 8),
             triangles: self.long(at + 16),
             tree: self.long(at + 24),
@@ -318,6 +413,14 @@ impl<'a> SceneFile<'a> {
     fn long(&self, at: usize) -> u64 {
         u64::from(self.word(at)) | u64::from(self.word(at + 4)) << 32
     }
+}
+
+fn copied<T: Copy>(all: &[T]) -> Result<Vec<T>, SceneError> {
+    let mut own = Vec::new();
+    let bytes = size_of_val(all) as u64;
+    own.try_reserve_exact(all.len()).map_err(|_| SceneError::OutOfMemory { bytes })?;
+    own.extend_from_slice(all);
+    Ok(own)
 }
 
 /// Bytes as numbers.

@@ -15,17 +15,18 @@ pub struct GeometryId(pub u32);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct InstanceId(pub u32);
 
-/// Where a ray meets a triangle of an instance, or [`SceneHit::MISS`]. 24 bytes.
+/// Where a ray meets a triangle of an instance, or a primitive of a geometry of [shapes](super::shape), or [`SceneHit::MISS`]. 24 bytes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 pub struct SceneHit {
     /// Distance in units of the ray's direction; infinity for a miss.
     pub t: f32,
-    /// Barycentric weight of the second corner, in `[0, 1]`.
+    /// Barycentric weight of the second corner, in `[0, 1]`. Of a capsule how far along its axis the hit is, from 0 at the first end to 1; of a
+    /// sphere 0.
     pub u: f32,
-    /// Barycentric weight of the third corner, in `[0, 1]`.
+    /// Barycentric weight of the third corner, in `[0, 1]`; of spheres and capsules 0.
     pub v: f32,
-    /// Index of the triangle in the geometry's mesh; `u32::MAX` for a miss.
+    /// Index of the triangle in the geometry's mesh, or of the primitive among its shapes; `u32::MAX` for a miss.
     pub triangle: u32,
     /// The geometry ([`GeometryId`]); `u32::MAX` for a miss.
     pub geometry: u32,

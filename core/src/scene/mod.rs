@@ -1,6 +1,6 @@
 //! Scenes of many objects: geometries, and instances of them.
 //!
-//! A [`Scene`] is a description that its user edits: meshes, and instances that place them in the world. A backend
+//! A [`Scene`] is a description that its user edits: meshes and sets of [shapes](shape), and instances that place them in the world. A backend
 //! makes of it what answers rays ([`Backend::build_scene`](crate::backend::Backend::build_scene)), and brings that up to
 //! date after edits, remaking only what changed.
 //!
@@ -15,9 +15,11 @@ mod digest;
 mod error;
 pub mod file;
 mod hit;
+mod opacity;
 mod options;
 mod outline;
 mod placement;
+pub mod shape;
 mod top_build;
 mod top_near;
 mod top_refit;
@@ -30,6 +32,7 @@ pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
 pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
 pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
+pub use opacity::{MAX_OPACITY_LEVEL, OpacityMask};
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use outline::Outline;
 pub use placement::Placement;

@@ -30,7 +30,7 @@ impl fmt::Debug for dyn Filter + '_ {
     }
 }
 
-/// A triangle of one instance, which a query is to ignore.
+/// A triangle of one instance, or a primitive of its shapes, which a query is to ignore.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct IgnoredTriangle {
     /// The instance.

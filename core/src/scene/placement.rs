@@ -32,6 +32,13 @@ impl Placement {
         Placement { instance: *instance, space, bounds: *bounds, world_box }
     }
 
+    /// The same of a geometry of shapes, whose outside is where it is: a reflection does not exchange their sides.
+    pub fn of_shapes(instance: &Instance, space: ObjectSpace, bounds: &Aabb) -> Placement {
+        let world_box = WorldBox::of_shapes(&instance.transform, &space, bounds);
+        let space = ObjectSpace { mirrored: false, ..space };
+        Placement { instance: *instance, space, bounds: *bounds, world_box }
+    }
+
     /// The side of triangles, as the object sees them, that is ignored: by the query, and by the instance. A reflection
     /// exchanges the sides. `None` where both are.
     #[inline]

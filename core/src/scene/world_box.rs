@@ -1,13 +1,14 @@
 //! How wide an instance's box in the world must be, for all that roundings move: see `docs/design/scenes.md`.
 
 use super::outline::Outline;
+use super::shape::SHAPE_SLACK;
 use super::transform::{ObjectSpace, SUM_ERROR, Transform, transformed};
 use crate::aabb::Aabb;
 
 /// `u`: the relative error of one rounding of an `f32`.
 const U: f64 = 1.0 / (1u64 << 24) as f64;
-/// Roundings that grow with the ray's origin: 8 of the way into the object's space, 24 of the geometry's traversal.
-const ORIGIN_ROUNDINGS: f64 = 32.0 * U;
+/// Roundings of the way into the object's space that grow with the ray's origin.
+const ORIGIN_ROUNDINGS: f64 = 8.0 * U;
 /// Roundings of the way into the object's space that grow with the instance's place.
 const PLACE_ROUNDINGS: f64 = 5.0 * U;
 /// Roundings of the geometry's traversal that grow with the distance to what it meets: 16 of a plane
@@ -26,6 +27,21 @@ const CONDITION_MOST: f64 = 1.0 / (256.0 * U);
 /// Coordinates and components of transforms that are not beyond this, nor below its reciprocal as a whole, neither overflow nor
 /// flush anything that counts.
 const POWER_MOST: f64 = (1u64 << 38) as f64;
+
+/// By how much a geometry's queries may place a hit beside its bounds, on an axis of the object's space.
+#[derive(Clone, Copy)]
+struct Errs {
+    /// Per unit of the origin, and of the greatest coordinate.
+    distance: f64,
+    /// Per unit of the geometry's extent.
+    extent: f64,
+    /// Whether the origin's and the geometry's components on other axes count for an axis.
+    across_axes: bool,
+}
+
+const TRIANGLES: Errs =
+    Errs { distance: DISTANCE_ROUNDINGS, extent: SIZE_ROUNDINGS, across_axes: false };
+const SHAPES: Errs = Errs { distance: SHAPE_SLACK, extent: SHAPE_SLACK, across_axes: true };
 
 /// The box of an instance in the world, and what it must be widened by for a ray.
 ///
@@ -56,7 +72,21 @@ impl WorldBox {
         if bounds.is_empty() {
             return None;
         }
-        Some(WorldBox::of(transform, space, bounds, outline).unwrap_or(WorldBox::EVERYWHERE))
+        let own = WorldBox::of(transform, space, bounds, outline, TRIANGLES);
+        Some(own.unwrap_or(WorldBox::EVERYWHERE))
+    }
+
+    /// The same for a geometry of shapes.
+    pub fn of_shapes(
+        transform: &Transform,
+        space: &ObjectSpace,
+        bounds: &Aabb,
+    ) -> Option<WorldBox> {
+        if bounds.is_empty() {
+            return None;
+        }
+        let own = WorldBox::of(transform, space, bounds, None, SHAPES);
+        Some(own.unwrap_or(WorldBox::EVERYWHERE))
     }
 
     fn of(
@@ -64,6 +94,7 @@ impl WorldBox {
         space: &ObjectSpace,
         bounds: &Aabb,
         outline: Option<&Outline>,
+        errs: Errs,
     ) -> Option<WorldBox> {
         let a = transform.map(|row| row.map(|x| f64::from(x).abs()));
         let m = space.inverse.map(|row| row.map(|x| f64::from(x).abs()));
@@ -91,9 +122,16 @@ impl WorldBox {
             Some(outline) if turns => outline.transformed(transform),
             _ => ends,
         };
+        // Of each axis of the object's space: a row of |M|, how far the world's origin is, and the geometry's greatest coordinate.
+        let mut norms = [0, 1, 2].map(|k| [m[k][0] + m[k][1] + m[k][2], m[k][3], own[k]]);
+        if errs.across_axes {
+            let greatest =
+                |part: usize| norms.iter().fold(0.0, |most: f64, own| most.max(own[part]));
+            norms = [[greatest(0), greatest(1), greatest(2)]; 3];
+        }
         let (mut reach, mut out) = (0.0f64, Aabb::EMPTY);
         for row in 0..3 {
-            let mut condition = 0.0;
+            let (mut condition, mut met_condition) = (0.0, 0.0);
             let mut slack = defect[row][3] + TEST_ROUNDINGS * world[row];
             for k in 0..3 {
                 slack += defect[row][k] * world[k];
@@ -101,13 +139,16 @@ impl WorldBox {
                 let seen = m[k][0] * world[0] + m[k][1] * world[1] + m[k][2] * world[2];
                 condition += a[row][k] * norm;
                 let seen = PLACE_ROUNDINGS * (seen + m[k][3]);
-                let met = DISTANCE_ROUNDINGS * (own[k] + m[k][3]);
-                slack += a[row][k] * (seen + met + SIZE_ROUNDINGS * extent + LEAST);
+                let [met_norm, from, greatest] = norms[k];
+                met_condition += a[row][k] * met_norm;
+                let met = errs.distance * (greatest + from);
+                slack += a[row][k] * (seen + met + errs.extent * extent + LEAST);
             }
-            if condition > CONDITION_MOST {
+            if met_condition > CONDITION_MOST {
                 return None;
             }
-            reach = reach.max(ORIGIN_ROUNDINGS * condition + TEST_ROUNDINGS);
+            let roundings = ORIGIN_ROUNDINGS * condition + errs.distance * met_condition;
+            reach = reach.max(roundings + TEST_ROUNDINGS);
             let slack = slack * ROOM + SUM_ERROR * world[row];
             out.lo[row] = below(ends[0][row].max(tight[0][row]) - slack);
             out.hi[row] = above(ends[1][row].min(tight[1][row]) + slack);
@@ -117,12 +158,12 @@ impl WorldBox {
 }
 
 /// The greatest `f32` that is not above, finite.
-fn below(x: f64) -> f32 {
+pub(super) fn below(x: f64) -> f32 {
     let near = x as f32;
     (if f64::from(near) > x { near.next_down() } else { near }).clamp(-f32::MAX, f32::MAX)
 }
 
 /// The least `f32` that is not below, finite.
-fn above(x: f64) -> f32 {
+pub(super) fn above(x: f64) -> f32 {
     -below(-x)
 }

@@ -104,7 +104,7 @@ impl InstanceTable {
     /// The instances of a scene that is built. `triangles` is how many there are in all geometries together.
     ///
     /// # Errors
-    /// Geometries that do not lie among these triangles.
+    /// Geometries that do not lie among these triangles, or that consist of shapes.
     pub fn new(
         scene: &BuiltScene,
         geometries: &Geometries<'_>,
@@ -126,6 +126,9 @@ impl InstanceTable {
         triangles: u32,
     ) -> Result<(), AppearanceError> {
         for (name, geometry) in scene.geometries() {
+            if geometry.shapes().is_some() {
+                return Err(AppearanceError::Shapes { geometry: name.0 });
+            }
             let missing = || AppearanceError::MissingGeometry { geometry: name.0 };
             let first = geometries.first_triangles.get(name.0 as usize).ok_or_else(missing)?;
             let end = first.checked_add(geometry.mesh().mesh().len() as u32).ok_or_else(missing)?;

@@ -8,7 +8,8 @@ use splitplane_core::config::Preset;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::Ray;
 use splitplane_core::scene::file::{MAGIC, SceneFile, SceneFileError, VERSION};
-use splitplane_core::scene::{Instance, Scene, SceneHit, SceneOptions, translation};
+use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
+use splitplane_core::scene::{Instance, OpacityMask, Scene, SceneHit, SceneOptions, translation};
 use splitplane_core::tree::digest::Xxh64;
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
@@ -46,6 +47,14 @@ fn samples() -> Vec<Sample> {
             with_gaps.add_instance(Instance::new(geometry, transform)).expect("an instance")
         })
         .collect();
+    let mask = OpacityMask::new(2, 1, |_, [u, _]| u > 0.4).expect("a mask");
+    with_gaps.set_opacity(two, Some(mask)).expect("as many triangles");
+    let sphere = Sphere { centre: [0.5, 0.5, 1.0], radius: 0.75 };
+    let capsule = Capsule { ends: [[2.0, 0.5, 0.0], [2.5, 1.0, 0.5]], radius: 0.25 };
+    for shapes in [Shapes::Spheres(vec![sphere]), Shapes::Capsules(vec![capsule])] {
+        let shapes = with_gaps.add_shapes(shapes).expect("a geometry");
+        with_gaps.add_instance(Instance::in_place(shapes)).expect("an instance");
+    }
     with_gaps.remove_instance(names[1]).expect("it is there");
     with_gaps.remove_geometry(gone).expect("nobody uses it");
     let backend = CpuBackend::new();

@@ -2,16 +2,17 @@
 //! nothing is, and the same as a list of what should be there.
 
 use core::ops::ControlFlow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::source::Source;
 use splitplane_core::backend::scene::SceneAccelerator;
 use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::mesh::Mesh;
 use splitplane_core::ray::{Accuracy, Culling, Ray};
+use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
 use splitplane_core::scene::{
-    GeometryId, IDENTITY, Instance, InstanceId, Scene, SceneError, SceneHit, SceneOptions,
-    Transform,
+    GeometryId, IDENTITY, Instance, InstanceId, OpacityMask, Scene, SceneError, SceneHit,
+    SceneOptions, Transform,
 };
 use splitplane_core::watch::Progress;
 use splitplane_cpu::CpuBackend;
@@ -59,7 +60,10 @@ pub fn run_on(
 /// What should be there.
 #[derive(Default)]
 struct Model {
+    /// Triangles; none for shapes.
     geometries: BTreeMap<u32, Vec<[[f32; 3]; 3]>>,
+    /// Those that consist of shapes.
+    shapes: BTreeSet<u32>,
     instances: BTreeMap<u32, Instance>,
 }
 
@@ -77,6 +81,20 @@ impl Model {
 fn triangles(source: &mut Source<'_>) -> Vec<[[f32; 3]; 3]> {
     let count = source.below(9);
     (0..count).map(|_| [(); 3].map(|()| [(); 3].map(|()| source.number()))).collect()
+}
+
+fn shapes(source: &mut Source<'_>) -> Shapes {
+    let count = source.below(9);
+    if source.once_in(2) {
+        let sphere =
+            |_| Sphere { centre: [(); 3].map(|()| source.number()), radius: source.number() };
+        return Shapes::Spheres((0..count).map(sphere).collect());
+    }
+    let capsule = |_| Capsule {
+        ends: [(); 2].map(|()| [(); 3].map(|()| source.number())),
+        radius: source.number(),
+    };
+    Shapes::Capsules((0..count).map(capsule).collect())
 }
 
 fn transform(source: &mut Source<'_>) -> Transform {
@@ -123,7 +141,7 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
     let geometry = GeometryId(name(source, scene.geometry_names()));
     let one = InstanceId(name(source, scene.instance_names()));
     let is_there = model.instances.get(&one.0).copied();
-    match source.below(8) {
+    match source.below(11) {
         0 => {
             let triangles = triangles(source);
             let added = scene.add_mesh(&Mesh::soup(&triangles).expect("a mesh"));
@@ -132,7 +150,8 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
         1 => {
             let triangles = triangles(source);
             let replaced = scene.replace_mesh(geometry, &Mesh::soup(&triangles).expect("a mesh"));
-            assert_eq!(replaced.is_ok(), model.geometries.contains_key(&geometry.0));
+            let is_mesh = !model.shapes.contains(&geometry.0);
+            assert_eq!(replaced.is_ok(), is_mesh && model.geometries.contains_key(&geometry.0));
             if replaced.is_ok() {
                 model.geometries.insert(geometry.0, triangles);
             }
@@ -140,7 +159,10 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
         2 => {
             let used = model.instances.values().filter(|own| own.geometry == geometry).count();
             match scene.remove_geometry(geometry) {
-                Ok(()) => assert!(used == 0 && model.geometries.remove(&geometry.0).is_some()),
+                Ok(()) => {
+                    assert!(used == 0 && model.geometries.remove(&geometry.0).is_some());
+                    model.shapes.remove(&geometry.0);
+                }
                 Err(SceneError::GeometryInUse { instances, instance, .. }) => {
                     assert_eq!(instances as usize, used);
                     assert_eq!(model.instances[&instance].geometry, geometry);
@@ -175,6 +197,27 @@ fn edit(source: &mut Source<'_>, scene: &mut Scene, model: &mut Model) {
             let masked = scene.set_mask(one, mask);
             assert_eq!(masked.is_ok(), is_there.is_some());
             model.instances.entry(one.0).and_modify(|own| own.mask = mask);
+        }
+        6 => {
+            let set = shapes(source);
+            if source.once_in(2) {
+                let added = scene.add_shapes(set).expect("a name").0;
+                assert!(model.geometries.insert(added, Vec::new()).is_none());
+                assert!(model.shapes.insert(added));
+            } else {
+                let replaced = scene.replace_shapes(geometry, set);
+                assert_eq!(replaced.is_ok(), model.shapes.contains(&geometry.0));
+            }
+        }
+        7 => {
+            let triangles = model.geometries.get(&geometry.0).map_or(0, Vec::len);
+            let (bits, level) = (source.bits(), source.below(3) as u32);
+            let is_opaque =
+                |triangle, [u, _]: [f32; 2]| bits >> (triangle % 32) & 1 != 0 || u > 0.5;
+            let mask = OpacityMask::new(triangles, level, is_opaque).expect("memory");
+            let set = scene.set_opacity(geometry, Some(mask));
+            let is_mesh = !model.shapes.contains(&geometry.0);
+            assert_eq!(set.is_ok(), is_mesh && model.geometries.contains_key(&geometry.0));
         }
         _ if model.instances.len() < INSTANCES => {
             let own = instance(source, geometry);

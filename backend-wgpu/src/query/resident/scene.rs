@@ -157,6 +157,10 @@ impl SceneAccelerator for WgpuScene {
             reserved = make_room(queries, held.as_ref().ok(), becoming, options)?;
             Ok(())
         })?;
+        if let Some(reason) = built.host_only() {
+            *held = Err(reason.into());
+            return Ok(report);
+        }
         let gpu = queries.gpu();
         // The tree over instances may have been built anew since.
         let sent = match (reserved, &mut *held) {

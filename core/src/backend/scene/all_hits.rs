@@ -106,7 +106,8 @@ impl BuiltScene {
                 }
             })?;
             all.crossings[first..].sort_unstable_by(|a, b| {
-                let key = |c: &SceneCrossing| (c.hit.instance, c.hit.triangle);
+                // A tangent of a sphere enters and leaves it at one place.
+                let key = |c: &SceneCrossing| (c.hit.instance, c.hit.triangle, !c.front);
                 a.hit.t.total_cmp(&b.hit.t).then(key(a).cmp(&key(b)))
             });
             all.starts.push(all.crossings.len());
@@ -163,9 +164,10 @@ impl BuiltScene {
                 crossings.try_reserve(met.crossings.len())
             }
             .map_err(|_| refused(needed))?;
+            let kept = built.kept(geometry, instance, &query);
             for crossing in met.crossings {
-                let hit = SceneHit::of(&crossing.hit, geometry, instance);
-                if query.filter.is_none_or(|filter| filter.keeps(&hit)) {
+                if kept.is_none_or(|kept| kept.keeps(&crossing.hit)) {
+                    let hit = SceneHit::of(&crossing.hit, geometry, instance);
                     let front = crossing.front != placement.space.mirrored;
                     all.crossings.push(SceneCrossing { hit, front });
                 }

@@ -3,7 +3,6 @@
 use alloc::vec::Vec;
 
 use super::built::BuiltScene;
-use super::filtered::Rejected;
 use crate::error::{QueryError, refused};
 use crate::query::traverse::Query;
 use crate::ray::{Hit, Ray};
@@ -142,7 +141,6 @@ pub struct BlockScratch {
     rays: Vec<Ray>,
     hits: Vec<Hit>,
     any: Vec<bool>,
-    rejected: Rejected,
 }
 
 /// Some rays of a batch.
@@ -263,7 +261,7 @@ impl Block<'_> {
         answers: &mut [T],
         report: &mut SceneReport,
     ) -> Result<(), QueryError> {
-        let BlockScratch { tops, entries, rays, hits, any, rejected, .. } = scratch;
+        let BlockScratch { tops, entries, rays, hits, any, .. } = scratch;
         let (scene, options) = (self.scene, self.options);
         let entries = &entries[range];
         let count = entries.len();
@@ -285,8 +283,9 @@ impl Block<'_> {
         }
         let accelerator = built.accelerator();
         let query = &options.of_geometry(asked.culling, asked.ignore, self.watch);
-        // With a filter it matters which triangle was hit.
-        if T::QUERY == Query::Any && options.filter.is_none() {
+        // Where not all hits count it matters which triangle was hit.
+        let all_count = options.filter.is_none() && built.opacity().is_none();
+        if T::QUERY == Query::Any && all_count {
             remake(any, count, false)?;
             if count < self.singly_below {
                 for (ray, any) in rays.iter().zip(&mut *any) {
@@ -310,14 +309,11 @@ impl Block<'_> {
             report.geometries.append(accelerator.closest_hits(rays, hits, query)?, 0)?;
         }
         for ((entry, ray), hit) in entries.iter().zip(&*rays).zip(hits) {
-            let found = SceneHit::of(hit, geometry, entry.instance());
-            let found = match options.filter {
-                Some(filter) if found.is_hit() && !filter.keeps(&found) => {
-                    report.filtered += 1;
-                    rejected.next_kept(built, ray, &found, query, filter)?
-                }
-                _ => found,
+            let hit = match built.kept(geometry, entry.instance(), options) {
+                Some(kept) => kept.next(built, ray, *hit, (query, T::QUERY), &mut report.filtered),
+                None => *hit,
             };
+            let found = SceneHit::of(&hit, geometry, entry.instance());
             let answer = &mut answers[entry.ray as usize];
             if found.is_hit() && found.precedes(&answer.best()) && answer.take(found) {
                 tops[entry.ray as usize] = 0;

@@ -4,14 +4,18 @@ use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
+use super::filtered::Kept;
+use super::near_shapes::Nearness;
+use super::shapes::ShapeAccelerator;
 use crate::aabb::Aabb;
 use crate::backend::{Accelerator, BuildOptions};
 use crate::error::BuildError;
 use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
-use crate::query::traverse::Triangles;
+use crate::scene::shape::ShapeTree;
 use crate::scene::{
-    Edits, GeometryId, GeometryMesh, InstanceId, Outline, Placement, SceneDigest, TopTree,
+    Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask, Outline,
+    Placement, SceneDigest, SceneOptions, TopTree,
 };
 use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
@@ -24,10 +28,14 @@ pub type BuildGeometry<'a> =
 pub struct BuiltGeometry {
     pub(super) mesh: Arc<GeometryMesh>,
     pub(super) accelerator: Box<dyn Accelerator>,
-    pub(super) scale: SceneScale,
-    pub(super) digest: Digest,
+    /// The tree over shapes; `None` for a mesh.
+    shapes: Option<Arc<ShapeTree>>,
+    pub(super) opacity: Option<Arc<OpacityMask>>,
+    scale: SceneScale,
+    digest: Digest,
+    bounds: Aabb,
     /// Where its triangles are, for the boxes of its instances.
-    pub(super) outline: Option<Outline>,
+    outline: Option<Outline>,
 }
 
 impl BuiltGeometry {
@@ -42,23 +50,52 @@ impl BuiltGeometry {
         }
         let tree = accelerator.tree();
         let (scale, digest) = (SceneScale::new(tree.bounds, &limits), tree.digest());
-        let outline = Outline::of(&tree.view());
-        BuiltGeometry { mesh, accelerator, scale, digest, outline }
+        let (bounds, outline) = (tree.bounds, Outline::of(&tree.view()));
+        let (shapes, opacity) = (None, None);
+        BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline }
     }
 
-    /// What answers its rays, in its own space.
+    /// Builds a geometry of shapes. Their functions, where they are the user's, are called for this.
+    pub(super) fn of_shapes(
+        mesh: Arc<GeometryMesh>,
+        max_memory: Option<u64>,
+    ) -> Result<BuiltGeometry, BuildError> {
+        let shapes = Arc::new(ShapeTree::build(&mesh, max_memory)?);
+        let accelerator = Box::new(ShapeAccelerator::new(Arc::clone(&shapes))?);
+        let scale = SceneScale::new(Aabb::EMPTY, &Limits::NONE);
+        let (digest, bounds) = (shapes.digest(), shapes.bounds());
+        let (shapes, opacity, outline) = (Some(shapes), None, None);
+        Ok(BuiltGeometry { mesh, accelerator, shapes, opacity, scale, digest, bounds, outline })
+    }
+
+    /// What answers its rays, in its own space. That of a geometry of shapes has an empty kd-tree.
     pub fn accelerator(&self) -> &dyn Accelerator {
         &*self.accelerator
     }
 
-    /// The arrays it was built over.
+    /// The tree over its shapes; `None` for a mesh.
+    pub fn shapes(&self) -> Option<&ShapeTree> {
+        self.shapes.as_deref()
+    }
+
+    /// Which parts of its triangles count for rays; `None`: all do.
+    pub fn opacity(&self) -> Option<&OpacityMask> {
+        self.opacity.as_deref()
+    }
+
+    /// What it was built over.
     pub fn mesh(&self) -> &Arc<GeometryMesh> {
         &self.mesh
     }
 
-    /// The box of its triangles, in its own space.
+    /// The scale that the reference traversal of its mesh needs.
+    pub(super) fn scale(&self) -> &SceneScale {
+        &self.scale
+    }
+
+    /// The box of its triangles or shapes, in its own space.
     pub fn bounds(&self) -> Aabb {
-        self.accelerator.tree().bounds
+        self.bounds
     }
 
     /// Where its triangles are within that box; `None` for a geometry without triangles.
@@ -70,24 +107,28 @@ impl BuiltGeometry {
     pub fn bytes(&self) -> u64 {
         let tree = self.accelerator.tree();
         let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
-        self.accelerator.query_bytes() + tree as u64
+        let opacity = self.opacity.as_ref().map_or(0, |mask| size_of_val(mask.words()));
+        self.accelerator.query_bytes() + (tree + opacity) as u64
     }
-}
 
-/// Triangles of a mesh, some of which count as not there.
-pub(super) struct Without<'a> {
-    pub(super) mesh: &'a Mesh<'a>,
-    /// In ascending order.
-    pub(super) rejected: &'a [u32],
-}
+    /// Which hits with an instance count; `None` where all do.
+    pub fn kept<'a>(
+        &'a self,
+        geometry: GeometryId,
+        instance: InstanceId,
+        options: &SceneOptions<'a>,
+    ) -> Option<Kept<'a>> {
+        let (filter, opacity) = (options.filter, self.opacity.as_deref());
+        let all = filter.is_none() && opacity.is_none();
+        (!all).then_some(Kept { filter, opacity, geometry, instance })
+    }
 
-impl Triangles for Without<'_> {
-    /// A triangle that is not there has no area, and is met nowhere.
-    fn corners(&self, triangle: u32) -> crate::triangle::Triangle {
-        if self.rejected.binary_search(&triangle).is_ok() {
-            return [[0.0; 3]; 3];
+    /// An instance of it, where it is.
+    pub(super) fn place(&self, instance: &Instance, space: ObjectSpace) -> Placement {
+        match self.shapes {
+            Some(_) => Placement::of_shapes(instance, space, &self.bounds),
+            None => Placement::new(instance, space, &self.bounds, self.outline()),
         }
-        self.mesh.corners(triangle)
     }
 }
 
@@ -99,12 +140,21 @@ pub struct BuiltScene {
     pub(super) top: TopTree,
     /// The description as it was.
     pub(super) edits: Option<Edits>,
+    /// Whether a geometry has an opacity mask.
+    pub(super) masked: bool,
+    /// Whether closest points are defined for all its shapes, once somebody asked.
+    pub(super) nearness: Nearness,
 }
 
 impl BuiltScene {
     /// The tree over the instances.
     pub fn top_tree(&self) -> &TopTree {
         &self.top
+    }
+
+    /// Whether a geometry has an opacity mask, so that not all hits count.
+    pub const fn has_opacity(&self) -> bool {
+        self.masked
     }
 
     /// A geometry; `None` where there is none of this name.
@@ -129,6 +179,15 @@ impl BuiltScene {
         named.filter_map(|(name, at)| Some((InstanceId(name as u32), at.as_ref()?)))
     }
 
+    /// What of the scene a packed form does not have, so that only the host answers its rays; `None` for nothing.
+    pub fn host_only(&self) -> Option<&'static str> {
+        if self.masked {
+            return Some("a geometry has an opacity mask");
+        }
+        let has_shapes = self.geometries().any(|(_, own)| own.shapes().is_some());
+        has_shapes.then_some("a geometry is made of shapes")
+    }
+
     /// All geometries, in the order of their names.
     pub fn geometries(&self) -> impl Iterator<Item = (GeometryId, &BuiltGeometry)> {
         let named = self.geometries.iter().enumerate();
@@ -140,7 +199,7 @@ impl BuiltScene {
     pub fn digest(&self) -> Digest {
         let mut hash = SceneDigest::new();
         for (name, geometry) in self.geometries() {
-            hash.geometry(name, geometry.digest);
+            hash.geometry(name, geometry.digest, geometry.opacity());
         }
         for (name, placement) in self.placements() {
             hash.instance(name, &placement.instance, &placement.space.inverse);

@@ -5,6 +5,9 @@
 //! distance, instance, triangle) of all is the answer. So any affine transform will do, and an instance in place has the answers of its
 //! mesh, bit for bit.
 //!
+//! A sphere or capsule under a transform that turns, moves and scales evenly is one in the world ([`near_shapes`](super::near_shapes)); other
+//! transforms of shapes are refused.
+//!
 //! *Why no tree changes the answer.* u is 2^-53. Products of two `f32` are exact in `f64`, so a corner errs by 3 u S on each axis, where S is
 //! the greatest magnitude that its sum has on the way. No candidate is computed to be nearer than its triangle is, less 20 u R, R
 //! the greatest distance along an axis between the point and the geometry's box in the world. Together they are less than the slack, 64 u (R + S).
@@ -37,9 +40,9 @@ pub struct SceneClosestPoint {
     pub distance_squared: f64,
     /// Where it is, in the world.
     pub point: [f32; 3],
-    /// Index of the triangle in the geometry's mesh; `u32::MAX` where there is none.
+    /// Index of the triangle in the geometry's mesh, or of the primitive among its shapes; `u32::MAX` where there is none.
     pub triangle: u32,
-    /// Barycentric weight of the second corner, in `[0, 1]`.
+    /// Barycentric weight of the second corner, in `[0, 1]`; of shapes as for [hits](crate::scene::SceneHit).
     pub u: f32,
     /// Barycentric weight of the third corner, in `[0, 1]`.
     pub v: f32,
@@ -126,7 +129,7 @@ impl BuiltScene {
     /// triangles does not matter here. Triangles with a coordinate in the world beyond the greatest `f32` do not count.
     ///
     /// # Errors
-    /// `points` and `closest` of different length, no memory for a search, or a watch that cancels the batch.
+    /// `points` and `closest` of different length, shapes for which the question has no answer, no memory for a search, or a watch that cancels the batch.
     pub fn closest_points(
         &self,
         points: &[[f32; 3]],
@@ -150,12 +153,14 @@ impl BuiltScene {
     /// The closest point to one point. Ignores the options' watch.
     ///
     /// # Errors
-    /// No memory for the search.
+    /// No memory for the search, or instances that answer and whose shapes have no closest points: those of the user's own, and those that
+    /// a transform stretches unevenly.
     pub fn closest_point(
         &self,
         point: [f32; 3],
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<SceneClosestPoint, QueryError> {
+        self.check_nearness(options.mask)?;
         let limit = f64::from(options.max_distance);
         let mut best = SceneClosestPoint::NONE;
         if limit.is_nan() || limit < 0.0 || !point.iter().all(|x| x.is_finite()) {
@@ -181,18 +186,18 @@ impl BuiltScene {
 }
 
 /// A point near an instance.
-struct Near<'a> {
-    point: [f64; 3],
+pub(super) struct Near<'a> {
+    pub(super) point: [f64; 3],
     /// No candidate beyond its root counts.
-    limit: f64,
-    placement: &'a Placement,
-    instance: InstanceId,
+    pub(super) limit: f64,
+    pub(super) placement: &'a Placement,
+    pub(super) instance: InstanceId,
     /// How far a triangle may seem nearer than it is.
-    slack: f64,
+    pub(super) slack: f64,
     /// The point as the object sees it.
-    seen: [f64; 3],
+    pub(super) seen: [f64; 3],
     /// How far that is from the point when it comes back to the world.
-    off: f64,
+    pub(super) off: f64,
     /// No vector of the object's is shorter in the world than this times its length.
     least_stretch: f64,
 }
@@ -244,6 +249,10 @@ impl<'a> Near<'a> {
         ignored: Option<u32>,
         best: &mut SceneClosestPoint,
     ) -> Result<(), QueryError> {
+        if let Some(shapes) = geometry.shapes() {
+            self.search_shapes(shapes, ignored, best);
+            return Ok(());
+        }
         let mesh = geometry.mesh().mesh();
         let name = self.placement.instance.geometry;
         let stop =
@@ -291,7 +300,7 @@ pub fn closest_in_world(
 }
 
 /// A point through a transform, in a stated order.
-fn in_other_space(transform: &Transform, point: [f64; 3]) -> [f64; 3] {
+pub(super) fn in_other_space(transform: &Transform, point: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = point;
     transform.map(|row| {
         let [a, b, c, d] = row.map(f64::from);

@@ -2,7 +2,6 @@
 
 use super::block::{Asked, SceneAnswer, seen_by};
 use super::built::BuiltScene;
-use super::filtered::Rejected;
 use crate::query::traverse::Query;
 use crate::ray::Ray;
 use crate::scene::{InstanceId, SceneHit, SceneOptions, TopRay, TopStack, WIDEST_STACK};
@@ -56,18 +55,15 @@ impl BuiltScene {
         let Some(built) = self.geometry(geometry) else { return false };
         let query = &options.of_geometry(asked.culling, asked.ignore, None);
         let seen = seen_by(placement, ray, best);
-        if T::QUERY == Query::Any && options.filter.is_none() {
+        let kept = built.kept(geometry, instance, options);
+        if T::QUERY == Query::Any && kept.is_none() {
             return built.accelerator().any_hit(&seen, query) && answer.take(SceneHit::MISS);
         }
-        let Some(hit) = built.accelerator().closest_hit(&seen, query) else { return false };
-        let mut found = SceneHit::of(&hit, geometry, instance);
-        if let Some(filter) = options.filter
-            && !filter.keeps(&found)
-        {
-            // Without memory for the rejected there is no answer: a call of one ray has no errors.
-            let kept = Rejected::default().next_kept(built, &seen, &found, query, filter);
-            found = kept.unwrap_or(SceneHit::MISS);
+        let Some(mut hit) = built.accelerator().closest_hit(&seen, query) else { return false };
+        if let Some(kept) = kept {
+            hit = kept.next(built, &seen, hit, (query, T::QUERY), &mut 0);
         }
+        let found = SceneHit::of(&hit, geometry, instance);
         found.is_hit() && found.precedes(&answer.best()) && answer.take(found)
     }
 }

@@ -5,7 +5,6 @@ use alloc::vec::Vec;
 
 use super::built::{BuildGeometry, BuiltGeometry, BuiltScene};
 use super::packed::PackedSizes;
-use crate::aabb::Aabb;
 use crate::backend::BuildOptions;
 use crate::cancel::go_on;
 use crate::error::BuildError;
@@ -142,6 +141,14 @@ impl BuiltScene {
         for (name, geometry) in geometries {
             self.geometries[name.0 as usize] = geometry;
         }
+        self.masked = false;
+        for (name, _) in scene.geometries() {
+            if let Some(Some(own)) = self.geometries.get_mut(name.0 as usize) {
+                own.opacity = scene.opacity(name).ok().flatten().cloned();
+                self.masked |= own.opacity.is_some();
+            }
+        }
+        self.forget_nearness();
         report.instances_changed = placements.len() as u32;
         if let Some(top) = rebuilt {
             report.top = TopUpdate::Rebuilt;
@@ -223,8 +230,12 @@ impl BuiltScene {
             };
             let left = options.max_memory.map(|limit| limit.saturating_sub(held));
             let own = BuildOptions { max_memory: left, ..*options };
-            let built = build(&mesh.mesh(), &own).map_err(wrong)?;
-            let built = BuiltGeometry::new(Arc::clone(mesh), built);
+            let built = if mesh.shapes().is_some() {
+                BuiltGeometry::of_shapes(Arc::clone(mesh), left).map_err(wrong)?
+            } else {
+                let built = build(&mesh.mesh(), &own).map_err(wrong)?;
+                BuiltGeometry::new(Arc::clone(mesh), built)
+            };
             held += built.bytes();
             push(&mut geometries, (name, Some(built)))?;
             report.geometries_built += 1;
@@ -253,7 +264,9 @@ impl BuiltScene {
         options: &BuildOptions<'_>,
     ) -> Result<(), SceneBuildError> {
         let moved = plan.geometries.iter().any(|(name, geometry)| {
-            let extents = |geometry: &BuiltGeometry| (geometry.bounds(), geometry.outline);
+            let extents = |geometry: &BuiltGeometry| {
+                (geometry.bounds(), geometry.outline().copied(), geometry.shapes().is_some())
+            };
             geometry.as_ref().map(extents) != self.geometry(*name).map(extents)
         });
         let changes = match &self.edits {
@@ -308,14 +321,18 @@ impl BuiltScene {
         let Ok(instance) = scene.instance(name) else {
             return if was.is_some() { push(&mut plan.placements, (name, None)) } else { Ok(()) };
         };
-        let geometry = self.geometry_of(instance, plan);
-        let bounds = geometry.map_or(Aabb::EMPTY, BuiltGeometry::bounds);
-        let outline = geometry.and_then(BuiltGeometry::outline);
-        let outline_was = self.geometry(instance.geometry).and_then(BuiltGeometry::outline);
+        // Built when it was added.
+        let Some(geometry) = self.geometry_of(instance, plan) else { return Ok(()) };
+        let (bounds, outline) = (geometry.bounds(), geometry.outline());
+        let geometry_was = self.geometry(instance.geometry);
+        let outline_was = geometry_was.and_then(BuiltGeometry::outline);
+        let same_kind =
+            geometry_was.is_some_and(|was| was.shapes().is_some() == geometry.shapes().is_some());
         if let Some(was) = was
             && was.instance == *instance
             && was.bounds == bounds
             && outline == outline_was
+            && same_kind
             // Zeros of either sign are equal, but the digest knows them apart.
             && bits(&was.instance.transform) == bits(&instance.transform)
         {
@@ -323,7 +340,7 @@ impl BuiltScene {
         }
         // Checked when it was edited.
         let Some(space) = ObjectSpace::new(&instance.transform) else { return Ok(()) };
-        let placement = Placement::new(instance, space, &bounds, outline);
+        let placement = geometry.place(instance, space);
         push(&mut plan.placements, (name, Some(placement)))
     }
 

@@ -98,6 +98,24 @@ pub fn trace<O: Observer>(
     best.hit()
 }
 
+/// Traces one ray exactly, for hits that `keep` keeps.
+pub(super) fn trace_kept(
+    tree: &KdTreeView<'_>,
+    triangles: &(impl Triangles + ?Sized),
+    ray: &Ray,
+    options: &QueryOptions<'_>,
+    query: Query,
+    mut keep: impl FnMut(&Hit) -> bool,
+) -> Hit {
+    let mut best = Best::default();
+    visit(tree, triangles, ray, options, &mut (), |ray, corners, triangle| {
+        best.test_kept(ray, corners, triangle, options.culling, query, |met| {
+            keep(&met.hit(triangle))
+        })
+    });
+    best.hit()
+}
+
 /// The best of the triangles tested so far: least (exact distance, index).
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Best {
@@ -117,6 +135,20 @@ impl Best {
         culling: Culling,
         query: Query,
     ) -> f64 {
+        self.test_kept(ray, corners, triangle, culling, query, |_| true)
+    }
+
+    /// The same for what `keep` keeps. It is asked only for what would be the best.
+    #[inline]
+    fn test_kept(
+        &mut self,
+        ray: &ExactRay,
+        corners: &Triangle,
+        triangle: u32,
+        culling: Culling,
+        query: Query,
+        keep: impl FnOnce(&Meeting) -> bool,
+    ) -> f64 {
         if let Some(met) = meet(ray, corners, culling)
             && met.is_within_limits()
         {
@@ -124,7 +156,7 @@ impl Best {
                 .met
                 .as_ref()
                 .is_none_or(|best| met.compare_t(best).then(triangle.cmp(&self.triangle)).is_lt());
-            if nearer {
+            if nearer && keep(&met) {
                 (self.met, self.triangle) = (Some(met), triangle);
             }
         }

@@ -66,6 +66,9 @@ pub enum SceneFileError {
     /// A transform that no instance can have.
     #[error(transparent)]
     Transform(SceneError),
+    /// Shapes or an opacity mask that no geometry can have, or no memory to look at them.
+    #[error(transparent)]
+    Content(SceneError),
     /// The digest in the head is not that of the scene.
     #[error("the file's digest is not that of its scene")]
     Digest,

@@ -21,6 +21,8 @@ pub enum Unpackable {
         /// Bytes of all of them.
         needed: u64,
     },
+    /// Something that only the host answers; see [`BuiltScene::host_only`].
+    HostOnly(&'static str),
     /// More nodes, references or top nodes than places can be named.
     TooMany {
         /// What there are too many of.
@@ -103,8 +105,11 @@ impl BuiltScene {
     /// The whole scene as a device holds it.
     ///
     /// # Errors
-    /// No memory, or more than can be named.
+    /// No memory, more than can be named, or something that only the host answers.
     pub fn packed(&self) -> Result<PackedScene, Unpackable> {
+        if let Some(reason) = self.host_only() {
+            return Err(Unpackable::HostOnly(reason));
+        }
         let sizes = self.packed_sizes();
         sizes.check()?;
         let mut packed = PackedScene::default();
@@ -159,7 +164,7 @@ impl BuiltScene {
         let name: GeometryId = own.instance.geometry;
         let geometry = self.geometry(name)?;
         let [root, _, first_triangle] = *places.get(name.0 as usize)?;
-        let scale = SceneUniform::from(&geometry.scale);
+        let scale = SceneUniform::from(geometry.scale());
         let mirrored = if own.space.mirrored { MIRRORED } else { 0 };
         Some(PackedInstance {
             inverse: own.space.inverse,
