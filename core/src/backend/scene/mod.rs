@@ -14,6 +14,7 @@ mod filtered;
 mod host;
 mod locate;
 mod near_shapes;
+mod nearness;
 mod shapes;
 mod single;
 mod update;
