@@ -383,6 +383,7 @@ impl Backend for WgpuBackend {
         scene: &Scene,
         options: &BuildOptions<'_>,
     ) -> Result<Box<dyn SceneAccelerator>, SceneBuildError> {
+        self.check_shapes(scene)?;
         let queries = Arc::clone(&self.shared.queries);
         let mut build = |mesh: &Mesh<'_>, options: &BuildOptions<'_>| self.build(mesh, options);
         Ok(Box::new(WgpuScene::build(queries, scene, options, &mut build)?))

@@ -76,7 +76,7 @@ pub enum SceneError {
         primitives: u64,
     },
     /// An opacity mask with a level that is too great.
-    #[error("an opacity mask has level {} at most, not {level}", super::opacity::MAX_OPACITY_LEVEL)]
+    #[error("an opacity mask has level {} at most, not {level}", super::hit::MAX_OPACITY_LEVEL)]
     OpacityLevel {
         /// The level.
         level: u32,

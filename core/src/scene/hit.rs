@@ -7,6 +7,9 @@ use crate::ray::Hit;
 /// Greatest number of instances, and of geometries, of one scene.
 pub const MAX_INSTANCES: usize = 1 << 28;
 
+/// The most levels of an opacity mask.
+pub const MAX_OPACITY_LEVEL: u32 = 12;
+
 /// Names a geometry of a scene. The name of a removed geometry may be given to a later one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct GeometryId(pub u32);

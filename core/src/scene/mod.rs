@@ -20,6 +20,7 @@ mod options;
 mod outline;
 mod placement;
 pub mod shape;
+mod shape_tree;
 mod top_build;
 mod top_near;
 mod top_refit;
@@ -31,11 +32,12 @@ mod world_box;
 pub use description::{Changes, Edits, GeometryMesh, Instance, Scene, State};
 pub(crate) use digest::SceneDigest;
 pub use error::{SceneBuildError, SceneError};
-pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, SceneHit};
-pub use opacity::{MAX_OPACITY_LEVEL, OpacityMask};
+pub use hit::{GeometryId, InstanceId, MAX_INSTANCES, MAX_OPACITY_LEVEL, SceneHit};
+pub use opacity::OpacityMask;
 pub use options::{Filter, IgnoredTriangle, SceneOptions, SceneReport};
 pub use outline::Outline;
 pub use placement::Placement;
+pub use shape_tree::ShapeTree;
 pub use top_build::top_tree_bytes;
 pub use top_tree::{
     INSTANCE as TOP_INSTANCE, NONE as TOP_NONE, TopNode, TopTree, WIDTH as TOP_WIDTH,

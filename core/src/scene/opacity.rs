@@ -3,10 +3,8 @@
 use alloc::vec::Vec;
 
 use super::error::SceneError;
+use super::hit::MAX_OPACITY_LEVEL;
 use crate::arithmetic::{Arithmetic, Strict, snap};
-
-/// The most levels of a mask.
-pub const MAX_OPACITY_LEVEL: u32 = 12;
 
 /// Which parts of a geometry's triangles count, one bit each.
 ///

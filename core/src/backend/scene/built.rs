@@ -4,18 +4,17 @@ use alloc::boxed::Box;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::filtered::Kept;
-use super::near_shapes::Nearness;
+use super::nearness::Nearness;
 use super::shapes::ShapeAccelerator;
 use crate::aabb::Aabb;
 use crate::backend::{Accelerator, BuildOptions};
 use crate::error::BuildError;
 use crate::mesh::Mesh;
 use crate::query::intersect::{Limits, SceneScale};
-use crate::scene::shape::ShapeTree;
+use crate::scene::ShapeTree;
 use crate::scene::{
     Edits, GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, OpacityMask, Outline,
-    Placement, SceneDigest, SceneOptions, TopTree,
+    Placement, SceneDigest, TopTree,
 };
 use crate::tree::digest::Digest;
 use crate::triangle::{Prepared, prepare};
@@ -109,18 +108,6 @@ impl BuiltGeometry {
         let tree = size_of_val(&tree.nodes[..]) + size_of_val(&tree.references[..]);
         let opacity = self.opacity.as_ref().map_or(0, |mask| size_of_val(mask.words()));
         self.accelerator.query_bytes() + (tree + opacity) as u64
-    }
-
-    /// Which hits with an instance count; `None` where all do.
-    pub fn kept<'a>(
-        &'a self,
-        geometry: GeometryId,
-        instance: InstanceId,
-        options: &SceneOptions<'a>,
-    ) -> Option<Kept<'a>> {
-        let (filter, opacity) = (options.filter, self.opacity.as_deref());
-        let all = filter.is_none() && opacity.is_none();
-        (!all).then_some(Kept { filter, opacity, geometry, instance })
     }
 
     /// An instance of it, where it is.

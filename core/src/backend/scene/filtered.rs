@@ -3,7 +3,7 @@
 use super::built::BuiltGeometry;
 use crate::query::traverse::{Query, trace_kept};
 use crate::ray::{Hit, QueryOptions, Ray};
-use crate::scene::{Filter, GeometryId, InstanceId, OpacityMask, SceneHit};
+use crate::scene::{Filter, GeometryId, InstanceId, OpacityMask, SceneHit, SceneOptions};
 
 /// Which hits with an instance count: those in a part of a triangle that is opaque, and that the filter keeps.
 #[derive(Clone, Copy)]
@@ -44,5 +44,19 @@ impl Kept<'_> {
         }
         let (tree, mesh) = (built.accelerator.tree().view(), built.mesh.mesh());
         trace_kept(&tree, &mesh, built.scale(), ray, options, query, |hit| self.keeps(hit))
+    }
+}
+
+impl BuiltGeometry {
+    /// Which hits with an instance count; `None` where all do.
+    pub fn kept<'a>(
+        &'a self,
+        geometry: GeometryId,
+        instance: InstanceId,
+        options: &SceneOptions<'a>,
+    ) -> Option<Kept<'a>> {
+        let (filter, opacity) = (options.filter, self.opacity.as_deref());
+        let all = filter.is_none() && opacity.is_none();
+        (!all).then_some(Kept { filter, opacity, geometry, instance })
     }
 }

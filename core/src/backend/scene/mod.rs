@@ -14,6 +14,7 @@ mod filtered;
 mod host;
 mod locate;
 mod near_shapes;
+mod nearness;
 pub mod packed;
 mod shapes;
 mod single;

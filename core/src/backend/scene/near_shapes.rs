@@ -9,29 +9,22 @@
 //! image of the object's surface is within `2^-16 s e` of the surface in the world, `e` the extent of the geometry. So what is
 //! farther from the point, as the object sees it, than (the best distance + `off` + the slack + `2^-16 s e`) / `s (1 - 2^-16)` is no better.
 
-use core::sync::atomic::AtomicU8;
 use core::sync::atomic::Ordering::Relaxed;
 
 use super::built::BuiltScene;
 use super::closest_point::{Near, SceneClosestPoint, in_other_space};
+use super::nearness::{DEFINED, Nearness, PARTLY, UNKNOWN};
 use super::shapes::{axis_of, dot, minus, nearest_of_segment};
 use crate::aabb::sqrt;
 use crate::error::QueryError;
+use crate::scene::ShapeTree;
 use crate::scene::Transform;
-use crate::scene::shape::{ShapeTree, Shapes};
+use crate::scene::shape::Shapes;
 
 /// By how much columns may differ from even ones, as a part of their square: 2^-18.
 const UNEVEN_MOST: f64 = 1.0 / (1u64 << 18) as f64;
 /// What follows for distances: 2^-16.
 const STRETCH_ERROR: f64 = 1.0 / (1u64 << 16) as f64;
-
-/// Whether closest points are defined for all shapes of a scene: found out when somebody asks.
-#[derive(Debug, Default)]
-pub(super) struct Nearness(AtomicU8);
-
-const UNKNOWN: u8 = 0;
-const DEFINED: u8 = 1;
-const PARTLY: u8 = 2;
 
 /// The factor of a transform that turns, moves and scales evenly.
 pub(super) fn even_scale(transform: &Transform) -> Option<f64> {

@@ -13,7 +13,8 @@ use crate::query::inside::{LocateOptions, Located, check_points, no_windings};
 use crate::query::traverse::Query;
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BuildSummary, QueryReport};
-use crate::scene::shape::{Capsule, ShapeTree, Shapes, Sphere};
+use crate::scene::ShapeTree;
+use crate::scene::shape::{Capsule, Shapes, Sphere};
 use crate::tree::KdTree;
 use crate::tree::node::KdNode;
 

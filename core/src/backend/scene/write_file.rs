@@ -5,10 +5,11 @@ use thiserror::Error;
 
 use super::built::BuiltScene;
 use crate::error::BuildError;
+use crate::scene::ShapeTree;
 use crate::scene::file::{
     CHECKSUM, GEOMETRY, HEAD, INDEXED, INSTANCE, MAGIC, SOUP, VERSION, checksum,
 };
-use crate::scene::shape::{ShapeTree, Shapes};
+use crate::scene::shape::Shapes;
 use crate::scene::{GeometryId, Instance, InstanceId, OpacityMask};
 use crate::tree::file;
 

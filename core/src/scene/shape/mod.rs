@@ -11,11 +11,9 @@ mod capsule;
 mod ray;
 mod set;
 mod sphere;
-mod tree;
 
 pub use ray::{ShapeRay, Span};
 pub use set::{Capsule, OwnShape, ShapeHit, Shapes, Sphere};
-pub use tree::ShapeTree;
 
 /// How far the ray's own point at the `t` of a hit may be from the box of the primitive: this part of (the greatest component of the
 /// ray's origin, and of the box, and its greatest extent). 2^-16. Sets of the user's own keep it too.

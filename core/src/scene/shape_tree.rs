@@ -3,9 +3,7 @@
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-use super::SHAPE_SLACK;
-use super::ray::ShapeRay;
-use super::set::Shapes;
+use super::shape::{SHAPE_SLACK, ShapeRay, Shapes};
 use crate::aabb::Aabb;
 use crate::arithmetic::Strict;
 use crate::error::BuildError;
