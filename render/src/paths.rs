@@ -111,7 +111,8 @@ pub(crate) fn connect(
     let other = if last || drawn.density <= 0.0 { 0.0 } else { density * drawn.unit };
     let sent = scaled(sent, share(drawn.density, other));
     let light = mul(mul(path.weight, sent), drawn.light);
-    if !(greatest(light) > 0.0) {
+    let most = greatest(light);
+    if most.is_nan() || most <= 0.0 {
         return None;
     }
     let above = dot(surface.geometric_normal, drawn.direction) > 0.0;
@@ -216,7 +217,7 @@ pub(crate) fn scatter(
 /// What a path weighs that chance lets go on: those that do carry the light of those that do not.
 fn survivors(weight: Vector, wave: u32, chance: f32) -> Option<Vector> {
     let most = greatest(weight);
-    if !(most > 0.0 && most.is_finite()) {
+    if most <= 0.0 || !most.is_finite() {
         return None;
     }
     if wave < SURE_BOUNCES || most >= 1.0 {

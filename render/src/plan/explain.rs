@@ -58,7 +58,7 @@ impl Plan {
         match (needs.mirrors || needs.dielectrics, self.settings.depth) {
             (false, 1..) if !self.is_direct() => {}
             (false, _) if self.is_direct() => {
-                reasons.push("further waves: nothing mirrors or refracts")
+                reasons.push("further waves: nothing mirrors or refracts");
             }
             (_, 0) => reasons.push("further waves: the depth is 0"),
             _ if !needs.dielectrics => reasons.push("refraction: nothing is clear"),
