@@ -270,6 +270,7 @@ impl Look {
             headlight: self.headlight(placed.by_rule),
             exposure: self.exposure,
             environment: self.environment,
+            ..RenderSettings::default()
         };
         settings.validate().map_err(|error| Failure::usage(error.to_string()))?;
         Ok(settings)

@@ -26,6 +26,12 @@ pub enum RenderError {
          backend cpu, or another accuracy"
     )]
     ExactOnDevice,
+    /// A frame whose light is followed beyond direct light, or of several passes, on a device: the CPU alone renders those.
+    #[cfg(feature = "wgpu")]
+    #[error(
+        "a device renders direct light in one pass only; take backend cpu for light by paths and for more passes"
+    )]
+    LightOnDevice,
     /// The buffer for the picture is unsuitable.
     #[cfg(feature = "wgpu")]
     #[error("the buffer for the picture {reason}")]

@@ -12,8 +12,13 @@ pub struct Path {
     pub pixel: u32,
     /// Which sample of the pixel it belongs to.
     pub sequence: u32,
+    /// Probability density by solid angle with which its direction was chosen, where light is followed beyond
+    /// direct light; 0 where the direction could be no other, and from the camera.
+    pub density: f32,
+    /// The density with which a sample of the environment would have chosen that direction.
+    pub sky_density: f32,
     /// Not used.
-    pub padding: [u32; 3],
+    pub padding: u32,
 }
 
 /// The surface at the point that a path's ray met. 80 bytes.
@@ -35,12 +40,13 @@ pub struct Surface {
     /// Part of the light that is scattered evenly. Of a dielectric: Fresnel reflectance, cosine of
     /// the refracted ray, and index on the ray's side over index behind.
     pub scattering: [f32; 3],
-    /// [`Surface::REFLECTS`], [`Surface::REFRACTS`], [`Surface::UNFINISHED`].
+    /// [`Surface::REFLECTS`] and the others.
     pub flags: u32,
     /// Light that comes from here without further rays, times the path's weight.
     pub light: [f32; 3],
-    /// Not used.
-    pub padding: u32,
+    /// Direction towards where the path came from, in two halves of 16 bits; only where light is followed beyond
+    /// direct light.
+    pub incoming: u32,
 }
 
 impl Surface {
@@ -198,8 +204,14 @@ pub struct Frame {
     pub ignore: u32,
     /// Where the corners of the triangles stand that one binding does not hold. Read by devices.
     pub tail_at: u32,
+    /// How light travels: [`LightTransport`](crate::LightTransport) as a number.
+    pub transport: u32,
+    /// The first sample of a pixel in this pass.
+    pub first_sequence: u32,
+    /// Samples of the environment for every surface point: 0 or 1.
+    pub sky_samples: u32,
     /// Not used: fills 256 bytes.
-    pub padding: [u32; 13],
+    pub padding: [u32; 10],
 }
 
 const _: () = assert!(size_of::<Path>() == 32 && size_of::<Surface>() == 80);

@@ -11,6 +11,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 #![cfg_attr(not(feature = "cpu"), allow(dead_code, reason = "the shading of the CPU's kernels"))]
 
+mod bsdf;
 mod camera;
 #[cfg(feature = "cpu")]
 pub mod cpu;
@@ -23,6 +24,8 @@ pub mod layout;
 mod light;
 mod lighting;
 mod material;
+mod microfacet;
+mod paths;
 #[cfg(feature = "picture")]
 pub mod picture;
 mod plan;
@@ -38,6 +41,7 @@ mod tone;
 #[cfg(any(feature = "cpu", feature = "wgpu"))]
 pub mod tracer;
 mod vector;
+mod warp;
 #[cfg(feature = "wgpu")]
 pub mod wgpu;
 mod world;
@@ -52,7 +56,7 @@ pub use plan::{Outputs, Plan, PlanError, Room};
 pub use scene_data::instances;
 pub use scene_data::{Appearance, AppearanceError, Needs, SceneData};
 pub use settings::{
-    MAX_DEPTH, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS, MAX_SIDE, RenderSettings, SettingsError,
-    Size, SizeError,
+    LightTransport, MAX_BOUNCES, MAX_DEPTH, MAX_PASSES, MAX_PIXELS, MAX_SAMPLES, MAX_SHADOW_RAYS,
+    MAX_SIDE, RenderSettings, SettingsError, Size, SizeError,
 };
 pub use texture::Texture;

@@ -15,18 +15,20 @@ use splitplane_core::ray::Ray;
 const ONE_OVER_PI: f32 = core::f32::consts::FRAC_1_PI;
 
 /// A point of a triangle that shines.
-struct AreaSample {
+pub(crate) struct AreaSample {
     /// The point.
-    point: Vector,
+    pub(crate) point: Vector,
     /// Unit normal of the triangle.
-    normal: Vector,
+    pub(crate) normal: Vector,
     /// Half the cross product's length: the area times 4^power.
-    scaled_area: f32,
-    power: i32,
+    pub(crate) scaled_area: f32,
+    pub(crate) power: i32,
     /// How far off the triangle a ray must end, so that it does not meet it.
-    offset: f32,
+    pub(crate) offset: f32,
     /// Radiance over the probability of the triangle.
-    radiance: Vector,
+    pub(crate) radiance: Vector,
+    /// That probability.
+    pub(crate) probability: f32,
 }
 
 /// Light samples of a surface.
@@ -44,11 +46,20 @@ fn area_sample(
     let frame = scene.frame;
     let index = path.sequence * frame.area_samples + (sample - frame.lights);
     let [x, y, z] = light_sample(path.pixel, wave, frame.seed, index);
-    let emitter = scene.emitter(z);
+    shining_point(scene, world, [unit(x), unit(y)], z)
+}
+
+/// A point of the triangle that shines whose share holds the word, evenly over the triangle.
+pub(crate) fn shining_point(
+    scene: &SceneWords<'_>,
+    world: impl World,
+    [mut u, mut v]: [f32; 2],
+    word: u32,
+) -> AreaSample {
+    let emitter = scene.emitter(word);
     let at = Spot { triangle: emitter.triangle, instance: emitter.instance };
     let (corners, plane) = world.plane(at);
     // Evenly over the parallelogram, its far half folded back.
-    let (mut u, mut v) = (unit(x), unit(y));
     if u + v > 1.0 {
         (u, v) = (1.0 - u, 1.0 - v);
     }
@@ -60,7 +71,15 @@ fn area_sample(
         power: plane.power,
         offset: plane.offset,
         radiance: scaled(material.emission, 1.0 / emitter.probability),
+        probability: emitter.probability,
     }
+}
+
+/// The solid angle of a triangle that shines, seen from `towards` away along the unit `direction`: area times cosine over squared
+/// distance, the power of two taken to the distance first.
+pub(crate) fn solid_angle((scaled_area, power): (f32, i32), distance: f32, cosine: f32) -> f32 {
+    let inverse = 1.0 / (distance * power_of_two(power));
+    ((scaled_area * inverse) * inverse) * cosine
 }
 
 /// The light samples on the surface's side: those worth a shadow ray.

@@ -17,6 +17,9 @@ pub struct Material {
     /// What lies behind the surface when it is the boundary of a clear body. Such a surface
     /// reflects and refracts by Fresnel's equations; `diffuse` and `mirror` are not used.
     pub dielectric: Option<Dielectric>,
+    /// How rough a mirror or a clear body is, 0 to 1: slopes are distributed by GGX with the width `roughness^2`. With 0 it is
+    /// perfectly smooth, and so it is in pictures of direct light, whatever this says.
+    pub roughness: f32,
     /// Radiance that the surface sends out on both of its sides; black for one that does not shine.
     pub emission: [f32; 3],
     /// The texture that `diffuse` is multiplied by, as an index of the scene's textures.
@@ -52,6 +55,7 @@ impl Material {
             diffuse: fractions(diffuse),
             mirror: [0.0; 3],
             dielectric: None,
+            roughness: 0.0,
             emission: [0.0; 3],
             texture: None,
         }
@@ -76,6 +80,13 @@ impl Material {
         let refractive_index =
             if refractive_index.is_nan() { 1.0 } else { refractive_index.clamp(least, most) };
         self.dielectric = Some(Dielectric { refractive_index, tint: fractions(tint) });
+        self
+    }
+
+    /// The same material with a rough mirror or as a rough clear body. Numbers outside 0 to 1 are clamped, NaN becomes 0.
+    #[must_use]
+    pub fn with_roughness(mut self, roughness: f32) -> Material {
+        [self.roughness, ..] = fractions([roughness; 3]);
         self
     }
 

@@ -6,7 +6,7 @@ use crate::Pinhole;
 use crate::kernel::{Buffer, DEFERRED_HEAD, Kernel, UNDECIDED_WORDS};
 use crate::layout::Frame;
 use crate::scene_data::{NONE, Needs, SceneData};
-use crate::settings::{MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
+use crate::settings::{LightTransport, MAX_SHADOW_RAYS, RenderSettings, SettingsError, Size};
 use splitplane_core::ray::{Culling, QueryOptions};
 use thiserror::Error;
 
@@ -126,7 +126,7 @@ impl Plan {
             shadow_room: 1,
             undecided: room.undecided,
         };
-        let shadow_rays = u64::from(needs.lights) + u64::from(plan.area_samples());
+        let shadow_rays = plan.light_samples();
         if shadow_rays > u64::from(MAX_SHADOW_RAYS) {
             return Err(PlanError::TooManyLights { rays: shadow_rays });
         }
@@ -221,13 +221,13 @@ impl Plan {
 
     /// Whether paths continue from surfaces.
     pub fn recursive(&self) -> bool {
-        let bounces = self.needs.mirrors || self.needs.dielectrics;
+        let bounces = self.needs.mirrors || self.needs.dielectrics || !self.is_direct();
         self.outputs.shades() && bounces && self.settings.depth > 0
     }
 
     /// Whether a path may become two.
     fn branches(&self) -> bool {
-        self.recursive() && self.needs.dielectrics
+        self.recursive() && self.needs.dielectrics && self.is_direct()
     }
 
     /// Whether surfaces ask for rays.
@@ -240,15 +240,46 @@ impl Plan {
         if self.needs.emitters > 0 { self.settings.area_samples } else { 0 }
     }
 
+    /// Whether light is not followed beyond direct light.
+    pub fn is_direct(&self) -> bool {
+        self.settings.light == LightTransport::Direct
+    }
+
+    /// Samples of the environment for a surface point: 1 where light is followed beyond direct light and the environment shines.
+    pub fn sky_samples(&self) -> u32 {
+        let environment = &self.settings.environment;
+        let parts = [environment.zenith, environment.horizon, environment.nadir];
+        let shines = parts.as_flattened().iter().any(|part| *part > 0.0);
+        u32::from(shines && !self.is_direct())
+    }
+
+    /// Samples of lights for a surface point.
+    pub(crate) fn light_samples(&self) -> u64 {
+        u64::from(self.needs.lights)
+            + u64::from(self.area_samples())
+            + u64::from(self.sky_samples())
+    }
+
     /// Whether there are lights, and surfaces that they light.
     pub fn casts_shadows(&self) -> bool {
-        let sources = self.needs.lights + self.area_samples();
-        self.outputs.shades() && self.needs.diffuse && sources > 0
+        let lit = self.needs.diffuse || (self.needs.rough && !self.is_direct());
+        self.outputs.shades() && lit && self.light_samples() > 0
+    }
+
+    /// The same plan for a pass after the first: it records nothing of the first rays.
+    #[must_use]
+    pub(crate) fn repeated(&self) -> Plan {
+        let outputs = Outputs { first_hits: false, first_costs: false, ..self.outputs };
+        Plan { outputs, ..*self }
     }
 
     /// The kernel that follows shadow rays.
     pub fn shadow_kernel(&self) -> Kernel {
-        if self.needs.dielectrics { Kernel::ShadowHitsThroughGlass } else { Kernel::ShadowHits }
+        if self.needs.dielectrics && self.is_direct() {
+            Kernel::ShadowHitsThroughGlass
+        } else {
+            Kernel::ShadowHits
+        }
     }
 
     /// The kernels of the frame, in the order of their first dispatch.
@@ -333,7 +364,9 @@ impl Plan {
             ambient: settings.ambient,
             headlight: settings.headlight,
             exposure: settings.exposure,
-            sample_weight: 1.0 / settings.samples as f32,
+            sample_weight: 1.0 / (settings.samples as f32 * settings.passes as f32),
+            transport: settings.light as u32,
+            sky_samples: self.sky_samples(),
             slice_pixels: self.slice_pixels,
             path_room: self.path_room,
             shadow_room: self.shadow_room,

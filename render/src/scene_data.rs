@@ -4,7 +4,7 @@
 //!
 //! | section | words an element | what they are |
 //! |---|---:|---|
-//! | materials | 16 | kind, texture or [`NONE`], refractive index, 1 when it scatters evenly; diffuse; mirror or tint; emission, each with a word to spare |
+//! | materials | 16 | kind, texture or [`NONE`], refractive index, 1 when it scatters evenly; diffuse; mirror or tint; emission, each with one more word: the second has the width of GGX, the others are not used |
 //! | lights | 8 | kind; position or direction; irradiance; its distance |
 //! | emitters | 4 | triangle; probability of this one and all before, as a part of 2^32; its own probability; its instance, 0 in one mesh |
 //! | textures | 4 | first texel from the start of the texels; width; height; not used |
@@ -233,6 +233,7 @@ impl SceneData {
             diffuse: used(Material::is_diffuse),
             mirrors: used(Material::is_mirror),
             dielectrics: used(|m| m.dielectric.is_some()),
+            rough: used(|m| m.roughness > 0.0 && (m.is_mirror() || m.dielectric.is_some())),
             textures,
             smooth_normals: smooth,
             lights: appearance.lights.len() as u32,
@@ -326,9 +327,10 @@ impl SceneData {
         };
         let diffuse = if kind == OPAQUE { material.diffuse } else { [0.0; 3] };
         self.words.extend([kind, texture, index.to_bits(), u32::from(material.is_diffuse())]);
-        for colour in [diffuse, second, material.emission] {
+        let alpha = material.roughness * material.roughness;
+        for (colour, more) in [(diffuse, 0.0), (second, alpha), (material.emission, 0.0)] {
             self.floats(colour);
-            self.words.push(0);
+            self.floats([more]);
         }
     }
 

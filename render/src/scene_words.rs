@@ -22,6 +22,15 @@ pub(crate) struct MaterialWords {
     pub(crate) emission: Vector,
 }
 
+/// What a material does with light that comes from anywhere.
+pub(crate) struct ScatteringWords {
+    pub(crate) kind: u32,
+    /// Reflectance of a mirror, or tint of a dielectric.
+    pub(crate) second: Vector,
+    /// The width of its distribution of slopes.
+    pub(crate) alpha: f32,
+}
+
 /// A light without a size.
 pub(crate) struct LightWords {
     pub(crate) kind: u32,
@@ -68,6 +77,15 @@ impl SceneWords<'_> {
         }
     }
 
+    pub(crate) fn scattering(&self, material: u32) -> ScatteringWords {
+        let at = MATERIAL_WORDS * material;
+        ScatteringWords {
+            kind: self.word(at),
+            second: self.vector(at + 8),
+            alpha: self.float(at + 11),
+        }
+    }
+
     /// Reflectance of a mirror, or tint of a dielectric.
     pub(crate) fn second_colour(&self, material: u32) -> Vector {
         self.vector(MATERIAL_WORDS * material + 8)
@@ -104,6 +122,29 @@ impl SceneWords<'_> {
             triangle: self.word(at),
             probability: self.float(at + 2),
             instance: self.word(at + 3),
+        }
+    }
+
+    /// The probability of a triangle that shines among all; 0 for one that does not.
+    pub(crate) fn emitter_probability(&self, triangle: u32, instance: u32) -> f32 {
+        // They stand in the order of instances and triangles.
+        let place = |index: u32| {
+            let at = self.frame.emitters_at + EMITTER_WORDS * index;
+            (self.word(at + 3), self.word(at))
+        };
+        let (mut low, mut high) = (0, self.frame.emitters);
+        while low < high {
+            let middle = (low + high) / 2;
+            if place(middle) < (instance, triangle) {
+                low = middle + 1;
+            } else {
+                high = middle;
+            }
+        }
+        if low < self.frame.emitters && place(low) == (instance, triangle) {
+            self.float(self.frame.emitters_at + EMITTER_WORDS * low + 2)
+        } else {
+            0.0
         }
     }
 

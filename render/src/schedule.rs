@@ -15,6 +15,15 @@ use splitplane_core::build::schedule::Executor;
 /// # Errors
 /// The executor's.
 pub fn frame<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<(), E::Error> {
+    pass(executor, plan)?;
+    finish(executor, plan)
+}
+
+/// One pass of a frame that has several: its light is added to [`Buffer::Radiance`]. Counters are as for [`frame`], but for the sums.
+///
+/// # Errors
+/// The executor's.
+pub fn pass<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<(), E::Error> {
     let mut slice = 0;
     while executor.pending(Counter::PixelsLeft, slice)? {
         executor.dispatch(Kernel::BeginSlice)?;
@@ -22,6 +31,14 @@ pub fn frame<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<()
         waves(executor, plan)?;
         slice += 1;
     }
+    Ok(())
+}
+
+/// What is left to do after the last pass.
+///
+/// # Errors
+/// The executor's.
+pub fn finish<E: Executor<RayTracer>>(executor: &mut E, plan: &Plan) -> Result<(), E::Error> {
     if plan.outputs().pixels {
         executor.dispatch(Kernel::Resolve)?;
     }

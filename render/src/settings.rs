@@ -14,6 +14,24 @@ pub const MAX_DEPTH: u32 = 16;
 /// Most lights that a surface samples: those without a size, and samples of surfaces that shine.
 pub const MAX_SHADOW_RAYS: u32 = 32;
 
+/// Greatest number of bounces of a path where light is followed beyond direct light.
+pub const MAX_BOUNCES: u32 = 64;
+/// Most passes of a picture.
+pub const MAX_PASSES: u32 = 1 << 16;
+/// How light travels from its sources to the eye.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+#[repr(u32)]
+pub enum LightTransport {
+    /// Straight from lights to surfaces, and from there through mirrors and glass. Instead of light that comes by way of other
+    /// surfaces there is [`RenderSettings::ambient`].
+    #[default]
+    Direct = 0,
+    /// By any way, traced from the eye: path tracing (Kajiya 1986). What light without a size does behind glass is missing, since no
+    /// path meets it by chance.
+    Paths = 1,
+}
+
 /// Width and height of a picture in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
@@ -72,9 +90,11 @@ pub struct RenderSettings {
     /// Camera rays per pixel, 1 to [`MAX_SAMPLES`]. The first goes through the pixel's centre, the
     /// others fill the pixel evenly (Roberts 2018, the sequence R2).
     pub samples: u32,
-    /// Greatest number of reflections and refractions along a path, 0 to [`MAX_DEPTH`].
+    /// Greatest number of reflections and refractions along a path, 0 to [`MAX_DEPTH`]; of all bounces, 0 to [`MAX_BOUNCES`], where
+    /// light is followed beyond direct light.
     pub depth: u32,
-    /// A path ends when no colour channel of its weight reaches this, 0 to 1.
+    /// A path ends when no colour channel of its weight reaches this, 0 to 1. Direct light only: else chance ends paths, and
+    /// nothing is lost.
     pub minimum_weight: f32,
     /// Samples of the surfaces that shine, for every surface point, 0 to 8. With 0 such surfaces are
     /// seen but light nothing.
@@ -91,6 +111,10 @@ pub struct RenderSettings {
     pub exposure: f32,
     /// Light from everywhere, and the backdrop.
     pub environment: Environment,
+    /// How light travels. Beyond direct light `ambient` and `headlight` are not used.
+    pub light: LightTransport,
+    /// How often the picture is made, each time by other samples, 1 to [`MAX_PASSES`]; it is the mean.
+    pub passes: u32,
 }
 
 impl Default for RenderSettings {
@@ -105,6 +129,8 @@ impl Default for RenderSettings {
             headlight: 0.0,
             exposure: 1.0,
             environment: Environment::SKY,
+            light: LightTransport::Direct,
+            passes: 1,
         }
     }
 }
@@ -139,12 +165,20 @@ impl RenderSettings {
             value => Err(SettingsError { name, value: f64::from(value), range }),
         };
         within("samples", self.samples as f32, 1.0, MAX_SAMPLES as f32, "1 to 64")?;
-        within("depth", self.depth as f32, 0.0, MAX_DEPTH as f32, "0 to 16")?;
+        let direct = self.light == LightTransport::Direct;
+        let (most, range) = if direct { (MAX_DEPTH, "0 to 16") } else { (MAX_BOUNCES, "0 to 64") };
+        within("depth", self.depth as f32, 0.0, most as f32, range)?;
         within("minimum weight", self.minimum_weight, 0.0, 1.0, "0 to 1")?;
         within("area samples", self.area_samples as f32, 0.0, 8.0, "0 to 8")?;
         within("ambient", self.ambient, 0.0, 1.0, "0 to 1")?;
         within("headlight", self.headlight, 0.0, 1e12, "0 to 1e12")?;
         within("exposure", self.exposure, 1e-12, 1e12, "1e-12 to 1e12")?;
+        let whole = |name, value: u32, least: u32, most: u32, range| {
+            let value = f64::from(value);
+            let fits = (f64::from(least)..=f64::from(most)).contains(&value);
+            if fits { Ok(()) } else { Err(SettingsError { name, value, range }) }
+        };
+        whole("passes", self.passes, 1, MAX_PASSES, "1 to 65536")?;
         let environment = &self.environment;
         for part in [environment.zenith, environment.horizon, environment.nadir].as_flattened() {
             within("environment", *part, 0.0, 1e12, "0 to 1e12")?;

@@ -6,7 +6,7 @@ use crate::environment;
 use crate::fresnel::{incidence, part, reflected, refracted};
 use crate::layout::{Frame, Path, Surface};
 use crate::lighting::may_be_lit;
-use crate::plane::start;
+use crate::plane::{Plane, start};
 use crate::scene_data::DIELECTRIC;
 use crate::scene_words::{MaterialWords, SceneWords, weighted};
 use crate::vector::{Vector, add, dot, greatest, mul, negated, normalized, scaled};
@@ -22,19 +22,28 @@ pub(crate) fn after(t: f32) -> f32 {
     f32::from_bits(t.to_bits() + 1)
 }
 
-/// The point that a path's ray met, and what follows from it.
-pub(crate) fn shade(
+/// Where a ray met a triangle.
+pub(crate) struct Met {
+    /// Point, normals, offset and material.
+    pub(crate) surface: Surface,
+    pub(crate) at: Spot,
+    /// The number by which the appearance knows the triangle.
+    pub(crate) described: u32,
+    /// Of its corners.
+    pub(crate) weights: [f32; 3],
+    /// Whether the ray met the front, which is the outside of a body.
+    pub(crate) from_front: bool,
+    /// Its plane.
+    pub(crate) plane: Plane,
+}
+
+/// The point that a ray met; `hit` is one.
+pub(crate) fn meet(
     scene: &SceneWords<'_>,
     world: impl World,
-    (ray, path): (&Ray, &Path),
+    ray: &Ray,
     (hit, instance): (&Hit, u32),
-    wave: u32,
-) -> Surface {
-    let frame = scene.frame;
-    if !hit.is_hit() {
-        let light = mul(path.weight, environment::radiance(frame, ray.direction));
-        return Surface { light, ..Surface::default() };
-    }
+) -> Met {
     let at = Spot { triangle: hit.triangle, instance };
     let (corners, plane) = world.plane(at);
     let weights = [(1.0 - hit.u) - hit.v, hit.u, hit.v];
@@ -49,16 +58,12 @@ pub(crate) fn shade(
     } else if !facing {
         geometric_normal = negated(geometric_normal);
     }
-    // A reflected body keeps its inside.
-    let from_front = facing != world.mirrored(instance);
     let described = world.described(at);
-    let index = world.material(scene, at);
-    let material = scene.material(index);
-    let mut surface = Surface {
+    let surface = Surface {
         point,
         offset: plane.offset,
         geometric_normal,
-        material: index,
+        material: world.material(scene, at),
         normal: smooth_normal(
             scene,
             described,
@@ -69,6 +74,27 @@ pub(crate) fn shade(
         ),
         ..Surface::default()
     };
+    // A reflected body keeps its inside.
+    let from_front = facing != world.mirrored(instance);
+    Met { surface, at, described, weights, from_front, plane }
+}
+
+/// The point that a path's ray met, and what follows from it.
+pub(crate) fn shade(
+    scene: &SceneWords<'_>,
+    world: impl World,
+    (ray, path): (&Ray, &Path),
+    (hit, instance): (&Hit, u32),
+    wave: u32,
+) -> Surface {
+    let frame = scene.frame;
+    if !hit.is_hit() {
+        let light = mul(path.weight, environment::radiance(frame, ray.direction));
+        return Surface { light, ..Surface::default() };
+    }
+    let Met { mut surface, described, weights, from_front, .. } =
+        meet(scene, world, ray, (hit, instance));
+    let material = scene.material(surface.material);
     let last = wave >= frame.depth;
     if material.kind == DIELECTRIC {
         shade_dielectric(&mut surface, frame, &material, ray.direction, path, from_front, last);

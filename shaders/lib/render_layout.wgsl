@@ -39,16 +39,22 @@ struct Frame {
     culling: u32,
     ignore: u32,
     tail_at: u32,
+    transport: u32,
+    first_sequence: u32,
+    sky_samples: u32,
     // Arrays of a uniform have elements of 16 bytes.
     padding_0: u32,
-    padding_1: array<vec4<u32>, 3>,
+    padding_1: u32,
+    padding_2: array<vec4<u32>, 2>,
 }
 
 struct Path {
     weight: vec3<f32>,
     pixel: u32,
     sequence: u32,
-    padding: array<u32, 3>,
+    density: f32,
+    sky_density: f32,
+    padding: u32,
 }
 
 struct Surface {
@@ -61,7 +67,7 @@ struct Surface {
     scattering: vec3<f32>,
     flags: u32,
     light: vec3<f32>,
-    padding: u32,
+    incoming: u32,
 }
 
 const SURFACE_REFLECTS: u32 = 1u;

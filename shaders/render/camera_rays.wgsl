@@ -36,7 +36,7 @@ fn main(
             let direction = camera_direction(pixel, sequence);
             rays[2u * index] = vec4<u32>(bitcast<vec3<u32>>(frame.eye), 0u);
             rays[2u * index + 1u] = vec4<u32>(bitcast<vec3<u32>>(direction), INFINITY_BITS);
-            paths[index] = Path(vec3<f32>(1.0), pixel, sequence, array<u32, 3>());
+            paths[index] = Path(vec3<f32>(1.0), pixel, sequence, 0.0, 0.0, 0u);
         }
     }
 }

@@ -20,7 +20,7 @@ fn put(place: u32, bounce: Bounce, path: Path) {
     if place < counters[COUNTER_NEXT_PATHS] {
         next_rays[2u * place] = vec4<u32>(bitcast<vec3<u32>>(bounce.origin), 0u);
         next_rays[2u * place + 1u] = vec4<u32>(bitcast<vec3<u32>>(bounce.direction), INFINITY_BITS);
-        next_paths[place] = Path(bounce.weight, path.pixel, path.sequence, array<u32, 3>());
+        next_paths[place] = Path(bounce.weight, path.pixel, path.sequence, 0.0, 0.0, 0u);
     }
 }
 

@@ -87,6 +87,16 @@ impl<'a> CpuExecutor<'a> {
         Ok(CpuExecutor { input, traced, plan, frame, buffers, scale: None, tracing })
     }
 
+    /// Begins another pass of the frame, over other samples of each pixel. The sums of counters go on.
+    pub(super) fn begin_pass(&mut self, pass: u32) {
+        if pass > 0 {
+            self.plan = self.plan.repeated();
+        }
+        self.frame.first_sequence = pass * self.frame.samples;
+        let counters = &mut self.buffers.counters;
+        counters[Counter::PixelsLeft] = counters[Counter::Pixels];
+    }
+
     /// The current counters.
     pub fn counters(&self) -> &Counters {
         &self.buffers.counters
@@ -201,6 +211,7 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
             Kernel::NextPaths => {
                 let input = k::next_paths::Input {
                     scene,
+                    wave,
                     rays: &b.rays[..paths],
                     paths: &b.paths[..paths],
                     surfaces: &b.surfaces[..paths],

@@ -80,7 +80,11 @@ impl CpuRenderer {
         let mut plan = Plan::new(scene, size, settings, outputs, self.room)?;
         loop {
             let mut executor = CpuExecutor::of(*input, traced, plan, &mut self.buffers)?;
-            schedule::frame(&mut executor, &plan)?;
+            for pass in 0..settings.passes {
+                executor.begin_pass(pass);
+                schedule::pass(&mut executor, &if pass == 0 { plan } else { plan.repeated() })?;
+            }
+            schedule::finish(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());
             if counters[Counter::Overflow] == 0 {
                 return Ok(FrameStats::new(plan, &counters, Some(tracing)));

@@ -50,21 +50,23 @@ impl Plan {
     /// What does not run, and why.
     fn left_out(&self) -> Vec<&'static str> {
         let needs = &self.needs;
-        let sources = needs.lights + self.area_samples();
         let mut reasons = Vec::new();
         if !self.outputs.shades() {
             reasons.push("light: no picture is wanted");
             return reasons;
         }
         match (needs.mirrors || needs.dielectrics, self.settings.depth) {
-            (false, _) => reasons.push("further waves: nothing mirrors or refracts"),
-            (true, 0) => reasons.push("further waves: the depth is 0"),
+            (false, 1..) if !self.is_direct() => {}
+            (false, _) if self.is_direct() => {
+                reasons.push("further waves: nothing mirrors or refracts");
+            }
+            (_, 0) => reasons.push("further waves: the depth is 0"),
             _ if !needs.dielectrics => reasons.push("refraction: nothing is clear"),
             _ => {}
         }
-        if sources == 0 {
+        if self.light_samples() == 0 {
             reasons.push("shadow rays: there are no lights");
-        } else if !needs.diffuse {
+        } else if !self.casts_shadows() {
             reasons.push("shadow rays: no surface scatters light");
         }
         if needs.emitters == 0 {

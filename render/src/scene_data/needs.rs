@@ -9,6 +9,8 @@ pub struct Needs {
     pub mirrors: bool,
     /// Clear bodies.
     pub dielectrics: bool,
+    /// Rough mirrors or clear bodies.
+    pub rough: bool,
     /// Textures.
     pub textures: bool,
     /// Normals at the corners of triangles.

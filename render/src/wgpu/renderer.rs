@@ -138,7 +138,11 @@ impl WgpuRenderer {
     /// Settings out of range, too many lights, or a scene or picture that does not fit a buffer.
     pub fn plan(&self, input: &FrameInput<'_>) -> Result<Plan, RenderError> {
         let FrameInput { scene, size, settings, outputs, query, .. } = *input;
-        Ok(Plan::new(scene, size, settings, outputs, self.room(query.accuracy))?)
+        let plan = Plan::new(scene, size, settings, outputs, self.room(query.accuracy))?;
+        if !plan.is_direct() || settings.passes > 1 {
+            return Err(RenderError::LightOnDevice);
+        }
+        Ok(plan)
     }
 
     /// Renders a frame and waits for it. `tree` must be built over the mesh of `input`.

@@ -154,3 +154,74 @@ pub(crate) fn near(got: f32, expected: f64, part: f64) {
     let error = (f64::from(got) - expected).abs();
     assert!(error <= part * expected.abs().max(1e-9), "{got} in place of {expected}");
 }
+
+/// A ball around a point, tessellated: `inwards`, its fronts are seen from within.
+pub(crate) fn ball(world: &mut World, material: u32, centre: Point, radius: f32, inwards: bool) {
+    let (rows, columns) = (24, 48);
+    let at = |row: i32, column: i32| -> Point {
+        let up = std::f64::consts::PI * f64::from(row) / f64::from(rows);
+        let around = std::f64::consts::TAU * f64::from(column % columns) / f64::from(columns);
+        let (sin, r) = (up.sin(), f64::from(radius));
+        let unit = [sin * around.cos(), up.cos(), sin * around.sin()];
+        std::array::from_fn(|k| (f64::from(centre[k]) + r * unit[k]) as f32)
+    };
+    for row in 0..rows {
+        for column in 0..columns {
+            let quad = [
+                at(row, column),
+                at(row, column + 1),
+                at(row + 1, column + 1),
+                at(row + 1, column),
+            ];
+            let [a, b, c, d] = if inwards { [quad[3], quad[2], quad[1], quad[0]] } else { quad };
+            let mut put = |triangle: [Point; 3]| {
+                if triangle[0] != triangle[1]
+                    && triangle[1] != triangle[2]
+                    && triangle[0] != triangle[2]
+                {
+                    world.triangles.push(triangle);
+                    world.material_of.push(material);
+                }
+            };
+            put([a, b, c]);
+            put([a, c, d]);
+        }
+    }
+}
+
+/// The mean radiance of the picture.
+pub(crate) fn mean(shot: &Shot) -> [f64; 3] {
+    let pixels = shot.renderer.radiance();
+    std::array::from_fn(|channel| {
+        pixels.iter().map(|pixel| f64::from(pixel[channel])).sum::<f64>() / pixels.len() as f64
+    })
+}
+
+/// A room of Cornell's kind, shone on by a square in its ceiling: white but for a red and a green wall, a block inside, open to
+/// the front where the camera stands.
+pub(crate) fn cornell() -> World {
+    let mut world = World {
+        materials: vec![
+            Material::new("white", [0.73, 0.71, 0.68]),
+            Material::new("red", [0.63, 0.065, 0.05]),
+            Material::new("green", [0.14, 0.45, 0.091]),
+            Material::new("lamp", [0.0; 3]).with_emission([12.0, 9.0, 6.0]),
+        ],
+        ..World::default()
+    };
+    let (l, h) = (-1.0, 1.0);
+    world.quad(0, [[l, l, h], [h, l, h], [h, l, l], [l, l, l]]);
+    world.quad(0, [[l, h, l], [h, h, l], [h, h, h], [l, h, h]]);
+    world.quad(0, [[l, l, l], [h, l, l], [h, h, l], [l, h, l]]);
+    world.quad(1, [[l, l, h], [l, l, l], [l, h, l], [l, h, h]]);
+    world.quad(2, [[h, l, l], [h, l, h], [h, h, h], [h, h, l]]);
+    let (s, y) = (0.3, 0.999);
+    world.quad(3, [[-s, y, -s], [s, y, -s], [s, y, s], [-s, y, s]]);
+    world.block(0, [-0.5, -0.999, -0.5], [0.1, -0.2, 0.1]);
+    world
+}
+
+/// The camera of [`cornell`].
+pub(crate) fn cornell_camera(size: Size) -> Pinhole {
+    along_z([0.0, 0.0, 3.7], size, 0.36)
+}

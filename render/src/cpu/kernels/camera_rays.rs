@@ -13,9 +13,9 @@ pub(crate) fn run(frame: &Frame, first_pixel: u32, rays: &mut [Ray], paths: &mut
             let index = (chunk * CHUNK + lane) as u32;
             let slice_pixel = index / frame.samples;
             let pixel = first_pixel + slice_pixel;
-            let sequence = index - slice_pixel * frame.samples;
+            let sequence = frame.first_sequence + (index - slice_pixel * frame.samples);
             *ray = camera_ray(frame, pixel, sequence);
-            *path = Path { weight: [1.0; 3], pixel, sequence, padding: [0; 3] };
+            *path = Path { weight: [1.0; 3], pixel, sequence, ..Path::default() };
         }
     });
 }

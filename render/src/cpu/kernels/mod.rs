@@ -14,5 +14,7 @@ pub(crate) mod shadow_hits;
 pub(crate) mod shadow_hits_through_glass;
 pub(crate) mod shadow_rays;
 
+/// Light is not followed beyond direct light.
+pub(crate) const DIRECT: u32 = crate::settings::LightTransport::Direct as u32;
 /// Paths of a chunk.
 pub(crate) const CHUNK: usize = crate::kernel::CHUNK as usize;

@@ -1,7 +1,8 @@
 //! Computes what every path's ray met, and which rays it asks for.
 
-use super::CHUNK;
+use super::{CHUNK, DIRECT};
 use crate::layout::{Path, Spawned, Surface};
+use crate::paths;
 use crate::scene_words::SceneWords;
 use crate::surface;
 use crate::world::World;
@@ -32,7 +33,11 @@ pub(crate) fn run<W: World>(
             let (ray, path, hit) = (&input.rays[i], &input.paths[i], &input.hits[i]);
             let instance = input.instances.get(i).copied().unwrap_or(0);
             let (met, wave) = ((hit, instance), input.wave);
-            *surface = surface::shade(&input.scene, input.world, (ray, path), met, wave);
+            *surface = if input.scene.frame.transport == DIRECT {
+                surface::shade(&input.scene, input.world, (ray, path), met, wave)
+            } else {
+                paths::shade(&input.scene, input.world, (ray, path), met, wave)
+            };
             sum.shadow_rays += surface.shadow_rays();
             sum.next_paths += surface.next_paths();
         }

@@ -1,11 +1,13 @@
 //! A ray towards every light that may light a surface, in the order of paths and lights.
 
-use super::CHUNK;
+use super::{CHUNK, DIRECT};
 use crate::cpu::scatter::by_chunk;
 use crate::layout::{Path, Spawned, Surface};
 use crate::lighting::shadow_ray;
+use crate::paths::connect;
 use crate::scene_words::SceneWords;
 use crate::world::World;
+use bytemuck::Zeroable;
 use splitplane_core::ray::Ray;
 
 pub(crate) struct Input<'a, W> {
@@ -30,8 +32,14 @@ pub(crate) fn run<W: World>(input: &Input<'_, W>, rays: &mut [Ray], lights: &mut
                 let sample = left.trailing_zeros();
                 left &= left - 1;
                 let Some((ray, light)) = out.next() else { return };
-                let (cast, [r, g, b]) =
-                    shadow_ray(&input.scene, input.world, surface, path, input.wave, sample);
+                let (scene, world, wave) = (&input.scene, input.world, input.wave);
+                let (cast, [r, g, b]) = if scene.frame.transport == DIRECT {
+                    shadow_ray(scene, world, surface, path, wave, sample)
+                } else {
+                    // Shade asked for those that bring light.
+                    connect(scene, world, surface, path, wave, sample)
+                        .unwrap_or((Ray::zeroed(), [0.0; 3]))
+                };
                 (*ray, *light) = (cast, [r, g, b, 0.0]);
             }
         }

@@ -15,9 +15,9 @@ use crate::source::Text;
 /// The records of the ray tracer.
 pub(crate) fn records() -> Vec<Record> {
     vec![
-        record!(Path { weight pixel sequence padding }),
+        record!(Path { weight pixel sequence density sky_density padding }),
         record!(Surface {
-            point offset geometric_normal material normal lights scattering flags light padding
+            point offset geometric_normal material normal lights scattering flags light incoming
         }),
         record!(Spawned { shadow_rays next_paths }),
         record!(FirstHit { normal depth triangle u v padding }),
@@ -28,7 +28,7 @@ pub(crate) fn records() -> Vec<Record> {
             nadir seed minimum_weight ambient headlight exposure sample_weight slice_pixels
             path_room shadow_room lights emitters materials triangles lights_at emitters_at
             textures_at srgb_at material_of_at normals_at texcoords_at texels_at culling ignore
-            tail_at padding
+            tail_at transport first_sequence sky_samples padding
         }),
     ]
 }
