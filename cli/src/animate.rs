@@ -8,7 +8,7 @@ use super::objects_report::{AnimatedObjects, ObjectTimes};
 use super::options::Common;
 use super::percentiles::Percentiles;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
-use super::stage::{Stage, open_backend};
+use super::stage::{Stage, open_for_pictures};
 use super::{output, progress};
 use clap::Args;
 use serde::Serialize;
@@ -181,7 +181,7 @@ impl Arguments {
         if InstancedScene::is_named_by(&self.scene) {
             return self.animate_objects(format);
         }
-        let opened = open_backend(common)?;
+        let opened = open_for_pictures(common, look)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let options = look.scene_options(common);
         let (mut scene, mut animation) =

@@ -4,13 +4,32 @@ use super::failure::Failure;
 use super::options::{Common, bytes, point, size};
 use clap::{Args, ValueEnum};
 use splitplane::Accelerator;
-use splitplane::render::{Environment, Light, RenderSettings, Size};
+use splitplane::render::{Environment, Light, LightTransport, RenderSettings, Size};
 use splitplane::scene::{
     Camera, InstancedScene, MaterialRule, Placement, Scene, SceneOptions, View,
 };
 
 /// [`SceneOptions::DECODE_LIMIT`] as users write it.
 pub(super) const MAX_TEXTURE: &str = "512M";
+
+/// Bounces of paths when nothing is said: light of all surfaces but the whitest is spent by then.
+const PATHS_DEPTH: u32 = 32;
+
+/// How light travels.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Transport {
+    Direct,
+    Paths,
+}
+
+impl From<Transport> for LightTransport {
+    fn from(transport: Transport) -> LightTransport {
+        match transport {
+            Transport::Direct => LightTransport::Direct,
+            Transport::Paths => LightTransport::Paths,
+        }
+    }
+}
 
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Picture")]
@@ -22,9 +41,18 @@ pub(super) struct Look {
     /// 1 in animations
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
-    /// Most reflections and refractions along a path, 0 to 16
-    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().depth)]
-    pub(super) depth: u32,
+    /// How light travels: straight from lights, and through mirrors and glass; or by any way, which is path
+    /// tracing, on the CPU only
+    #[arg(long, value_enum, default_value_t = Transport::Direct)]
+    transport: Transport,
+    /// How often the picture is made, each time by other samples, 1 to 65536; it is the mean. More than 1 on
+    /// the CPU only
+    #[arg(long, value_name = "N", default_value_t = RenderSettings::default().passes)]
+    passes: u32,
+    /// Most reflections and refractions along a path, 0 to 16; with `--transport paths` of all bounces, 0 to
+    /// 64; 6 and 32 when left out
+    #[arg(long, value_name = "N")]
+    depth: Option<u32>,
     /// A path ends when less than this part of its light reaches the eye, 0 to 1
     #[arg(long, value_name = "PART", default_value_t = RenderSettings::default().minimum_weight)]
     min_weight: f32,
@@ -245,6 +273,11 @@ impl Look {
         Ok(Some(lights))
     }
 
+    /// Whether the CPU alone makes such pictures of a mesh.
+    pub(super) fn is_for_the_cpu(&self) -> bool {
+        self.transport == Transport::Paths || self.passes > 1
+    }
+
     fn headlight(&self, by_rule: bool) -> f32 {
         let usual = if by_rule { RenderSettings::PLACED_HEADLIGHT } else { 0.0 };
         self.headlight.unwrap_or(usual)
@@ -258,7 +291,10 @@ impl Look {
     ) -> Result<RenderSettings, Failure> {
         let settings = RenderSettings {
             samples: self.samples.unwrap_or(samples),
-            depth: self.depth,
+            depth: self.depth.unwrap_or(match self.transport {
+                Transport::Direct => RenderSettings::default().depth,
+                Transport::Paths => PATHS_DEPTH,
+            }),
             minimum_weight: self.min_weight,
             area_samples: self.area_samples,
             seed: self.seed,
@@ -270,7 +306,8 @@ impl Look {
             headlight: self.headlight(placed.by_rule),
             exposure: self.exposure,
             environment: self.environment,
-            ..RenderSettings::default()
+            light: self.transport.into(),
+            passes: self.passes,
         };
         settings.validate().map_err(|error| Failure::usage(error.to_string()))?;
         Ok(settings)

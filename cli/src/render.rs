@@ -6,7 +6,7 @@ use super::look::{Look, Placed};
 use super::objects::ObjectStage;
 use super::options::Common;
 use super::prepared::{BuildReport, in_pool, milliseconds, print_json};
-use super::stage::{Stage, open_backend};
+use super::stage::{Stage, open_for_pictures};
 use super::{output, progress};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -101,7 +101,7 @@ impl Arguments {
             return self.render_objects();
         }
         let Arguments { look, common, .. } = self;
-        let opened = open_backend(common)?;
+        let opened = open_for_pictures(common, look)?;
         let spinner = progress::spinner(common.quiet, "reading the scene");
         let scene = Scene::open_with(&self.scene, &self.scene_options())?;
         spinner.finish_and_clear();

@@ -9,7 +9,7 @@ use splitplane::backend::OpenedEngine;
 use splitplane::render::Appearance;
 use splitplane::scene::Scene;
 use splitplane::tracer::Tracer;
-use splitplane::{Accelerator, BackendInfo, BuildOptions};
+use splitplane::{Accelerator, BackendInfo, BackendKind, BuildOptions};
 use splitplane_scene::from_file::quoted;
 use std::time::Instant;
 
@@ -29,6 +29,22 @@ pub(super) struct Stage {
 pub(super) fn open_backend(common: &Common) -> Result<OpenedEngine, Failure> {
     common.build_options()?;
     Ok(common.backend.open_engine(&common.open_options())?)
+}
+
+/// The same for pictures of a mesh. `auto` takes the CPU where it alone makes them.
+pub(super) fn open_for_pictures(common: &Common, look: &Look) -> Result<OpenedEngine, Failure> {
+    if !look.is_for_the_cpu() || common.backend == BackendKind::Cpu {
+        return open_backend(common);
+    }
+    if common.backend == BackendKind::Wgpu {
+        return Err(Failure::usage(
+            "a GPU renders direct light in one pass only: --transport paths and --passes need --backend cpu",
+        ));
+    }
+    let mut cpu = common.clone();
+    cpu.backend = BackendKind::Cpu;
+    let opened = open_backend(&cpu)?;
+    Ok(OpenedEngine { reason: "it alone follows paths and makes several passes".into(), ..opened })
 }
 
 impl Stage {

@@ -137,6 +137,45 @@ fn lights_by_option_change_the_picture_and_bad_ones_are_refused() {
     assert_eq!(files(folder.path()).len(), 5);
 }
 
+/// Light by paths is reproducible, brightens what direct light leaves dark, and is the CPU's alone.
+#[test]
+fn light_by_paths_is_asked_for() {
+    let folder = folder();
+    let render = |name: &str, more: &[&str]| {
+        let output = folder.path().join(name);
+        let output = output.to_str().unwrap();
+        let first =
+            ["render", "builtin:cornell", "--size", "24x24", "--samples", "4", "-o", output];
+        let text = succeed(&folder, &[&first[..], more].concat());
+        (fs::read(output).unwrap(), text)
+    };
+    let (direct, _) = render("direct.png", &["--ambient", "0"]);
+    let paths = ["--transport", "paths", "--ambient", "0"];
+    let (once, text) = render("once.png", &paths);
+    let (again, _) = render("again.png", &[&paths[..], &["--threads", "1"]].concat());
+    assert_eq!(once, again);
+    assert_ne!(once, direct);
+    assert!(text.contains("it alone follows paths"), "{text}");
+    let (more, _) = render("more.png", &[&paths[..], &["--passes", "3"]].concat());
+    assert_ne!(more, once);
+    let mean = |file: &[u8]| {
+        let picture = image::load_from_memory(file).unwrap().to_rgb8();
+        picture.as_raw().iter().map(|&byte| f64::from(byte)).sum::<f64>()
+            / picture.as_raw().len() as f64
+    };
+    assert!(mean(&once) > mean(&direct) + 20.0, "{} {}", mean(&once), mean(&direct));
+    assert!((mean(&once) - mean(&more)).abs() < 4.0, "{} {}", mean(&once), mean(&more));
+    for (arguments, says) in [
+        (["--transport", "paths", "--backend", "wgpu"], "need --backend cpu"),
+        (["--transport", "paths", "--depth", "65"], "0 to 64"),
+        (["--transport", "paths", "--passes", "0"], "passes"),
+        (["--transport", "photons", "--passes", "1"], "possible values: direct, paths"),
+    ] {
+        let error = fail(&folder, 2, &[&["render", "builtin:cornell"], &arguments[..]].concat());
+        assert!(error.contains(says), "{error}");
+    }
+}
+
 #[test]
 fn the_built_in_animation_writes_frames_and_movies() {
     let folder = folder();
