@@ -8,7 +8,7 @@ use splitplane_core::backend::{Backend, BuildOptions};
 use splitplane_core::ray::{Accuracy, Culling, Ray};
 use splitplane_core::scene::shape::{OwnShape, ShapeHit, Shapes, Sphere};
 use splitplane_core::scene::{
-    Instance, InstanceId, SceneBuildError, SceneHit, SceneOptions, translation,
+    Instance, InstanceId, OpacityMask, SceneBuildError, SceneHit, SceneOptions, translation,
 };
 use splitplane_cpu::CpuBackend;
 use splitplane_test_support::objects::{self, Kind};
@@ -100,6 +100,26 @@ fn a_device_finds_the_cpus_hits_and_stays_up_to_date() {
     let error = SceneBuildError::OwnShapes { geometry: balls.0, backend: "wgpu".to_owned() };
     assert_eq!(refused, Err(error.clone()));
     assert_eq!(device.build_scene(&scene, &build).err(), Some(error));
+
+    // A mask that comes, and goes: the device's scene knows none.
+    let (mut scene, names) = objects::scene(Kind::Ordinary, 10, 76);
+    let masked = scene.instance(names[0]).expect("an instance").geometry;
+    let rays = objects::rays(&scene, 500, 77);
+    let mut own = cpu.build_scene(&scene, &build).expect("a scene");
+    let mut there = device.build_scene(&scene, &build).expect("a scene");
+    let whole = answers(&*own, &rays, &options);
+    let triangles = scene.geometry(masked).expect("a geometry").mesh().len();
+    let half = OpacityMask::new(triangles, 2, |_, [u, _]| u < 0.4).expect("a mask");
+    for (mask, reason) in [(Some(half), Some("a geometry has an opacity mask")), (None, None)] {
+        let is_masked = mask.is_some();
+        scene.set_opacity(masked, mask).expect("a mask");
+        cpu.update_scene(&mut own, &scene, &build).expect("an update");
+        device.update_scene(&mut there, &scene, &build).expect("an update");
+        assert_eq!(there.placed_by_cpu(), reason);
+        let expected = answers(&*own, &rays, &options);
+        assert_eq!(expected, answers(&*there, &rays, &options));
+        assert_eq!(expected != whole, is_masked);
+    }
 
     // The last bit of one number of one instance is seen in the digest.
     let (scene, names) = objects::scene(Kind::Ordinary, 40, 73);
