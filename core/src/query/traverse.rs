@@ -254,6 +254,7 @@ pub(crate) struct Best {
 
 impl Best {
     /// Tests the triangles of a leaf. Ends the walk with the first hit where any will do.
+    #[cfg(feature = "alloc")]
     #[inline(always)]
     pub(crate) fn test<A: Arithmetic, O: Observer>(
         &mut self,
