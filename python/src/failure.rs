@@ -3,7 +3,7 @@
 use pyo3::prelude::*;
 use splitplane::core::tree::file::FileError;
 use splitplane::objects::file::SceneFileError;
-use splitplane::objects::{SceneBuildError, SceneError};
+use splitplane::objects::{SceneBuildError, SceneError, SceneWriteError};
 use splitplane::points::PointBuildError;
 use splitplane::{BuildError, MeshError, OpenError, QueryError};
 
@@ -79,14 +79,27 @@ impl From<MeshError> for Failure {
     }
 }
 
+fn scene_class(error: &SceneError) -> &'static str {
+    match error {
+        SceneError::UnknownInstance { .. } | SceneError::UnknownGeometry { .. } => {
+            "UnknownNameError"
+        }
+        SceneError::OutOfMemory { .. } => "OutOfMemoryError",
+        _ => "SceneError",
+    }
+}
+
 impl From<SceneError> for Failure {
     fn from(error: SceneError) -> Failure {
-        let class = match error {
-            SceneError::UnknownInstance { .. } | SceneError::UnknownGeometry { .. } => {
-                "UnknownNameError"
-            }
-            SceneError::OutOfMemory { .. } => "OutOfMemoryError",
-            _ => "SceneError",
+        Failure::new(scene_class(&error), error.to_string())
+    }
+}
+
+impl From<SceneWriteError> for Failure {
+    fn from(error: SceneWriteError) -> Failure {
+        let class = match &error {
+            SceneWriteError::Build(error) => build_class(error),
+            _ => "UnsupportedError",
         };
         Failure::new(class, error.to_string())
     }
@@ -98,6 +111,9 @@ impl From<SceneBuildError> for Failure {
             SceneBuildError::Geometry { error, .. } => build_class(error),
             SceneBuildError::OutOfMemory { .. } => "OutOfMemoryError",
             SceneBuildError::Cancelled { .. } => "CancelledError",
+            SceneBuildError::Device(_) => "DeviceError",
+            SceneBuildError::OwnShapes { .. } => "UnsupportedError",
+            SceneBuildError::Description(error) => scene_class(error),
             _ => "SceneError",
         };
         Failure::new(class, error.to_string())

@@ -377,7 +377,8 @@ impl Scene {
         let built = &state.built;
         let (columns, counts) = call.run(py, |watcher| {
             let query = SceneOptions { watch: Some(watcher), ..options };
-            let (mut columns, mut sum) = (Columns::default(), Counts::default());
+            // No rays are shown where there are none.
+            let (mut columns, mut sum) = (Columns::of(&[0], &[])?, Counts::default());
             rays.in_chunks(usize::MAX, |rays, _| {
                 let all = built.all_hits(rays, &SceneAllHitsOptions { query, max_memory })?;
                 add(&mut sum, &all.report);

@@ -348,7 +348,8 @@ impl Tree {
         let accelerator = &state.accelerator;
         let (columns, counts) = call.run(py, |watcher| {
             let options = AllHitsOptions { culling, ignore, max_memory, watch: Some(watcher) };
-            let mut columns = Columns::default();
+            // No rays are shown where there are none.
+            let mut columns = Columns::of(&[0], &[])?;
             let mut sum = Counts::default();
             rays.in_chunks(usize::MAX, |rays, _| {
                 let all = accelerator.all_hits(rays, &options)?;

@@ -64,6 +64,25 @@ def test_hits_of_several_meshes() -> None:
     assert late == 2 and scene.cast_rays(np.array([[-9, -9, 0, 0, 0, -1]], np.float32))["geometry_ids"][0] == 2
 
 
+class Mesh:
+    """A mesh as Open3D has it."""
+
+    def __init__(self) -> None:
+        self.vertex = type("Vertex", (), {"positions": BALL[0]})
+        self.triangle = type("Triangle", (), {"indices": BALL[1]})
+
+
+def test_meshes_and_no_rays() -> None:
+    scene = RaycastingScene()
+    assert scene.add_triangles(mesh=Mesh()) == 0
+    assert scene.add_triangles(vertex_positions=BALL[0], triangle_indices=BALL[1]) == 1
+    listed = scene.list_intersections(rays_at(3)[:0])
+    assert listed["ray_splits"].tolist() == [0] and len(listed["ray_ids"]) == 0
+    for wrong in ({}, {"mesh": Mesh(), "triangle_indices": BALL[1]}, {"mesh": Mesh(), "vertex_positions": BALL[0]}):
+        with pytest.raises(TypeError):
+            scene.add_triangles(**wrong)
+
+
 def test_misuses() -> None:
     scene = RaycastingScene()
     assert np.isinf(scene.cast_rays(rays_at(3))["t_hit"]).all()

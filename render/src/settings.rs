@@ -18,6 +18,7 @@ pub const MAX_SHADOW_RAYS: u32 = 32;
 pub const MAX_BOUNCES: u32 = 64;
 /// Most passes of a picture.
 pub const MAX_PASSES: u32 = 1 << 16;
+
 /// How light travels from its sources to the eye.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]

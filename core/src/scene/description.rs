@@ -288,7 +288,8 @@ impl Scene {
         Ok(())
     }
 
-    /// Says which parts of a geometry's triangles count for rays; `None`: all do. Nothing is built for it.
+    /// Says which parts of a geometry's triangles count for rays; `None`: all do. Nothing is built for it. Points inside and closest
+    /// points are those of the whole mesh.
     ///
     /// # Errors
     /// No such geometry, or a mask of another number of triangles, as for shapes, which have none.

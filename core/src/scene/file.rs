@@ -21,7 +21,7 @@
 //! transform; where there is none, the geometry is `u32::MAX` and all else is zero. Then for each geometry its positions (12 bytes each), or
 //! spheres (16) or capsules (28), indices (12 bytes for a triangle), the words of its mask, and its tree as a [tree file](crate::tree::file).
 //!
-//! Shapes of the user's own have no place in files. The trees over instances and over shapes are not kept: hits do not depend on it, and it is soon made.
+//! Shapes of the user's own have no place in files. The trees over instances and over shapes are not kept: hits do not depend on them, and they are soon made.
 
 mod error;
 

@@ -36,7 +36,7 @@ impl OpacityMask {
     ) -> Result<OpacityMask, SceneError> {
         let mut mask = OpacityMask::blank(triangles, level)?;
         let edge = 1u32 << level;
-        let mut bit = 0;
+        let mut bit = 0u64;
         for triangle in 0..triangles as u32 {
             for row in 0..edge {
                 for place in 0..2 * (edge - row) - 1 {
@@ -44,7 +44,7 @@ impl OpacityMask {
                     let third = if upper { 2.0 / 3.0 } else { 1.0 / 3.0 };
                     let middle = [column, row].map(|at| (at as f32 + third) / edge as f32);
                     if is_opaque(triangle, middle) {
-                        mask.words[bit / 32] |= 1 << (bit % 32);
+                        mask.words[(bit / 32) as usize] |= 1 << (bit % 32);
                     }
                     bit += 1;
                 }
@@ -76,18 +76,21 @@ impl OpacityMask {
     }
 
     fn blank(triangles: usize, level: u32) -> Result<OpacityMask, SceneError> {
-        let words = OpacityMask::words_of(triangles as u64, level)
-            .ok_or(SceneError::OpacityLevel { level })?;
-        let bytes = words.saturating_mul(4);
+        if level > MAX_OPACITY_LEVEL {
+            return Err(SceneError::OpacityLevel { level });
+        }
+        // No mesh has more triangles than a u32 can name, so no memory is the answer to that.
+        let words = OpacityMask::words_of(triangles as u64, level);
+        let bytes = words.map_or(u64::MAX, |words| words.saturating_mul(4));
         let mut own: Vec<u32> = Vec::new();
-        let fits = usize::try_from(words).ok().filter(|_| u32::try_from(triangles).is_ok());
+        let fits = words.and_then(|words| usize::try_from(words).ok());
         let words = fits.ok_or(SceneError::OutOfMemory { bytes })?;
         own.try_reserve_exact(words).map_err(|_| SceneError::OutOfMemory { bytes })?;
         own.resize(words, 0);
         Ok(OpacityMask { level, triangles: triangles as u32, words: own })
     }
 
-    /// How many words a mask of so many triangles has; `None` for a level that is too great.
+    /// How many words a mask of so many triangles has; `None` for a level that is too great, or more triangles than can be named.
     pub(crate) fn words_of(triangles: u64, level: u32) -> Option<u64> {
         if level > MAX_OPACITY_LEVEL || triangles > u64::from(u32::MAX) {
             return None;
@@ -113,6 +116,9 @@ impl OpacityMask {
     /// Whether a hit counts. Triangles that the mask does not have count.
     #[inline]
     pub fn is_opaque(&self, triangle: u32, u: f32, v: f32) -> bool {
+        if triangle >= self.triangles {
+            return true;
+        }
         let cell = u64::from(triangle) << (2 * self.level) | u64::from(self.cell::<Strict>(u, v));
         match self.words.get((cell / 32) as usize) {
             Some(word) => word >> (cell % 32) & 1 != 0,
@@ -176,6 +182,14 @@ mod tests {
                 assert_eq!(opaque, [false, true, false, true]);
             }
         }
+    }
+
+    /// Five triangles leave bits of their last word; those after them are of no triangle.
+    #[test]
+    fn triangles_that_a_mask_does_not_have_count() {
+        let mask = OpacityMask::new(5, 1, |_, _| false).unwrap();
+        let opaque = [4, 5, 6, 7, 8, u32::MAX].map(|triangle| mask.is_opaque(triangle, 0.1, 0.1));
+        assert_eq!(opaque, [false, true, true, true, true, true]);
     }
 
     #[test]

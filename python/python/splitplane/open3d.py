@@ -57,12 +57,14 @@ class RaycastingScene:
         self._starts: U32 = np.zeros(1, np.uint32)
         self._normals: F32 | None = None
 
-    def add_triangles(self, vertex_positions: Any, triangle_indices: Any = None, **named: Any) -> int:
+    def add_triangles(self, vertex_positions: Any = None, triangle_indices: Any = None, *, mesh: Any = None) -> int:
         """Adds vertices (n, 3) float32 and faces (m, 3) uint32, or a mesh with ``vertex.positions`` and ``triangle.indices``; its id."""
-        vertex_positions = named.pop("vertices", vertex_positions)
-        triangle_indices = named.pop("triangles", triangle_indices)
-        if named:
-            raise TypeError(f"there is no argument {next(iter(named))}")
+        if (vertex_positions is None) == (mesh is None):
+            raise TypeError("a mesh is needed, or vertex_positions and triangle_indices")
+        if mesh is not None:
+            if triangle_indices is not None:
+                raise TypeError("a mesh has its own triangle_indices")
+            vertex_positions = mesh
         if triangle_indices is None:
             mesh = vertex_positions
             if not hasattr(mesh, "vertex") or not hasattr(mesh, "triangle"):

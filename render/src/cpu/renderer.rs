@@ -83,6 +83,10 @@ impl CpuRenderer {
             for pass in 0..settings.passes {
                 executor.begin_pass(pass);
                 schedule::pass(&mut executor, &if pass == 0 { plan } else { plan.repeated() })?;
+                // The other passes would be thrown away.
+                if executor.counters()[Counter::Overflow] != 0 {
+                    break;
+                }
             }
             schedule::finish(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());

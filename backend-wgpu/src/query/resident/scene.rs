@@ -40,7 +40,8 @@ impl WgpuScene {
     /// Builds a scene.
     ///
     /// # Errors
-    /// As for [`BuiltScene::build`]; a device without memory for the scene, or that fails.
+    /// As for [`BuiltScene::build`]; a device without memory for the scene. One that fails when the scene is sent leaves it to the
+    /// CPU, and [`SceneAccelerator::placed_by_cpu`] says why.
     pub(crate) fn build(
         queries: Arc<Queries>,
         scene: &Scene,
