@@ -12,8 +12,8 @@ use pyo3::types::PyBytes;
 use splitplane::objects::file::SceneFile;
 use splitplane::objects::{
     GeometryId, IgnoredTriangle, Instance, InstanceId, Scene as Description, SceneAccelerator,
-    SceneAllHitsOptions, SceneClosestPoint, SceneClosestPointOptions, SceneHit, SceneOptions,
-    SceneReport, TopUpdate, write_file,
+    SceneAllHitsOptions, SceneClosestPoint, SceneClosestPointOptions, SceneCrossing, SceneHit,
+    SceneOptions, SceneReport, TopUpdate, write_file,
 };
 use splitplane::{BuildOptions, LocateOptions, Mesh, Watch};
 
@@ -378,7 +378,8 @@ impl Scene {
         let (columns, counts) = call.run(py, |watcher| {
             let query = SceneOptions { watch: Some(watcher), ..options };
             // No rays are shown where there are none.
-            let (mut columns, mut sum) = (Columns::of(&[0], &[])?, Counts::default());
+            let (mut columns, mut sum) =
+                (Columns::of::<SceneCrossing>(&[0], &[])?, Counts::default());
             rays.in_chunks(usize::MAX, |rays, _| {
                 let all = built.all_hits(rays, &SceneAllHitsOptions { query, max_memory })?;
                 add(&mut sum, &all.report);

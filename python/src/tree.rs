@@ -10,8 +10,8 @@ use pyo3::types::PyBytes;
 use rayon::prelude::*;
 use splitplane::core::tree::file::{self, TreeFile};
 use splitplane::{
-    Accelerator, AllHitsOptions, BuildOptions, ClosestPoint, ClosestPointOptions, Hit, LoadOptions,
-    LocateOptions, Mesh, QueryOptions, Watch,
+    Accelerator, AllHitsOptions, BuildOptions, ClosestPoint, ClosestPointOptions, Crossing, Hit,
+    LoadOptions, LocateOptions, Mesh, QueryOptions, Watch,
 };
 
 use crate::answers::{Columns, Crossings, located};
@@ -349,7 +349,7 @@ impl Tree {
         let (columns, counts) = call.run(py, |watcher| {
             let options = AllHitsOptions { culling, ignore, max_memory, watch: Some(watcher) };
             // No rays are shown where there are none.
-            let mut columns = Columns::of(&[0], &[])?;
+            let mut columns = Columns::of::<Crossing>(&[0], &[])?;
             let mut sum = Counts::default();
             rays.in_chunks(usize::MAX, |rays, _| {
                 let all = accelerator.all_hits(rays, &options)?;
