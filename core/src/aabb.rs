@@ -2,7 +2,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::arithmetic::{Arithmetic, Strict};
+use crate::arithmetic::{Arithmetic, Strict, sqrt};
 
 /// An axis-aligned box `[lo, hi]`, both ends included. Units are those of the mesh.
 ///
@@ -148,20 +148,6 @@ pub fn min(a: f32, b: f32) -> f32 {
 #[inline]
 pub fn max(a: f32, b: f32) -> f32 {
     if b > a { b } else { a }
-}
-
-/// Square root by Newton's method, since `core` has none without `std`. Accurate to a few units in
-/// the last place for normal arguments; 0 for arguments that are not positive.
-pub(crate) fn sqrt(x: f64) -> f64 {
-    if x.is_nan() || x <= 0.0 || x.is_infinite() {
-        return if x > 0.0 { x } else { 0.0 };
-    }
-    // Halving the exponent gives a start within a factor of two.
-    let mut y = f64::from_bits((x.to_bits() >> 1) + (1023 << 51));
-    for _ in 0..6 {
-        y = 0.5 * (y + x / y);
-    }
-    y
 }
 
 #[cfg(test)]

@@ -172,13 +172,27 @@ impl Arithmetic for Hostile {
     }
 }
 
+/// Square root by Newton's method, since `core` has none without `std`. Accurate to a few units in
+/// the last place for normal arguments; 0 for arguments that are not positive.
+pub(crate) fn sqrt(x: f64) -> f64 {
+    if x.is_nan() || x <= 0.0 || x.is_infinite() {
+        return if x > 0.0 { x } else { 0.0 };
+    }
+    // Halving the exponent gives a start within a factor of two.
+    let mut y = f64::from_bits((x.to_bits() >> 1) + (1023 << 51));
+    for _ in 0..6 {
+        y = 0.5 * (y + x / y);
+    }
+    y
+}
+
 /// The square root of a finite float, rounded to nearest; 0 for what is not positive. `core` has none without `std`.
 pub(crate) fn root(x: f32) -> f32 {
     if x.is_nan() || x <= 0.0 {
         return 0.0;
     }
     let exact = f64::from(x);
-    let near = crate::aabb::sqrt(exact) as f32;
+    let near = sqrt(exact) as f32;
     // Squares of what lies halfway between two floats have at most 50 bits, so they are exact, and none is a float.
     let above = 0.5 * (f64::from(near) + f64::from(near.next_up()));
     let below = 0.5 * (f64::from(near) + f64::from(near.next_down()));

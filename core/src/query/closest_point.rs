@@ -23,8 +23,8 @@
 
 use core::ops::ControlFlow;
 
-use crate::aabb::{Aabb, sqrt};
-use crate::arithmetic::snap;
+use crate::aabb::Aabb;
+use crate::arithmetic::{snap, sqrt};
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, refused};
 use crate::query::traverse::Triangles;

@@ -5,8 +5,8 @@
 //! closest hit. Sums are whole numbers, so no figure depends on how rays are distributed among
 //! threads.
 
-use crate::aabb::{Aabb, sqrt};
-use crate::arithmetic::Strict;
+use crate::aabb::Aabb;
+use crate::arithmetic::{Strict, sqrt};
 use crate::query::intersect::{Limits, SceneScale};
 use crate::query::traverse::{Observer, Query, Triangles, trace_observed};
 use crate::ray::{QueryOptions, Ray};

@@ -21,8 +21,8 @@
 use core::ops::ControlFlow;
 
 use super::built::{BuiltGeometry, BuiltScene};
-use crate::aabb::{Aabb, sqrt};
-use crate::arithmetic::snap;
+use crate::aabb::Aabb;
+use crate::arithmetic::{snap, sqrt};
 use crate::cancel::go_on_tracing;
 use crate::error::{QueryError, refused};
 use crate::mesh::Mesh;

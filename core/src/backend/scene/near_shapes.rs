@@ -15,7 +15,7 @@ use super::built::BuiltScene;
 use super::closest_point::{Near, SceneClosestPoint, in_other_space};
 use super::nearness::{DEFINED, Nearness, PARTLY, UNKNOWN};
 use super::shapes::{axis_of, dot, minus, nearest_of_segment};
-use crate::aabb::sqrt;
+use crate::arithmetic::sqrt;
 use crate::error::QueryError;
 use crate::scene::ShapeTree;
 use crate::scene::Transform;
