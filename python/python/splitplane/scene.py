@@ -353,7 +353,10 @@ class Scene(Handle[_native.Scene]):
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Scene:
-        """A scene of a file, which is mapped, or of bytes. Builds no tree of a geometry; nothing is trusted."""
+        """A scene of a file, which is mapped, or of bytes. Builds no tree of a geometry; nothing is trusted.
+
+        Geometries that change later are built by preset "fast", with this layout and within max_memory.
+        """
         arguments = build_arguments("fast", layout, max_memory, {})
         device, call = backend_arguments(backend, adapter), arrays.call(threads, progress)
         scene = cls.__new__(cls)
