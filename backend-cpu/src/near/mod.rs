@@ -1,3 +1,4 @@
 //! Answering points: which point of the mesh is closest.
 
 pub(crate) mod closest_point;
+pub(crate) mod in_order;
