@@ -2,3 +2,4 @@
 
 pub(crate) mod closest_point;
 pub(crate) mod in_order;
+pub(crate) mod overlap;
