@@ -23,8 +23,8 @@ use crate::error::GpuError;
 /// not let finish (see [`UNFINISHED`](super::UNFINISHED)) are answered from the host copy too, and
 /// counted in the report.
 ///
-/// For all hits and points in a mesh the device lists the triangles that matter to each ray, and the host decides them
-/// exactly.
+/// For all hits the device lists the triangles that matter to each ray, and the host decides them exactly. It counts hits, and
+/// windings around points, where it is certain of every crossing; what it is not certain of is answered as all hits are.
 ///
 /// Under accuracy `exact` the device names the triangles of which it is certain and leaves the
 /// other rays undecided; the options say how to treat those, and the report counts them. Distances

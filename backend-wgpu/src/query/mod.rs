@@ -12,6 +12,7 @@ mod asked;
 mod batch;
 mod closest_points;
 mod compressed;
+mod counts;
 mod error;
 mod held;
 mod layout;

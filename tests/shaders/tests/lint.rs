@@ -222,6 +222,8 @@ fn only_those_that_trace_rays_may_be_free() {
             "any_hit_retry_exact",
             "list_triangles",
             "list_triangles_retry",
+            "count_crossings",
+            "count_crossings_retry",
             "closest_hit_compressed",
             "any_hit_compressed",
             "enter_instances",
