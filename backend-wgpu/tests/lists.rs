@@ -540,7 +540,7 @@ fn planted_faults_in_counts_are_seen() {
     let (sources, cases) = (counting_sources(), kernel_cases());
     let mut unseen = Vec::new();
     for (from, to) in [
-        ("signs.positive && signs.negative", "signs.positive || signs.negative"),
+        ("if signs.positive && signs.negative {", "if signs.positive || signs.negative {"),
         ("signs.open || any(signs.known", "any(signs.known"),
         ("any(signs.known == vec3<f32>(0.0))", "false"),
         ("|| verdict.met.error == 0.0", ""),
