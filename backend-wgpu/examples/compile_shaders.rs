@@ -14,7 +14,9 @@ use std::io::Write;
 use std::process::{Command, ExitCode, Stdio};
 use std::time::Duration;
 
-use splitplane_shaders::{CHECKS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, find};
+use splitplane_shaders::{
+    CHECKS, COMPRESS, KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, find,
+};
 use splitplane_wgpu::{Gpu, OpenOptions};
 
 /// What a shader may take: seconds, and MiB.
@@ -78,7 +80,7 @@ fn all(adapter: &str, key: &str, rest: &[String]) -> Result<bool, Box<dyn Error>
         [file, names @ ..] if file.ends_with(".json") => (Some(file), names),
         names => (None, names),
     };
-    let tables = [KERNELS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
+    let tables = [KERNELS, COMPRESS, QUERIES, RENDER, RENDER_RETRIES, RENDER_SETTLES, CHECKS];
     let asked = |name: &str| names.is_empty() || names.iter().any(|part| name.contains(&part[..]));
     let shaders = tables.into_iter().flatten().map(|shader| shader.name).filter(|name| asked(name));
     let (mut lines, mut fine, mut worst) = (Vec::new(), true, [0.0f64; 2]);

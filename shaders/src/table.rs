@@ -84,6 +84,7 @@ library! {
     QUERY "query"
     LIST "list"
     COUNT_LIST "count_list"
+    COMPRESS_LAYOUT "compress_layout"
     COMPRESSED_BINDINGS "compressed_bindings"
     COMPRESSED_WALK "compressed_walk"
     BOX_STACK "box_stack"
@@ -309,6 +310,15 @@ pub(crate) const TRAVERSAL_TESTS: [&[Part]; 3] = [
     &[MOELLER_TRUMBORE, SEARCH, WALK, TRAVERSE, ONE_HIT, PRIVATE_STACK],
     &[SHEARED, SCREEN, CERTAIN, CERTAIN_SEARCH, WALK, TRAVERSE, ONE_HIT, PRIVATE_STACK],
 ];
+
+shaders! {
+    /// The kernels that make compressed nodes from a finished tree, in the order of their schedule.
+    COMPRESS "compress" {
+        "open_parts": ARITHMETIC AABB MESH COMPRESS_LAYOUT;
+        "place_children": COMPRESS_LAYOUT WIDE_SCAN;
+        "emit_nodes": ARITHMETIC COMPRESS_LAYOUT;
+    }
+}
 
 shaders! {
     /// What the self-test of a device runs.

@@ -78,12 +78,20 @@ impl WgpuAccelerator {
     }
 
     /// Lets batches of accuracy `watertight` go through compressed wide nodes, which are made now: see
-    /// [`DeviceTree::compress`]. A rebuild gives a tree without them.
+    /// [`DeviceTree::compress`]. After a rebuild the tree has such as the device makes.
     ///
     /// # Errors
     /// As for [`DeviceTree::compress`]; nothing has changed then.
     pub fn compress(&mut self) -> Result<(), GpuError> {
         self.device.compress(&self.queries, &self.tree.view(), &self.triangles)
+    }
+
+    /// The same with nodes that the device makes, which takes no thread of the host: see [`DeviceTree::compress_on_device`].
+    ///
+    /// # Errors
+    /// As for [`DeviceTree::compress_on_device`]; nothing has changed then.
+    pub fn compress_on_device(&mut self) -> Result<(), GpuError> {
+        self.device.compress_on_device(&self.queries)
     }
 
     /// The device and its query pipelines; with typed errors, and queries over device buffers.

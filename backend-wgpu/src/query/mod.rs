@@ -12,6 +12,7 @@ mod asked;
 mod batch;
 mod closest_points;
 mod compressed;
+mod compressing;
 mod counts;
 mod error;
 mod held;
@@ -30,6 +31,8 @@ mod windings;
 
 pub use accelerator::WgpuAccelerator;
 pub use batch::Marked;
+#[doc(hidden)]
+pub use compressing::{CompressExecutor, Compressing};
 pub use error::DeviceQueryError;
 pub use layout::UNFINISHED;
 pub use pipelines::Queries;
