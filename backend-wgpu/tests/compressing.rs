@@ -47,7 +47,17 @@ impl Case {
 
     /// The first difference between the kernels on a device and their reference, and what the reference made.
     fn in_step(&self, queries: &Queries, batch: u32) -> (Option<String>, CompressedNodes) {
-        let done = queries.with_compress_executor(&self.device, batch, |device, inputs| {
+        self.in_room(queries, batch, u32::MAX)
+    }
+
+    /// The same with room for no more than so many nodes.
+    fn in_room(
+        &self,
+        queries: &Queries,
+        batch: u32,
+        room: u32,
+    ) -> (Option<String>, CompressedNodes) {
+        let done = queries.with_compress_executor(&self.device, batch, room, |device, inputs| {
             let tree = self.cpu.tree().view();
             let reference = Reference::new(tree, &self.triangles[..], inputs);
             let mut lockstep = Lockstep::new(reference, device);
@@ -94,6 +104,28 @@ fn kernels_are_in_step_with_their_reference() {
         (nodes, seen) = (nodes + greedy.nodes.len(), seen + 1);
     }
     assert!(nodes > 2_000 && seen > 20, "{nodes} nodes of {seen} scenes");
+}
+
+/// A queue that is outgrown ends the work in the same round; and where the device makes nodes by itself, it is done again with more room.
+#[test]
+#[cfg_attr(no_gpu, ignore = "no Vulkan adapter and none could be installed")]
+fn queues_may_be_outgrown() {
+    let case = Case::new(&scenes::soup(700, 0.3, 8), Preset::Fast.config());
+    let all = case.greedy().nodes.len();
+    for room in [1, all as u32 / 2, all as u32 - 1, all as u32] {
+        let (difference, made) = case.in_room(&queries(), 10, room);
+        assert_eq!(difference, None, "{room}");
+        assert_eq!(made.nodes.len() == all, room == all as u32, "{room}");
+    }
+    // One long leaf, of which more nodes are made than a tree of its size usually has.
+    let mut case = Case::new(&scenes::identical(20_000), Preset::Fast.config());
+    let tree = case.cpu.tree();
+    assert!(case.greedy().nodes.len() > tree.nodes.len() / 6 + tree.references.len() / 64 + 64);
+    let before = case.device.bytes();
+    let readbacks = common::gpu().traffic().readbacks;
+    case.device.compress_on_device(&queries()).expect("compressed nodes");
+    assert!(common::gpu().traffic().readbacks >= readbacks + 2);
+    assert!(case.device.bytes() - before >= 80 * case.greedy().nodes.len() as u64);
 }
 
 fn source_of(kernel: CompressKernel) -> String {

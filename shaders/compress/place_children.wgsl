@@ -26,8 +26,11 @@ fn main(@builtin(local_invocation_index) lane: u32) {
     }
     var next = queued + inclusive_scan(lane, own) - own;
     let after = queued + scan_sum();
-    let outgrown = after.x > compress.part_room;
-    if !outgrown {
+    // Once it is outgrown nothing more is done.
+    let before = counters[5];
+    let beyond = max(after.x, compress.part_room) - compress.part_room;
+    let outgrown = select(before, beyond, before == 0u);
+    if outgrown == 0u {
         for (var index = start; index < end; index++) {
             places[index] = next;
             next += child_counts[index];
@@ -37,10 +40,10 @@ fn main(@builtin(local_invocation_index) lane: u32) {
     if lane != 0u {
         return;
     }
-    if outgrown {
+    if outgrown > 0u {
         counters[0] = 0u;
         counters[1] = 0u;
-        counters[5] = after.x - compress.part_room;
+        counters[5] = outgrown;
         return;
     }
     let made = counters[2] + batch;

@@ -263,8 +263,8 @@ fn made_with(
 }
 
 impl Queries {
-    /// Makes compressed nodes of a tree by an executor whose buffers can be read between its steps, with batches of so many parts: for tests
-    /// that hold the kernels to their reference. `run` gets the executor and its inputs.
+    /// Makes compressed nodes of a tree by an executor whose buffers can be read between its steps, with batches of so many parts and room for so
+    /// many nodes: for tests that hold the kernels to their reference. `run` gets the executor and its inputs.
     ///
     /// # Errors
     /// A device that fails.
@@ -273,9 +273,10 @@ impl Queries {
         &self,
         tree: &DeviceTree,
         batch: u32,
+        room: u32,
         run: impl FnOnce(CompressExecutor<'_>, Compress) -> T,
     ) -> Result<T, GpuError> {
-        let room = most_nodes(tree.node_count(), tree.reference_count());
+        let room = room.min(most_nodes(tree.node_count(), tree.reference_count()));
         let job = Compressing::new(self.gpu(), tree, room, batch)?;
         let inputs = job.inputs;
         let (gpu, pipelines) = (self.gpu(), &self.pipelines);

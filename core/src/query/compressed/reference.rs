@@ -79,8 +79,13 @@ impl<'a, T: Triangles + ?Sized> Reference<'a, T> {
             self.places.push(next);
             next = [next[0] + counts[0], next[1] + counts[1]];
         }
-        if next[0] > self.inputs.part_room {
-            counters[CompressCounter::Outgrown] = next[0] - self.inputs.part_room;
+        let beyond = next[0].saturating_sub(self.inputs.part_room);
+        // Once it is outgrown nothing more is done.
+        counters[CompressCounter::Outgrown] = match counters[CompressCounter::Outgrown] {
+            0 => beyond,
+            before => before,
+        };
+        if counters[CompressCounter::Outgrown] > 0 {
             (counters[CompressCounter::Waiting], counters[CompressCounter::Active]) = (0, 0);
             self.places.clear();
             return;
