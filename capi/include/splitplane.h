@@ -186,7 +186,7 @@ typedef uint32_t splitplane_point_axes;
 
 // A change to a preset: `traversal_cost`, `intersection_cost`, `block_width`, `max_depth`, `references_per_triangle`, `clip`, `small_node_limit`, `empty_cutoff`,
 // `nodes_per_triangle`, `bins`, `empty_bonus`, `bad_splits`.
-typedef struct {
+typedef struct splitplane_knob {
     // Its name.
     const char *name;
     // Its value; of `clip` 0 or 1.
@@ -198,7 +198,7 @@ typedef struct {
 typedef int32_t (*splitplane_progress)(void *user, const char *stage, uint64_t done, uint64_t total);
 
 // Settings of builds, loads and updates. `splitplane_build_options_init` first.
-typedef struct {
+typedef struct splitplane_build_options {
     // `sizeof(splitplane_build_options)`.
     size_t size;
     // A `splitplane_preset`; for loads, which find it in the file, the default.
@@ -206,7 +206,7 @@ typedef struct {
     // A `splitplane_layout`.
     uint32_t layout;
     // Changes to the preset; may be NULL where there are none.
-    const splitplane_knob *knobs;
+    const struct splitplane_knob *knobs;
     // How many.
     size_t knob_count;
     // Most bytes that the build may hold besides your arrays; 0 for no limit.
@@ -222,7 +222,7 @@ typedef struct {
 } splitplane_build_options;
 
 // Settings of queries. `splitplane_query_options_init` first. What a call does not use must be as it was then.
-typedef struct {
+typedef struct splitplane_query_options {
     // `sizeof(splitplane_query_options)`.
     size_t size;
     // A `splitplane_accuracy`.
@@ -250,13 +250,13 @@ typedef struct {
 } splitplane_query_options;
 
 // An opened backend. 0 names none, as in all handles.
-typedef struct {
+typedef struct splitplane_backend {
     // A number that means nothing.
     uint64_t id;
 } splitplane_backend;
 
 // The triangles of a mesh, in your arrays. They are read while a call runs that is given them, and not changed.
-typedef struct {
+typedef struct splitplane_mesh {
     // x, y and z of the first corner.
     const float *positions;
     // Bytes from one position to the next: 12 where nothing is between them.
@@ -272,13 +272,13 @@ typedef struct {
 } splitplane_mesh;
 
 // A tree over one mesh.
-typedef struct {
+typedef struct splitplane_tree {
     // A number that means nothing.
     uint64_t id;
 } splitplane_tree;
 
 // What a build did with its input, and what came of it.
-typedef struct {
+typedef struct splitplane_tree_summary {
     // Triangles of the mesh.
     uint32_t triangles;
     // Triangles left out: a coordinate that is not finite, or two equal corners.
@@ -305,7 +305,7 @@ typedef struct {
 //
 // A ray with an origin or direction that is not finite, a direction of zeros or a limit that is NaN hits nothing. Records of eight floats (origin, least t, direction, greatest t)
 // with all four strides 32 are read where they lie; others are copied, some at a time.
-typedef struct {
+typedef struct splitplane_rays {
     // x, y and z of the first origin.
     const float *origins;
     // Bytes from one to the next.
@@ -327,7 +327,7 @@ typedef struct {
 } splitplane_rays;
 
 // Where a ray meets a triangle: at `(1 - u - v) * a + u * b + v * c` for its corners `a`, `b`, `c`.
-typedef struct {
+typedef struct splitplane_hit {
     // Distance in units of the ray's direction; infinity for a miss.
     float t;
     // The triangle's place in your arrays; `SPLITPLANE_NONE` for a miss.
@@ -339,7 +339,7 @@ typedef struct {
 } splitplane_hit;
 
 // How a batch was answered. All 0 for the CPU backend.
-typedef struct {
+typedef struct splitplane_report {
     // Rays or points of which a device left something undecided; the CPU decided it.
     uint64_t undecided;
     // Rays that a device's driver did not follow to their end; the CPU answered them.
@@ -349,13 +349,13 @@ typedef struct {
 } splitplane_report;
 
 // Answers of different length: a list of records for each ray or point that was asked for.
-typedef struct {
+typedef struct splitplane_lists {
     // A number that means nothing.
     uint64_t id;
 } splitplane_lists;
 
 // The point of a mesh that is closest to a point.
-typedef struct {
+typedef struct splitplane_closest_point {
     // The square of the distance; infinity where there is none.
     double distance_squared;
     // x, y and z.
@@ -369,13 +369,13 @@ typedef struct {
 } splitplane_closest_point;
 
 // A scene of many objects.
-typedef struct {
+typedef struct splitplane_scene {
     // A number that means nothing.
     uint64_t id;
 } splitplane_scene;
 
 // A geometry, placed in the world.
-typedef struct {
+typedef struct splitplane_instance {
     // From the object to the world: three rows of four, the last column is the translation. It has to have an inverse.
     float transform[12];
     // The geometry.
@@ -389,7 +389,7 @@ typedef struct {
 } splitplane_instance;
 
 // What an update did.
-typedef struct {
+typedef struct splitplane_update_report {
     // Geometries that were built.
     uint32_t geometries_built;
     // Geometries that were dropped.
@@ -403,7 +403,7 @@ typedef struct {
 } splitplane_update_report;
 
 // Where a ray meets a triangle of an instance.
-typedef struct {
+typedef struct splitplane_scene_hit {
     // Distance in units of the ray's direction; infinity for a miss.
     float t;
     // Weight of the second corner.
@@ -419,7 +419,7 @@ typedef struct {
 } splitplane_scene_hit;
 
 // The point of a scene that is closest to a point.
-typedef struct {
+typedef struct splitplane_scene_closest_point {
     // The square of the distance; infinity where there is none.
     double distance_squared;
     // x, y and z in the world.
@@ -437,13 +437,13 @@ typedef struct {
 } splitplane_scene_closest_point;
 
 // A tree of points.
-typedef struct {
+typedef struct splitplane_point_tree {
     // A number that means nothing.
     uint64_t id;
 } splitplane_point_tree;
 
 // What a build of points did.
-typedef struct {
+typedef struct splitplane_point_tree_summary {
     // Points given.
     uint32_t points;
     // Points left out: a coordinate that is not finite.
@@ -453,7 +453,7 @@ typedef struct {
 } splitplane_point_tree_summary;
 
 // A point of a cloud.
-typedef struct {
+typedef struct splitplane_neighbour {
     // The square of its distance; infinity where there is none.
     double distance_squared;
     // Its place in your array; `SPLITPLANE_NONE` where there is none.
@@ -463,7 +463,7 @@ typedef struct {
 } splitplane_neighbour;
 
 // A place where a ray crosses a surface.
-typedef struct {
+typedef struct splitplane_crossing {
     // Distance in units of the ray's direction.
     float t;
     // The triangle's place in the arrays of the mesh or geometry.
@@ -502,12 +502,12 @@ uint64_t splitplane_live_handles(void);
 // Sets the defaults: preset fast, no limit, all cores. `size` is `sizeof(splitplane_build_options)`.
 //
 // Threads: any.
-splitplane_status splitplane_build_options_init(splitplane_build_options *options, size_t size);
+splitplane_status splitplane_build_options_init(struct splitplane_build_options *options, size_t size);
 
 // Sets the defaults: watertight, nothing ignored, no limit, all cores. `size` is `sizeof(splitplane_query_options)`.
 //
 // Threads: any.
-splitplane_status splitplane_query_options_init(splitplane_query_options *options, size_t size);
+splitplane_status splitplane_query_options_init(struct splitplane_query_options *options, size_t size);
 
 // Opens a backend: `cpu`, `wgpu` (a GPU, software included) or `auto` (a GPU that gives the CPU's answers bit for bit, else the CPU). `adapter` names a GPU by a part of its name; NULL for
 // any. To open a GPU takes long, since it is tested; keep the backend.
@@ -517,13 +517,13 @@ splitplane_status splitplane_query_options_init(splitplane_query_options *option
 // Threads: any; one backend may serve several at a time.
 splitplane_status splitplane_backend_open(const char *name,
                                           const char *adapter,
-                                          splitplane_backend *backend);
+                                          struct splitplane_backend *backend);
 
 // Writes what a backend is, and why it is this one, as a text that ends with a 0. `needed`, which may be NULL, gets the bytes that it takes; `SPLITPLANE_STATUS_CAPACITY` where
 // there is less room. With `text` NULL and capacity 0 only `needed` is written.
 //
 // Threads: any.
-splitplane_status splitplane_backend_describe(splitplane_backend backend,
+splitplane_status splitplane_backend_describe(struct splitplane_backend backend,
                                               char *text,
                                               size_t capacity,
                                               size_t *needed);
@@ -531,49 +531,51 @@ splitplane_status splitplane_backend_describe(splitplane_backend backend,
 // Frees a backend. 0 is no mistake.
 //
 // Threads: any; calls that use it go on.
-splitplane_status splitplane_backend_free(splitplane_backend backend);
+splitplane_status splitplane_backend_free(struct splitplane_backend backend);
 
 // Builds a tree over a mesh. It has its own copy of what it needs: your arrays may go or change after the call. `options` may be NULL for the defaults.
 //
 // Threads: any.
-splitplane_status splitplane_tree_build(splitplane_backend backend,
-                                        const splitplane_mesh *mesh,
-                                        const splitplane_build_options *options,
-                                        splitplane_tree *tree);
+splitplane_status splitplane_tree_build(struct splitplane_backend backend,
+                                        const struct splitplane_mesh *mesh,
+                                        const struct splitplane_build_options *options,
+                                        struct splitplane_tree *tree);
 
 // Builds a tree again, over another mesh or the same one that changed, in the memory that it has where nothing can cancel the build. After a failure the tree is what it was.
 //
 // Threads: any, while no other call uses the tree: else `SPLITPLANE_STATUS_BUSY`.
-splitplane_status splitplane_tree_rebuild(splitplane_tree tree,
-                                          const splitplane_mesh *mesh,
-                                          const splitplane_build_options *options);
+splitplane_status splitplane_tree_rebuild(struct splitplane_tree tree,
+                                          const struct splitplane_mesh *mesh,
+                                          const struct splitplane_build_options *options);
 
 // Frees a tree. 0 is no mistake.
 //
 // Threads: any; calls that use it go on.
-splitplane_status splitplane_tree_free(splitplane_tree tree);
+splitplane_status splitplane_tree_free(struct splitplane_tree tree);
 
 // Numbers about a tree and its build.
 //
 // Threads: any.
-splitplane_status splitplane_tree_get_summary(splitplane_tree tree, splitplane_tree_summary *summary);
+splitplane_status splitplane_tree_get_summary(struct splitplane_tree tree, struct splitplane_tree_summary *summary);
 
 // The digest of a tree: the same for the same mesh and settings, on any machine, backend and number of threads.
 //
 // Threads: any.
-splitplane_status splitplane_tree_digest(splitplane_tree tree, uint64_t *digest);
+splitplane_status splitplane_tree_digest(struct splitplane_tree tree, uint64_t *digest);
 
 // Writes a tree file, of the tree and not of its mesh, which has to be given: the file has its digest.
 //
 // Threads: any.
-splitplane_status splitplane_tree_save(splitplane_tree tree, const splitplane_mesh *mesh, const char *path);
+splitplane_status splitplane_tree_save(struct splitplane_tree tree,
+                                       const struct splitplane_mesh *mesh,
+                                       const char *path);
 
 // Writes the bytes of a tree file into memory. `needed`, which may be NULL, gets how many there are; `SPLITPLANE_STATUS_CAPACITY` where there is less room. With `bytes` NULL and capacity 0 only
 // `needed` is written.
 //
 // Threads: any.
-splitplane_status splitplane_tree_write(splitplane_tree tree,
-                                        const splitplane_mesh *mesh,
+splitplane_status splitplane_tree_write(struct splitplane_tree tree,
+                                        const struct splitplane_mesh *mesh,
                                         uint8_t *bytes,
                                         size_t capacity,
                                         size_t *needed);
@@ -581,251 +583,258 @@ splitplane_status splitplane_tree_write(splitplane_tree tree,
 // Makes a tree of a tree file, without building it. The file is checked, and so is that it belongs to the mesh. Of `options` preset and knobs stay the defaults.
 //
 // Threads: any.
-splitplane_status splitplane_tree_load(splitplane_backend backend,
-                                       const splitplane_mesh *mesh,
+splitplane_status splitplane_tree_load(struct splitplane_backend backend,
+                                       const struct splitplane_mesh *mesh,
                                        const char *path,
-                                       const splitplane_build_options *options,
-                                       splitplane_tree *tree);
+                                       const struct splitplane_build_options *options,
+                                       struct splitplane_tree *tree);
 
 // As `splitplane_tree_load`, of the bytes of a file that are in memory, such as a file that you mapped. They start at a multiple of 4, and are not needed after the call.
 //
 // Threads: any.
-splitplane_status splitplane_tree_load_memory(splitplane_backend backend,
-                                              const splitplane_mesh *mesh,
+splitplane_status splitplane_tree_load_memory(struct splitplane_backend backend,
+                                              const struct splitplane_mesh *mesh,
                                               const uint8_t *bytes,
                                               size_t size,
-                                              const splitplane_build_options *options,
-                                              splitplane_tree *tree);
+                                              const struct splitplane_build_options *options,
+                                              struct splitplane_tree *tree);
 
 // The closest hit of every ray: the one of least (t, triangle). `hits` has room for one record a ray, `hit_stride` bytes apart: 16 where nothing is between them. `options` and `report` may be
 // NULL. After a failure the records mean nothing.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_closest_hits(splitplane_tree tree,
-                                               const splitplane_rays *rays,
-                                               const splitplane_query_options *options,
-                                               splitplane_hit *hits,
+splitplane_status splitplane_tree_closest_hits(struct splitplane_tree tree,
+                                               const struct splitplane_rays *rays,
+                                               const struct splitplane_query_options *options,
+                                               struct splitplane_hit *hits,
                                                size_t hit_stride,
-                                               splitplane_report *report);
+                                               struct splitplane_report *report);
 
 // For every ray, whether it hits anything: 1 or 0, `occluded_stride` bytes apart. Otherwise as `splitplane_tree_closest_hits`.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_any_hits(splitplane_tree tree,
-                                           const splitplane_rays *rays,
-                                           const splitplane_query_options *options,
+splitplane_status splitplane_tree_any_hits(struct splitplane_tree tree,
+                                           const struct splitplane_rays *rays,
+                                           const struct splitplane_query_options *options,
                                            uint8_t *occluded,
                                            size_t occluded_stride,
-                                           splitplane_report *report);
+                                           struct splitplane_report *report);
 
 // All crossings of every ray with surfaces, in order along it, exact: a list of `splitplane_crossing` for each ray. Read them by `splitplane_lists_size`, `splitplane_lists_starts` and
 // `splitplane_lists_crossings`, then free them. `max_memory` of the options limits what they take.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_all_hits(splitplane_tree tree,
-                                           const splitplane_rays *rays,
-                                           const splitplane_query_options *options,
-                                           splitplane_lists *lists,
-                                           splitplane_report *report);
+splitplane_status splitplane_tree_all_hits(struct splitplane_tree tree,
+                                           const struct splitplane_rays *rays,
+                                           const struct splitplane_query_options *options,
+                                           struct splitplane_lists *lists,
+                                           struct splitplane_report *report);
 
 // How many crossings every ray has with surfaces, `count_stride` bytes apart.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_count_hits(splitplane_tree tree,
-                                             const splitplane_rays *rays,
-                                             const splitplane_query_options *options,
+splitplane_status splitplane_tree_count_hits(struct splitplane_tree tree,
+                                             const struct splitplane_rays *rays,
+                                             const struct splitplane_query_options *options,
                                              uint64_t *counts,
                                              size_t count_stride,
-                                             splitplane_report *report);
+                                             struct splitplane_report *report);
 
 // How often the surface winds around every point, `winding_stride` bytes apart: 0 outside, `SPLITPLANE_BOUNDARY` on a triangle. A closed surface whose corners run counter-clockwise as seen from
 // outside winds once around the points in it. Decided exactly; for surfaces that are not closed it means little.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_locate(splitplane_tree tree,
+splitplane_status splitplane_tree_locate(struct splitplane_tree tree,
                                          const float *points,
                                          size_t point_stride,
                                          size_t count,
-                                         const splitplane_query_options *options,
+                                         const struct splitplane_query_options *options,
                                          int32_t *windings,
                                          size_t winding_stride,
-                                         splitplane_report *report);
+                                         struct splitplane_report *report);
 
 // The point of the mesh that is closest to every point, `closest_stride` bytes apart: 32 where nothing is between them. Of equal distances the least triangle. `max_distance` of the options
 // makes the search faster.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_closest_points(splitplane_tree tree,
+splitplane_status splitplane_tree_closest_points(struct splitplane_tree tree,
                                                  const float *points,
                                                  size_t point_stride,
                                                  size_t count,
-                                                 const splitplane_query_options *options,
-                                                 splitplane_closest_point *closest,
+                                                 const struct splitplane_query_options *options,
+                                                 struct splitplane_closest_point *closest,
                                                  size_t closest_stride,
-                                                 splitplane_report *report);
+                                                 struct splitplane_report *report);
 
 // The distance of every point from the surface, `distance_stride` bytes apart: negative inside, where the winding number is not 0, and 0 on it. Infinity where the mesh has no triangles.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_tree_signed_distances(splitplane_tree tree,
+splitplane_status splitplane_tree_signed_distances(struct splitplane_tree tree,
                                                    const float *points,
                                                    size_t point_stride,
                                                    size_t count,
-                                                   const splitplane_query_options *options,
+                                                   const struct splitplane_query_options *options,
                                                    double *distances,
                                                    size_t distance_stride,
-                                                   splitplane_report *report);
+                                                   struct splitplane_report *report);
 
 // Makes a scene without anything.
 //
 // Threads: any.
-splitplane_status splitplane_scene_create(splitplane_backend backend, splitplane_scene *scene);
+splitplane_status splitplane_scene_create(struct splitplane_backend backend, struct splitplane_scene *scene);
 
 // Frees a scene. 0 is no mistake.
 //
 // Threads: any; calls that use it go on.
-splitplane_status splitplane_scene_free(splitplane_scene scene);
+splitplane_status splitplane_scene_free(struct splitplane_scene scene);
 
 // Adds a geometry: a copy of a mesh. `geometry` gets its number; those of removed ones are used again.
 //
 // Threads: any, while no other call uses the scene: else `SPLITPLANE_STATUS_BUSY`.
-splitplane_status splitplane_scene_add_geometry(splitplane_scene scene,
-                                                const splitplane_mesh *mesh,
+splitplane_status splitplane_scene_add_geometry(struct splitplane_scene scene,
+                                                const struct splitplane_mesh *mesh,
                                                 uint32_t *geometry);
 
 // Gives a geometry another mesh; its instances stay.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_replace_geometry(splitplane_scene scene,
+splitplane_status splitplane_scene_replace_geometry(struct splitplane_scene scene,
                                                     uint32_t geometry,
-                                                    const splitplane_mesh *mesh);
+                                                    const struct splitplane_mesh *mesh);
 
 // Removes a geometry that has no instances.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_remove_geometry(splitplane_scene scene, uint32_t geometry);
+splitplane_status splitplane_scene_remove_geometry(struct splitplane_scene scene, uint32_t geometry);
 
 // Adds an instance. `number` gets its number; those of removed ones are used again.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_add_instance(splitplane_scene scene,
-                                                const splitplane_instance *instance,
+splitplane_status splitplane_scene_add_instance(struct splitplane_scene scene,
+                                                const struct splitplane_instance *instance,
                                                 uint32_t *number);
 
 // Replaces all that an instance is, its geometry included.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_set_instance(splitplane_scene scene,
+splitplane_status splitplane_scene_set_instance(struct splitplane_scene scene,
                                                 uint32_t number,
-                                                const splitplane_instance *instance);
+                                                const struct splitplane_instance *instance);
 
 // Gives an instance another transform: 12 numbers, as in `splitplane_instance`.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_move_instance(splitplane_scene scene, uint32_t number, const float *transform);
+splitplane_status splitplane_scene_move_instance(struct splitplane_scene scene,
+                                                 uint32_t number,
+                                                 const float *transform);
 
 // Removes an instance.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_remove_instance(splitplane_scene scene, uint32_t number);
+splitplane_status splitplane_scene_remove_instance(struct splitplane_scene scene, uint32_t number);
 
 // What an instance is.
 //
 // Threads: any.
-splitplane_status splitplane_scene_instance(splitplane_scene scene, uint32_t number, splitplane_instance *instance);
+splitplane_status splitplane_scene_instance(struct splitplane_scene scene,
+                                            uint32_t number,
+                                            struct splitplane_instance *instance);
 
 // Brings a scene up to date with its edits: only what changed is made anew. After a failure queries answer once an update has succeeded. `options` and `report` may be NULL.
 //
 // Threads: as for `splitplane_scene_add_geometry`.
-splitplane_status splitplane_scene_update(splitplane_scene scene,
-                                          const splitplane_build_options *options,
-                                          splitplane_update_report *report);
+splitplane_status splitplane_scene_update(struct splitplane_scene scene,
+                                          const struct splitplane_build_options *options,
+                                          struct splitplane_update_report *report);
 
 // The digest of a scene: of its geometries' trees and of its instances.
 //
 // Threads: any.
-splitplane_status splitplane_scene_digest(splitplane_scene scene, uint64_t *digest);
+splitplane_status splitplane_scene_digest(struct splitplane_scene scene, uint64_t *digest);
 
 // Writes a scene file: meshes, trees and instances.
 //
 // Threads: any.
-splitplane_status splitplane_scene_save(splitplane_scene scene, const char *path);
+splitplane_status splitplane_scene_save(struct splitplane_scene scene, const char *path);
 
 // Writes the bytes of a scene file into memory, as `splitplane_tree_write` does.
 //
 // Threads: any.
-splitplane_status splitplane_scene_write(splitplane_scene scene, uint8_t *bytes, size_t capacity, size_t *needed);
+splitplane_status splitplane_scene_write(struct splitplane_scene scene,
+                                         uint8_t *bytes,
+                                         size_t capacity,
+                                         size_t *needed);
 
 // Makes a scene of a scene file, without building trees of geometries. Of `options` preset and knobs stay the defaults.
 //
 // Threads: any.
-splitplane_status splitplane_scene_load(splitplane_backend backend,
+splitplane_status splitplane_scene_load(struct splitplane_backend backend,
                                         const char *path,
-                                        const splitplane_build_options *options,
-                                        splitplane_scene *scene);
+                                        const struct splitplane_build_options *options,
+                                        struct splitplane_scene *scene);
 
 // As `splitplane_scene_load`, of the bytes of a file that are in memory, such as a file that you mapped. They start at a multiple of 4, and are not needed after the call.
 //
 // Threads: any.
-splitplane_status splitplane_scene_load_memory(splitplane_backend backend,
+splitplane_status splitplane_scene_load_memory(struct splitplane_backend backend,
                                                const uint8_t *bytes,
                                                size_t size,
-                                               const splitplane_build_options *options,
-                                               splitplane_scene *scene);
+                                               const struct splitplane_build_options *options,
+                                               struct splitplane_scene *scene);
 
 // The closest hit of every ray: the one of least (t, instance, triangle). `hits` has room for one record a ray, `hit_stride` bytes apart: 24 where nothing is between them. `options` and `report`
 // may be NULL. After a failure the records mean nothing.
 //
 // Threads: any; one scene may answer many calls at a time.
-splitplane_status splitplane_scene_closest_hits(splitplane_scene scene,
-                                                const splitplane_rays *rays,
-                                                const splitplane_query_options *options,
-                                                splitplane_scene_hit *hits,
+splitplane_status splitplane_scene_closest_hits(struct splitplane_scene scene,
+                                                const struct splitplane_rays *rays,
+                                                const struct splitplane_query_options *options,
+                                                struct splitplane_scene_hit *hits,
                                                 size_t hit_stride,
-                                                splitplane_report *report);
+                                                struct splitplane_report *report);
 
 // For every ray, whether it hits anything: 1 or 0, `occluded_stride` bytes apart. Otherwise as `splitplane_scene_closest_hits`.
 //
 // Threads: any; one scene may answer many calls at a time.
-splitplane_status splitplane_scene_any_hits(splitplane_scene scene,
-                                            const splitplane_rays *rays,
-                                            const splitplane_query_options *options,
+splitplane_status splitplane_scene_any_hits(struct splitplane_scene scene,
+                                            const struct splitplane_rays *rays,
+                                            const struct splitplane_query_options *options,
                                             uint8_t *occluded,
                                             size_t occluded_stride,
-                                            splitplane_report *report);
+                                            struct splitplane_report *report);
 
 // All crossings of every ray with surfaces, in order of (t, instance, triangle): a list for each ray, as of `splitplane_tree_all_hits`.
 //
 // Threads: any; one scene may answer many calls at a time.
-splitplane_status splitplane_scene_all_hits(splitplane_scene scene,
-                                            const splitplane_rays *rays,
-                                            const splitplane_query_options *options,
-                                            splitplane_lists *lists,
-                                            splitplane_report *report);
+splitplane_status splitplane_scene_all_hits(struct splitplane_scene scene,
+                                            const struct splitplane_rays *rays,
+                                            const struct splitplane_query_options *options,
+                                            struct splitplane_lists *lists,
+                                            struct splitplane_report *report);
 
 // How often the surfaces of all instances wind around every point, as `splitplane_tree_locate` says it.
 //
 // Threads: any; one scene may answer many calls at a time.
-splitplane_status splitplane_scene_locate(splitplane_scene scene,
+splitplane_status splitplane_scene_locate(struct splitplane_scene scene,
                                           const float *points,
                                           size_t point_stride,
                                           size_t count,
-                                          const splitplane_query_options *options,
+                                          const struct splitplane_query_options *options,
                                           int32_t *windings,
                                           size_t winding_stride,
-                                          splitplane_report *report);
+                                          struct splitplane_report *report);
 
 // The point of the scene that is closest to every point, `closest_stride` bytes apart: 40 where nothing is between them. Of equal distances the least (instance, triangle).
 //
 // Threads: any; one scene may answer many calls at a time.
-splitplane_status splitplane_scene_closest_points(splitplane_scene scene,
+splitplane_status splitplane_scene_closest_points(struct splitplane_scene scene,
                                                   const float *points,
                                                   size_t point_stride,
                                                   size_t count,
-                                                  const splitplane_query_options *options,
-                                                  splitplane_scene_closest_point *closest,
+                                                  const struct splitplane_query_options *options,
+                                                  struct splitplane_scene_closest_point *closest,
                                                   size_t closest_stride,
-                                                  splitplane_report *report);
+                                                  struct splitplane_report *report);
 
 // Builds a tree of points of 1 to 4 coordinates, `point_stride` bytes apart. It has its own copy. `axes` is a `splitplane_point_axes`; of `options`, which may be NULL, preset, layout and knobs stay
 // the defaults. Backends have no part in it: the CPU builds and answers.
@@ -836,80 +845,81 @@ splitplane_status splitplane_point_tree_build(const float *points,
                                               size_t count,
                                               uint32_t dimensions,
                                               uint32_t axes,
-                                              const splitplane_build_options *options,
-                                              splitplane_point_tree *tree);
+                                              const struct splitplane_build_options *options,
+                                              struct splitplane_point_tree *tree);
 
 // Frees a point tree. 0 is no mistake.
 //
 // Threads: any; calls that use it go on.
-splitplane_status splitplane_point_tree_free(splitplane_point_tree tree);
+splitplane_status splitplane_point_tree_free(struct splitplane_point_tree tree);
 
 // Numbers about a point tree.
 //
 // Threads: any.
-splitplane_status splitplane_point_tree_get_summary(splitplane_point_tree tree, splitplane_point_tree_summary *summary);
+splitplane_status splitplane_point_tree_get_summary(struct splitplane_point_tree tree,
+                                                    struct splitplane_point_tree_summary *summary);
 
 // The digest of a point tree.
 //
 // Threads: any.
-splitplane_status splitplane_point_tree_digest(splitplane_point_tree tree, uint64_t *digest);
+splitplane_status splitplane_point_tree_digest(struct splitplane_point_tree tree, uint64_t *digest);
 
 // The `k` nearest points of every query, of as many coordinates as the tree's: `k` records a query, one query after the other, `neighbour_stride` bytes from record to record (16 where nothing is
 // between them), the least (distance, point) first. Where there are fewer the rest say `SPLITPLANE_NONE`.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_point_tree_nearest(splitplane_point_tree tree,
+splitplane_status splitplane_point_tree_nearest(struct splitplane_point_tree tree,
                                                 const float *queries,
                                                 size_t query_stride,
                                                 size_t count,
                                                 size_t k,
-                                                const splitplane_query_options *options,
-                                                splitplane_neighbour *neighbours,
+                                                const struct splitplane_query_options *options,
+                                                struct splitplane_neighbour *neighbours,
                                                 size_t neighbour_stride);
 
 // All points within `max_distance` of the options of every query: a list of `splitplane_neighbour` for each, the least (distance, point) first. Read them by `splitplane_lists_size`,
 // `splitplane_lists_starts` and `splitplane_lists_neighbours`, then free them. `max_memory` limits what they take.
 //
 // Threads: any; one tree may answer many calls at a time.
-splitplane_status splitplane_point_tree_within(splitplane_point_tree tree,
+splitplane_status splitplane_point_tree_within(struct splitplane_point_tree tree,
                                                const float *queries,
                                                size_t query_stride,
                                                size_t count,
-                                               const splitplane_query_options *options,
-                                               splitplane_lists *lists);
+                                               const struct splitplane_query_options *options,
+                                               struct splitplane_lists *lists);
 
 // How many lists there are, one for each ray or point that was asked for, and how many records they have together.
 //
 // Threads: any.
-splitplane_status splitplane_lists_size(splitplane_lists lists, size_t *list_count, size_t *record_count);
+splitplane_status splitplane_lists_size(struct splitplane_lists lists, size_t *list_count, size_t *record_count);
 
 // Writes where the records of each list begin, followed by how many records there are: one number more than lists. List `i` has the records `starts[i]` up to, and without, `starts[i + 1]`.
 //
 // Threads: any.
-splitplane_status splitplane_lists_starts(splitplane_lists lists,
+splitplane_status splitplane_lists_starts(struct splitplane_lists lists,
                                           uint64_t *starts,
                                           size_t capacity);
 
 // Writes the crossings of all lists, `crossing_stride` bytes apart: 28 where nothing is between them.
 //
 // Threads: any.
-splitplane_status splitplane_lists_crossings(splitplane_lists lists,
-                                             splitplane_crossing *crossings,
+splitplane_status splitplane_lists_crossings(struct splitplane_lists lists,
+                                             struct splitplane_crossing *crossings,
                                              size_t crossing_stride,
                                              size_t capacity);
 
 // Writes the points of all lists, `neighbour_stride` bytes apart: 16 where nothing is between them.
 //
 // Threads: any.
-splitplane_status splitplane_lists_neighbours(splitplane_lists lists,
-                                              splitplane_neighbour *neighbours,
+splitplane_status splitplane_lists_neighbours(struct splitplane_lists lists,
+                                              struct splitplane_neighbour *neighbours,
                                               size_t neighbour_stride,
                                               size_t capacity);
 
 // Frees lists. 0 is no mistake.
 //
 // Threads: any.
-splitplane_status splitplane_lists_free(splitplane_lists lists);
+splitplane_status splitplane_lists_free(struct splitplane_lists lists);
 
 #ifdef __cplusplus
 }  // extern "C"
