@@ -11,7 +11,9 @@ fn main() {
             println!("cargo::rustc-cdylib-link-arg=-Wl,-soname,libsplitplane.so.{name}");
         }
         "macos" => {
-            println!("cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libsplitplane.{name}.dylib");
+            println!(
+                "cargo::rustc-cdylib-link-arg=-Wl,-install_name,@rpath/libsplitplane.{name}.dylib"
+            );
         }
         _ => {}
     }
