@@ -43,6 +43,13 @@ cargo clippy --quiet --profile "$profile" --all-targets ${features[@]+"${feature
 say "cargo test"
 cargo test --quiet --profile "$profile" ${features[@]+"${features[@]}"} ${lock[@]+"${lock[@]}"}
 
+case $(uname -s) in
+MINGW* | MSYS* | CYGWIN*)
+    say "NOT TESTED: install.sh and the programs in C and C++: they are for Unix systems"
+    exit 0
+    ;;
+esac
+
 say "installing"
 target=${CARGO_TARGET_DIR:-$PWD/target}
 prefix=$target/prefix
@@ -97,6 +104,8 @@ compile() { # compile PROGRAM OUT FLAGS...
     esac
 }
 # Runs a program in the scratch folder: run ROUNDS COMMAND...; what it says is shown where it fails.
+limit=()
+! command -v timeout >/dev/null || limit=(timeout 300)
 run() {
     local rounds=$1 words=() name
     shift
@@ -105,7 +114,7 @@ run() {
     lives*) words=("$rounds") ;;
     misuse*) words=("$scratch") ;;
     esac
-    if (cd "$scratch" && timeout 300 "$@" ${words[@]+"${words[@]}"}) >"$scratch/$name.log" 2>&1; then
+    if (cd "$scratch" && ${limit[@]+"${limit[@]}"} "$@" ${words[@]+"${words[@]}"}) >"$scratch/$name.log" 2>&1; then
         case $name in
         lives* | misuse*) tail -n 1 "$scratch/$name.log" ;;
         esac
@@ -131,6 +140,19 @@ else
         compile "$program" "$scratch/$program"
         run 10000 "$scratch/$program"
     done
+    # What is planted is found.
+    fails() { # fails STATUS COMMAND...
+        local expected=$1 status=0
+        shift
+        (cd "$scratch" && "$@") >"$scratch/planted.log" 2>&1 || status=$?
+        [ "$status" -eq "$expected" ] || {
+            tail -n 20 "$scratch/planted.log"
+            say "FAILED: status $status of $*, which has to be $expected"
+            exit 1
+        }
+    }
+    fails 1 "$scratch/lives" 2000 leak
+    fails 1 "$scratch/misuse" "$scratch" planted
     say "a program with the static library"
     # What it needs besides is what the pkg-config file says.
     read -ra private <<<"$(sed -n 's/^Libs.private: //p' "$prefix/lib/pkgconfig/splitplane.pc")"
@@ -141,6 +163,10 @@ else
     sanitize=(-fsanitize=address,undefined -fno-sanitize-recover=all -O1)
     if works "${sanitize[@]}"; then
         say "AddressSanitizer"
+        printf '%s\n' '#include <splitplane.h>' 'int main(void) {' 'splitplane_query_options options;' \
+            'return (int)splitplane_query_options_init(&options, sizeof options) + ((const volatile unsigned char *)&options)[sizeof options + 8];' '}' >"$scratch/planted.c"
+        "$cc" -std=c11 "${sanitize[@]}" "$scratch/planted.c" -o "$scratch/planted" "${flags[@]}"
+        fails 1 "$scratch/planted"
         for program in "${programs[@]}"; do
             compile "$program" "$scratch/$program-asan" "${sanitize[@]}"
             run 300 "$scratch/$program-asan"
@@ -152,8 +178,12 @@ else
     # Valgrind does not know AVX-512, so the portable instruction set answers there.
     if command -v valgrind >/dev/null; then
         say "Valgrind"
+        printf '%s\n' '#include <splitplane.h>' '#include <stdlib.h>' 'int main(void) {' 'unsigned char *bytes = malloc(8);' \
+            'splitplane_backend backend;' 'return bytes[4] ? (int)splitplane_backend_open("no", NULL, &backend) : 0;' '}' >"$scratch/planted.c"
+        "$cc" -std=c11 "$scratch/planted.c" -o "$scratch/planted" "${flags[@]}"
+        fails 99 valgrind --quiet --error-exitcode=99 "$scratch/planted"
         for program in "${programs[@]}"; do
-            SPLITPLANE_ISA=portable run 20 valgrind --quiet --error-exitcode=99 --leak-check=full --errors-for-leak-kinds=definite --fair-sched=yes \
+            SPLITPLANE_ISA=portable run 20 valgrind --quiet --error-exitcode=99 --leak-check=full --show-leak-kinds=definite --errors-for-leak-kinds=definite --fair-sched=yes \
                 "$scratch/$program"
         done
     else

@@ -20,7 +20,8 @@ const SOURCES: [&str; 14] = [
     "points",
 ];
 
-fn made() -> String {
+/// The header of the sources, and of another one that is planted.
+fn made(planted: Option<&str>) -> String {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut config = cbindgen::Config::from_file(root.join("cbindgen.toml")).unwrap();
     config.after_includes =
@@ -29,8 +30,20 @@ fn made() -> String {
     for source in SOURCES.into_iter().chain(["lists"]) {
         builder = builder.with_src(root.join(format!("src/{source}.rs")));
     }
+    let file = planted.map(|text| {
+        let name = format!("splitplane-header-{}", std::process::id());
+        let path = std::env::temp_dir().join(name);
+        std::fs::write(&path, text).unwrap();
+        path
+    });
+    if let Some(path) = &file {
+        builder = builder.with_src(path);
+    }
     let mut bytes = Vec::new();
     builder.generate().unwrap().write(&mut bytes);
+    if let Some(path) = file {
+        std::fs::remove_file(path).unwrap();
+    }
     // Notes to Rust's callers say what the text says in other words.
     let (text, mut out, mut skips) = (String::from_utf8(bytes).unwrap(), String::new(), false);
     for line in text.lines() {
@@ -55,7 +68,7 @@ fn made() -> String {
 #[test]
 fn the_header_is_what_the_sources_say() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("include/splitplane.h");
-    let made = made();
+    let made = made(None);
     if std::env::var_os("SPLITPLANE_UPDATE").is_some() {
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         std::fs::write(&path, &made).unwrap();
@@ -69,11 +82,18 @@ fn the_header_is_what_the_sources_say() {
     );
 }
 
+#[test]
+fn a_call_that_is_new_changes_the_header() {
+    let planted = "#[unsafe(no_mangle)] pub extern \"C\" fn splitplane_planted(number: u32) -> u32 { number }";
+    let (with, without) = (made(Some(planted)), made(None));
+    assert!(with.contains("uint32_t splitplane_planted(uint32_t number);") && with != without);
+}
+
 /// Every source with functions is in the list, so none is left out of the header.
 #[test]
 fn no_function_is_left_out() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let header = made();
+    let header = made(None);
     let mut found = 0;
     for file in std::fs::read_dir(root).unwrap() {
         let path = file.unwrap().path();
