@@ -127,3 +127,7 @@ cargo test "${viewer[@]}" ${build[@]+"${build[@]}"}
 # The Python package has a workspace and a script of its own.
 say "python/test.sh ${lock[*]-}"
 python/test.sh ${lock[@]+"${lock[@]}"}
+
+# So has the package for JavaScript; where its toolchain is not there, it says so and tests nothing.
+say "web/test.sh ${lock[*]-}"
+web/test.sh ${lock[@]+"${lock[@]}"}
