@@ -115,8 +115,8 @@ case " ${build[*]-} " in
 esac
 
 # Many tests keep one core busy. Beside them the rest is built, in a folder of its own, since cargo lets one command at a
-# time build in one; and the Python package and the C interface, which have workspaces and scripts of their own, are built and
-# tested. What they print is shown in its turn.
+# time build in one; and the Python package, the C interface and the package for JavaScript, which have workspaces and scripts
+# of their own, are built and tested. What they print is shown in its turn.
 say "cargo test ${tests[*]} --no-run $*"
 cargo test "${tests[@]}" --no-run "$@"
 unoptimised=${CARGO_TARGET_DIR:-$PWD/target}/unoptimised
@@ -132,8 +132,10 @@ nice python/test.sh ${lock[@]+"${lock[@]}"} >"$beside/python" 2>&1 </dev/null &
 python=$!
 nice capi/test.sh ${lock[@]+"${lock[@]}"} >"$beside/capi" 2>&1 </dev/null &
 capi=$!
+nice web/test.sh ${lock[@]+"${lock[@]}"} >"$beside/web" 2>&1 </dev/null &
+web=$!
 set +m
-trap 'kill -- "-$builds" "-$python" "-$capi" 2>/dev/null || true; rm -rf "$beside" "$log"' EXIT
+trap 'kill -- "-$builds" "-$python" "-$capi" "-$web" 2>/dev/null || true; rm -rf "$beside" "$log"' EXIT
 
 say "cargo test ${tests[*]} $*"
 cargo test "${tests[@]}" "$@"
@@ -166,3 +168,6 @@ finished "$python" python
 
 say "capi/test.sh ${lock[*]-}"
 finished "$capi" capi
+
+say "web/test.sh ${lock[*]-}"
+finished "$web" web
