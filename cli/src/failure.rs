@@ -1,6 +1,6 @@
 //! Why a run ends before it is done: a sentence and an exit code.
 
-use splitplane::objects::{SceneBuildError, SceneError as ObjectsError};
+use splitplane::objects::{SceneBuildError, SceneError as ObjectsError, SceneWriteError};
 use splitplane::picture::PictureError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
@@ -126,6 +126,15 @@ impl From<SceneBuildError> for Failure {
     }
 }
 
+impl From<SceneWriteError> for Failure {
+    fn from(error: SceneWriteError) -> Failure {
+        match error {
+            SceneWriteError::Build(error) => error.into(),
+            error => Failure::file(error.to_string()),
+        }
+    }
+}
+
 impl From<MeshError> for Failure {
     fn from(error: MeshError) -> Failure {
         let code = match error {
@@ -223,10 +232,6 @@ impl From<TracerError> for Failure {
         match error {
             TracerError::Build(error) => error.into(),
             TracerError::Scene(error) => error.into(),
-            TracerError::Render(RenderError::NoCosts) => Failure::usage(format!(
-                "{}; leave --heatmap and the costs of --aov out",
-                RenderError::NoCosts
-            )),
             TracerError::Render(RenderError::Query(error)) => error.into(),
             TracerError::Render(error) => {
                 let code = match &error {

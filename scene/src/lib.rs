@@ -138,7 +138,10 @@ pub enum SceneError {
     #[error(transparent)]
     File(#[from] instanced::SceneFileError),
     /// A file of many objects, where one mesh was asked for.
-    #[error("`{0}` is a scene of many objects; render and animate take such scenes")]
+    #[error(
+        "`{0}` is a scene of many objects, and one mesh is asked for; render, animate, view, build, query and verify take such \
+         scenes"
+    )]
     ManyObjects(String),
     /// A file that is not of a known format.
     #[error(
@@ -198,7 +201,7 @@ impl Scene {
             return Ok(obj::read_with(path, options)?);
         }
         #[cfg(feature = "json")]
-        if InstancedScene::is_named_by(spec) {
+        if InstancedScene::is_named_by(spec) || instanced::is_saved(spec) {
             return Err(SceneError::ManyObjects(quoted_spec(spec)));
         }
         Err(SceneError::UnknownFormat(quoted_spec(spec)))

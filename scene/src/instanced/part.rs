@@ -1,6 +1,6 @@
 //! Puts triangles of a scene behind those that are there, as a geometry with vertices of its own.
 
-use super::{Geometry, InstancedScene};
+use super::{Geometry, InstancedScene, Solids};
 use crate::Scene;
 use std::collections::HashMap;
 use std::ops::Range;
@@ -50,6 +50,20 @@ impl InstancedScene {
             name: name.to_owned(),
             vertices: vertex..self.parts.positions.len() as u32,
             triangles: triangle..self.parts.indices.len() as u32,
+            solids: None,
+        });
+        self.geometries.len() as u32 - 1
+    }
+
+    /// Adds a geometry of spheres or capsules.
+    pub(crate) fn add_solids(&mut self, name: &str, solids: Solids) -> u32 {
+        let (vertex, triangle) =
+            (self.parts.positions.len() as u32, self.parts.indices.len() as u32);
+        self.geometries.push(Geometry {
+            name: name.to_owned(),
+            vertices: vertex..vertex,
+            triangles: triangle..triangle,
+            solids: Some(solids),
         });
         self.geometries.len() as u32 - 1
     }

@@ -4,9 +4,10 @@ use super::format::{self, File};
 use super::locate::Step;
 use super::{At, MAX_INSTANCES, SceneFileProblem, material};
 use crate::from_file::quoted;
-use crate::instanced::InstancedScene;
+use crate::instanced::{InstancedScene, SolidKind, Solids};
 use crate::{Material, Scene, SceneOptions, obj};
 use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
+use splitplane_core::scene::shape::{Capsule, Sphere};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -38,6 +39,7 @@ impl<'a> Geometries<'a> {
     ) -> Result<Geometries<'a>, At> {
         let at =
             |index, name| vec![Step::Field("geometries"), Step::Element(index), Step::Field(name)];
+        let whole = |index| vec![Step::Field("geometries"), Step::Element(index)];
         if file.geometries.len() > MAX_INSTANCES {
             let problem = SceneFileProblem::TooMany { what: "geometries", most: MAX_INSTANCES };
             return Err((vec![Step::Field("geometries")], problem));
@@ -87,6 +89,16 @@ impl<'a> Geometries<'a> {
                         number
                     }
                 },
+                Kind::Solids(kind) => {
+                    let count = scene.solids() + kind.len();
+                    if count > MAX_SOLIDS {
+                        let what = "spheres and capsules in all geometries together";
+                        let problem = SceneFileProblem::TooMany { what, most: MAX_SOLIDS };
+                        return Err((whole(index), problem));
+                    }
+                    let material = named.unwrap_or_else(|| clay(scene));
+                    scene.add_solids(&own.name, Solids { kind, material })
+                }
                 Kind::Arrays(positions, triangles) => {
                     Mesh::indexed(positions, triangles)
                         .map_err(|error| (at(index, "triangles"), error.into()))?;
@@ -114,8 +126,12 @@ impl<'a> Geometries<'a> {
     }
 }
 
-/// Where the triangles of a geometry are.
+/// Most spheres and capsules.
+const MAX_SOLIDS: usize = 1 << 27;
+
+/// Where the triangles of a geometry are, or what it has in place of them.
 enum Kind<'a> {
+    Solids(SolidKind),
     Obj(Source<'a>),
     Arrays(&'a [[f32; 3]], &'a [[u32; 3]]),
 }
@@ -123,6 +139,29 @@ enum Kind<'a> {
 impl<'a> Kind<'a> {
     /// A field and what is wrong with it, where it is neither.
     fn of(own: &'a format::Geometry) -> Result<Kind<'a>, (&'static str, &'static str)> {
+        if own.spheres.is_some() || own.capsules.is_some() {
+            let others = own.obj.is_some() || own.positions.is_some() || own.triangles.is_some();
+            if others || own.group.is_some() || own.object.is_some() {
+                return Err((
+                    "name",
+                    "a geometry consists of triangles, of spheres, or of capsules",
+                ));
+            }
+            return match (&own.spheres, &own.capsules) {
+                (Some(_), Some(_)) => Err(("capsules", "give spheres or capsules, not both")),
+                (Some(all), _) => Ok(Kind::Solids(SolidKind::Spheres(
+                    all.iter()
+                        .map(|&format::Sphere { centre, radius }| Sphere { centre, radius })
+                        .collect(),
+                ))),
+                (_, all) => Ok(Kind::Solids(SolidKind::Capsules(
+                    all.iter()
+                        .flatten()
+                        .map(|&format::Capsule { ends, radius }| Capsule { ends, radius })
+                        .collect(),
+                ))),
+            };
+        }
         match (&own.obj, &own.positions, &own.triangles) {
             (Some(path), None, None) => match (&own.group, &own.object) {
                 (Some(_), Some(_)) => Err(("group", "give a group or an object, not both")),
@@ -134,7 +173,10 @@ impl<'a> Kind<'a> {
                 }
                 Ok(Kind::Arrays(positions, triangles))
             }
-            _ => Err(("name", "a geometry has `obj`, or `positions` and `triangles`")),
+            _ => Err((
+                "name",
+                "a geometry has `obj`, or `positions` and `triangles`, or `spheres`, or `capsules`",
+            )),
         }
     }
 }
