@@ -9,6 +9,7 @@ use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::save_tree;
 use clap::Args;
 use splitplane::objects::write_file;
+use splitplane::scene::InstancedScene;
 use splitplane::scene::instanced::is_saved;
 use splitplane_scene::from_file::quoted_path;
 use std::ffi::OsString;
@@ -29,7 +30,7 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        if BuiltObjects::is_named_by(&arguments.scene) {
+        if InstancedScene::is_named_by(&arguments.scene) {
             return build_objects(arguments);
         }
         let prepared = Prepared::open(&arguments.scene, common)?;

@@ -28,11 +28,6 @@ pub(super) struct BuiltObjects {
 }
 
 impl BuiltObjects {
-    /// Whether what a user writes names a scene of many objects.
-    pub(super) fn is_named_by(spec: &OsStr) -> bool {
-        InstancedScene::is_named_by(spec) || is_saved(spec)
-    }
-
     /// Opens scene and backend and builds what answers rays; trees in a file of a built scene are loaded. To be called inside
     /// [`in_pool`](super::prepared::in_pool).
     pub(super) fn open(spec: &OsStr, common: &Common) -> Result<BuiltObjects, Failure> {

@@ -1,12 +1,12 @@
 //! `splitplane query`.
 
 use super::failure::Failure;
-use super::objects_built::BuiltObjects;
 use super::options::Common;
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{files, hit_file, output, progress, query_objects, ray_file};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
+use splitplane::scene::InstancedScene;
 use splitplane::{
     Accelerator, AllHits, AllHitsOptions, ClosestPoint, ClosestPointOptions, Hit, LocateOptions,
     Located, Location, QueryError, QueryOptions, Ray, Rule, Undecided,
@@ -311,7 +311,7 @@ impl Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        if BuiltObjects::is_named_by(&arguments.scene) {
+        if InstancedScene::is_named_by(&arguments.scene) {
             return query_objects::run(arguments);
         }
         if arguments.mask.is_some() {

@@ -1,13 +1,13 @@
 //! `splitplane verify`.
 
 use super::failure::Failure;
-use super::objects_built::BuiltObjects;
 use super::options::Common;
 use super::prepared::{Prepared, in_pool, print_json};
 use super::tree::check_tree;
 use super::{output, progress, verify_objects};
 use clap::Args;
 use serde::Serialize;
+use splitplane::scene::InstancedScene;
 use splitplane::verify::{Aim, check};
 use std::ffi::OsString;
 
@@ -36,7 +36,7 @@ struct VerifyReport {
 pub(super) fn run(arguments: &Arguments) -> Result<(), Failure> {
     let common = &arguments.common;
     in_pool(common, || {
-        if BuiltObjects::is_named_by(&arguments.scene) {
+        if InstancedScene::is_named_by(&arguments.scene) {
             return verify_objects::run(&arguments.scene, arguments.rays, common);
         }
         let prepared = Prepared::open(&arguments.scene, common)?;

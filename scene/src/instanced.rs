@@ -6,16 +6,20 @@ mod file;
 #[cfg(feature = "json")]
 mod part;
 mod pose;
+#[cfg(feature = "json")]
+mod saved;
 
 #[cfg(feature = "json")]
 pub use file::{MAX_FRAMES, MAX_INSTANCES, SceneFileError, SceneFileProblem, VERSION, parse, read};
 pub use pose::{Key, Pose};
+#[cfg(feature = "json")]
+pub use saved::read_saved;
 
 use super::{Placement, Scene, placement};
 use splitplane_core::mesh::{Mesh, MeshError};
 use splitplane_core::ray::Culling;
 use splitplane_core::scene::shape::{Capsule, Shapes, Sphere};
-use splitplane_core::scene::{self as objects, GeometryId, InstanceId, Transform};
+use splitplane_core::scene::{self as objects, GeometryId, InstanceId, OpacityMask, Transform};
 use splitplane_render::instances::Geometries;
 use splitplane_render::scene_data::NONE;
 use std::ffi::OsStr;
@@ -34,6 +38,8 @@ pub struct Geometry {
     pub triangles: Range<u32>,
     /// What it consists of in place of triangles.
     pub solids: Option<Solids>,
+    /// Which parts of its triangles are there for rays; all where there is none.
+    pub opacity: Option<OpacityMask>,
 }
 
 /// Spheres or capsules, and their material.
@@ -173,7 +179,10 @@ impl InstancedScene {
             let Range { start, end } = geometry.vertices;
             let own = self.parts.positions.get(start as usize..end as usize).unwrap_or_default();
             let indices = self.indices_of(geometry);
-            scene.add_mesh(&Mesh::indexed(own, &indices).map_err(named)?)?;
+            let added = scene.add_mesh(&Mesh::indexed(own, &indices).map_err(named)?)?;
+            if let Some(mask) = &geometry.opacity {
+                scene.set_opacity(added, Some(mask.clone()))?;
+            }
         }
         for placed in &self.instances {
             let Placed { transform, mask, id, culling, .. } = *placed;

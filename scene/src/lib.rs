@@ -31,6 +31,8 @@ pub use splitplane_render::{Dielectric, Light, Material, Texture};
 
 use splitplane_core::aabb::Aabb;
 use splitplane_core::mesh::{Mesh, MeshError};
+#[cfg(feature = "json")]
+use std::collections::HashMap;
 use std::ffi::OsStr;
 #[cfg(feature = "obj")]
 use std::path::Path;
@@ -201,7 +203,7 @@ impl Scene {
             return Ok(obj::read_with(path, options)?);
         }
         #[cfg(feature = "json")]
-        if InstancedScene::is_named_by(spec) || instanced::is_saved(spec) {
+        if InstancedScene::is_named_by(spec) {
             return Err(SceneError::ManyObjects(quoted_spec(spec)));
         }
         Err(SceneError::UnknownFormat(quoted_spec(spec)))
@@ -270,6 +272,33 @@ impl Scene {
         let runs = starts.iter().zip(ends).filter(|(group, _)| is_named(group));
         let runs = runs.map(|(group, end)| group.first_triangle..end);
         runs.filter(|run| !run.is_empty()).collect()
+    }
+
+    /// The triangles of all groups and objects by whether it is an object and its name: what [`Scene::triangles_of`] gives of each, for who asks
+    /// for many.
+    #[cfg(feature = "json")]
+    fn triangles_by_group(&self) -> HashMap<(bool, &str), Vec<std::ops::Range<u32>>> {
+        let mut all: HashMap<(bool, &str), Vec<std::ops::Range<u32>>> = HashMap::new();
+        for is_object in [false, true] {
+            let starts: Vec<&Group> =
+                self.groups.iter().filter(|group| group.is_object == is_object).collect();
+            let ends = starts.iter().skip(1).map(|group| group.first_triangle);
+            for (group, end) in starts.iter().zip(ends.chain([self.indices.len() as u32])) {
+                let run = group.first_triangle..end;
+                if run.is_empty() {
+                    continue;
+                }
+                let words = group.name.split_ascii_whitespace().filter(|_| !is_object);
+                for name in words.chain([group.name.as_str()]) {
+                    let runs = all.entry((is_object, name)).or_default();
+                    // A name that is given twice, or is the only word.
+                    if runs.last() != Some(&run) {
+                        runs.push(run.clone());
+                    }
+                }
+            }
+        }
+        all
     }
 
     /// Whether the scene brings light: lights of its own, or triangles that shine.

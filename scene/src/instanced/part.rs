@@ -51,6 +51,7 @@ impl InstancedScene {
             vertices: vertex..self.parts.positions.len() as u32,
             triangles: triangle..self.parts.indices.len() as u32,
             solids: None,
+            opacity: None,
         });
         self.geometries.len() as u32 - 1
     }
@@ -64,6 +65,7 @@ impl InstancedScene {
             vertices: vertex..vertex,
             triangles: triangle..triangle,
             solids: Some(solids),
+            opacity: None,
         });
         self.geometries.len() as u32 - 1
     }

@@ -9,6 +9,7 @@ use crate::{Material, Scene, SceneOptions, obj};
 use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
 use splitplane_core::scene::shape::{Capsule, Sphere};
 use std::collections::HashMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// Their numbers by name. Those that are the same part of the same file in the same material are one.
@@ -16,10 +17,11 @@ pub(super) struct Geometries<'a> {
     by_name: HashMap<&'a str, u32>,
 }
 
-/// An .obj file that was read, and the number of its first material.
+/// An .obj file that was read, the number of its first material, and the runs of triangles of its groups and objects by name.
 struct Loaded {
     scene: Scene,
     first_material: u32,
+    runs: HashMap<(bool, String), Vec<Range<u32>>>,
 }
 
 /// What a geometry takes of an .obj file: the file, a group, an object.
@@ -65,13 +67,23 @@ impl<'a> Geometries<'a> {
                             texture_bytes += texels(&read);
                             note(scene, &mut read);
                             let first_material = scene.add_materials(&mut read);
-                            loaded.insert(path, Loaded { scene: read, first_material });
+                            let runs = read.triangles_by_group().into_iter();
+                            let runs = runs
+                                .map(|((is_object, name), runs)| {
+                                    ((is_object, name.to_owned()), runs)
+                                })
+                                .collect();
+                            loaded.insert(path, Loaded { scene: read, first_material, runs });
                         }
-                        let Loaded { scene: from, first_material } = &loaded[path];
+                        let Loaded { scene: from, first_material, runs: by_name } = &loaded[path];
                         let all = 0..from.indices.len() as u32;
+                        let of = |is_object: bool, name: &str| {
+                            let runs = by_name.get(&(is_object, name.to_owned()));
+                            runs.cloned().unwrap_or_default()
+                        };
                         let (runs, what, name) = match (group, object) {
-                            (Some(name), _) => (from.triangles_of(false, name), "group", name),
-                            (_, Some(name)) => (from.triangles_of(true, name), "object", name),
+                            (Some(name), _) => (of(false, name), "group", name),
+                            (_, Some(name)) => (of(true, name), "object", name),
                             (None, None) => (vec![all], "obj", path),
                         };
                         if runs.is_empty() {
