@@ -3,23 +3,27 @@
 use splitplane_core::aabb::Aabb;
 use splitplane_core::backend::scene::{
     Asked, BuiltScene, SceneAccelerator, SceneAllHits, SceneAllHitsOptions, SceneClosestPoint,
-    SceneClosestPointOptions, SceneWriteError, UpdateReport, write_file,
+    SceneClosestPointOptions, SceneWriteError, write_file,
 };
-use splitplane_core::backend::{Backend, BuildOptions};
+use splitplane_core::backend::{Accelerator, Backend, BuildOptions};
 use splitplane_core::error::QueryError;
 use splitplane_core::mesh::Mesh;
+use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
+use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
-use splitplane_core::ray::Ray;
-use splitplane_core::report::QueryReport;
+use splitplane_core::ray::{Hit, QueryOptions, Ray};
+use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::scene::{
     GeometryId, GeometryMesh, Instance, InstanceId, ObjectSpace, Placement, Scene, SceneBuildError,
     SceneError, SceneHit, SceneOptions, SceneReport, TopRay, TopStack, TopTree, WIDEST_STACK,
     WorldBox,
 };
+use splitplane_core::tree::KdTree;
 use splitplane_core::triangle::{Prepared, prepare};
 use splitplane_core::watch::Watch;
+use std::any::Any;
 use std::collections::BTreeSet;
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, Mutex, PoisonError};
 use thiserror::Error;
 
 /// Why a scene that is built as it is looked at gave no answer.
@@ -41,10 +45,14 @@ pub enum LazyError {
 /// A scene of which a geometry's tree is built when the first ray reaches the box of an instance of it, and nothing that is built hides it.
 ///
 /// Answers are those of [`Backend::build_scene`], bit for bit, in accuracies watertight and exact: what is not built does not lie before
-/// a ray's answer. Queries may come from many threads at once; each geometry is built once, and the others wait for it. How many
-/// are built can depend on which rays come first; answers cannot.
+/// a ray's answer. How many are built can depend on which rays come first; answers cannot.
 ///
-/// Limits of memory hold for what is built. A query's watch is called while it builds, and may cancel that. All queries
+/// Queries may come from many threads at once, also from tasks of a pool that the backend itself works in: nobody waits for another. Where two threads
+/// reach a geometry at the same time both may build it, and one tree is kept. A query is answered by what was built when it began, or by
+/// itself since.
+///
+/// A step that builds also looks once at what is built already, and makes the trees over instances and over shapes anew. So ask with many rays at once.
+/// Limits of memory hold for the whole scene, as for one that is built at once. A query's watch is called while it builds, and may cancel that. All queries
 /// have an error for a geometry that is not built: [`LazyError::Build`].
 ///
 /// ```
@@ -74,18 +82,89 @@ pub struct LazyScene {
     scene: Scene,
     /// A description of one empty mesh, which stands for all that is not built.
     nothing: Scene,
-    state: RwLock<State>,
+    /// Never held while anything is built or asked.
+    current: Mutex<Arc<State>>,
 }
 
-/// What is built, and what is not.
+/// What is built, and what is not. It does not change; another one takes its place.
 struct State {
     /// Over the description in which what is not built is empty.
     accelerator: Box<dyn SceneAccelerator>,
+    /// By geometry, what answers its rays; `None` for shapes, and for what is not built.
+    trees: Vec<Option<Arc<dyn Accelerator>>>,
     /// By geometry: whether it is not built.
     waiting: Vec<bool>,
     reach: Reach,
     /// Geometries that were built, the empty ones not counted.
     builds: u64,
+}
+
+/// A geometry's accelerator, which several states have.
+struct Shared(Arc<dyn Accelerator>);
+
+impl Accelerator for Shared {
+    fn tree(&self) -> &KdTree {
+        self.0.tree()
+    }
+
+    fn summary(&self) -> &BuildSummary {
+        self.0.summary()
+    }
+
+    fn query_bytes(&self) -> u64 {
+        self.0.query_bytes()
+    }
+
+    fn as_any(&self) -> Option<&dyn Any> {
+        self.0.as_any()
+    }
+
+    fn closest_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> Option<Hit> {
+        self.0.closest_hit(ray, options)
+    }
+
+    fn any_hit(&self, ray: &Ray, options: &QueryOptions<'_>) -> bool {
+        self.0.any_hit(ray, options)
+    }
+
+    fn closest_hits(
+        &self,
+        rays: &[Ray],
+        hits: &mut [Hit],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.closest_hits(rays, hits, options)
+    }
+
+    fn any_hits(
+        &self,
+        rays: &[Ray],
+        occluded: &mut [bool],
+        options: &QueryOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.any_hits(rays, occluded, options)
+    }
+
+    fn all_hits(&self, rays: &[Ray], options: &AllHitsOptions<'_>) -> Result<AllHits, QueryError> {
+        self.0.all_hits(rays, options)
+    }
+
+    fn locate(
+        &self,
+        points: &[[f32; 3]],
+        options: &LocateOptions<'_>,
+    ) -> Result<Located, QueryError> {
+        self.0.locate(points, options)
+    }
+
+    fn closest_points(
+        &self,
+        points: &[[f32; 3]],
+        closest: &mut [ClosestPoint],
+        options: &ClosestPointOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.closest_points(points, closest, options)
+    }
 }
 
 /// The instances of what is not built.
@@ -119,11 +198,11 @@ impl LazyScene {
         let mut nothing = Scene::new();
         let empty: [[[f32; 3]; 3]; 0] = [];
         nothing.add_mesh(&Mesh::soup(&empty).map_err(|_| no_memory())?)?;
-        let accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
-        let (waiting, reach, builds) = (Vec::new(), Reach::default(), 0);
-        let state = RwLock::new(State { accelerator, waiting, reach, builds });
         let options = options.unwatched();
-        let mut lazy = LazyScene { backend, options, scene: Scene::new(), nothing, state };
+        let accelerator = backend.build_scene(&Scene::new(), &options)?;
+        let (trees, waiting, reach, builds) = (Vec::new(), Vec::new(), Reach::default(), 0);
+        let current = Mutex::new(Arc::new(State { accelerator, trees, waiting, reach, builds }));
+        let mut lazy = LazyScene { backend, options, scene: Scene::new(), nothing, current };
         lazy.update(scene)?;
         Ok(lazy)
     }
@@ -133,10 +212,10 @@ impl LazyScene {
     ///
     /// # Errors
     /// As for [`LazyScene::new`]; the scene is then what it was.
-    pub fn update(&mut self, scene: &Scene) -> Result<UpdateReport, SceneBuildError> {
+    pub fn update(&mut self, scene: &Scene) -> Result<(), SceneBuildError> {
         self.backend.check_shapes(scene)?;
         let mirror = shared(scene, scene, |_| false)?;
-        let state = self.state.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let state = self.state();
         let is_built = |name: GeometryId, mesh: &Arc<GeometryMesh>| {
             let same = self.scene.geometry(name).is_ok_and(|own| Arc::ptr_eq(own, mesh));
             same && state.waiting.get(name.0 as usize) == Some(&false)
@@ -145,35 +224,42 @@ impl LazyScene {
         for (name, mesh) in mirror.geometries() {
             waiting[name.0 as usize] = !is_built(name, mesh);
         }
-        let report =
-            state.change(&*self.backend, (&mirror, &self.nothing), waiting, &self.options)?;
+        let mut trees = state.trees.clone();
+        trees.resize(waiting.len(), None);
+        for (tree, _) in trees.iter_mut().zip(&waiting).filter(|(_, waits)| **waits) {
+            *tree = None;
+        }
+        let described = (&mirror, &self.nothing);
+        let next =
+            State::new(&*self.backend, described, (waiting, trees), state.builds, &self.options)?;
         self.scene = mirror;
-        Ok(report)
+        *self.current.get_mut().unwrap_or_else(PoisonError::into_inner) = Arc::new(next);
+        Ok(())
     }
 
     /// Geometries that are built.
     pub fn built(&self) -> usize {
-        self.read().waiting_of(&self.scene).filter(|waiting| !waiting).count()
+        self.state().waiting_of(&self.scene).filter(|waiting| !waiting).count()
     }
 
     /// Geometries that no ray has reached.
     pub fn waiting(&self) -> usize {
-        self.read().waiting_of(&self.scene).filter(|waiting| *waiting).count()
+        self.state().waiting_of(&self.scene).filter(|waiting| *waiting).count()
     }
 
     /// How often a geometry was built so far.
     pub fn builds(&self) -> u64 {
-        self.read().builds
+        self.state().builds
     }
 
     /// Bytes that are held for queries.
     pub fn bytes(&self) -> u64 {
-        self.read().accelerator.scene().bytes()
+        self.state().accelerator.scene().bytes()
     }
 
     /// Looks at what is built. Geometries that wait are empty there.
     pub fn look<R>(&self, look: impl FnOnce(&BuiltScene) -> R) -> R {
-        look(self.read().accelerator.scene())
+        look(self.state().accelerator.scene())
     }
 
     /// Builds all that waits.
@@ -182,7 +268,7 @@ impl LazyScene {
     /// [`LazyError::Build`].
     pub fn complete(&self, watch: Option<&dyn Watch>) -> Result<(), LazyError> {
         let all = self.scene.geometries().map(|(name, _)| name).collect();
-        self.build(&all, watch)
+        self.build(&all, watch).map(drop)
     }
 
     /// Builds all that waits, and gives the bytes of a scene file: those of the scene built at once.
@@ -191,7 +277,7 @@ impl LazyScene {
     /// [`LazyError::Build`] and [`LazyError::Write`].
     pub fn save(&self, watch: Option<&dyn Watch>) -> Result<Vec<u8>, LazyError> {
         self.complete(watch)?;
-        Ok(write_file(self.read().accelerator.scene())?)
+        Ok(write_file(self.state().accelerator.scene())?)
     }
 
     /// The closest hit of a ray.
@@ -254,7 +340,7 @@ impl LazyScene {
         options: &SceneAllHitsOptions<'_>,
     ) -> Result<SceneAllHits, LazyError> {
         let reached = {
-            let state = self.read();
+            let state = self.state();
             let mut reached = BTreeSet::new();
             for ray in rays {
                 state.reach.walk(ray, f32::INFINITY, &options.query, |geometry| {
@@ -264,8 +350,7 @@ impl LazyScene {
             }
             reached
         };
-        self.build(&reached, options.query.watch)?;
-        Ok(self.read().accelerator.all_hits(rays, options)?)
+        Ok(self.build(&reached, options.query.watch)?.accelerator.all_hits(rays, options)?)
     }
 
     /// How often surfaces wind around each point: see [`SceneAccelerator::locate`]. Builds everything: points have no way that could
@@ -279,7 +364,7 @@ impl LazyScene {
         options: &LocateOptions<'_>,
     ) -> Result<Located, LazyError> {
         self.complete(options.watch)?;
-        Ok(self.read().accelerator.locate(points, options)?)
+        Ok(self.state().accelerator.locate(points, options)?)
     }
 
     /// The closest point of the scene to each point: see [`SceneAccelerator::closest_points`]. Builds everything.
@@ -293,7 +378,7 @@ impl LazyScene {
         options: &SceneClosestPointOptions<'_>,
     ) -> Result<QueryReport, LazyError> {
         self.complete(options.watch)?;
-        Ok(self.read().accelerator.closest_points(points, closest, options)?)
+        Ok(self.state().accelerator.closest_points(points, closest, options)?)
     }
 
     /// Asks what is built; then builds the first that each ray reaches before its answer, and asks those rays again, until none reaches
@@ -307,87 +392,111 @@ impl LazyScene {
         ask: impl Fn(&dyn SceneAccelerator, &[Ray], &mut [T]) -> Result<SceneReport, QueryError>,
         limit: impl Fn(&T) -> f32,
     ) -> Result<SceneReport, LazyError> {
-        let mut report = ask(&*self.read().accelerator, rays, answers)?;
+        let mut state = self.state();
+        let mut report = ask(&*state.accelerator, rays, answers)?;
         let mut open: Vec<usize> = (0..rays.len()).collect();
         let (mut again, mut found) = (Vec::new(), Vec::new());
         loop {
-            let reached = {
-                let state = self.read();
-                let mut reached = BTreeSet::new();
-                open.retain(|&place| {
-                    let mut first = None;
-                    state.reach.walk(&rays[place], limit(&answers[place]), options, |geometry| {
-                        first = Some(geometry);
-                        false
-                    });
-                    reached.extend(first);
-                    first.is_some()
+            // By the state that gave the answers: another thread may have built since.
+            let mut reached = BTreeSet::new();
+            open.retain(|&place| {
+                let mut first = None;
+                state.reach.walk(&rays[place], limit(&answers[place]), options, |geometry| {
+                    first = Some(geometry);
+                    false
                 });
-                reached
-            };
+                reached.extend(first);
+                first.is_some()
+            });
             if open.is_empty() {
                 return Ok(report);
             }
-            self.build(&reached, options.watch)?;
+            state = self.build(&reached, options.watch)?;
             again.clear();
             again.extend(open.iter().map(|&place| rays[place]));
             found.clear();
             found.resize(open.len(), none.clone());
-            report.add(ask(&*self.read().accelerator, &again, &mut found)?)?;
+            report.add(ask(&*state.accelerator, &again, &mut found)?)?;
             for (&place, found) in open.iter().zip(&found) {
                 answers[place] = found.clone();
             }
         }
     }
 
-    /// Builds those of these geometries that wait. Others that ask for them meanwhile wait for it.
+    /// Builds those of these geometries that wait, and gives a state in which none of them does.
     fn build(
         &self,
         names: &BTreeSet<GeometryId>,
         watch: Option<&dyn Watch>,
-    ) -> Result<(), LazyError> {
-        let mut state = self.write();
-        let mut waiting = state.waiting.clone();
-        let mut builds = 0;
-        for name in names {
-            if let Some(waits) = waiting.get_mut(name.0 as usize).filter(|waits| **waits) {
-                *waits = false;
-                builds += 1;
+    ) -> Result<Arc<State>, LazyError> {
+        let options = BuildOptions { watch, ..self.options };
+        // What this call has built, should others be faster.
+        let mut built: Vec<(GeometryId, Arc<dyn Accelerator>)> = Vec::new();
+        loop {
+            let base = self.state();
+            let (mut waiting, mut trees) = (base.waiting.clone(), base.trees.clone());
+            let mut builds = base.builds;
+            for name in names {
+                let at = name.0 as usize;
+                if let Some(waits) = waiting.get_mut(at).filter(|waits| **waits) {
+                    *waits = false;
+                    builds += 1;
+                    let own = built.iter().find(|(own, _)| own == name);
+                    trees[at] = own.map(|(_, tree)| Arc::clone(tree));
+                }
+            }
+            if builds == base.builds {
+                return Ok(base);
+            }
+            let described = (&self.scene, &self.nothing);
+            let next = State::new(&*self.backend, described, (waiting, trees), builds, &options)?;
+            built.clear();
+            built.extend(names.iter().filter_map(|name| {
+                let tree = next.trees.get(name.0 as usize)?.as_ref()?;
+                Some((*name, Arc::clone(tree)))
+            }));
+            let mut current = self.current.lock().unwrap_or_else(PoisonError::into_inner);
+            if Arc::ptr_eq(&current, &base) {
+                *current = Arc::new(next);
+                return Ok(Arc::clone(&current));
             }
         }
-        if builds > 0 {
-            let options = BuildOptions { watch, ..self.options };
-            state.change(&*self.backend, (&self.scene, &self.nothing), waiting, &options)?;
-            state.builds += builds;
-        }
-        Ok(())
     }
 
-    fn read(&self) -> RwLockReadGuard<'_, State> {
-        // A change is made in one step at its end: a panic before leaves what was.
-        self.state.read().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn write(&self) -> RwLockWriteGuard<'_, State> {
-        self.state.write().unwrap_or_else(PoisonError::into_inner)
+    /// What is built now.
+    fn state(&self) -> Arc<State> {
+        Arc::clone(&self.current.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
 impl State {
-    /// Builds what does not wait any more, and drops what is to wait. After an error all is as it was.
-    fn change(
-        &mut self,
+    /// A state in which all is built that does not wait: by what there is of `trees`, and anew for the rest.
+    fn new(
         backend: &dyn Backend,
         (scene, nothing): (&Scene, &Scene),
-        waiting: Vec<bool>,
+        (waiting, mut trees): (Vec<bool>, Vec<Option<Arc<dyn Accelerator>>>),
+        builds: u64,
         options: &BuildOptions<'_>,
-    ) -> Result<UpdateReport, SceneBuildError> {
+    ) -> Result<State, SceneBuildError> {
         let waits = |name: GeometryId| waiting.get(name.0 as usize) == Some(&true);
         let present = shared(scene, nothing, waits)?;
         let reach = Reach::of(scene, waits)?;
-        let report = backend.update_scene(&mut *self.accelerator, &present, options)?;
-        (self.waiting, self.reach) = (waiting, reach);
-        Ok(report)
+        let mut accelerator = backend.build_scene(&Scene::new(), &options.unwatched())?;
+        // Geometries are asked for in the order of their names; shapes are not asked for.
+        let meshes = present.geometries().filter(|(_, mesh)| mesh.shapes().is_none());
+        let mut names = meshes.map(|(name, _)| name);
+        accelerator.update_by(&present, options, &mut |mesh, options| {
+            let place = names.next().filter(|name| !waits(*name)).map(|name| name.0 as usize);
+            let Some(kept) = place.and_then(|place| trees.get_mut(place)) else {
+                return backend.build(mesh, options);
+            };
+            let own = match kept {
+                Some(own) => Arc::clone(own),
+                None => Arc::clone(kept.insert(Arc::from(backend.build(mesh, options)?))),
+            };
+            Ok(Box::new(Shared(own)))
+        })?;
+        Ok(State { accelerator, trees, waiting, reach, builds })
     }
 
     /// Of each geometry of the description whether it waits.

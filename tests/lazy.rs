@@ -173,7 +173,7 @@ fn only_what_rays_reach_is_built() {
 
 /// Many threads that reach the same geometries at once, many times.
 #[test]
-fn threads_that_race_build_each_geometry_once() {
+fn threads_that_race_have_the_answers_of_one() {
     let scene = row(6);
     let origin = ahead(&scene);
     let rays: Vec<Ray> = (0..6)
@@ -200,8 +200,9 @@ fn threads_that_race_build_each_geometry_once() {
                 });
             }
         });
+        // Several may build one at the same time; one tree of each is kept.
         assert_eq!((lazy.built(), lazy.builds()), (6, 6), "{round}");
-        assert_eq!(backend.builds.load(Relaxed), 6, "{round}");
+        assert!((6..=24).contains(&backend.builds.load(Relaxed)), "{round}");
     }
 }
 
@@ -212,7 +213,8 @@ fn a_build_that_fails_is_an_error_of_the_query_and_leaves_the_rest() {
     let geometry = scene.add_mesh(&big.mesh()).unwrap();
     scene.add_instance(Instance::new(geometry, translation([100.0, 0.0, 0.0]))).unwrap();
     let small = row(1);
-    let limit = eager(&small).scene().bytes() + 20_000;
+    // Enough for the small one and what its build holds meanwhile.
+    let limit = 300_000;
     let options = BuildOptions { max_memory: Some(limit), ..BuildOptions::default() };
     let backend = Arc::new(CpuBackend::new());
     let lazy = LazyScene::new(backend, &scene, &options).unwrap();
@@ -311,4 +313,30 @@ fn updates_keep_what_is_built_and_let_new_arrays_wait() {
     let bytes = lazy.save(None).unwrap();
     assert!(bytes == write_file(eager(&scene).scene()).unwrap());
     assert_eq!(lazy.look(|built| built.digest()), eager(&scene).scene().digest());
+}
+
+/// Queries from tasks of the pool that builds and traces: whoever waits for a part of its work may take up another task, which must
+/// not have to wait for the first one.
+#[test]
+fn tasks_of_one_pool_do_not_wait_for_one_another() {
+    use rayon::prelude::*;
+    let (scene, _) = objects::scene(Kind::Ordinary, 60, 9);
+    let rays = objects::rays(&scene, 400, 21);
+    let mut right = vec![SceneHit::MISS; rays.len()];
+    eager(&scene).closest_hits(&rays, &mut right, &SceneOptions::default()).unwrap();
+    for threads in [1, 2, 4] {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        for _ in 0..5 {
+            let lazy = lazy(&scene);
+            let mut hits = vec![SceneHit::MISS; rays.len()];
+            pool.install(|| {
+                let tasks = rays.par_chunks(7).zip(hits.par_chunks_mut(7));
+                tasks.for_each(|(rays, hits)| {
+                    lazy.closest_hits(rays, hits, &SceneOptions::default()).unwrap();
+                });
+            });
+            assert!(bits(&hits) == bits(&right), "{threads}");
+            assert_eq!(lazy.builds(), lazy.built() as u64);
+        }
+    }
 }

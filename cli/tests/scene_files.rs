@@ -231,3 +231,73 @@ fn scenes_are_built_and_verified() {
     let (_, error) = ends(&folder, 3, &["verify", "saved.scene"]);
     assert!(error.contains("checksum"), "{error}");
 }
+
+const ROUND: &str = r#"{
+  "format": "splitplane-scene", "version": 1, "frames": 3,
+  "materials": [{"name": "red", "diffuse": [0.8, 0.1, 0.1]}, {"name": "glass", "glass": {"index": 1.5}}],
+  "geometries": [
+    {"name": "floor", "positions": [[-5,0,-5],[-5,0,5],[5,0,5],[5,0,-5]], "triangles": [[0,1,2],[0,2,3]]},
+    {"name": "balls", "spheres": [{"centre": [0, 1, 0], "radius": 1}, {"centre": [2, 1, 0], "radius": 0.5}], "material": "red"},
+    {"name": "rods", "capsules": [{"ends": [[-2, 0.5, 0], [-2, 2, 0]], "radius": 0.5}]}
+  ],
+  "instances": [
+    {"geometry": "floor"},
+    {"geometry": "balls"},
+    {"geometry": "rods", "material": "glass", "keys": [{"frame": 0}, {"frame": 2, "translate": [0, 1, 0]}]}
+  ],
+  "cameras": [{"eye": [0, 3, 9], "at": [0, 1, 0]}],
+  "lights": [{"sun": {"towards": [1, 2, 1], "irradiance": [3, 3, 3]}}]
+}"#;
+
+#[test]
+fn spheres_and_capsules_are_rendered_and_move() {
+    let folder = folder();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("round.json"), ROUND).unwrap();
+    let cpu = ["--backend", "cpu"];
+    let output = ["-o", "one.png", "--json", "--aov", "depth,normal,triangle,instance,nodes,tests"];
+    let (out, _) =
+        ends(&folder, 0, &[&["render", "round.json"], &SMALL[..], &cpu, &output].concat());
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert_eq!((report["shapes"].as_u64(), report["triangles"].as_u64()), (Some(3), Some(2)));
+    let instances = image::open(path("one.instance.png")).unwrap().to_rgb8();
+    let colours: std::collections::HashSet<_> = instances.pixels().map(|pixel| pixel.0).collect();
+    // Three instances, and what is behind them.
+    assert_eq!(colours.len(), 4);
+    for name in ["depth", "normal", "triangle", "nodes", "tests"] {
+        assert!(path(&format!("one.{name}.png")).exists(), "{name}");
+    }
+    let heat = ["-o", "heat.png", "--heatmap", "triangles"];
+    let (text, _) =
+        ends(&folder, 0, &[&["render", "round.json"], &SMALL[..], &cpu, &heat].concat());
+    assert!(text.contains("triangles tested a ray") && text.contains("3 spheres"), "{text}");
+    // Red where the ball is: its front is lit by the sun.
+    let picture = image::open(path("one.png")).unwrap().to_rgb8();
+    let [r, g, b] = picture.get_pixel(16, 9).0;
+    assert!(i32::from(r) > 50 + i32::from(g).max(i32::from(b)), "{r} {g} {b}");
+    let movie = ["--out", "frames", "--quiet", "--count", "3"];
+    ends(&folder, 0, &[&["animate", "round.json"], &SMALL[..], &cpu, &movie].concat());
+    let frames: Vec<_> = fs::read_dir(path("frames")).unwrap().collect();
+    assert_eq!(frames.len(), 3);
+    // What is built is saved, checked, and shown in grey.
+    ends(
+        &folder,
+        0,
+        &[&["build", "round.json", "-o", "round.scene", "--quiet"], &cpu[..]].concat(),
+    );
+    let (out, _) = ends(
+        &folder,
+        0,
+        &[&["verify", "round.scene", "--rays", "500", "--json"], &cpu[..]].concat(),
+    );
+    let report: Value = serde_json::from_str(&out).unwrap();
+    assert!(report["different"] == 0 && report["hits"].as_u64() > Some(100), "{report}");
+    let grey = ["-o", "grey.png", "--quiet"];
+    ends(&folder, 0, &[&["render", "round.scene"], &SMALL[..], &cpu, &grey].concat());
+    let broken = ROUND.replace("\"radius\": 0.5}]}", "\"radius\": 0}]}");
+    fs::write(path("broken.json"), broken).unwrap();
+    let (_, error) = ends(&folder, 3, &["render", "broken.json", "-o", "x.png"]);
+    for words in ["line 7, column", "geometries[2].capsules[0].radius", "at least 1e-37"] {
+        assert!(error.contains(words), "{words}: {error}");
+    }
+}

@@ -2,6 +2,8 @@
 
 mod boxes;
 #[cfg(feature = "json")]
+mod cutout;
+#[cfg(feature = "json")]
 mod file;
 #[cfg(feature = "json")]
 mod part;

@@ -64,6 +64,10 @@ pub struct Scene {
     pub materials: Vec<Material>,
     /// The pictures that materials name by index.
     pub textures: Vec<Texture>,
+    /// For every material, by its place, the picture that says where its surfaces have holes, as an index of `textures`. Empty where none has, and
+    /// where it was not read. Pictures of one mesh show no holes; scenes of many objects make [opacity masks](splitplane_core::scene::OpacityMask)
+    /// of them.
+    pub cutouts: Vec<Option<u32>>,
     /// Where the groups and objects of a file begin, in the order of its triangles.
     pub groups: Vec<Group>,
     /// The view the scene was made for; files have none, see [`Placement::of`].

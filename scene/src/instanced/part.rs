@@ -7,10 +7,10 @@ use std::ops::Range;
 
 impl InstancedScene {
     /// Adds materials and textures of a scene; gives the numbers that the first of each has now.
-    pub(crate) fn add_materials(&mut self, from: &mut Scene) -> u32 {
+    pub(crate) fn add_materials(&mut self, from: &Scene) -> u32 {
         let (material, texture) =
             (self.parts.materials.len() as u32, self.parts.textures.len() as u32);
-        self.parts.textures.append(&mut from.textures);
+        self.parts.textures.extend_from_slice(&from.textures);
         self.parts.materials.extend(from.materials.iter().cloned().map(|mut own| {
             own.texture = own.texture.map(|named| named + texture);
             own

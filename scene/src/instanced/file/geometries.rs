@@ -4,7 +4,7 @@ use super::format::{self, File};
 use super::locate::Step;
 use super::{At, MAX_INSTANCES, SceneFileProblem, material};
 use crate::from_file::quoted;
-use crate::instanced::{InstancedScene, SolidKind, Solids};
+use crate::instanced::{InstancedError, InstancedScene, SolidKind, Solids, cutout};
 use crate::{Material, Scene, SceneOptions, obj};
 use splitplane_core::mesh::{MAX_TRIANGLES, Mesh};
 use splitplane_core::scene::shape::{Capsule, Sphere};
@@ -22,6 +22,8 @@ struct Loaded {
     scene: Scene,
     first_material: u32,
     runs: HashMap<(bool, String), Vec<Range<u32>>>,
+    /// What says where its surfaces have holes.
+    channels: Vec<usize>,
 }
 
 /// What a geometry takes of an .obj file: the file, a group, an object.
@@ -61,21 +63,31 @@ impl<'a> Geometries<'a> {
                         let (path, group, object) = source;
                         if !loaded.contains_key(path) {
                             let left = options.texture_limit.saturating_sub(texture_bytes);
-                            let options = SceneOptions { texture_limit: left, ..options.clone() };
-                            let mut read = obj::read_with(&folder.join(path), &options)
-                                .map_err(|error| (at(index, "obj"), error.into()))?;
+                            let options = SceneOptions {
+                                texture_limit: left,
+                                cutouts: true,
+                                ..options.clone()
+                            };
+                            let read = obj::read_with(&folder.join(path), &options);
+                            let mut read =
+                                read.map_err(|error| (at(index, "obj"), error.into()))?;
                             texture_bytes += texels(&read);
                             note(scene, &mut read);
-                            let first_material = scene.add_materials(&mut read);
+                            let first_material = scene.add_materials(&read);
+                            let channels = cutout::channels(&read);
                             let runs = read.triangles_by_group().into_iter();
                             let runs = runs
                                 .map(|((is_object, name), runs)| {
                                     ((is_object, name.to_owned()), runs)
                                 })
                                 .collect();
-                            loaded.insert(path, Loaded { scene: read, first_material, runs });
+                            loaded.insert(
+                                path,
+                                Loaded { scene: read, first_material, runs, channels },
+                            );
                         }
-                        let Loaded { scene: from, first_material, runs: by_name } = &loaded[path];
+                        let Loaded { scene: from, first_material, runs: by_name, channels } =
+                            &loaded[path];
                         let all = 0..from.indices.len() as u32;
                         let of = |is_object: bool, name: &str| {
                             let runs = by_name.get(&(is_object, name.to_owned()));
@@ -96,6 +108,12 @@ impl<'a> Geometries<'a> {
                         let number = scene.add_geometry(&own.name, from, &runs, *first_material);
                         if let Some(material) = named {
                             scene.paint_geometry(number, material);
+                        } else {
+                            let mask = cutout::mask(from, channels, &runs).map_err(|error| {
+                                let error = InstancedError::Objects(error);
+                                (at(index, "obj"), SceneFileProblem::Scene(error))
+                            })?;
+                            scene.geometries[number as usize].opacity = mask;
                         }
                         known.insert((source, named), number);
                         number

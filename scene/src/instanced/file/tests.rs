@@ -2,6 +2,8 @@
 
 use super::*;
 use crate::instanced::{InstancedScene, SolidKind, Solids};
+#[cfg(feature = "textures")]
+use splitplane_core::scene::GeometryId;
 use splitplane_core::scene::translation;
 
 const GOOD: &str = r#"{
@@ -135,6 +137,71 @@ fn spheres_and_capsules_have_materials_and_keys() {
         let error = read_in(&folder, &text).expect_err(to).to_string();
         assert!(error.contains(place) && error.contains(words), "{to}: {error}");
     }
+}
+
+/// A leaf whose picture is open in two quarters.
+#[cfg(feature = "textures")]
+#[test]
+fn pictures_of_holes_become_masks() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let leaf = "mtllib leaf.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                g leaf\nusemtl leaf\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\ng stem\nusemtl stem\nf 1 2 3\n";
+    std::fs::write(at("leaf.obj"), leaf).unwrap();
+    let mtl = "newmtl leaf\nKd 0 1 0\nmap_d leaf.png\nnewmtl stem\nKd 1 0 0\n";
+    std::fs::write(at("leaf.mtl"), mtl).unwrap();
+    // Open in the upper left and the lower right quarter: by alpha, and by grey.
+    let by_alpha = |x: u32, y: u32| [9, 9, 9, if (x < 4) == (y < 4) { 0 } else { 255 }];
+    let by_grey = |x: u32, y: u32| if (x < 4) == (y < 4) { [20, 20, 20, 255] } else { [255; 4] };
+    let text = |more: &str| {
+        format!(
+            r#"{{"format": "splitplane-scene", "version": 1, "instances": [{{"geometry": "leaf"}}], "geometries": [
+            {{"name": "leaf", "obj": "leaf.obj", "group": "leaf"{more}}}, {{"name": "stem", "obj": "leaf.obj", "group": "stem"}},
+            {{"name": "all", "obj": "leaf.obj"}}], "materials": [{{"name": "red"}}]}}"#
+        )
+    };
+    for grey in [false, true] {
+        let picture = image::RgbaImage::from_fn(8, 8, |x, y| {
+            image::Rgba(if grey { by_grey(x, y) } else { by_alpha(x, y) })
+        });
+        picture.save(at("leaf.png")).unwrap();
+        let scene = read_in(&folder, &text("")).unwrap();
+        let mask = |geometry: usize| scene.geometries[geometry].opacity.as_ref();
+        assert!(mask(1).is_none());
+        for geometry in [0, 2] {
+            let mask = mask(geometry).unwrap();
+            assert_eq!((mask.level(), mask.triangles()), (3, [2, 0, 3][geometry]));
+            let (mut open, mut closed) = (0, 0);
+            for i in 0..40 {
+                for j in 0..40 {
+                    // Not on a border of cells.
+                    let [x, y] = [i, j].map(|k| (k as f32 + 0.5) / 40.0);
+                    if (x - y).abs() < 0.15 || (x - 0.5).abs() < 0.15 || (y - 0.5).abs() < 0.15 {
+                        continue;
+                    }
+                    // Corners of the first triangle are (0,0), (1,0), (1,1), those of the second (0,0), (1,1), (0,1).
+                    let (triangle, u, v) = if x > y { (0, x - y, y) } else { (1, x, y - x) };
+                    let opaque = mask.is_opaque(triangle, u, v);
+                    assert_eq!(opaque, (x < 0.5) == (y < 0.5), "{geometry} {x} {y}");
+                    if opaque { closed += 1 } else { open += 1 }
+                }
+            }
+            assert!(open > 100 && closed > 100, "{open} {closed}");
+        }
+        assert!(mask(2).unwrap().is_opaque(2, 0.3, 0.3), "a stem has no holes");
+        assert!(scene.describe().unwrap().opacity(GeometryId(0)).unwrap().is_some());
+        // A material of the geometry's own has no holes.
+        let painted = read_in(&folder, &text(", \"material\": \"red\"")).unwrap();
+        assert!(painted.geometries[0].opacity.is_none());
+        assert!(painted.geometries[2].opacity.is_some());
+    }
+    // What cannot be read is left out, with a note; one mesh does not read it.
+    std::fs::write(at("leaf.png"), b"none").unwrap();
+    let scene = read_in(&folder, &text("")).unwrap();
+    assert!(scene.geometries.iter().all(|own| own.opacity.is_none()));
+    assert!(scene.parts.notes.sentences().iter().any(|note| note.contains("leaf.png")));
+    let one = crate::obj::read_with(&at("leaf.obj"), &SceneOptions::default()).unwrap();
+    assert!(one.cutouts.is_empty() && one.notes.sentences().is_empty());
 }
 
 /// What is found for all groups at once is what is found for each.
