@@ -11,6 +11,7 @@ use splitplane_core::mesh::Mesh;
 use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::report::{BuildSummary, QueryReport};
 use splitplane_core::scene::{
@@ -164,6 +165,23 @@ impl Accelerator for Shared {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.0.closest_points(points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        self.0.overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.0.overlaps_any(volumes, found, options)
     }
 }
 

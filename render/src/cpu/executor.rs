@@ -17,7 +17,8 @@ use splitplane_core::build::schedule::Executor;
 use splitplane_core::mesh::Mesh;
 use splitplane_core::query::intersect::{Limits, SceneScale};
 use splitplane_core::triangle::prepare;
-use std::time::{Duration, Instant};
+use splitplane_cpu::clock::Stopwatch;
+use std::time::Duration;
 
 /// Calls a kernel with what is shown: one mesh, for which nothing is looked up, or the instances of a scene.
 macro_rules! in_world {
@@ -44,7 +45,8 @@ pub struct CpuExecutor<'a> {
     buffers: &'a mut Buffers,
     /// The reference traversal that counts costs; created when first needed.
     scale: Option<SceneScale>,
-    tracing: Duration,
+    /// `None` where there is no clock.
+    tracing: Option<Duration>,
 }
 
 impl core::fmt::Debug for CpuExecutor<'_> {
@@ -83,7 +85,7 @@ impl<'a> CpuExecutor<'a> {
         }
         buffers.prepare(&plan);
         let frame = plan.frame(input.scene, &input.camera, &input.query);
-        let tracing = Duration::ZERO;
+        let tracing = Stopwatch::start().elapsed().map(|_| Duration::ZERO);
         Ok(CpuExecutor { input, traced, plan, frame, buffers, scale: None, tracing })
     }
 
@@ -102,9 +104,13 @@ impl<'a> CpuExecutor<'a> {
         &self.buffers.counters
     }
 
-    /// Time spent in queries so far.
-    pub fn tracing(&self) -> Duration {
+    /// Time spent in queries so far; `None` where there is no clock.
+    pub fn tracing(&self) -> Option<Duration> {
         self.tracing
+    }
+
+    fn add_tracing(&mut self, stopwatch: Stopwatch) {
+        self.tracing = self.tracing.zip(stopwatch.elapsed()).map(|(sum, more)| sum + more);
     }
 
     /// Live elements of a buffer.
@@ -146,11 +152,11 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 k::camera_rays::run(frame, first, &mut b.rays[..paths], &mut b.paths[..paths]);
             }
             Kernel::ClosestHits => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let (rays, hits) = (&b.rays[..paths], &mut b.hits[..paths]);
                 let met = (&mut b.scene_hits, &mut b.hit_instances);
                 self.traced.closest_hits(rays, hits, met, &query)?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::Shade => {
                 in_world!(self.traced, mesh, world => {
@@ -184,18 +190,18 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 });
             }
             Kernel::ShadowHits => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let (rays, lights) = (&b.shadow_rays[..shadows], &mut b.shadow_light[..shadows]);
                 k::shadow_hits::run(self.traced, &query, rays, lights, &mut b.occluded)?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::ShadowHitsThroughGlass => {
-                let start = Instant::now();
+                let stopwatch = Stopwatch::start();
                 let traced = self.traced;
                 in_world!(traced, mesh, world => k::shadow_hits_through_glass::run(
                     traced, &query, &scene, world, shadows, b
                 ))?;
-                self.tracing += start.elapsed();
+                self.add_tracing(stopwatch);
             }
             Kernel::Accumulate => {
                 let casts = self.plan.casts_shadows();

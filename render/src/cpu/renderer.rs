@@ -88,7 +88,7 @@ impl CpuRenderer {
             schedule::finish(&mut executor, &plan)?;
             let (counters, tracing) = (*executor.counters(), executor.tracing());
             if counters[Counter::Overflow] == 0 {
-                return Ok(FrameStats::new(plan, &counters, Some(tracing)));
+                return Ok(FrameStats::new(plan, &counters, tracing));
             }
             plan = plan.halved().ok_or(RenderError::PixelTooDeep {
                 paths: plan.path_room(),
