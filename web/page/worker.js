@@ -156,9 +156,9 @@ onmessage = async ({ data }) => {
 
 try {
     ({ memory } = await load());
-    const scenes = raw.builtinScenes();
+    const scenes = raw.Page.builtinScenes();
     const named = scenes.filter((_, place) => place % 2 === 0).map((name, place) => ({ name, shows: scenes[2 * place + 1] }));
-    tell("ready", { scenes: named, mostBytes: raw.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });
+    tell("ready", { scenes: named, mostBytes: raw.Page.mostBytes(), version: raw.version(), instructionSet: raw.instructionSet() });
 } catch (error) {
     tell("failed", { text: `the compiled part cannot be loaded: ${error.message ?? error}`, isDead: false });
 }

@@ -4,7 +4,6 @@ mod heat;
 mod orbit;
 
 use js_sys::Function;
-use splitplane::objects::SceneBuildError;
 use splitplane::render::{Outputs, RenderSettings, Size};
 use splitplane::scene::{Placement, Scene, View, builtin, obj};
 use splitplane::tracer::{FrameRequest, Tracer, TracerError};
@@ -47,25 +46,10 @@ impl From<TracerError> for Failure {
     fn from(error: TracerError) -> Failure {
         match error {
             TracerError::Build(error) => error.into(),
-            TracerError::Scene(error) => Failure::from::<SceneBuildError>(error),
+            TracerError::Scene(error) => error.into(),
             error => Failure::new("query", error.to_string()),
         }
     }
-}
-
-/// The built-in scenes: names and what they show, in turn.
-#[wasm_bindgen(js_name = builtinScenes)]
-pub fn builtin_scenes() -> Vec<String> {
-    builtin::ALL
-        .iter()
-        .flat_map(|(name, shows)| [(*name).to_owned(), (*shows).to_owned()])
-        .collect()
-}
-
-/// The most bytes of a file that are read.
-#[wasm_bindgen(js_name = mostBytes)]
-pub fn most_bytes() -> u32 {
-    MOST_BYTES
 }
 
 impl Page {
@@ -85,6 +69,19 @@ impl Page {
 
 #[wasm_bindgen]
 impl Page {
+    /// The built-in scenes: names and what they show, in turn.
+    #[wasm_bindgen(js_name = builtinScenes)]
+    pub fn builtin_scenes() -> Vec<String> {
+        let both = |(name, shows): &(&str, &str)| [(*name).to_owned(), (*shows).to_owned()];
+        builtin::ALL.iter().flat_map(both).collect()
+    }
+
+    /// The most bytes of a file that are read.
+    #[wasm_bindgen(js_name = mostBytes)]
+    pub fn most_bytes() -> u32 {
+        MOST_BYTES
+    }
+
     /// A built-in scene.
     pub fn builtin(name: &str) -> Result<Page, JsValue> {
         let scene = builtin::open(name);

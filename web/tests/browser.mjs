@@ -24,7 +24,7 @@ const server = createServer((request, response) => {
     const asked = decodeURIComponent(new URL(request.url, "http://127.0.0.1").pathname);
     const file = path.join(web, asked.endsWith("/") ? `${asked}index.html` : asked);
     const found = file.startsWith(web + path.sep) && statSync(file, { throwIfNoEntry: false })?.isFile();
-    if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end("<!doctype html><title>blank</title>");
+    if (asked === "/blank.html") return response.writeHead(200, { "Content-Type": "text/html" }).end('<!doctype html><title>blank</title><link rel="icon" href="data:,">');
     if (!found) return response.writeHead(404).end();
     response.writeHead(200, { "Content-Type": TYPES[path.extname(file)] ?? "application/octet-stream", "Cache-Control": "no-store" });
     createReadStream(file).pipe(response);
@@ -177,13 +177,13 @@ try {
             const script = document.createElement("script");
             script.textContent = "window.injected = true";
             document.head.append(script);
-            return [window.injected === true, (() => { try { return new Function("return 1")() === 1; } catch { return false; } })()];
+            return window.injected === true;
         });
         // The browser's own complaints about that are what is wanted.
         await page.waitForTimeout(200);
         const wanted = problems.filter((problem) => /Content Security Policy/.test(problem));
         for (const problem of wanted) problems.splice(problems.indexOf(problem), 1);
-        assert.deepEqual(ran, [false, false]);
+        assert.equal(ran, false);
         assert.ok(wanted.length >= 1);
     });
 
