@@ -105,6 +105,7 @@ pub use splitplane_core::query::along::LeafAlong;
 pub use splitplane_core::query::best_first::LeafCell;
 pub use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 pub use splitplane_core::query::inside::{LocateOptions, Located, Location, Rule};
+pub use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Plane, Volume};
 pub use splitplane_core::ray::{Accuracy, Culling, Hit, QueryOptions, Ray, Undecided};
 pub use splitplane_core::report::{BackendInfo, BuildSummary, QueryReport};
 pub use splitplane_core::tree::digest::Digest;

@@ -2,6 +2,7 @@
 
 mod all_hits;
 mod closest_points;
+mod overlaps;
 mod task_bytes;
 mod windings;
 
@@ -17,6 +18,7 @@ use splitplane_core::query::all_hits::{AllHits, AllHitsOptions};
 use splitplane_core::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use splitplane_core::query::inside::{LocateOptions, Located};
 use splitplane_core::query::intersect::{Limits, SceneScale};
+use splitplane_core::query::overlap::{OverlapOptions, Overlaps, Volume};
 use splitplane_core::query::traverse::Query;
 use splitplane_core::ray::{Hit, QueryOptions, Ray};
 use splitplane_core::report::{BuildSummary, QueryReport};
@@ -301,6 +303,23 @@ impl Accelerator for CpuAccelerator {
         options: &ClosestPointOptions<'_>,
     ) -> Result<QueryReport, QueryError> {
         self.find_closest_points(points, closest, options)
+    }
+
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        self.find_overlaps(volumes, options)
+    }
+
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        self.find_any_overlaps(volumes, found, options)
     }
 
     fn as_any_mut(&mut self) -> Option<&mut dyn Any> {

@@ -17,6 +17,7 @@ use splitplane_core::scene::{Scene, SceneBuildError, SceneHit, SceneOptions, Sce
 use splitplane_core::watch::Stage;
 
 use crate::cancel::{ProgressMeter, WORK_BETWEEN_CHECKS};
+use crate::near::in_order::{Parts, answer_in_order};
 use crate::simd::InstructionSet;
 
 mod parts;
@@ -241,13 +242,10 @@ impl SceneAccelerator for CpuScene {
         let meter = &ProgressMeter::of(options.watch);
         meter.begin_stage(Stage::Rays, points.len() as u64);
         let own = SceneClosestPointOptions { watch: None, ..*options };
-        let tasks = points.par_chunks(FEW).zip(closest.par_chunks_mut(FEW));
-        tasks.try_for_each(|(points, closest)| {
-            meter.check_batch()?;
-            self.built.closest_points(points, closest, &own)?;
-            meter.advance(points.len() as u64);
-            meter.record_work(WORK_BETWEEN_CHECKS);
-            Ok::<(), QueryError>(())
+        let parts = Parts { task: FEW, few: if meter.is_watched() { 16 } else { FEW } };
+        let none = SceneClosestPoint::NONE;
+        answer_in_order(points, (closest, none), parts, meter, |points, closest| {
+            self.built.closest_points(points, closest, &own).map(drop)
         })?;
         meter.finish_stage();
         meter.check_batch().map(|()| QueryReport::default())

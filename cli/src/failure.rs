@@ -2,6 +2,7 @@
 
 use splitplane::objects::{SceneBuildError, SceneError as ObjectsError};
 use splitplane::picture::PictureError;
+use splitplane::points::PointBuildError;
 use splitplane::render::{PlanError, RenderError};
 use splitplane::scene::instanced::{InstancedError, SceneFileProblem};
 use splitplane::scene::obj::{ObjError, ObjProblem};
@@ -121,6 +122,17 @@ impl From<SceneBuildError> for Failure {
             SceneBuildError::Geometry { error, .. } => Failure::from(error.clone()).code,
             SceneBuildError::Device(error) => Failure::from(BuildError::Device(error.clone())).code,
             _ => FILE,
+        };
+        Failure { message: error.to_string(), code }
+    }
+}
+
+impl From<PointBuildError> for Failure {
+    fn from(error: PointBuildError) -> Failure {
+        let code = match &error {
+            PointBuildError::Cancelled { .. } => CANCELLED,
+            PointBuildError::TooManyPoints { .. } | PointBuildError::OutOfMemory { .. } => LIMIT,
+            _ => BUG,
         };
         Failure { message: error.to_string(), code }
     }
@@ -269,6 +281,7 @@ impl From<ReportError> for Failure {
             ReportError::Query(error) => error.into(),
             ReportError::Picture(error) => error.into(),
             ReportError::Threads { .. } => Failure::usage(error.to_string()),
+            ReportError::Points(error) => error.into(),
             ReportError::Animation(error) => error.into(),
             ReportError::Empty(_) => Failure::file(error.to_string()),
             other => Failure { message: other.to_string(), code: BUG },

@@ -59,7 +59,7 @@ pub(super) fn write_all(path: &Path, all: &AllHits) -> Result<[PathBuf; 2], Fail
 }
 
 /// `hits.npy` becomes `hits.starts.npy`.
-fn starts_beside(path: &Path) -> PathBuf {
+pub(super) fn starts_beside(path: &Path) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_owned();
     name.push(".starts");
     if let Some(ending) = path.extension() {
@@ -103,7 +103,12 @@ pub(super) fn write_closest_points(
 }
 
 /// The head of a file, and room for so many records of so many bytes behind it.
-fn start(path: &Path, kind: &str, size: usize, count: usize) -> Result<Vec<u8>, Failure> {
+pub(super) fn start(
+    path: &Path,
+    kind: &str,
+    size: usize,
+    count: usize,
+) -> Result<Vec<u8>, Failure> {
     let mut bytes = match path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("npy"))
     {
         true => npy::header(kind, count),

@@ -7,6 +7,8 @@ mod adapters;
 mod animate;
 mod bug;
 mod build;
+pub mod cloud;
+mod distances;
 mod ending;
 pub mod failure;
 mod files;
@@ -22,6 +24,7 @@ mod output;
 mod paper;
 mod parity;
 mod percentiles;
+mod points;
 mod prepared;
 mod probe;
 mod progress;
@@ -66,6 +69,10 @@ enum Verb {
     Stats(stats::Arguments),
     /// Trace the rays of a file.
     Query(query::Arguments),
+    /// Measure distances to a scene on a grid, signed or not.
+    Distances(distances::Arguments),
+    /// Build a tree over a cloud of points: its statistics, nearest points, normals, outliers, a thinner cloud, a picture.
+    Points(points::Arguments),
     /// Check a tree and its answers against a reference in f64.
     Verify(verify::Arguments),
     /// List the GPU adapters of this machine: limits, features, parity with the CPU.
@@ -101,11 +108,13 @@ impl Cli {
             Some(Verb::Build(arguments)) => &arguments.common,
             Some(Verb::Stats(arguments)) => &arguments.common,
             Some(Verb::Query(arguments)) => &arguments.common,
+            Some(Verb::Distances(arguments)) => &arguments.common,
             Some(Verb::Verify(arguments)) => &arguments.common,
             Some(Verb::Parity(arguments)) => &arguments.common,
             Some(
                 Verb::Adapters(_)
                 | Verb::Paper(_)
+                | Verb::Points(_)
                 | Verb::Trade(_)
                 | Verb::Completions(_)
                 | Verb::Man(_)
@@ -146,6 +155,8 @@ pub fn main() -> ExitCode {
         Some(Verb::Build(arguments)) => build::run(&arguments),
         Some(Verb::Stats(arguments)) => stats::run(&arguments),
         Some(Verb::Query(arguments)) => query::run(&arguments),
+        Some(Verb::Distances(arguments)) => distances::run(&arguments),
+        Some(Verb::Points(arguments)) => points::run(&arguments),
         Some(Verb::Verify(arguments)) => verify::run(&arguments),
         Some(Verb::Adapters(arguments)) => adapters::run(&arguments),
         Some(Verb::Parity(arguments)) => parity::run(&arguments),

@@ -1,7 +1,7 @@
 //! `splitplane query`.
 
 use super::failure::Failure;
-use super::options::Common;
+use super::options::{Common, distance};
 use super::prepared::{Prepared, counted, in_pool, milliseconds, print_json};
 use super::{files, hit_file, output, progress, ray_file};
 use clap::{Args, ValueEnum};
@@ -71,15 +71,6 @@ impl Kind {
     /// Whether it asks about points, not rays.
     fn asks_points(self) -> bool {
         matches!(self, Kind::Inside | Kind::ClosestPoint)
-    }
-}
-
-/// A distance that something may be within.
-fn distance(text: &str) -> Result<f32, String> {
-    match text.parse::<f32>() {
-        Ok(distance) if distance >= 0.0 => Ok(distance),
-        Ok(_) => Err("a distance is 0 or more".into()),
-        Err(error) => Err(error.to_string()),
     }
 }
 

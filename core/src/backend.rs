@@ -12,6 +12,7 @@ use crate::mesh::Mesh;
 use crate::query::all_hits::{AllHits, AllHitsOptions};
 use crate::query::closest_point::{ClosestPoint, ClosestPointOptions};
 use crate::query::inside::{self, LocateOptions, Located};
+use crate::query::overlap::{OverlapOptions, Overlaps, Volume};
 use crate::ray::{Hit, QueryOptions, Ray};
 use crate::report::{BackendInfo, BuildSummary, QueryReport};
 #[cfg(target_has_atomic = "ptr")]
@@ -268,6 +269,40 @@ pub trait Accelerator: Send + Sync {
     ) -> Result<QueryReport, QueryError> {
         let _ = (points, closest, options);
         Err(QueryError::Unsupported { query: "closest points" })
+    }
+
+    /// The triangles that each volume meets, exactly: see [`query::overlap`](crate::query::overlap). Those of another mesh as volumes give the
+    /// pairs of triangles of both that meet.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// More memory than the options allow or than the system has, a watch that cancels the batch, and
+    /// [`QueryError::Unsupported`] from a backend without this query.
+    fn overlaps(
+        &self,
+        volumes: &[Volume<'_>],
+        options: &OverlapOptions<'_>,
+    ) -> Result<Overlaps, QueryError> {
+        let _ = (volumes, options);
+        Err(QueryError::Unsupported { query: "overlaps" })
+    }
+
+    /// Whether each volume meets any triangle, exactly. After an error `found` holds the answers to some of the volumes, and nothing says
+    /// which: do not use it.
+    ///
+    /// The default refuses: a backend that answers this question has a method of its own.
+    ///
+    /// # Errors
+    /// `volumes` and `found` of different length, and those of [`Accelerator::overlaps`].
+    fn overlaps_any(
+        &self,
+        volumes: &[Volume<'_>],
+        found: &mut [bool],
+        options: &OverlapOptions<'_>,
+    ) -> Result<QueryReport, QueryError> {
+        let _ = (volumes, found, options);
+        Err(QueryError::Unsupported { query: "overlaps" })
     }
 }
 

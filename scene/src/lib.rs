@@ -12,12 +12,16 @@ mod camera;
 #[doc(hidden)]
 pub mod from_file;
 pub mod instanced;
+#[cfg(any(feature = "ply", feature = "stl"))]
+mod mesh_file;
 mod normals;
 #[cfg(feature = "obj")]
 pub mod obj;
 mod open;
 mod options;
 mod placement;
+#[cfg(feature = "ply")]
+pub mod ply;
 #[doc(hidden)]
 pub mod surface;
 
@@ -25,6 +29,8 @@ pub mod surface;
 pub use animation::{Animation, AnimationError, Change};
 pub use camera::{Camera, CameraError};
 pub use instanced::InstancedScene;
+#[cfg(any(feature = "ply", feature = "stl"))]
+pub use mesh_file::{MeshFileError, MeshFileProblem, Place};
 pub use options::{MaterialRule, SceneOptions};
 pub use placement::{Placement, View};
 pub use splitplane_render::{Dielectric, Light, Material, Texture};
@@ -130,6 +136,10 @@ pub enum SceneError {
     #[cfg(feature = "obj")]
     #[error(transparent)]
     Obj(#[from] obj::ObjError),
+    /// A file of a mesh in another format that cannot be read.
+    #[cfg(any(feature = "ply", feature = "stl"))]
+    #[error(transparent)]
+    MeshFile(#[from] MeshFileError),
     /// A built-in scene that does not exist, or a size it cannot have.
     #[error(transparent)]
     Builtin(#[from] builtin::BuiltinError),
@@ -196,6 +206,10 @@ impl Scene {
         #[cfg(feature = "obj")]
         if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("obj")) {
             return Ok(obj::read_with(path, options)?);
+        }
+        #[cfg(feature = "ply")]
+        if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ply")) {
+            return Ok(ply::read(path, options)?);
         }
         #[cfg(feature = "json")]
         if InstancedScene::is_named_by(spec) {

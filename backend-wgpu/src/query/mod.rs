@@ -17,6 +17,7 @@ mod held;
 mod layout;
 pub(crate) mod limits;
 mod lists;
+mod overlaps;
 mod pipelines;
 mod record;
 mod resident;
