@@ -82,7 +82,7 @@ function open({ builtin, file, name }) {
     const words = new raw.Words(Math.ceil(file.byteLength / 4));
     try {
         new Uint8Array(memory.buffer, words.pointer(), file.byteLength).set(new Uint8Array(file));
-        return raw.Page.obj(words, file.byteLength, name);
+        return raw.Page.read(words, file.byteLength, name);
     } finally {
         words.free();
     }

@@ -144,11 +144,16 @@ try {
     });
 
     const give = (page, name, bytes) => page.setInputFiles("#file", { name, mimeType: "text/plain", buffer: Buffer.from(bytes) });
-    await step("an OBJ file, broken ones, and one that is too large", async () => {
+    await step("an OBJ and a PLY file, broken ones, and one that is too large", async () => {
         await give(page, "tetrahedron.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
         const own = await shown(page, { scene: "tetrahedron.obj" });
         assert.equal(own.triangles, 4);
+        const head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n";
+        await give(page, "one.ply", `${head}property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n`);
+        assert.equal((await shown(page, { scene: "one.ply" })).triangles, 1);
         for (const [name, bytes, text] of [
+            ["cut.ply", "ply\nformat ascii 1.0\nelement vertex 9\nproperty float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n", /cut\.ply/],
+            ["other.txt", "v 0 0 0\n", /neither/],
             ["empty.obj", "", /no faces/],
             ["bad.obj", "v 0 0 0\nf 1 2 3\n", /line 2/],
             ["noise.obj", [0xff, 0xfe, 0x00, 0x80], /no text/],
