@@ -151,6 +151,7 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,
