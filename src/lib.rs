@@ -154,6 +154,7 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,
