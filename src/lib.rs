@@ -91,6 +91,7 @@
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
 pub mod backend;
+mod lazy;
 pub mod points;
 
 pub use backend::{BackendKind, OpenError, OpenOptions, Opened};
@@ -132,6 +133,7 @@ pub use splitplane_wgpu as gpu;
 /// Scenes of many objects: a description, and what answers rays through it. (Scenes from files, with materials and
 /// lights, are in the module `scene`.)
 pub mod objects {
+    pub use crate::lazy::{LazyError, LazyScene};
     pub use splitplane_core::backend::scene::*;
     pub use splitplane_core::scene::*;
 }
@@ -152,6 +154,7 @@ mod guide {
         backend,
         cancel,
         executor,
+        first,
         keep,
         near,
         no_std,

@@ -5,11 +5,12 @@
 //! names of files, what a device binds and in which order, what may change between two dispatches.
 //! Tests hold the shaders to it.
 //!
-//! [`TreeBuilder`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
+//! [`TreeBuilder`], [`NodeCompressor`], [`RayQueries`] and [`DeviceChecks`] are declared here; the renderer declares a set of
 //! its own.
 
 mod builder;
 mod checks;
+mod compress;
 mod macros;
 mod queries;
 
@@ -20,6 +21,9 @@ pub use builder::{
     TreeBuilder, Uniform,
 };
 pub use checks::{CheckBuffer, CheckCounter, CheckKernel, CheckUniform, DeviceChecks};
+pub use compress::{
+    CompressBuffer, CompressCounter, CompressKernel, CompressUniform, NodeCompressor,
+};
 pub use queries::{QueryBuffer, QueryCounter, QueryKernel, QueryUniform, RayQueries};
 
 /// A family of kernels that one schedule runs: the tree builder is one, a renderer another. Made by

@@ -2,7 +2,7 @@
 
 use super::buffers::Buffers;
 use super::kernels as k;
-use super::traced::Traced;
+use super::traced::{Traced, of_scene};
 use crate::error::RenderError;
 use crate::frame::FrameInput;
 use crate::kernel::{Buffer, Counter, Kernel, RayTracer};
@@ -235,8 +235,14 @@ impl Executor<RayTracer> for CpuExecutor<'_> {
                 });
             }
             Kernel::FirstCosts => {
-                let Traced::Mesh(accelerator) = self.traced else {
-                    return Err(RenderError::NoCosts);
+                let accelerator = match self.traced {
+                    Traced::Mesh(accelerator) => accelerator,
+                    Traced::Scene(scene, ..) => {
+                        let pixels = &mut b.first_costs[counters[Counter::FirstPixel] as usize..];
+                        let firsts = b.rays[..paths].par_iter().step_by(frame.samples as usize);
+                        k::first_costs::run_scene(scene.scene(), &of_scene(&query), firsts, pixels);
+                        return Ok(());
+                    }
                 };
                 let scale = *self.scale.get_or_insert_with(|| scene_scale(mesh, accelerator));
                 let input = k::first_costs::Input {
