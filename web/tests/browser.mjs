@@ -84,7 +84,7 @@ try {
         await page.close();
     });
 
-    const page = await open("/target/page/index.html?scene=cornell", { viewport: { width: 1280, height: 900 }, acceptDownloads: true });
+    const page = await open("/target/page/index.html?scene=cornell", { viewport: { width: 960, height: 800 }, acceptDownloads: true });
     await step("the page shows its first scene", async () => {
         const first = await shown(page, { scene: "cornell", samples: 4 });
         assert.equal(first.scene, "cornell");
